@@ -1,0 +1,1 @@
+"""When: Prefect flows that run the stages."""

@@ -1,0 +1,1 @@
+"""The library: two-person motion as arrays, from raw captures to models and metrics."""

@@ -1,0 +1,1 @@
+"""Plots and the self-contained player that report and apps share."""

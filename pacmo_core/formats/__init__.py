@@ -1,0 +1,1 @@
+"""Raw captures in: one module a format."""

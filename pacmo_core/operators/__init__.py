@@ -1,0 +1,1 @@
+"""Operators between function spaces of time: quadrature, spectral layers, U-NO, random fields."""

@@ -1,0 +1,1 @@
+"""PaCMO: generator, critic, auto-encoder, GRU baseline, fitting and reacting."""

@@ -1,0 +1,193 @@
+"""A body as a tree of named joints, and the published trees of the datasets.
+
+Joints keep the order in which their dataset publishes them, so that indices in the literature
+hold here; a parent may therefore come after its child, and ``Skeleton.order`` walks the tree.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Named joints, the parent of each, and which are mirror images.
+
+    Parameters
+    ----------
+    name : str
+    joints : names, no two alike
+    parents : index of each joint's parent, -1 for the one root
+    left_right : pairs (left joint, right joint) of mirror images
+
+    Raises
+    ------
+    ValueError
+        If the parents do not form one tree over the joints, or a name or index is wrong.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    parents: tuple[int, ...]
+    left_right: tuple[tuple[int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(set(self.joints)) != len(self.joints) or len(self.parents) != len(self.joints):
+            raise ValueError(
+                f"skeleton {self.name}: wanted one parent a joint and no name twice; "
+                f"got {len(self.joints)} joints ({len(set(self.joints))} names), "
+                f"{len(self.parents)} parents"
+            )
+        if self.parents.count(-1) != 1 or len(self.order) != len(self.joints):
+            raise ValueError(
+                f"skeleton {self.name}: parents must form one tree; got {self.parents}"
+            )
+        outside = [i for pair in self.left_right for i in pair if not 0 <= i < len(self.joints)]
+        if outside:
+            raise ValueError(f"skeleton {self.name}: left_right names joints {outside}")
+
+    @property
+    def root(self) -> int:
+        """The joint without a parent."""
+        return self.parents.index(-1)
+
+    @cached_property
+    def order(self) -> tuple[int, ...]:
+        """The joints reached from the root, every parent before its children."""
+        order = [i for i, parent in enumerate(self.parents) if parent == -1][:1]
+        for joint in order:
+            order.extend(i for i, parent in enumerate(self.parents) if parent == joint)
+        return tuple(order)
+
+    @property
+    def bones(self) -> NDArray[np.intp]:
+        """``(E, 2)`` rows (parent, child), in the order of the children."""
+        pairs = [(parent, child) for child, parent in enumerate(self.parents) if parent >= 0]
+        return np.array(pairs, dtype=np.intp).reshape(-1, 2)
+
+    @property
+    def mirrored_bones(self) -> NDArray[np.intp]:
+        """``(S, 2)`` pairs of rows of ``bones`` that are mirror images of each other."""
+        rows = {tuple(bone): row for row, bone in enumerate(self.bones.tolist())}
+        mirror = dict(self.left_right)
+        pairs = [
+            (rows[parent, left], rows[mirror.get(parent, parent), right])
+            for left, right in self.left_right
+            for parent in [self.parents[left]]
+            if (mirror.get(parent, parent), right) in rows
+        ]
+        return np.array(pairs, dtype=np.intp).reshape(-1, 2)
+
+    def without(self, names: Iterable[str]) -> "Skeleton":
+        """Leave out joints; a child of one that goes hangs on its nearest parent that stays.
+
+        Raises
+        ------
+        ValueError
+            If a name is not a joint's, or is the root's.
+        """
+        gone = set(names)
+        unknown = gone - set(self.joints)
+        if unknown or self.joints[self.root] in gone:
+            raise ValueError(
+                f"skeleton {self.name}: cannot leave out {sorted(unknown) or 'the root'}; "
+                f"its joints are {', '.join(self.joints)}"
+            )
+        if not gone:
+            return self
+        kept = [i for i, joint in enumerate(self.joints) if joint not in gone]
+        new = {old: i for i, old in enumerate(kept)}
+        return Skeleton(
+            name=f"{self.name}-{len(kept)}",
+            joints=tuple(self.joints[i] for i in kept),
+            parents=tuple(new.get(self._kept_parent(i, gone), -1) for i in kept),
+            left_right=tuple((new[a], new[b]) for a, b in self.left_right if {a, b} <= set(kept)),
+        )
+
+    def indices(self, names: Iterable[str]) -> list[int]:
+        """List the indices of joints by name."""
+        return [self.joints.index(name) for name in names]
+
+    def _kept_parent(self, joint: int, gone: set[str]) -> int:
+        parent = self.parents[joint]
+        while parent >= 0 and self.joints[parent] in gone:
+            parent = self.parents[parent]
+        return parent
+
+
+def mirror_by_name(joints: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
+    """Pair joints whose names differ by left for right (``left_knee``, ``LeftLeg``, ``lknee``)."""
+    lower = [joint.lower() for joint in joints]
+    pairs = []
+    for i, name in enumerate(lower):
+        for left, right in (("left", "right"), ("l", "r")):
+            mirror = right + name.removeprefix(left)
+            if name.startswith(left) and mirror in lower:
+                pairs.append((i, lower.index(mirror)))
+                break
+    return tuple(pairs)
+
+
+def _published(name: str, tree: str) -> Skeleton:
+    """Build a skeleton from words ``joint<parent`` in the dataset's order; the root has none."""
+    words = [word.partition("<") for word in tree.split()]
+    joints = tuple(joint for joint, _, _ in words)
+    parents = tuple(joints.index(parent) if parent else -1 for _, _, parent in words)
+    return Skeleton(name, joints, parents, mirror_by_name(joints))
+
+
+# Kinect v2, as NTU RGB+D publishes it (Shahroudy et al. 2016, fig. 1), 0-based.
+NTU25 = _published(
+    "ntu25",
+    "spine_base spine_mid<spine_base neck<spine_shoulder head<neck"
+    " left_shoulder<spine_shoulder left_elbow<left_shoulder left_wrist<left_elbow"
+    " left_hand<left_wrist"
+    " right_shoulder<spine_shoulder right_elbow<right_shoulder right_wrist<right_elbow"
+    " right_hand<right_wrist"
+    " left_hip<spine_base left_knee<left_hip left_ankle<left_knee left_foot<left_ankle"
+    " right_hip<spine_base right_knee<right_hip right_ankle<right_knee right_foot<right_ankle"
+    " spine_shoulder<spine_mid left_hand_tip<left_hand left_thumb<left_hand"
+    " right_hand_tip<right_hand right_thumb<right_hand",
+)
+
+# Kinect v1 through NITE, as SBU publishes it (Yun et al. 2012).
+SBU15 = _published(
+    "sbu15",
+    "head<neck neck<torso torso left_shoulder<neck left_elbow<left_shoulder left_hand<left_elbow"
+    " right_shoulder<neck right_elbow<right_shoulder right_hand<right_elbow"
+    " left_hip<torso left_knee<left_hip left_foot<left_knee"
+    " right_hip<torso right_knee<right_hip right_foot<right_knee",
+)
+
+# LCR-Net's order with the two derived joints of DuetDance (Kundu et al. 2020); odd, 1-based: right.
+DUET15 = _published(
+    "duet15",
+    "right_ankle<right_knee left_ankle<left_knee right_knee<right_hip left_knee<left_hip"
+    " right_hip<pelvis left_hip<pelvis right_wrist<right_elbow left_wrist<left_elbow"
+    " right_elbow<right_shoulder left_elbow<left_shoulder right_shoulder<neck left_shoulder<neck"
+    " head<neck pelvis neck<pelvis",
+)
+
+# ExPI (Guo et al. 2022). Its published edges hang the legs on the back.
+EXPI18 = _published(
+    "expi18",
+    "head_front<back left_head<head_front right_head<head_front back"
+    " left_shoulder<back right_shoulder<back left_elbow<left_shoulder right_elbow<right_shoulder"
+    " left_wrist<left_elbow right_wrist<right_elbow left_hip<back right_hip<back"
+    " left_knee<left_hip right_knee<right_hip left_heel<left_knee right_heel<right_knee"
+    " left_toe<left_heel right_toe<right_heel",
+)
+
+# The SMPL body without hands, as InterHuman publishes its joint positions (Liang et al. 2024).
+INTERHUMAN22 = _published(
+    "interhuman22",
+    "pelvis left_hip<pelvis right_hip<pelvis spine1<pelvis left_knee<left_hip"
+    " right_knee<right_hip spine2<spine1 left_ankle<left_knee right_ankle<right_knee"
+    " spine3<spine2 left_foot<left_ankle right_foot<right_ankle neck<spine3"
+    " left_collar<spine3 right_collar<spine3 head<neck left_shoulder<left_collar"
+    " right_shoulder<right_collar left_elbow<left_shoulder right_elbow<right_shoulder"
+    " left_wrist<left_elbow right_wrist<right_elbow",
+)

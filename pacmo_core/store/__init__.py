@@ -1,0 +1,1 @@
+"""Parquet: schema, read, write, stream."""

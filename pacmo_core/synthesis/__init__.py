@@ -1,0 +1,1 @@
+"""The embedded default: two-person captures whose law of reaction is known."""

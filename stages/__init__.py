@@ -1,0 +1,1 @@
+"""Which: one module a DVC stage."""
