@@ -1,0 +1,54 @@
+"""The files that stages hand to each other: where they stand in a folder, how they are written."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pacmo_core.interaction import Interaction
+from pacmo_core.store.atomic import write_text
+from pacmo_core.store.clips import ClipFacts, read_rows
+from pacmo_core.store.motions import stream_motions
+
+MOTIONS = "motions.parquet"
+CLIPS = "clips.parquet"
+QUARANTINE = "quarantine.parquet"
+WEIGHTS = "weights.safetensors"
+
+
+def write_json(path: Path, facts: Mapping[str, Any]) -> None:
+    """Write facts as JSON that a person can read and ``dvc metrics`` can compare."""
+    write_text(path, json.dumps(facts, indent=2, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read facts back."""
+    facts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return facts
+
+
+def write_curve(path: Path, rows: Iterable[Mapping[str, float]]) -> None:
+    """Write a training curve, a column a term, as ``dvc plots`` reads it."""
+    rows = list(rows)
+    text = io.StringIO()
+    table = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows({key: f"{value:.6g}" for key, value in row.items()} for row in rows)
+    write_text(path, text.getvalue())
+
+
+def read_curve(path: Path) -> dict[str, list[float]]:
+    """Read a training curve as columns."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {key: [float(row[key]) for row in rows] for key in rows[0]}
+
+
+def stream_side(folder: Path, side: str) -> Iterator[tuple[ClipFacts, Interaction]]:
+    """Yield the clips of one side with their facts, in order."""
+    facts = {row.clip: row for row in read_rows(folder / CLIPS, ClipFacts)}
+    for name, interaction in stream_motions(folder / MOTIONS):
+        if facts[name].side == side:
+            yield facts[name], interaction

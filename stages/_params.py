@@ -1,0 +1,60 @@
+"""Read a stage's section of ``params.yaml`` into its dataclass, and refuse what does not fit."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+from ruamel.yaml import YAML
+
+PARAMS = Path("params.yaml")
+Params = TypeVar("Params")
+
+
+class ParamsError(ValueError):
+    """A section of ``params.yaml`` that is not what its stage wants."""
+
+
+def read_params(section: str, kind: type[Params], path: Path = PARAMS) -> Params:
+    """Read one section, key for key.
+
+    Parameters
+    ----------
+    section : the stage's name
+    kind : a dataclass; its fields are the section's keys
+
+    Raises
+    ------
+    ParamsError
+        If the section, a key or a value is missing, unknown or of the wrong type.
+    """
+    everything = YAML(typ="safe").load(path)
+    if not isinstance(everything, Mapping) or section not in everything:
+        raise ParamsError(f"{path}: no section {section}")
+    values = everything[section]
+    unknown = unknown_keys(values, kind)
+    if unknown:
+        raise ParamsError(f"{path}, {section}: unknown {', '.join(unknown)}")
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as fault:
+        lines = [
+            f"{'.'.join(map(str, error['loc']))}: {error['msg']}, got {error['input']!r}"
+            for error in fault.errors()
+        ]
+        raise ParamsError(f"{path}, {section}: {'; '.join(lines)}") from fault
+
+
+def unknown_keys(values: Any, kind: Any) -> list[str]:
+    """List the keys, dotted, that a dataclass or one nested in it does not have."""
+    if not (is_dataclass(kind) and isinstance(values, Mapping)):
+        return []
+    known = {field.name for field in fields(kind)}
+    types = get_type_hints(kind)
+    nested = [
+        f"{key}.{inner}"
+        for key in known & set(values)
+        for inner in unknown_keys(values[key], types[key])
+    ]
+    return sorted(set(values) - known) + sorted(nested)

@@ -1,0 +1,121 @@
+"""What is trusted: the arrays that went in; polars' own reading of the file."""
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+
+from pacmo_core.interaction import Interaction
+from pacmo_core.store import motions
+from pacmo_core.store.motions import read_motion, read_skeleton, stream_motions, write_motions
+from pacmo_core.store.schema import StoreError
+from tests.strategies import SMALL, interactions, make_interaction, make_set
+
+
+def write(path, clips):
+    with write_motions(path, SMALL) as writer:
+        for name, clip in clips.items():
+            writer.add(name, clip)
+
+
+def equal(one: Interaction, other: Interaction) -> bool:
+    return one.skeleton == other.skeleton and all(
+        np.array_equal(getattr(one, name), getattr(other, name))
+        for name in ("times", "person_a", "person_b")
+    )
+
+
+@settings(derandomize=True, deadline=None, max_examples=25)
+@given(clip=interactions())
+def test_what_is_written_is_read_bit_for_bit(tmp_path_factory, clip):
+    path = tmp_path_factory.mktemp("store") / "motions.parquet"
+    write(path, {"only": clip})
+    assert equal(read_motion(path, "only"), clip)
+
+
+def test_streaming_gives_every_clip_in_order(tmp_path):
+    clips = make_set(np.random.default_rng(1), 21)
+    write(tmp_path / "m.parquet", clips)
+    streamed = dict(stream_motions(tmp_path / "m.parquet"))
+    assert list(streamed) == list(clips)
+    assert all(equal(streamed[name], clips[name]) for name in clips)
+    assert read_skeleton(tmp_path / "m.parquet") == SMALL
+
+
+def test_polars_shows_a_row_a_frame_with_poses_as_arrays(tmp_path):
+    clips = make_set(np.random.default_rng(2), 3)
+    write(tmp_path / "m.parquet", clips)
+    frame = pl.read_parquet(tmp_path / "m.parquet")
+    assert frame.columns == ["clip", "frame", "time", "person_a", "person_b"]
+    assert frame.schema["person_a"] == pl.Array(pl.Float32, (4, 3))
+    assert frame.schema["clip"] == pl.String
+    one = frame.filter(pl.col("clip") == "clip0001")
+    np.testing.assert_array_equal(one["person_b"].to_numpy(), clips["clip0001"].person_b)
+
+
+def test_one_clip_is_read_from_its_row_group_alone(tmp_path, monkeypatch):
+    write(tmp_path / "m.parquet", make_set(np.random.default_rng(3), 40))
+    read = []
+    real = motions.pq.ParquetFile.read_row_group
+    monkeypatch.setattr(
+        motions.pq.ParquetFile,
+        "read_row_group",
+        lambda self, group: read.append(group) or real(self, group),
+    )
+    read_motion(tmp_path / "m.parquet", "clip0019")
+    assert read == [2]
+
+
+def test_writing_twice_gives_the_same_bytes(tmp_path):
+    clips = make_set(np.random.default_rng(4), 10)
+    write(tmp_path / "one.parquet", clips)
+    write(tmp_path / "two.parquet", clips)
+    assert (tmp_path / "one.parquet").read_bytes() == (tmp_path / "two.parquet").read_bytes()
+
+
+def test_a_run_that_breaks_off_leaves_the_old_file(tmp_path):
+    path = tmp_path / "m.parquet"
+    write(path, make_set(np.random.default_rng(5), 3))
+    before = path.read_bytes()
+    with pytest.raises(RuntimeError, match="killed"), write_motions(path, SMALL) as writer:
+        writer.add("a", make_interaction(np.random.default_rng(6)))
+        raise RuntimeError("killed")
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["m.parquet"]
+
+
+def test_clips_must_ascend_and_share_the_skeleton(tmp_path):
+    clip = make_interaction(np.random.default_rng(7))
+    with pytest.raises(ValueError, match="ascending order; got a after b"):
+        write(tmp_path / "m.parquet", {"b": clip, "a": clip})
+    other = clip.without(["head"])
+    with pytest.raises(ValueError, match=r"wanted skeleton small \(4 joints\), got small-3"):
+        write(tmp_path / "m.parquet", {"a": clip, "b": other})
+
+
+def test_an_unknown_clip_is_named(tmp_path):
+    write(tmp_path / "m.parquet", make_set(np.random.default_rng(8), 2))
+    with pytest.raises(KeyError, match="no clip clip9"):
+        read_motion(tmp_path / "m.parquet", "clip9")
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1", b"not parquet at all" * 100])
+def test_a_file_that_is_not_parquet_is_refused_by_name(tmp_path, content):
+    path = tmp_path / "broken.parquet"
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match="broken.parquet"):
+        next(stream_motions(path))
+
+
+def test_a_file_cut_short_is_refused(tmp_path):
+    path = tmp_path / "m.parquet"
+    write(path, make_set(np.random.default_rng(9), 5))
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(StoreError, match="not a whole Parquet file"):
+        next(stream_motions(path))
+
+
+def test_another_version_of_the_schema_is_refused(tmp_path):
+    pl.DataFrame({"clip": ["a"], "frame": [0]}).write_parquet(tmp_path / "foreign.parquet")
+    with pytest.raises(StoreError, match="wanted schema version 1, got none"):
+        next(stream_motions(tmp_path / "foreign.parquet"))

@@ -1,0 +1,116 @@
+"""What is trusted: the definition of each split, and that windows tile the recording."""
+
+import itertools
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pacmo_core.split import Origin, SideRule, assign_sides, resolve_method, window_edges
+
+RULE = SideRule(
+    method="clip",
+    test_share=0.2,
+    validation_share=0.1,
+    min_people=6,
+    test_pairs=(),
+    random_seed=0,
+)
+
+
+def circle(n_people, clips_a_pair=4):
+    """Every person with the next two, some clips each."""
+    return [
+        Origin(f"c{a}-{step}-{k}", f"r{a}-{step}-{k // 2}", (f"p{a}", f"p{(a + step) % n_people}"))
+        for a in range(n_people)
+        for step in (1, 2)
+        for k in range(clips_a_pair)
+    ]
+
+
+@pytest.mark.parametrize("method", ["clip", "recording", "pair", "person"])
+def test_adding_captures_moves_no_other_clip(method):
+    rule = replace(RULE, method=method)
+    before = assign_sides(circle(40)[:-50], rule)
+    after = assign_sides(circle(40), rule)
+    assert all(after[clip] == side for clip, side in before.items())
+
+
+@pytest.mark.parametrize(
+    ("method", "unit"),
+    [
+        ("recording", lambda o: {o.recording}),
+        ("pair", lambda o: {o.pair}),
+        ("person", lambda o: o.people),
+    ],
+)
+def test_nothing_that_must_stay_together_stands_on_both_sides(method, unit):
+    origins = circle(40)
+    sides = assign_sides(origins, replace(RULE, method=method))
+    trained = {u for o in origins if sides[o.clip] in ("train", "validation") for u in unit(o)}
+    tested = {u for o in origins if sides[o.clip] == "test" for u in unit(o)}
+    assert trained and tested and not trained & tested
+
+
+def test_only_a_split_by_person_drops_clips_and_only_mixed_ones():
+    origins = circle(40)
+    for method in ("clip", "recording", "pair"):
+        assert "dropped" not in assign_sides(origins, replace(RULE, method=method)).values()
+    sides = assign_sides(origins, replace(RULE, method="person"))
+    tested = {p for o in origins if sides[o.clip] == "test" for p in o.people}
+    for origin in origins:
+        if sides[origin.clip] == "dropped":
+            assert len(set(origin.people) & tested) <= 1
+
+
+def test_shares_are_met_on_average():
+    origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(5000)]
+    sides = list(assign_sides(origins, RULE).values())
+    assert sides.count("test") / 5000 == pytest.approx(0.2, abs=0.02)
+    assert sides.count("validation") / 5000 == pytest.approx(0.08, abs=0.015)
+
+
+def test_another_seed_gives_another_split():
+    origins = circle(40)
+    assert assign_sides(origins, RULE) != assign_sides(origins, replace(RULE, random_seed=1))
+
+
+def test_auto_means_person_only_where_enough_people_are_known():
+    auto = replace(RULE, method="auto")
+    assert resolve_method(circle(10), auto) == "person"
+    assert resolve_method(circle(5), auto) == "recording"
+    assert resolve_method([*circle(10), Origin("x", "x", ())], auto) == "recording"
+
+
+def test_listed_pairs_are_the_test_side_in_either_order():
+    rule = replace(RULE, method="listed", test_pairs=("p0+p1",))
+    origins = [Origin("x", "x", ("p1", "p0")), Origin("y", "y", ("p0", "p2"))]
+    assert assign_sides(origins, replace(rule, validation_share=0)) == {"x": "test", "y": "train"}
+
+
+def test_an_empty_side_is_refused_with_the_seed():
+    with pytest.raises(ValueError, match="random_seed 0 leaves no"):
+        assign_sides([Origin("x", "x", ("p", "q"))], RULE)
+
+
+@pytest.mark.parametrize("fault", [{"method": "luck"}, {"test_share": 1.5}])
+def test_a_rule_that_makes_no_sense_is_refused(fault):
+    with pytest.raises(ValueError, match="must"):
+        replace(RULE, **fault)
+
+
+@settings(derandomize=True)
+@given(
+    n_frames=st.integers(2, 5000),
+    fps=st.sampled_from([15.0, 30.0, 119.88]),
+    seconds=st.floats(1, 8),
+)
+def test_windows_tile_the_recording_evenly(n_frames, fps, seconds):
+    edges = window_edges(n_frames, fps, seconds)
+    assert edges[0][0] == 0 and edges[-1][1] == n_frames
+    assert all(stop == start for (_, stop), (start, _) in itertools.pairwise(edges))
+    lengths = [stop - start for start, stop in edges]
+    assert max(lengths) - min(lengths) <= 1
+    if n_frames / fps > 1.5 * seconds:
+        assert seconds / 2 < max(lengths) / fps < 2 * seconds
