@@ -1,0 +1,106 @@
+"""Experiments by name: ``default.yaml`` is whole, every other file says what differs."""
+
+import os
+from collections.abc import Iterator
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from pacmo_core.store.atomic import write_text
+
+FOLDER = Path("experiments")
+PARAMS = Path("params.yaml")
+CAPTURES = "${captures}"
+PLACES = (Path("data/captures"), Path("../shared/data"))
+
+
+class ExperimentError(ValueError):
+    """An experiment that does not exist or cannot be composed."""
+
+
+def experiment_names() -> list[str]:
+    """List the experiments, ``default`` first."""
+    names = sorted(path.stem for path in FOLDER.glob("*.yaml"))
+    return sorted(names, key=lambda name: name != "default")
+
+
+def compose(name: str) -> str:
+    """Compose the text of ``params.yaml`` for an experiment, the comments of the default kept.
+
+    Raises
+    ------
+    ExperimentError
+        If there is no such experiment, it sets what the default does not know, or its captures
+        are not at hand.
+    """
+    if name not in experiment_names():
+        raise ExperimentError(
+            f"no experiment {name}; there are {', '.join(experiment_names())} in {FOLDER}/"
+        )
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = 100
+    params = yaml.load(FOLDER / "default.yaml")
+    if name != "default":
+        _override(params, yaml.load(FOLDER / f"{name}.yaml"), where=name)
+    params["ingest"]["raw"] = _resolve(params["ingest"]["raw"])
+    text = StringIO()
+    yaml.dump(params, text)
+    return text.getvalue()
+
+
+def use(name: str, *, discard: bool) -> None:
+    """Make ``params.yaml`` that of an experiment.
+
+    Raises
+    ------
+    ExperimentError
+        As ``compose``; or if ``params.yaml`` holds edits by hand and ``discard`` is false.
+    """
+    text = compose(name)
+    if PARAMS.exists() and not discard:
+        now = PARAMS.read_text(encoding="utf-8")
+        if now != text and now not in _compositions():
+            raise ExperimentError(
+                f"{PARAMS} holds edits that no experiment has; keep them as "
+                f"{FOLDER}/NAME.yaml, or give --discard to lose them"
+            )
+    write_text(PARAMS, text)
+
+
+def _compositions() -> Iterator[str]:
+    for name in experiment_names():
+        try:
+            yield compose(name)
+        except ExperimentError:
+            continue  # its captures are not at hand, so params.yaml cannot hold it
+
+
+def _override(params: Any, changes: Any, where: str) -> None:
+    for key, value in changes.items():
+        if key not in params:
+            raise ExperimentError(f"{where}.{key}: {FOLDER}/default.yaml has no such key")
+        # ``settings`` belong to the raw format, so another format's replace them whole.
+        if isinstance(params[key], dict) and isinstance(value, dict) and key != "settings":
+            _override(params[key], value, f"{where}.{key}")
+        else:
+            params[key] = value
+
+
+def _resolve(raw: str) -> str:
+    """Put the folder of captures for ``${captures}``."""
+    if not raw.startswith(CAPTURES):
+        return raw
+    inside = raw.removeprefix(CAPTURES).lstrip("/")
+    named = os.environ.get("PACMO_REAL_DATA")
+    places = [Path(named)] if named else list(PLACES)
+    for place in places:
+        if (place / inside).is_dir():
+            return (place / inside).as_posix()
+    looked = " or ".join((place / inside).as_posix() for place in places)
+    raise ExperimentError(
+        f"no captures in {looked}; docs/datasets.md says how to obtain them, and PACMO_REAL_DATA "
+        "may name the folder that holds them"
+    )

@@ -1,0 +1,126 @@
+"""Read found sequences side by side; what cannot be used becomes a row that says why."""
+
+import hashlib
+import multiprocessing
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from pacmo_core.formats.raw import Format, FormatError, RawSequence
+from pacmo_core.interaction import Interaction
+from pacmo_core.quality import Limits, QualityError, check, measure
+from pacmo_core.store.clips import ClipFacts, QuarantineFacts
+
+BATCH = 256  # sequences handed to the processes at a time: what may wait in memory
+
+Usable = tuple[ClipFacts, Interaction]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How the captures of one set are read.
+
+    Parameters
+    ----------
+    dataset : its name in the facts
+    root : the folder that files are named relative to
+    format : the raw format, its settings fixed
+    drop_joints : joints left out of every motion
+    limits : what a usable capture keeps within
+    """
+
+    dataset: str
+    root: Path
+    format: Format
+    drop_joints: tuple[str, ...]
+    limits: Limits
+
+
+def read_sequences(
+    recipe: Recipe, sequences: Sequence[RawSequence]
+) -> Iterator[Usable | QuarantineFacts]:
+    """Read sequences in order, one process a core, and keep those that fit the set.
+
+    The first usable sequence fixes the set's skeleton. One that has another, or the content of an
+    earlier one (it could stand on both sides of a split), is put aside.
+    """
+    skeleton, seen = None, dict[str, str]()
+    for outcome in _read_side_by_side(recipe, sequences):
+        if isinstance(outcome, QuarantineFacts):
+            yield outcome
+            continue
+        facts, interaction = outcome
+        skeleton = skeleton or interaction.skeleton
+        reason = ""
+        if interaction.skeleton != skeleton:
+            reason = (
+                f"{len(interaction.skeleton.joints)} joints ({interaction.skeleton.name}) where "
+                f"the set's first capture has {len(skeleton.joints)} ({skeleton.name})"
+            )
+        elif facts.sha256 in seen:
+            reason = f"the same content as {seen[facts.sha256]}"
+        if reason:
+            yield QuarantineFacts(facts.sequence, facts.source_file, facts.sha256, 0, reason)
+        else:
+            seen[facts.sha256] = facts.sequence
+            yield outcome
+
+
+def _read_side_by_side(
+    recipe: Recipe, sequences: Sequence[RawSequence]
+) -> Iterator[Usable | QuarantineFacts]:
+    context = multiprocessing.get_context("forkserver")
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=context) as pool:
+        for start in range(0, len(sequences), BATCH):
+            batch = sequences[start : start + BATCH]
+            yield from pool.map(read_sequence, [recipe] * len(batch), batch, chunksize=8)
+
+
+def read_sequence(recipe: Recipe, sequence: RawSequence) -> Usable | QuarantineFacts:
+    """Read and measure one sequence, or say why it is put aside."""
+    names = " + ".join(_relative(file, recipe.root) for file in sequence.files)
+    digest = _content_hash(sequence.files)
+    try:
+        reading = recipe.format.read(sequence)
+        interaction = reading.interaction.without(list(recipe.drop_joints))
+        check(interaction, recipe.limits)
+    except FormatError as fault:
+        file = _relative(fault.file, recipe.root)
+        return QuarantineFacts(sequence.name, file, digest, fault.line or 0, fault.reason)
+    except QualityError as fault:
+        return QuarantineFacts(sequence.name, names, digest, 0, str(fault))
+    quality = measure(interaction)
+    facts = ClipFacts(
+        clip=sequence.name,
+        sequence=sequence.name,
+        dataset=recipe.dataset,
+        action=sequence.action,
+        subject_a=sequence.subjects[0],
+        subject_b=sequence.subjects[1],
+        recording=sequence.recording,
+        skeleton=interaction.skeleton.name,
+        fps=interaction.fps,
+        duration=interaction.duration,
+        frames=len(interaction.times),
+        start_frame=0,
+        source_file=names,
+        sha256=digest,
+        bone_length_variation=quality.bone_length_variation,
+        max_speed=quality.max_speed,
+        contact_share=quality.contact_share,
+        filled_frames=reading.filled_frames,
+    )
+    return facts, interaction
+
+
+def _relative(file: Path, root: Path) -> str:
+    return file.relative_to(root).as_posix() if file.is_relative_to(root) else file.name
+
+
+def _content_hash(files: tuple[Path, ...]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,102 @@
+"""Read raw captures into Parquet; put aside, with the reason, those that cannot be used.
+
+Usage: python -m stages.ingest RAW SEQUENCES METRICS.json
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from pacmo_core.formats.raw import RawSequence
+from pacmo_core.formats.registry import open_format
+from pacmo_core.ingestion import Recipe, Usable, read_sequences
+from pacmo_core.quality import Limits
+from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
+from pacmo_core.store.motions import write_motions
+from stages._io import CLIPS, MOTIONS, QUARANTINE, write_json
+from stages._params import read_params
+
+
+@dataclass(frozen=True)
+class Params:
+    """The ``ingest`` section of ``params.yaml``."""
+
+    dataset: str
+    raw: str  # the folder, which is also on the command line
+    format: str
+    settings: dict[str, Any]  # what files of this format do not say
+    include: tuple[str, ...]  # patterns of file paths under raw
+    drop_joints: tuple[str, ...]
+    limits: Limits
+
+
+def main(raw: Path, sequences: Path, metrics: Path) -> None:
+    params = read_params("ingest", Params)
+    raw_format = open_format(params.format, params.settings)
+    found = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
+    wanted = [sequence for sequence in found if is_included(sequence, raw, params.include)]
+    if not wanted:
+        raise ValueError(
+            f"{raw}: found {len(found)} captures of format {params.format}, "
+            f"none of them under {', '.join(params.include)}"
+        )
+
+    recipe = Recipe(params.dataset, raw, raw_format, params.drop_joints, params.limits)
+    aside: list[QuarantineFacts] = []
+    captures = usable(read_sequences(recipe, wanted), aside)
+    first = next(captures, None)
+    if first is None:
+        raise ValueError(f"{raw}: no capture of {len(wanted)} is usable; first: {aside[0].reason}")
+    rows = []
+    with write_motions(sequences / MOTIONS, first[1].skeleton) as writer:
+        for facts, interaction in chain([first], captures):
+            writer.add(facts.clip, interaction)
+            rows.append(facts)
+    write_rows(sequences / CLIPS, ClipFacts, rows)
+    write_rows(sequences / QUARANTINE, QuarantineFacts, aside)
+    counts = {
+        "sequences_read": len(wanted),
+        "files_read": sum(len(sequence.files) for sequence in wanted),
+        "not_included": len(found) - len(wanted),
+        "usable": len(rows),
+        "quarantined": len(aside),
+    }
+    write_json(
+        metrics, {"dataset": params.dataset, "format": params.format, **counts, **facts_of(rows)}
+    )
+
+
+def is_included(sequence: RawSequence, root: Path, patterns: tuple[str, ...]) -> bool:
+    """Say whether a pattern matches the path of the sequence's first file under the root."""
+    path = sequence.files[0].relative_to(root).as_posix()
+    return any(fnmatch(path, pattern) for pattern in patterns)
+
+
+def usable(
+    outcomes: Iterator[Usable | QuarantineFacts], aside: list[QuarantineFacts]
+) -> Iterator[Usable]:
+    """Yield what can be used, and collect the rest in ``aside``."""
+    for outcome in outcomes:
+        if isinstance(outcome, QuarantineFacts):
+            aside.append(outcome)
+        else:
+            yield outcome
+
+
+def facts_of(rows: list[ClipFacts]) -> dict[str, object]:
+    """Say what the usable sequences amount to."""
+    return {
+        "frames": sum(row.frames for row in rows),
+        "minutes": round(sum(row.duration for row in rows) / 60, 3),
+        "skeleton": rows[0].skeleton,
+        "actions": dict(sorted(Counter(row.action for row in rows).items())),
+    }
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:]))
