@@ -36,7 +36,7 @@ def test_a_section_becomes_its_dataclass(tmp_path):
     [
         (GOOD.replace("width", "wdth"), "unknown wdth"),
         (GOOD.replace("rate", "rat"), "unknown inner.rat"),
-        (GOOD.replace("width: 4, ", ""), "width: Missing"),
+        (GOOD.replace("width: 4, ", ""), "width: Field required"),
         (GOOD.replace("width: 4", "width: wide"), "width: Input should be a valid integer"),
         (GOOD.replace("stage", "other"), "no section stage"),
         ("", "no section stage"),

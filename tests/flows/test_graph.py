@@ -1,0 +1,32 @@
+"""What is trusted: a diamond of four stages written out in conftest.py."""
+
+import subprocess
+import sys
+
+import pytest
+
+from flows.graph import stages_below, stale_stages
+
+
+def test_stages_come_after_what_they_rest_on(pipeline):
+    below = stages_below([])
+    assert next(iter(below)) == "raw" and [*below][-1] == "both"
+    assert below["left"] == ["raw"]
+    assert sorted(below["both"]) == ["left", "right"]
+
+
+def test_only_what_a_target_rests_on_is_listed(pipeline):
+    assert list(stages_below(["left"])) == ["raw", "left"]
+
+
+def test_an_unknown_target_is_named_with_what_there_is(pipeline):
+    with pytest.raises(ValueError, match=r"no stage lefty; it has both, left, raw, right"):
+        stages_below(["lefty"])
+
+
+def test_nothing_is_stale_after_a_reproduction_and_all_below_an_edit_is(pipeline):
+    assert stale_stages() == {"raw", "left", "right", "both"}
+    subprocess.run([sys.executable, "-m", "dvc", "repro", "-q"], check=True)
+    assert stale_stages() == set()
+    (pipeline / "left.txt").unlink()
+    assert stale_stages() == {"left", "both"}

@@ -1,0 +1,51 @@
+"""What is trusted: the files that the stages leave, and DVC's own status."""
+
+import json
+
+import pytest
+from prefect.client.orchestration import get_client
+
+from flows.graph import stale_stages
+from flows.reproduce import reproduce
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.usefixtures("prefect_server"),
+]
+
+
+def spans(pipeline):
+    lines = (pipeline / "spans.log").read_text().splitlines()
+    return sorted(tuple(map(float, line.split())) for line in lines)
+
+
+def test_the_flow_leaves_what_dvc_repro_would_and_then_has_nothing_to_do(pipeline):
+    assert sorted(reproduce([])) == ["both", "left", "raw", "right"]
+    assert (pipeline / "both.txt").read_text() == "first: 1 left.txt\nfirst: 1 right.txt\n"
+    assert stale_stages() == set()
+    assert reproduce([]) == []
+
+
+def test_stages_of_one_rank_run_side_by_side(pipeline):
+    reproduce([])
+    (_, first_end), (second_start, _) = spans(pipeline)
+    assert second_start < first_end
+
+
+def test_a_stage_that_fails_fails_the_flow(pipeline):
+    (pipeline / "params.yaml").write_text("break: 1\n")
+    with pytest.raises(Exception, match="returned non-zero exit status"):
+        reproduce([])
+    assert not (pipeline / "both.txt").exists()
+
+
+def test_the_metrics_stand_in_prefects_page(pipeline):
+    rows = {"pacmo": {"f2id": {"mean": 0.25, "low": 0.2, "high": 0.3}}}
+    (pipeline / "reports").mkdir()
+    metrics = {"experiment": "small", "data": {}, "pacmo": rows}
+    (pipeline / "reports" / "metrics.json").write_text(json.dumps(metrics))
+    reproduce(["raw"])
+    with get_client(sync_client=True) as client:
+        artifacts = client.read_artifacts()
+    text = next(artifact.data for artifact in artifacts if artifact.key == "metrics")
+    assert "# small" in text and "0.25" in text
