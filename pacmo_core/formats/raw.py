@@ -46,6 +46,20 @@ class RawSequence:
     recording: str = ""
 
 
+@dataclass(frozen=True)
+class Reading:
+    """What reading one sequence gave.
+
+    Parameters
+    ----------
+    interaction : both people's motions
+    filled_frames : frames that the file lacks and the reader filled in
+    """
+
+    interaction: Interaction
+    filled_frames: int = 0
+
+
 class Format(Protocol):
     """A raw format with its settings fixed."""
 
@@ -57,7 +71,7 @@ class Format(Protocol):
         """
         ...
 
-    def read(self, sequence: RawSequence) -> Interaction:
+    def read(self, sequence: RawSequence) -> Reading:
         """Read one sequence into metres, y up, right-handed, seconds.
 
         Raises

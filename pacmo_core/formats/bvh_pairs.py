@@ -1,0 +1,120 @@
+"""Two people in two BVH files: one interaction.
+
+Two files named outright need no rule: ``read`` takes any sequence that holds them.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pacmo_core.formats.bvh import Bvh, read_bvh
+from pacmo_core.formats.bvh_presets import PRESETS, BvhPreset
+from pacmo_core.formats.pairing import pair_files
+from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
+from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.interaction import Interaction
+from pacmo_core.skeleton import Skeleton, mirror_by_name
+
+
+@dataclass(frozen=True, kw_only=True)
+class BvhPairs:
+    """BVH files, two a pair.
+
+    Parameters
+    ----------
+    preset : the data set: ``duo_mocap``, ``cmu_18_19``, ``skeleton_priors``, or ``pair`` for any
+        files ``<name>_A.bvh`` and ``<name>_B.bvh``
+    unit : metres a file unit; None for the preset's
+    up : the axis that is up, ``y`` or ``z``; None for the preset's
+    fps : frames a second where the files state a wrong Frame Time; None to trust it
+    end_sites : whether End Sites are joints. Some exports write them with zero length, which is
+        no bone: a set that mixes both kinds has one skeleton only without them
+    skip_frames : frames to leave out at the start, as where the first is a T-pose
+    max_root_distance : leave out what comes before the roots are this near (metres), as where
+        people walk in from a T-pose; None to keep everything
+
+    Raises
+    ------
+    ValueError
+        If the preset is unknown, or neither it nor the settings give the unit or what is up.
+    """
+
+    preset: str
+    unit: float | None
+    up: str | None
+    fps: float | None
+    end_sites: bool
+    skip_frames: int
+    max_root_distance: float | None
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise ValueError(f"preset must be one of {', '.join(PRESETS)}; got {self.preset!r}")
+        unit = self.unit or self._facts.unit
+        if unit is None or not unit > 0:
+            raise ValueError(f"preset {self.preset}: wanted a unit in metres; got {self.unit}")
+        check_up(self.up or self._facts.up or "")
+        if self.skip_frames < 0:
+            raise ValueError(f"skip_frames must not be negative; got {self.skip_frames}")
+        if self.fps is not None:
+            check_fps(self.fps)
+
+    def find(self, root: Path) -> list[RawSequence]:
+        """List every pair under ``root``, and every BVH file that has no partner."""
+        return pair_files(root, r".*\.bvh", self._facts.rules)
+
+    def read(self, sequence: RawSequence) -> Reading:
+        """Read both files.
+
+        Raises
+        ------
+        FormatError
+            If a file is broken (said first), the second is missing, or the two do not match.
+        """
+        reading = join([self._person(file) for file in sequence.files])
+        return replace(reading, interaction=self._met(sequence, reading.interaction))
+
+    @property
+    def _facts(self) -> BvhPreset:
+        return PRESETS[self.preset]
+
+    def _person(self, file: Path) -> Person:
+        bvh = read_bvh(file)
+        whole = Skeleton(self.preset, bvh.joints, bvh.parents, mirror_by_name(bvh.joints))
+        skeleton = whole
+        if self.end_sites:
+            _check_end_sites(file, bvh)
+        else:
+            skeleton = whole.without(bvh.joints[end] for end in bvh.end_sites)
+        places = bvh.positions()[self.skip_frames :, whole.indices(skeleton.joints)]
+        up = self.up or self._facts.up or ""
+        fps = self.fps or 1 / bvh.frame_time
+        return Person(file, skeleton, upright(places * self._metres(file), up), fps)
+
+    def _metres(self, file: Path) -> float:
+        """Metres a unit: the same take may come in another unit in a folder of raw files."""
+        folder = file.parent.name
+        raw = self._facts.raw_unit if folder == "raw" or folder.endswith("_raw") else None
+        return self.unit or raw or self._facts.unit or np.nan
+
+    def _met(self, sequence: RawSequence, interaction: Interaction) -> Interaction:
+        """Leave out what comes before the two people are near each other."""
+        if self.max_root_distance is None:
+            return interaction
+        root = interaction.skeleton.root
+        apart = interaction.person_a[:, root] - interaction.person_b[:, root]
+        distance = np.linalg.norm(apart, axis=-1)
+        near = distance[:-1] <= self.max_root_distance
+        if not near.any():
+            reason = f"the roots stay {distance.min():.2f} m apart; wanted {self.max_root_distance}"
+            raise FormatError(sequence.files[0], reason)
+        return interaction.frames(int(near.argmax()), len(interaction.times))
+
+
+def _check_end_sites(file: Path, bvh: Bvh) -> None:
+    """Refuse an End Site that lies on its joint: it would be a second name for it."""
+    for end in bvh.end_sites:
+        if not bvh.offsets[end].any():
+            reason = f"{bvh.joints[end]} has zero length: read this set without End Sites"
+            raise FormatError(file, reason)

@@ -1,0 +1,147 @@
+"""DuetDance: two dancers' joints, estimated from videos with LCR-Net (Kundu et al. 2020).
+
+Two layouts. MATLAB: ``male/<dance>.mat`` and ``female/<dance>.mat``, in each one variable a clip,
+``<video>_<part>``, ``(T, 15, 3)``. Text, as InterFormer's authors made of it:
+``skeleton_pos.txt``, a line a frame: an index, then 15 joints × xyz, between commas. Their own
+folders hold one dancer only; two are taken from ``male/<dance>/<clip>/skeleton_pos.txt`` with
+``female/...``, or from ``<dance>/<clip>/skeleton_A.txt`` with ``skeleton_B.txt``.
+
+Metres, y up, z into depth; read as right-handed, knees bend forwards and odd joints (from 1) are
+the right ones. No file states its rate: it is a setting; 25 fps, usual for video, is an assumption.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.formats.mat import list_variables, read_variable
+from pacmo_core.formats.pairing import PairRule, lone_sequence, matching_files, pair_files
+from pacmo_core.formats.people import Person, check_fps, join
+from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.formats.text import parse_rows, read_lines, sequence_name
+from pacmo_core.skeleton import DUET15
+
+DANCES = {"01": "cha-cha", "02": "jive", "03": "rumba", "04": "salsa", "05": "samba"}
+
+
+def dance_name(folder: str) -> str:
+    """Tell the dance that a folder's number stands for; other names stand for themselves."""
+    return DANCES.get(folder, folder)
+
+
+_CLIP = r"(?P<dance>[^/]+)/(?P<clip>[^/]+)"
+_RULES = tuple(
+    PairRule(
+        pattern=rf"(?P<folder>(?:.*/)?){place}",
+        persons=persons,
+        name="{folder}{dance}/{clip}",
+        recording="{dance}/{clip}",
+        action="{dance}",
+        subjects=("", ""),
+        label=dance_name,
+    )
+    for place, persons in (
+        (rf"(?P<person>male|female)/{_CLIP}/skeleton_pos\.txt", ("male", "female")),
+        (rf"{_CLIP}/skeleton_(?P<person>A|B)\.txt", ("A", "B")),
+    )
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DuetDance:
+    """DuetDance in either layout; person a is the man.
+
+    Parameters
+    ----------
+    fps : frames a second; the files do not state it
+    """
+
+    fps: float
+
+    def __post_init__(self) -> None:
+        check_fps(self.fps)
+
+    def find(self, root: Path) -> list[RawSequence]:
+        """List the clips of two dancers, and every file or clip without the other's."""
+        found = pair_files(root, r"skeleton_.*\.txt", _RULES)
+        for file in matching_files(root, r".*\.mat"):
+            found += _clips(root, file)
+        return sorted(found, key=lambda sequence: sequence.name)
+
+    def read(self, sequence: RawSequence) -> Reading:
+        """Read both dancers.
+
+        Raises
+        ------
+        FormatError
+            If a file is broken (said first), the second is missing, or the two do not match.
+        """
+        clip = sequence.name.rpartition("/")[2]
+        return join(
+            [Person(file, DUET15, _positions(file, clip), self.fps) for file in sequence.files]
+        )
+
+
+def _clips(root: Path, file: Path) -> list[RawSequence]:
+    """List the clips of one dancer's file that the other has too; each file's rest with a man's."""
+    sex, dance = file.parent.name, file.stem
+    other = {"male": "female", "female": "male"}.get(sex)
+    partner = file.parent.parent / (other or sex) / file.name
+    if other is None or not partner.is_file() or partner == file:
+        return [lone_sequence(root, file)]
+    ours, theirs = _names(file), _names(partner)
+    if sex == "female":
+        # Shared clips are listed with the man's file; here only what he lacks.
+        shared: list[str] = []
+    else:
+        shared = [name for name in ours if name in theirs]
+    alone = [name for name in ours if name not in theirs]
+    folder = file.parent.parent.relative_to(root).as_posix().removeprefix(".")
+    place = f"{folder}/{dance}" if folder else dance
+    pairs = [_clip(place, dance, name, (file, partner)) for name in shared]
+    if not ours:
+        return [lone_sequence(root, file)]
+    return pairs + [_clip(f"{place}-{sex}", dance, name, (file,)) for name in alone]
+
+
+def _clip(place: str, dance: str, name: str, files: tuple[Path, ...]) -> RawSequence:
+    return RawSequence(
+        name=sequence_name(f"{place}/{name}"),
+        files=files,
+        action=dance_name(dance),
+        recording=f"{dance}/{name.rpartition('_')[0] or name}",
+    )
+
+
+def _names(file: Path) -> list[str]:
+    """List a file's variables; a broken file has none, and ``read`` says why."""
+    try:
+        return list_variables(file)
+    except FormatError:
+        return []
+
+
+def _positions(file: Path, clip: str) -> NDArray[np.float64]:
+    """``(T, 15, 3)`` metres."""
+    if file.suffix.lower() != ".mat":
+        return _read_text(file)
+    names = [name for name in list_variables(file) if sequence_name(name) == clip]
+    if not names:
+        raise FormatError(file, f"no second person: wanted the variable {clip!r}")
+    table = read_variable(file, names[0])
+    if table.ndim != 3 or table.shape[1:] != (15, 3):
+        raise FormatError(file, f"{clip}: wanted (T, 15, 3); got {table.shape}")
+    return table
+
+
+def _read_text(file: Path) -> NDArray[np.float64]:
+    numbered = [(text, line) for line, text in enumerate(read_lines(file), 1) if text.strip()]
+    rows, lines = zip(*numbered, strict=True)
+    table = parse_rows(file, rows, lines, width=46, delimiter=",")
+    gaps = np.flatnonzero(np.diff(table[:, 0]) != 1)
+    if len(gaps):
+        here, after = table[gaps[0], 0], table[gaps[0] + 1, 0]
+        raise FormatError(file, f"frame {after:g} follows frame {here:g}", lines[gaps[0] + 1])
+    return table[:, 1:].reshape(-1, 15, 3)

@@ -1,0 +1,81 @@
+"""InterHuman and InterX as arrays: ``person1/<id>.npy`` and ``person2/<id>.npy``.
+
+A row a frame; columns 0–65 are the 22 joints of the SMPL body × xyz, metres; what follows (a mesh,
+turns) is not read. 30 fps. InterGen's own code (Liang et al. 2024) turns the arrays from z up to
+y up; the axis is a setting.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.formats.mat import bounded
+from pacmo_core.formats.pairing import PairRule, pair_files
+from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
+from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.skeleton import INTERHUMAN22
+
+_COLUMNS = 22 * 3
+RULES = (
+    PairRule(
+        pattern=r"(?P<folder>(?:.*/)?)(?P<person>person1|person2)/(?P<id>[^/]+)\.(?i:npy)",
+        persons=("person1", "person2"),
+        name="{folder}{id}",
+        recording="{id}",
+        action="",
+        subjects=("", ""),
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InterHuman:
+    """Two arrays a sequence.
+
+    Parameters
+    ----------
+    fps : frames a second, 30 as published
+    up : the axis that is up, ``y`` or ``z``
+    """
+
+    fps: float
+    up: str
+
+    def __post_init__(self) -> None:
+        check_fps(self.fps)
+        check_up(self.up)
+
+    def find(self, root: Path) -> list[RawSequence]:
+        """List every pair, and every array without the other person's."""
+        return pair_files(root, r".*\.npy", RULES)
+
+    def read(self, sequence: RawSequence) -> Reading:
+        """Read both arrays.
+
+        Raises
+        ------
+        FormatError
+            If a file is broken (said first), the second is missing, or the two do not match.
+        """
+        return join([self._person(file) for file in sequence.files])
+
+    def _person(self, file: Path) -> Person:
+        joints = _read_array(file)[:, :_COLUMNS].reshape(-1, 22, 3)
+        return Person(file, INTERHUMAN22, upright(bounded(file, joints), self.up), self.fps)
+
+
+def _read_array(file: Path) -> NDArray[np.generic]:
+    """Open a two-dimensional real array; mapped, so that columns not wanted are not read."""
+    try:
+        # Unpickling would run what the file says; it stays off.
+        array = np.load(file, mmap_mode="r", allow_pickle=False)
+    except (ValueError, OSError, EOFError, SyntaxError, TypeError, ArithmeticError) as error:
+        raise FormatError(file, f"no array of numbers: {error}") from error
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
+        kind = getattr(array, "dtype", type(array).__name__)
+        raise FormatError(file, f"wanted an array of real numbers; got {kind}")
+    if array.ndim != 2 or array.shape[1] < _COLUMNS:
+        raise FormatError(file, f"wanted (T, {_COLUMNS} or more); got {array.shape}")
+    return array
