@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pacmo_core.formats.asf import Asf, read_asf
 from pacmo_core.formats.kinematics import Frames, carry, still_frames, turn
 from pacmo_core.formats.raw import FormatError
-from pacmo_core.formats.text import parse_rows, read_lines
+from pacmo_core.formats.tables import parse_rows, read_lines
 
 INCH = 0.0254
 

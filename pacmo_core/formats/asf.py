@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.formats.kinematics import still_frames, turn
 from pacmo_core.formats.raw import FormatError
-from pacmo_core.formats.text import parse_number, read_lines
+from pacmo_core.formats.tables import parse_number, read_lines
 
 ROOT_DOF = ("tx", "ty", "tz", "rx", "ry", "rz")
 MOST_BONES = 1000  # no body has more; bounds what a faulty file can cost

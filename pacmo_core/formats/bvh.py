@@ -15,7 +15,7 @@ from pacmo_core.formats.bvh_hierarchy import Hierarchy, parse_hierarchy
 from pacmo_core.formats.kinematics import Frames, carry, still_frames, turn
 from pacmo_core.formats.people import FASTEST, SLOWEST
 from pacmo_core.formats.raw import FormatError
-from pacmo_core.formats.text import parse_number, parse_rows, read_lines
+from pacmo_core.formats.tables import parse_number, parse_rows, read_lines
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pacmo_core.formats.raw import FormatError
-from pacmo_core.formats.text import parse_number
+from pacmo_core.formats.tables import parse_number
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 MOST_JOINTS = 1000  # no body has more; bounds what a faulty file can cost

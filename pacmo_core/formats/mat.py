@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat, matlab, whosmat
 
 from pacmo_core.formats.raw import FormatError
-from pacmo_core.formats.text import LARGEST
+from pacmo_core.formats.tables import LARGEST
 
 NUMERIC = ("double", "single", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
 LARGEST_SIZE = 50_000_000  # numbers in a variable; bounds what a faulty file can cost

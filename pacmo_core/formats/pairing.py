@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pacmo_core.formats.raw import RawSequence
-from pacmo_core.formats.text import sequence_name
+from pacmo_core.formats.tables import sequence_name
 
 
 def as_written(label: str) -> str:

@@ -12,7 +12,8 @@ from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import Skeleton
 
 UPS = ("y", "z")
-SLOWEST, FASTEST = 0.1, 10_000.0
+SLOWEST, FASTEST = 0.1, 10_000.0  # frames a second
+FARTHEST = 1e3  # metres: no capture volume is larger
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ def join(people: Sequence[Person]) -> Reading:
     Raises
     ------
     FormatError
-        If there are not two, or they differ in joints, rate or length, or there is no motion.
+        If there are not two, they differ in joints, rate or length, there is no motion, or a joint
+        is farther away than any room.
     """
     if len(people) != 2:
         raise FormatError(people[0].file, f"no second person: wanted two files, got {len(people)}")
@@ -54,6 +56,8 @@ def join(people: Sequence[Person]) -> Reading:
         )
     if len(a.positions) < 2:
         raise FormatError(a.file, f"wanted two frames or more; got {len(a.positions)}")
+    for person in people:
+        _check_near(person)
     interaction = Interaction(
         skeleton=a.skeleton,
         times=np.arange(len(a.positions)) / a.fps,
@@ -88,6 +92,15 @@ def check_fps(fps: float) -> None:
     """Raise ValueError unless ``fps`` is a rate that a capture can have."""
     if not SLOWEST <= fps <= FASTEST:
         raise ValueError(f"fps must be {SLOWEST:g} to {FASTEST:g}; got {fps}")
+
+
+def _check_near(person: Person) -> None:
+    far = np.argwhere(np.abs(person.positions) > FARTHEST)
+    if len(far):
+        frame, joint = (int(i) for i in far[0][:2])
+        place = person.positions[frame, joint].round(1).tolist()
+        reason = f"frame {frame}, joint {person.skeleton.joints[joint]} is at {place} m"
+        raise FormatError(person.file, f"{reason}; wanted at most {FARTHEST:g} m")
 
 
 def _difference(a: Person, b: Person) -> str:

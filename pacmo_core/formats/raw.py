@@ -48,12 +48,12 @@ class RawSequence:
 
 @dataclass(frozen=True)
 class Reading:
-    """What reading one sequence gave.
+    """What came of reading one sequence.
 
     Parameters
     ----------
-    interaction : both people's motions
-    filled_frames : frames that the file lacks and the reader filled in
+    interaction : both people
+    filled_frames : poses of one person that the file lacks and the reader interpolated
     """
 
     interaction: Interaction
