@@ -30,7 +30,7 @@ Examples:
   pacmo fetch cmu-two-person data/captures --only 18 --only 19
 """
 
-PATIENCE = Patience(attempts=5, first_wait=1.0, timeout=30.0)
+PATIENCE = Patience(attempts=4, first_wait=1.0, timeout=30.0)
 
 Dest = Annotated[
     Path, typer.Argument(metavar="DEST", help="folder of all captures, e.g. data/captures")
@@ -50,10 +50,11 @@ AcceptChanged = Annotated[
 def about() -> None:
     """Fetch a data set that anyone may download.
 
-    Run again, it fetches what is missing and nothing else. A download that was cut goes on where it stopped. Every file is held against its SHA-256:
-    the sum shipped with this program where there is one, else the sum of the first download,
-    which is written to DEST/SHA256SUMS and binds every later run. A file that does not match is
-    set aside as NAME.aside and named. Behind a proxy, set HTTP_PROXY and HTTPS_PROXY.
+    Run again, it fetches what is missing and nothing else. A download that was cut goes on
+    where it stopped. Every file is held against its SHA-256: the sum shipped with this program
+    where there is one, else the sum of the first download, which is written to DEST/SHA256SUMS
+    and binds every later run. A file that does not match is set aside as NAME.aside and named.
+    Behind a proxy, set HTTP_PROXY and HTTPS_PROXY.
     """
 
 
@@ -66,8 +67,9 @@ def fetch_sbu(
 ) -> None:
     """Fetch SBU: 21 pairs of people, 8 acts.
 
-    SBU Kinect Interaction v2.0, clean version, 282 takes; for research, citation asked. Only the skeletons are kept, as DEST/sbu/<pair>/<action>/<take>/skeleton_pos.txt; the
-    archives also hold pictures, so much more is downloaded than stays.
+    SBU Kinect Interaction v2.0, clean version, 282 takes; for research, citation asked. Only
+    the skeletons are kept, as DEST/sbu/<pair>/<action>/<take>/skeleton_pos.txt; the archives
+    also hold pictures, so much more is downloaded than stays.
     """
     _run(SBU, dest, base_url, only or [], accept_changed)
 
@@ -82,7 +84,8 @@ def fetch_cmu(
     """Fetch CMU's pairs: 10 subjects, 70 trials.
 
     CMU motion capture of subjects 18/19, 20/21, 22/23, 33/34 and 60/61, each pair recorded
-    together; acknowledgement asked. Kept as DEST/cmu_two_person/<subject>/<subject>.asf and <subject>_<trial>.amc.
+    together; acknowledgement asked. Kept as DEST/cmu_two_person/<subject>/<subject>.asf and
+    <subject>_<trial>.amc.
     """
     _run(CMU, dest, base_url, only or [], accept_changed)
 
@@ -110,8 +113,16 @@ def _check_usage(source: Source, base_url: str | None, only: list[str]) -> None:
     if unknown := [part for part in only if part not in source.parts]:
         wanted = ", ".join(source.parts)
         raise typer.BadParameter(f"--only {unknown[0]}: {source.name} has {wanted}")
-    if base_url is not None and not base_url.startswith(("http://", "https://")):
-        raise typer.BadParameter(f"--base-url must begin with http:// or https://; got {base_url}")
+    if base_url is not None and not _is_web_address(base_url):
+        raise typer.BadParameter(f"--base-url must be an http or https address; got {base_url!r}")
+
+
+def _is_web_address(text: str) -> bool:
+    try:
+        url = httpx.URL(text)
+    except httpx.InvalidURL:
+        return False
+    return url.scheme in ("http", "https") and bool(url.host)
 
 
 def _client() -> httpx.Client:

@@ -1,20 +1,18 @@
 """Bring one file from a web server, going on where the last attempt stopped.
 
-The bytes gather in a ``.part`` file. Beside it a small JSON file keeps the server's mark of the
-version (ETag or Last-Modified) and the full length, so that a resumed download never joins two
-versions of a file (RFC 9110, sections 13.1.5 If-Range and 14 Range).
+A resumed download never joins two versions of a file: it asks for the rest only of the version
+whose mark (ETag or Last-Modified) it holds (RFC 9110, sections 13.1.5 If-Range and 14 Range).
 """
 
-import json
 import re
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 import httpx
 
 from apps.failure import CommandError
+from apps.part import Part, Version
 
 Report = Callable[[int, int | None], None]  # bytes at hand, bytes in all if the server says
 
@@ -43,64 +41,6 @@ class Patience:
     attempts: int
     first_wait: float
     timeout: float
-
-
-@dataclass(frozen=True)
-class _State:
-    validator: str | None = None
-    length: int | None = None
-
-
-class Part:
-    """A file on its way: what is at hand, and of which version.
-
-    Parameters
-    ----------
-    target : where the whole file will stand; the part stands beside it
-    """
-
-    def __init__(self, target: Path) -> None:
-        self.file = target.with_name(f"{target.name}.part")
-        self._note = target.with_name(f"{target.name}.part.json")
-
-    @property
-    def size(self) -> int:
-        """Bytes at hand."""
-        return self.file.stat().st_size if self.file.exists() else 0
-
-    @property
-    def state(self) -> _State:
-        """The version that the bytes are of, as far as it is known."""
-        try:
-            state = _State(**json.loads(self._note.read_text(encoding="utf-8")))
-        except (FileNotFoundError, ValueError, TypeError):
-            return _State()  # no note, or half of one: the bytes are of an unknown version
-        return state if state.length is None or self.size <= state.length else _State()
-
-    @property
-    def whole(self) -> bool:
-        """Whether nothing is missing."""
-        return self.file.exists() and self.state.length == self.size
-
-    def begin(self, state: _State) -> None:
-        """Start from nothing: old bytes go before the note of a new version comes."""
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        self.file.write_bytes(b"")
-        self.note(state)
-
-    def note(self, state: _State) -> None:
-        """Write down which version the bytes are of."""
-        self._note.write_text(json.dumps(asdict(state)), encoding="utf-8")
-
-    def discard(self) -> None:
-        """Forget the bytes and their note."""
-        self.file.unlink(missing_ok=True)
-        self._note.unlink(missing_ok=True)
-
-    def move_to(self, target: Path) -> None:
-        """Give the whole file its name, in one step."""
-        self.file.replace(target)
-        self._note.unlink(missing_ok=True)
 
 
 def download(
@@ -132,7 +72,7 @@ def download(
 
 def _attempt(client: httpx.Client, url: str, part: Part, report: Report) -> None:
     headers = {"Accept-Encoding": "identity"}  # lengths and ranges of the file as it is stored
-    validator = part.state.validator
+    validator = part.version.validator
     if validator and part.size:
         headers |= {"Range": f"bytes={part.size}-", "If-Range": validator}
     with client.stream("GET", url, headers=headers) as response:
@@ -144,35 +84,35 @@ def _attempt(client: httpx.Client, url: str, part: Part, report: Report) -> None
         with part.file.open("ab") as stream:
             for chunk in response.iter_raw():
                 stream.write(chunk)
-                report(stream.tell(), part.state.length)
+                report(stream.tell(), part.version.length)
     _close(part)
 
 
 def _place(response: httpx.Response, part: Part) -> None:
     """Go on at the end of the part if the answer does so too, else start from nothing."""
-    new = _State(_validator(response), _length(response))
+    new = Version(_validator(response), _length(response))
     if response.status_code != 206:
         part.begin(new)
         return
     span = _CONTENT_RANGE.fullmatch(response.headers.get("Content-Range", ""))
-    if span is None or int(span[1]) != part.size or not _same(part.state, new, int(span[2])):
+    if span is None or int(span[1]) != part.size or not _same(part.version, new, int(span[2])):
         part.discard()
         raise _PassingError(
             "the file on the server has changed, or its answer is not the rest of it"
         )
-    part.note(_State(new.validator, int(span[2])))
+    part.note(Version(new.validator, int(span[2])))
 
 
-def _same(old: _State, new: _State, length: int) -> bool:
+def _same(old: Version, new: Version, length: int) -> bool:
     return old.validator == new.validator and old.length in (None, length)
 
 
 def _close(part: Part) -> None:
-    state = part.state
-    if state.length is None:  # the server sent chunks: their end mark came, so that was all
-        part.note(_State(state.validator, part.size))
-    elif part.size != state.length:
-        raise _PassingError(f"wanted {state.length} bytes, got {part.size}")
+    version = part.version
+    if version.length is None:  # the server sent chunks: their end mark came, so that was all
+        part.note(Version(version.validator, part.size))
+    elif part.size != version.length:
+        raise _PassingError(f"wanted {version.length} bytes, got {part.size}")
 
 
 def _refuse(url: str, response: httpx.Response) -> None:

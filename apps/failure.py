@@ -14,9 +14,10 @@ class CommandError(Exception):
 
 @contextmanager
 def told_in_one_line() -> Iterator[None]:
-    """End the command with exit code 1 and one line on stderr for a ``CommandError`` or a refused file.
+    """End a command with exit code 1 and one line on stderr where it could not do its work.
 
-    Anything else is a bug and keeps its traceback.
+    That is a ``CommandError`` or a file that the system refuses. Anything else is a bug and
+    keeps its traceback.
     """
     try:
         yield

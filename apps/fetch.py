@@ -8,8 +8,9 @@ import httpx
 
 from apps.archive import ArchiveError, skeletons
 from apps.checksums import Sums, digest
-from apps.download import MissingError, Part, Patience, Report, download
+from apps.download import MissingError, Patience, Report, download
 from apps.failure import CommandError
+from apps.part import Part
 from apps.sources import Source
 
 Follow = Callable[[str], Report]  # the name of a file that begins -> who hears of its bytes
@@ -99,7 +100,7 @@ class Fetcher:
         """
         target, wanted, got = self.sums.root / place, self.sums.wanted(place), digest(part.file)
         aside = target.with_name(f"{target.name}.aside")
-        if target.exists() and digest(target) != got:
+        if target.exists() and not self.sums.verified(place):
             target.replace(aside)
         if wanted not in (None, got) and not self.accept_changed:
             part.move_to(aside)
