@@ -1,0 +1,27 @@
+"""The console command ``pacmo``: the door for people, and its table of contents."""
+
+import typer
+
+from apps import cli_fetch
+
+app = typer.Typer(
+    name="pacmo",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 wrong usage.",
+)
+app.add_typer(cli_fetch.app, name="fetch")
+
+
+@app.callback()
+def about() -> None:
+    """Two-person motion: real captures in, the reaction of the second person out.
+
+    ``pacmo COMMAND --help`` says what a command does, with examples.
+    """
+
+
+if __name__ == "__main__":
+    app(prog_name="pacmo")
