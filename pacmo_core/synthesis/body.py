@@ -1,0 +1,148 @@
+"""The population of bodies: bone lengths and habits of a subject, the same whenever it is asked for.
+
+Stature: ANSUR II (Gordon et al. 2014, 2012 Anthropometric Survey of U.S. Army Personnel). Segments
+as shares of stature: Drillis and Contini (1966), Body segment parameters, as tabled by Winter (2009),
+fig. 4.1. Where a depth camera puts a joint elsewhere than a bone ends, the share is Kinect's.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+# Metres: mean and standard deviation.
+STATURE = {"female": (1.6285, 0.0642), "male": (1.7562, 0.0686)}
+
+# Share of stature. Winter's table gives the limbs; trunk joints, palm and foot are Kinect's.
+SHARES = {
+    "thigh": 0.245,
+    "shank": 0.246,
+    "ankle_height": 0.039,
+    "foot_forward": 0.065,
+    "foot_height": 0.010,
+    "hip_half": 0.046,
+    "hip_drop": 0.012,
+    "lower_spine": 0.148,
+    "upper_spine": 0.110,
+    "neck": 0.040,
+    "head": 0.070,
+    "shoulder_half": 0.096,
+    "shoulder_drop": 0.018,
+    "upper_arm": 0.186,
+    "forearm": 0.146,
+    "palm": 0.035,
+    "finger": 0.045,
+    "thumb": 0.030,
+}
+SEGMENT_SPREAD = 0.025  # of a segment about its share; segments of one body vary apart
+
+
+@dataclass(frozen=True)
+class Body:
+    """Lengths of one body, metres; left and right are alike."""
+
+    stature: float
+    thigh: float
+    shank: float
+    ankle_height: float
+    foot_forward: float
+    foot_height: float
+    hip_half: float
+    hip_drop: float
+    lower_spine: float
+    upper_spine: float
+    neck: float
+    head: float
+    shoulder_half: float
+    shoulder_drop: float
+    upper_arm: float
+    forearm: float
+    palm: float
+    finger: float
+    thumb: float
+
+    @property
+    def leg(self) -> float:
+        """Hip to ankle, straight."""
+        return self.thigh + self.shank
+
+    @property
+    def arm(self) -> float:
+        """Shoulder to palm, straight."""
+        return self.upper_arm + self.forearm + self.palm
+
+    @property
+    def base_height(self) -> float:
+        """The base of the spine of one who stands upright."""
+        return self.hip_drop + self.leg + self.ankle_height
+
+    @property
+    def shoulder_height(self) -> float:
+        """The shoulders of one who stands upright."""
+        return self.base_height + self.lower_spine + self.upper_spine - self.shoulder_drop
+
+    @property
+    def head_height(self) -> float:
+        """The centre of the head of one who stands upright."""
+        return self.base_height + self.lower_spine + self.upper_spine + self.neck + self.head
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A person: a body and habits that all of this person's clips share.
+
+    Parameters
+    ----------
+    number : 1 and up
+    sex : female or male
+    body : lengths
+    handedness : 1 left, -1 right: the side of the hand and foot that this person prefers
+    tempo : habitual pace over the mean pace, about 1
+    stoop : radians that the trunk leans forward when at rest
+    swing : amplitude of arm swing over the mean, about 1
+    stance : half the distance between the feet at rest, metres
+    """
+
+    number: int
+    sex: str
+    body: Body
+    handedness: int
+    tempo: float
+    stoop: float
+    swing: float
+    stance: float
+
+
+@lru_cache(maxsize=4096)
+def subject(population: int, number: int) -> Subject:
+    """Draw subject ``number`` of a population from a generator of its own.
+
+    Raises
+    ------
+    ValueError
+        If ``population`` is negative or ``number`` is not positive.
+    """
+    if population < 0 or number < 1:
+        raise ValueError(
+            f"wanted population >= 0 and subject number >= 1; got {population}, {number}"
+        )
+    random = np.random.default_rng([population, number])
+    sex = "female" if random.random() < 0.5 else "male"
+    stature = random.normal(*STATURE[sex])
+    spread = random.normal(1.0, SEGMENT_SPREAD, len(SHARES)).clip(0.92, 1.08)
+    lengths = {name: stature * SHARES[name] * k for name, k in zip(SHARES, spread, strict=True)}
+    return Subject(
+        number=number,
+        sex=sex,
+        body=Body(stature=stature, **lengths),
+        handedness=1 if random.random() < 0.1 else -1,
+        tempo=float(np.exp(random.normal(0.0, 0.08))),
+        stoop=float(random.normal(0.04, 0.025)),
+        swing=float(np.exp(random.normal(0.0, 0.25))),
+        stance=float(random.uniform(0.07, 0.13)),
+    )
+
+
+def pair_of(population: int, pair: int) -> tuple[Subject, Subject]:
+    """Give both people of a pair: subjects ``2 pair - 1`` and ``2 pair``, who never change partner."""
+    return subject(population, 2 * pair - 1), subject(population, 2 * pair)

@@ -1,0 +1,55 @@
+"""The hug: both arms round the partner, one over the shoulder and one under the arm."""
+
+import numpy as np
+
+from pacmo_core.synthesis.curves import Array, window
+from pacmo_core.synthesis.direct import Cue, enter, leave, route
+from pacmo_core.synthesis.part import Course, Lean, Part, Reach, Spell
+
+BACK = 0.115  # metres from the partner's spine to a palm on the back
+
+
+def hug(cue: Cue) -> Part:
+    """Put both arms round each other; heads go past on one side. Some pat, some rock."""
+    own = cue.own
+    over = cue.hand
+    side = 1.0 if over == 1 else -1.0  # the head goes away from the arm that is above
+    start = cue.event - 0.6 - (own.early if cue.first else -0.5 * own.delay)
+    gone = cue.over + 0.12 * own.more[4]
+    reaches = []
+    for hand in (0, 1):
+        sign = 1.0 - 2.0 * hand
+        spell = Spell(start, cue.event + 0.1, gone, gone + 0.6)
+        out = (sign * 0.34, 0.0, 0.0)
+        reaches.append(Reach(hand, spell, _on_back(cue, hand, hand == over), False, 0.85, out))
+    leans = [
+        Lean(Spell(start + 0.1, cue.event, gone, gone + 0.5), pitch=0.12, roll=-0.10 * side, nod=0.1)
+    ]
+    if own.manner == 1:
+        middle = 0.5 * (cue.event + cue.over)
+        rock = Spell(cue.event, middle, middle + 0.05, cue.over + 0.1)
+        leans.append(Lean(rock, roll=0.05 * own.side * own.strength))
+    path = route(
+        side * cue.script.aside,
+        -cue.stand - cue.entry - 0.3,
+        enter(cue, cue.event + 0.05, 0.3),
+        *leave(cue, gone + 0.1),
+    )
+    return Part(path, reaches=tuple(reaches), leans=tuple(leans))
+
+
+def _on_back(cue: Cue, hand: int, above: bool) -> Course:
+    """A palm on the partner's back; in the first manner it pats."""
+    sign = 1.0 - 2.0 * hand
+    side = 1.0 if cue.hand == 1 else -1.0
+    middle = -side * cue.script.aside  # where the partner's spine is along my x
+    low = 0.06 if above else 0.26
+    spot = (middle + 0.03 * sign, cue.you.body.shoulder_height - low, cue.partner + BACK)
+    pats = above and cue.own.manner == 0
+
+    def course(times: Array) -> Array:
+        patting = window(times, cue.event + 0.1, cue.event + 0.3, cue.over - 0.2, cue.over)
+        lift = 0.5 - 0.5 * np.cos(2.0 * np.pi * 2.6 * (times - cue.event - 0.1))
+        return np.array(spot) + np.outer(patting * lift, [0.0, 0.0, 0.035 * pats])
+
+    return course

@@ -1,0 +1,121 @@
+"""Footsteps: feet that stand still on the ground while the body passes over them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pacmo_core.synthesis.curves import Array, bump, minimum_jerk, window
+
+Path = Callable[[Array], Array]  # (N,) seconds to (N, 3): x, z in metres and yaw in radians
+
+BEFORE = 1.2  # seconds of walking planned before the first frame
+SWING = 0.78  # share of a step for which its foot is in the air
+IDLE = 0.06  # seconds between two looks at whether to step
+TICK = 0.02  # seconds between the places of a path that a plan looks at
+
+
+@dataclass(frozen=True)
+class Gait:
+    """How one person steps in one clip.
+
+    Parameters
+    ----------
+    step_time : seconds from one footfall to the next
+    phase : 0 to 1, when in a step the plan begins
+    first : 0 the left foot goes first, 1 the right
+    stance : half the distance between the feet, metres
+    stagger : metres that the left foot stands ahead of the body and the right behind
+    toe_out : radians
+    clearance : metres that a toe is lifted in a long step
+    """
+
+    step_time: float
+    phase: float
+    first: int
+    stance: float
+    stagger: float
+    toe_out: float
+    clearance: float
+
+
+@dataclass(frozen=True)
+class Feet:
+    """Both feet over time: left, then right.
+
+    Parameters
+    ----------
+    toes : (2, T, 3) metres; height above the standing toe
+    yaw : (2, T) radians
+    heel : (2, T) radians by which the heel is raised about the toe
+    air : (2, T) 0 on the ground, 1 in mid-step
+    """
+
+    toes: Array
+    yaw: Array
+    heel: Array
+    air: Array
+
+
+def plan(path: Path, gait: Gait, duration: float) -> list[list[tuple[float, Array]]]:
+    """List each foot's plants: when its step begins, and where (x, z, yaw) it comes down.
+
+    A foot steps to where the body will be in the middle of its stance, and only if it stands
+    elsewhere by more than a few centimetres.
+    """
+    clock = np.arange(-BEFORE, duration + 2.5 * gait.step_time + 0.1, TICK)
+    places = _places(path(clock), gait)
+    ahead = gait.step_time * (0.5 * SWING + 1.0)
+    plants = [[(-BEFORE, places[side, 0])] for side in range(2)]
+    now, side = -BEFORE + gait.phase * gait.step_time, gait.first
+    while now < duration:
+        goal = places[side, int((now + ahead + BEFORE) / TICK)]
+        off = goal - plants[side][-1][1]
+        if np.hypot(off[0], off[1]) > 0.05 or abs(off[2]) > 0.25:
+            plants[side].append((now, goal))
+            now += gait.step_time
+        else:
+            now += IDLE
+        side = 1 - side
+    return plants
+
+
+def _places(body: Array, gait: Gait) -> Array:
+    """Where each foot would stand under a body: (2, N, 3) of x, z, yaw."""
+    x, z, yaw = body.T
+    places = []
+    for sign in (1.0, -1.0):
+        left, front = sign * gait.stance, sign * gait.stagger
+        places.append(
+            [
+                x + left * np.cos(yaw) + front * np.sin(yaw),
+                z - left * np.sin(yaw) + front * np.cos(yaw),
+                yaw + sign * gait.toe_out,
+            ]
+        )
+    return np.array(places).transpose(0, 2, 1)
+
+
+def walk(path: Path, gait: Gait, times: Array, duration: float) -> Feet:
+    """Put feet under a body that follows ``path``."""
+    swing = SWING * gait.step_time
+    feet = []
+    for plants in plan(path, gait, duration):
+        place = np.repeat(plants[0][1][None], len(times), axis=0)
+        lift, heel, air = np.zeros((3, len(times)))
+        for (_, old), (start, new) in zip(plants[:-1], plants[1:], strict=True):
+            fraction = (times - start) / swing
+            length = min(1.0, float(np.hypot(*(new - old)[:2])) / 0.9)
+            place = place + minimum_jerk(fraction)[:, None] * (new - old)
+            air = air + bump(fraction)
+            lift = lift + bump(fraction) * gait.clearance * (0.45 + 0.55 * length)
+            raised = window(times, start - 0.13, start + 0.3 * swing, start + 0.32 * swing, start + swing)
+            heel = heel + 0.75 * (0.25 + 0.75 * length) * raised
+        feet.append((place, lift, heel, air))
+    toes = np.array([np.stack([place[:, 0], lift, place[:, 1]], axis=-1) for place, lift, _, _ in feet])
+    return Feet(
+        toes=toes,
+        yaw=np.array([place[:, 2] for place, _, _, _ in feet]),
+        heel=np.array([heel for _, _, heel, _ in feet]),
+        air=np.array([air for _, _, _, air in feet]),
+    )
