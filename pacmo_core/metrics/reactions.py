@@ -1,0 +1,69 @@
+"""One row of a table of metrics: reactions, and all that is known of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Reactions to n partners, real or generated, with their features.
+
+    Parameters
+    ----------
+    features : (n, C, r), the features of (partner, reaction) on the common grid
+    motions : n reactions (T_i, J, 3), metres
+    partners : n motions given, (T_i, J, 3), metres, at the same times
+    times : n times (T_i,), seconds, strictly increasing
+    clips : the clip that each reaction was recorded in, or generated for
+
+    Raises
+    ------
+    ValueError
+        If numbers or shapes do not agree, or a value is not finite.
+    """
+
+    features: NDArray[np.float64]
+    motions: Sequence[NDArray[np.float32]]
+    partners: Sequence[NDArray[np.float32]]
+    times: Sequence[NDArray[np.float64]]
+    clips: Sequence[str]
+
+    def __post_init__(self) -> None:
+        numbers = [len(part) for part in (self.motions, self.partners, self.times, self.clips)]
+        if self.features.ndim != 3 or {*numbers} != {len(self.features)} or not numbers[0]:
+            raise ValueError(
+                f"wanted features (n, C, r) and n > 0 motions, partners, times, clips; "
+                f"got {self.features.shape}, {numbers}"
+            )
+        if not np.isfinite(self.features).all():
+            bad = int(np.argwhere(~np.isfinite(self.features))[0, 0])
+            raise ValueError(f"features must be finite; those of sample {bad} are not")
+        for i in range(len(self)):
+            self._check(i)
+
+    def __len__(self) -> int:
+        """Count the reactions."""
+        return len(self.features)
+
+    def take(self, indices: NDArray[np.intp]) -> "Reactions":
+        """Choose samples by index, in that order."""
+        return Reactions(
+            features=self.features[indices],
+            motions=[self.motions[i] for i in indices],
+            partners=[self.partners[i] for i in indices],
+            times=[self.times[i] for i in indices],
+            clips=[self.clips[i] for i in indices],
+        )
+
+    def _check(self, i: int) -> None:
+        motion, partner, times = self.motions[i], self.partners[i], self.times[i]
+        if motion.ndim != 3 or motion.shape != partner.shape or times.shape != motion.shape[:1]:
+            raise ValueError(
+                f"sample {i}: wanted motion and partner (T, J, 3) and times (T,); "
+                f"got {motion.shape}, {partner.shape}, {times.shape}"
+            )
+        if not np.isfinite(motion).all():
+            raise ValueError(f"sample {i} (clip {self.clips[i]}): its motion is not finite")
