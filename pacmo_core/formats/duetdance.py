@@ -85,25 +85,17 @@ class DuetDance:
 
 
 def _clips(root: Path, file: Path) -> list[RawSequence]:
-    """List the clips of one dancer's file that the other has too; each file's rest with a man's."""
+    """List the clips of one dancer's file: with the man's those that both have, else the rest."""
     sex, dance = file.parent.name, file.stem
-    other = {"male": "female", "female": "male"}.get(sex)
-    partner = file.parent.parent / (other or sex) / file.name
-    if other is None or not partner.is_file() or partner == file:
-        return [lone_sequence(root, file)]
+    partner = file.parent.parent / {"male": "female"}.get(sex, "male") / file.name
     ours, theirs = _names(file), _names(partner)
-    if sex == "female":
-        # Shared clips are listed with the man's file; here only what he lacks.
-        shared: list[str] = []
-    else:
-        shared = [name for name in ours if name in theirs]
-    alone = [name for name in ours if name not in theirs]
-    folder = file.parent.parent.relative_to(root).as_posix().removeprefix(".")
-    place = f"{folder}/{dance}" if folder else dance
-    pairs = [_clip(place, dance, name, (file, partner)) for name in shared]
-    if not ours:
+    if sex not in ("male", "female") or not partner.is_file() or not ours:
         return [lone_sequence(root, file)]
-    return pairs + [_clip(f"{place}-{sex}", dance, name, (file,)) for name in alone]
+    folder = file.parent.parent.relative_to(root).as_posix()
+    place = dance if folder == "." else f"{folder}/{dance}"
+    pairs = [_clip(place, dance, name, (file, partner)) for name in ours if name in theirs]
+    alone = [_clip(f"{place}-{sex}", dance, name, (file,)) for name in ours if name not in theirs]
+    return pairs + alone if sex == "male" else alone
 
 
 def _clip(place: str, dance: str, name: str, files: tuple[Path, ...]) -> RawSequence:
@@ -129,7 +121,8 @@ def _positions(file: Path, clip: str) -> NDArray[np.float64]:
         return _read_text(file)
     names = [name for name in list_variables(file) if sequence_name(name) == clip]
     if not names:
-        raise FormatError(file, f"no second person: wanted the variable {clip!r}")
+        reason = f"no second person: {clip!r} is no variable of a male/ and a female/ file"
+        raise FormatError(file, reason)
     table = read_variable(file, names[0])
     if table.ndim != 3 or table.shape[1:] != (15, 3):
         raise FormatError(file, f"{clip}: wanted (T, 15, 3); got {table.shape}")

@@ -5,6 +5,8 @@ turns) is not read. 30 fps. InterGen's own code (Liang et al. 2024) turns the ar
 y up; the axis is a setting.
 """
 
+import tokenize
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +20,20 @@ from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.skeleton import INTERHUMAN22
 
 _COLUMNS = 22 * 3
+
+# What NumPy's reader has been seen to raise on broken headers, which it parses as Python text.
+_BROKEN = (
+    ValueError,
+    TypeError,
+    SyntaxError,
+    ArithmeticError,
+    EOFError,
+    OSError,
+    MemoryError,
+    RecursionError,
+    tokenize.TokenError,
+    UserWarning,
+)
 RULES = (
     PairRule(
         pattern=r"(?P<folder>(?:.*/)?)(?P<person>person1|person2)/(?P<id>[^/]+)\.(?i:npy)",
@@ -69,9 +85,11 @@ class InterHuman:
 def _read_array(file: Path) -> NDArray[np.generic]:
     """Open a two-dimensional real array; mapped, so that columns not wanted are not read."""
     try:
-        # Unpickling would run what the file says; it stays off.
-        array = np.load(file, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError, SyntaxError, TypeError, ArithmeticError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            # Unpickling would run what the file says; it stays off.
+            array = np.load(file, mmap_mode="r", allow_pickle=False)
+    except _BROKEN as error:
         raise FormatError(file, f"no array of numbers: {error}") from error
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
         kind = getattr(array, "dtype", type(array).__name__)

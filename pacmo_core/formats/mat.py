@@ -33,7 +33,7 @@ _BROKEN = (
     struct.error,
     zlib.error,
     matlab.MatReadError,
-    matlab.MatReadWarning,
+    Warning,
 )
 
 
@@ -82,7 +82,8 @@ def read_variable(file: Path, name: str) -> NDArray[np.float64]:
 
 def bounded(file: Path, table: NDArray[np.generic]) -> NDArray[np.float64]:
     """Turn real numbers into float64; refuse what is not finite or too large to be a place."""
-    numbers: NDArray[np.float64] = table.astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):
+        numbers: NDArray[np.float64] = table.astype(np.float64)
     if not (np.abs(numbers) <= LARGEST).all():
         place = tuple(int(i) for i in np.argwhere(~(np.abs(numbers) <= LARGEST))[0])
         raise FormatError(file, f"wanted numbers up to {LARGEST:g}; {place} has {numbers[place]}")
