@@ -110,14 +110,14 @@ def _everyone(shown: Interaction) -> NDArray[np.float32]:
 def _view(shown: Interaction, origin: NDArray[np.float64]) -> dict[str, float]:
     """Place the ground and a camera that sees both people from the side, whole; millimetres.
 
-    The ground is the 5th percentile over frames of the lowest joint: a noisy depth camera
-    throws single feet far below the floor.
+    The ground is the median over frames of the lowest joint: a depth camera that leans, or
+    loses a foot, leaves single frames far below the floor.
     """
     away = (_everyone(shown) - origin) * _MM
     apart = (shown.person_b - shown.person_a).mean(axis=(0, 1))
     return {
-        "ground": round(float(np.percentile(away[..., 1].min(axis=1), 5)) - _FOOT_MM, 1),
+        "ground": round(float(np.median(away[..., 1].min(axis=1))) - _FOOT_MM, 1),
         "top": round(float(np.percentile(away[..., 1].max(axis=1), 95)), 1),
-        "reach": round(float(np.hypot(away[..., 0], away[..., 2]).max()), 1),
+        "reach": round(float(np.percentile(np.hypot(away[..., 0], away[..., 2]), 99)), 1),
         "yaw": round(float(-np.arctan2(apart[2], apart[0])), 4),
     }

@@ -38,7 +38,8 @@ class Curve:
         wrong = {name: len(term) for name, term in self.terms.items()}
         if not self.steps or any(n != len(self.steps) for n in wrong.values()):
             raise ValueError(
-                f"a curve of {len(self.steps)} steps wants as many values; got {wrong}"
+                f"a curve wants at least one step and a value a step; "
+                f"got {len(self.steps)} steps and {wrong}"
             )
 
 
@@ -56,6 +57,7 @@ class Chart:
 
     name: str
     x_label: str
+    is_log: bool
     last: str
     line: str
     band: str
@@ -95,6 +97,7 @@ def _chart(
     return Chart(
         name=name,
         x_label=x_label,
+        is_log=bool(log),
         last=number(float(values[-1])),
         line=_path(across, middle),
         band=_path(across + across[::-1], high + low[::-1]) + "Z",
@@ -121,16 +124,18 @@ class _Axis:
         return self.start + share * (self.stop - self.start)
 
     def ticks(self, *, log: bool) -> tuple[Tick, ...]:
-        """Mark three to six round values: 1, 2 or 5 times a power of ten."""
-        rough = (self.high - self.low) / 4
+        """Mark a few round values: 1, 2 or 5 times a power of ten; whole powers if logarithmic."""
+        rough = max((self.high - self.low) / 4, 1.0 if log else 0.0)
         power = 10.0 ** np.floor(np.log10(rough))
         step = power * next(m for m in (1, 2, 5, 10) if m * power >= rough)
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step
-        texts = [number(10**v if log else v) for v in values]
         return tuple(
-            Tick(round(self.place(float(v)), 2), text)
-            for v, text in zip(values, texts, strict=True)
+            Tick(round(self.place(float(v)), 2), _short(float(10**v if log else v))) for v in values
         )
+
+
+def _short(value: float) -> str:
+    return f"{round(value, 12):g}".replace("-", "−")
 
 
 def _path(x: Sequence[float], y: Sequence[float]) -> str:

@@ -5,22 +5,17 @@
 (() => {
   const LIGHT = [-0.35, 1, 0.45]; // towards the light; only its shadow depends on it
   const FIELD = 0.52; // half the picture's height at distance one
+  const WHITE = [255, 255, 255], BLACK = [0, 0, 0];
   const PIECES = 3; // a limb is cut so that crossing limbs sort right
-
-  // ---- motion -------------------------------------------------------------------------------
 
   function unpack(text, Kind) {
     return new Kind(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
   }
 
   function readPanel(packed) {
-    const ticks = unpack(packed.ticks, Int32Array);
-    return {
-      joints: packed.joints,
-      body: packed.body,
-      times: Array.from(ticks, (tick) => tick / 10000),
-      people: [unpack(packed.partner, Int16Array), unpack(packed.reaction, Int16Array)],
-    };
+    const times = Array.from(unpack(packed.ticks, Int32Array), (tick) => tick / 10000);
+    const people = [packed.partner, packed.reaction].map((motion) => unpack(motion, Int16Array));
+    return { joints: packed.joints, body: packed.body, times, people };
   }
 
   function frameAt(times, time) {
@@ -55,11 +50,9 @@
     return parts;
   }
 
-  // ---- camera -------------------------------------------------------------------------------
-
   function homeCamera(view) {
     const height = view.top - view.ground;
-    return { yaw: view.yaw, pitch: 0.2, distance: 1.12 * Math.max(view.reach + 350, height * 0.75) / FIELD };
+    return { yaw: view.yaw, pitch: 0.2, distance: Math.max(view.reach + 250, height * 0.68) / FIELD };
   }
 
   function projector(camera, view, width, height) {
@@ -75,18 +68,14 @@
     };
   }
 
-  // ---- drawing ------------------------------------------------------------------------------
-
   const mixed = (rgb, other, share) => `rgb(${rgb.map((v, k) => Math.round(v + (other[k] - v) * share)).join()})`;
 
   function colours() {
     const style = getComputedStyle(document.documentElement);
     const read = (name) => style.getPropertyValue(name).trim();
     const rgb = (name) => [1, 3, 5].map((k) => parseInt(read(name).slice(k, k + 2), 16));
-    return {
-      people: [rgb("--partner"), rgb("--reaction")],
-      sky: rgb("--sky"), floor: read("--floor"), grid: read("--grid"), shadow: read("--shadow"),
-    };
+    const people = [rgb("--partner"), rgb("--reaction")], sky = rgb("--sky");
+    return { people, sky, floor: read("--floor"), grid: read("--grid"), shadow: read("--shadow") };
   }
 
   function hull(points) { // monotone chain, counter-clockwise
@@ -118,6 +107,7 @@
     const rim = Array.from({ length: 72 }, (_, k) => at(radius * Math.cos(k * Math.PI / 36), radius * Math.sin(k * Math.PI / 36)));
     const disc = new Path2D(), lines = new Path2D();
     addPolygon(disc, rim.map((p) => [p.x, p.y]));
+    // a line each half metre
     for (let line = -Math.floor(radius / 500) * 500; line < radius; line += 500) {
       const half = Math.sqrt(radius * radius - line * line);
       for (const [p, q] of [[at(line, -half), at(line, half)], [at(-half, line), at(half, line)]]) {
@@ -192,31 +182,25 @@
     for (const { person, discs, depth } of queue) {
       const haze = Math.min(0.35, Math.max(0, (depth / camera.distance - 0.9) * 0.8));
       const base = colour.people[person].map((v, k) => v + (colour.sky[k] - v) * haze);
-      const light = [255, 255, 255], dark = [0, 0, 0];
-      const tone = discs.length === 2
-        ? [mixed(base, light, 0.12), mixed(base, light, 0.32), mixed(base, dark, 0.42)]
-        : [mixed(base, light, 0.42), mixed(base, light, 0.2), mixed(base, dark, 0.42)];
-      ctx.fillStyle = shading(ctx, discs, tone);
+      const [edge, middle] = discs.length === 2 ? [0.12, 0.32] : [0.42, 0.2];
+      ctx.fillStyle = shading(ctx, discs, [mixed(base, WHITE, edge), mixed(base, WHITE, middle), mixed(base, BLACK, 0.42)]);
       ctx.fill(outline(discs));
     }
   }
 
-  // ---- one player ---------------------------------------------------------------------------
-
   function mount(figure, clip) {
     const find = (name) => figure.querySelector(name);
     const [play, scrub, clock, speed, loop] = [".play", ".scrub", ".clock", ".speed", ".loop"].map(find);
-    const panels = clip.panels.map(readPanel), canvases = [...figure.querySelectorAll("canvas")];
+    const panels = clip.panels.map(readPanel), canvases = [...figure.querySelectorAll("canvas")], first = panels[0].times;
     const length = Math.max(...panels.map((panel) => panel.times.at(-1)));
-    const first = panels[0].times;
     let camera = homeCamera(clip.view), time = 0, playing = false, last = 0, asked = false, seen = true;
     scrub.max = length;
 
-    function drawPanel(canvas, panel) {
+    function drawPanel(canvas, panel, colour) {
       const width = Math.round(canvas.clientWidth * devicePixelRatio);
       const height = Math.round(canvas.clientHeight * devicePixelRatio);
       if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-      const ctx = canvas.getContext("2d"), project = projector(camera, clip.view, width, height), colour = colours();
+      const ctx = canvas.getContext("2d"), project = projector(camera, clip.view, width, height);
       ctx.clearRect(0, 0, width, height);
       const people = [0, 1].map((person) => solids(panel.body, poseAt(panel, person, time)));
       drawGround(ctx, project, clip.view, colour);
@@ -234,7 +218,8 @@
       }
       scrub.value = time;
       clock.textContent = `frame ${frameAt(first, time) + 1} of ${first.length} · ${time.toFixed(2)} s`;
-      if (seen) canvases.forEach((canvas, k) => drawPanel(canvas, panels[k]));
+      const colour = colours();
+      if (seen) canvases.forEach((canvas, k) => drawPanel(canvas, panels[k], colour));
       if (playing) ask();
     }
 
@@ -287,16 +272,14 @@
 
   // Drag with mouse or finger to turn, two fingers or Ctrl and wheel to come closer.
   function orbit(canvas, move, reset) {
-    const fingers = new Map(), gap = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    });
+    const fingers = new Map(), place = (event) => fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    const gap = ([a, b] = [...fingers.values()]) => Math.hypot(a.x - b.x, a.y - b.y);
+    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); place(event); });
     canvas.addEventListener("pointermove", (event) => {
       const was = fingers.get(event.pointerId);
       if (!was) return;
       const before = fingers.size === 2 ? gap() : 0;
-      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      place(event);
       if (fingers.size === 2) move(0, 0, before / (gap() || 1));
       else move((event.clientX - was.x) * 0.01, (event.clientY - was.y) * 0.006, 1);
     });

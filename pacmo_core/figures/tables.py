@@ -28,9 +28,7 @@ METRICS = {
     "mmd_a": Metric("MMD-A", LOWER, "", "maximum mean discrepancy, frame by frame"),
     "mmd_s": Metric("MMD-S", LOWER, "", "maximum mean discrepancy of whole clips"),
     "diversity": Metric("Diversity", CLOSER, "", "squared distance of the features of two clips"),
-    "matching": Metric(
-        "Matching", HIGHER, "", "how often the reaction is told to be its partner's"
-    ),
+    "matching": Metric("Matching", HIGHER, "", "how often reaction and partner are told to belong"),
     "ape": Metric("APE", LOWER, "m", "average position error of the root"),
     "ave": Metric("AVE", LOWER, "m²", "average error of the root's variance over time"),
     "ape_joints": Metric("APE, joints", LOWER, "m", "average position error of all joints"),
@@ -52,7 +50,7 @@ _NO_MODELS = {"real", "oracle", "wrong_partner"}
 
 @dataclass(frozen=True)
 class Entry:
-    """One cell as shown: ``mark`` is ``best``, ``level`` (its interval meets the best's) or empty."""
+    """One cell as shown; ``mark`` is ``best``, ``level`` (interval meets the best's) or empty."""
 
     value: str
     interval: str
