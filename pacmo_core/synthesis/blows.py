@@ -34,7 +34,7 @@ def _push(cue: Cue) -> Part:
     reaches = []
     for hand, sign in ((0, 1.0), (1, -1.0)):
         chamber = fixed(sign * 0.15, -0.13, 0.17 - 0.03 * own.strength)
-        reaches.append(Reach(hand, Spell(ready - 0.2, ready + 0.15, cue.event, back + 0.4), chamber, True, 0.4))
+        reaches.append(Reach(hand, Spell(ready - 0.2, ready + 0.15, cue.event - 0.02, back), chamber, True, 0.4))
         place = (cue.aside + sign * 0.11, cue.script.level, cue.partner - CHEST - 0.03)
         thrust = Spell(cue.event - 0.28, cue.event, back, back + 0.5)
         reaches.append(Reach(hand, thrust, _through(cue, place), False, 0.35))
@@ -68,7 +68,7 @@ def _pushed(cue: Cue) -> Part:
     path = route(0.0, -cue.stand - walk.z, walk, fall)
     fling = Spell(begin, begin + 0.25, begin + 0.4, begin + 1.0)
     reaches = tuple(
-        Reach(hand, fling, fixed(sign * 0.27, -0.12 - 0.1 * own.more[5], 0.33), True, 0.6)
+        Reach(hand, fling, fixed(sign * 0.36, -0.12 - 0.1 * own.more[5], 0.20), True, 0.6)
         for hand, sign in ((0, 1.0), (1, -1.0))
         if own.more[6] < 0.75 or hand == int(own.side < 0)
     )
@@ -83,8 +83,8 @@ def _kick(cue: Cue) -> Part:
     leg = Kick(
         foot,
         point,
-        Spell(event - 0.46, event - 0.16, gone + 0.15, gone + 0.55),
-        Spell(event - 0.2, event, gone, gone + 0.28),
+        Spell(event - 0.52, event - 0.16, gone + 0.15, gone + 0.6),
+        Spell(event - 0.26, event, gone, gone + 0.34),
     )
     lean = Lean(
         Spell(event - 0.5, event - 0.05, gone + 0.1, gone + 0.6),
@@ -136,10 +136,10 @@ def _punch(cue: Cue) -> Part:
     sign, event = 1.0 - 2.0 * cue.hand, cue.event
     ready = event - 0.55 - own.early
     back = cue.over + 0.04
-    cocked = fixed(sign * 0.24, -0.10, -0.02 - 0.05 * own.strength)
+    cocked = fixed(sign * 0.21, -0.20, 0.16 - 0.04 * own.strength)
     place = fixed(cue.aside, cue.script.level, cue.partner - 0.17)
     reaches = (
-        Reach(hand, Spell(ready, ready + 0.35, event, event + 0.9), cocked, True, 0.6),
+        Reach(hand, Spell(ready, ready + 0.35, event - 0.02, back), cocked, True, 0.6),
         Reach(hand, Spell(event - 0.22, event, back, back + 0.45), place, False, 0.55),
         Reach(1 - hand, Spell(ready, ready + 0.4, event + 0.3, event + 0.9), fixed(-sign * 0.13, -0.06, 0.24), True),
     )

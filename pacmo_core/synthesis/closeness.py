@@ -6,7 +6,7 @@ from pacmo_core.synthesis.curves import Array, window
 from pacmo_core.synthesis.direct import Cue, enter, leave, route
 from pacmo_core.synthesis.part import Course, Lean, Part, Reach, Spell
 
-BACK = 0.115  # metres from the partner's spine to a palm on the back
+BACK = 0.10  # metres from the partner's spine to a palm on the back
 
 
 def hug(cue: Cue) -> Part:
@@ -44,7 +44,7 @@ def _on_back(cue: Cue, hand: int, above: bool) -> Course:
     side = 1.0 if cue.hand == 1 else -1.0
     middle = -side * cue.script.aside  # where the partner's spine is along my x
     low = 0.06 if above else 0.26
-    spot = (middle + 0.03 * sign, cue.you.body.shoulder_height - low, cue.partner + BACK)
+    spot = (middle + 0.08 * sign, cue.you.body.shoulder_height - low, cue.partner + BACK)
     pats = above and cue.own.manner == 0
 
     def course(times: Array) -> Array:

@@ -43,10 +43,10 @@ def _wave(cue: Cue, hand: int, start: float) -> Reach:
     sign, size = 1.0 - 2.0 * hand, cue.me.body.stature
 
     def course(times: Array) -> Array:
-        x = sign * (0.17 * size + 0.05 * np.sin(2.0 * np.pi * 2.2 * (times - start)))
-        return np.stack([x, np.full_like(x, 0.04 * size), np.full_like(x, 0.16 * size)], axis=-1)
+        x = sign * (0.16 * size + 0.05 * np.sin(2.0 * np.pi * 2.2 * (times - start)))
+        return np.stack([x, np.full_like(x, 0.12 * size), np.full_like(x, 0.10 * size)], axis=-1)
 
-    return Reach(hand, Spell(start, start + 0.45, start + 0.85, start + 1.35), course, True, 0.5)
+    return Reach(hand, Spell(start, start + 0.45, start + 0.85, start + 1.35), course, True, 0.5, (sign * 0.12, 0.0, 0.2))
 
 
 def handshake(cue: Cue) -> Part:
@@ -96,7 +96,7 @@ def high_five(cue: Cue) -> Part:
         Spell(start, cue.event, cue.over, cue.over + 0.5 + 0.25 * own.more[4]),
         fixed(*contact(cue, 0.008)),
         flare=0.3 + 0.4 * own.more[5],
-        detour=(sign * 0.12 * own.strength, 0.05, -0.06 * own.strength),
+        detour=(sign * 0.12 * own.strength, 0.0, 0.12),
     )
     leans = [Lean(clap.spell, pitch=0.04, twist=-0.15 * sign, aside=0.0)]
     if own.manner == 1:

@@ -11,7 +11,7 @@ from pacmo_core.synthesis.part import Part, Reach
 from pacmo_core.synthesis.trunk import Trunk, ankles, spell, stand
 
 SIDES = (("left", 1.0), ("right", -1.0))
-HANG = 0.955  # of a straight arm: how a relaxed arm hangs
+HANG = 0.972  # of a straight arm: how a relaxed arm hangs
 ARM_SWING = 0.62  # radians a metre of stride
 
 
@@ -51,7 +51,8 @@ def _leg(
         ankle = ankle + chamber[:, None] * (tucked - ankle)
         ankle = ankle + thrust[:, None] * (np.array(part.kick.point) - ankle)
         flex = flex + 0.5 * chamber * (1.0 - thrust) - 0.7 * thrust
-    pole = forward + 0.12 * sign * trunk.pelvis[:, :, 0]
+    # Ahead and up: a knee bends forward under the body and upward in a kick.
+    pole = forward + 0.12 * sign * trunk.pelvis[:, :, 0] + [0.0, 0.8, 0.0]
     knee, ankle = two_bones(trunk.joints[f"{name}_hip"], ankle, (body.thigh, body.shank), pole)
     toe = np.array([0.0, body.foot_height - body.ankle_height, body.foot_forward])
     heading = _frame(feet.yaw[side]) @ pitch(flex)

@@ -138,7 +138,7 @@ def _blow(
         level = other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16))
         return level, _comfortable(actor, level, 0.74) + CHEST + 0.08
     level = other.head_height - 0.03 - float(random.uniform(0.0, 0.06))
-    return level, _comfortable(actor, level, 0.84) + CHEST + 0.16
+    return level, _comfortable(actor, level, 0.84) + CHEST + 0.24
 
 
 def view(

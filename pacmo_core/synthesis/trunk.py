@@ -10,7 +10,7 @@ from pacmo_core.synthesis.gait import Feet
 from pacmo_core.synthesis.kinematics import pitch, roll, turn
 from pacmo_core.synthesis.part import Lean, Part, Spell
 
-STRAIGHT = 0.968  # of a leg: what standing and walking stretch it to
+STRAIGHT = 0.990  # of a leg: what standing and walking stretch it to
 SHIFT = 0.022  # metres that the pelvis goes over the standing leg in a step
 SWAY = np.array([0.006, 0.006, 0.012, 0.010, 0.020, 0.030, 0.045])  # metres, metres, radians
 
@@ -92,7 +92,7 @@ def height(person: Subject, feet: Feet, base: Array, hips: Array) -> Array:
         hip = base + sign * body.hip_half * hips[:, :, 0]
         apart = np.hypot(ankle[:, 0] - hip[:, 0], ankle[:, 2] - hip[:, 2])
         rise = np.sqrt(np.maximum((STRAIGHT * body.leg) ** 2 - apart**2, 0.01))
-        high = soft_min(high, rise + ankle[:, 1], 0.008)
+        high = soft_min(high, rise + ankle[:, 1], 0.006)
     return high + body.hip_drop
 
 
