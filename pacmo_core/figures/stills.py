@@ -98,23 +98,24 @@ def draw_interaction(
     axes.tick_params(bottom=False, left=False, labelbottom=False, labelleft=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    points = axes.get_position().width * axes.figure.get_figwidth() * 72.0 / size
+    points = axes.bbox.width / axes.figure.dpi * 72.0 / size
     skeleton = interaction.skeleton
     widths = np.array(bone_widths(skeleton)) * points
-    people = [np.asarray(m[frame], np.float64) for m in (interaction.person_a, interaction.person_b)]
+    people = [
+        np.asarray(m[frame], np.float64) for m in (interaction.person_a, interaction.person_b)
+    ]
     for pose in people:
         flat = project(np.where([False, True, False], seen.centre[1], pose), seen)[:, :2]
+        shadow = [flat[bone] for bone in skeleton.bones]
         axes.add_collection(
-            LineCollection(flat[skeleton.bones], linewidths=widths, colors=SHADOW, capstyle="round", zorder=0)
+            LineCollection(shadow, linewidths=widths, colors=SHADOW, capstyle="round", zorder=0)
         )
     for pose, colour in zip(people, COLOURS, strict=True):
         _draw_body(axes, skeleton, project(pose, seen), widths, colour)
 
 
-def _draw_body(
-    axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colour: str
-) -> None:
-    """Draw bones as round rods, the nearer over the farther and lighter, each with a thin pale edge."""
+def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colour: str) -> None:
+    """Draw bones as round rods with pale edges, the nearer lighter and over the farther."""
     tone = np.array(to_rgb(colour))
     for (parent, child), width in zip(skeleton.bones, widths, strict=True):
         ends = pose[[parent, child]]
@@ -131,7 +132,9 @@ def _draw_body(
     for joint, name in enumerate(skeleton.joints):
         if name.lower() == "head":
             near = pose[joint, 2]
-            disc = Circle(tuple(pose[joint, :2]), HEAD, facecolor=tone, edgecolor="white", linewidth=0.6)
+            disc = Circle(
+                tuple(pose[joint, :2]), HEAD, facecolor=tone, edgecolor="white", linewidth=0.6
+            )
             disc.set_zorder(10.0 + near + 0.02)
             axes.add_patch(disc)
 
@@ -155,7 +158,9 @@ def film_strip(
             axes = figure.add_axes((*box, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
             draw_interaction(axes, interaction, frame, seen=seen, size=size)
             label = f"{interaction.times[frame]:.2f} s"
-            axes.text(0.97, 0.94, label, transform=axes.transAxes, ha="right", fontsize=6, color="#777")
+            axes.text(
+                0.97, 0.94, label, transform=axes.transAxes, ha="right", fontsize=6, color="#777"
+            )
             if column == 0:
                 axes.text(0.03, 0.93, title, transform=axes.transAxes, fontsize=8, color="#222")
     return figure

@@ -1,4 +1,4 @@
-"""What one person chooses alone: the private variables, from which the variety of reactions comes."""
+"""What one person chooses alone: the private variables, whence the variety of reactions."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""From a part to a body's 25 joints: the trunk first, then legs to the feet and arms to their reaches."""
+"""From a part to 25 joints: the trunk first, then legs to the feet and arms to their reaches."""
 
 import numpy as np
 
@@ -39,7 +39,12 @@ def embody(person: Subject, part: Part, feet: Feet, times: Array, sway: Array) -
 
 
 def _leg(
-    person: Subject, part: Part, trunk: Trunk, feet: Feet, limb: tuple[int, str, float], times: Array
+    person: Subject,
+    part: Part,
+    trunk: Trunk,
+    feet: Feet,
+    limb: tuple[int, str, float],
+    times: Array,
 ) -> dict[str, Array]:
     body, (side, name, sign) = person.body, limb
     ankle, flex = ankles(person, feet, side), feet.heel[side]
@@ -139,4 +144,5 @@ def _detour(reach: Reach, times: Array, upright: Array) -> Array:
     when = reach.spell
     way = bump((times - when.start) / (when.arrive - when.start))
     way = way + bump((times - when.leave) / (when.back - when.leave))
-    return way[:, None] * (upright @ np.array(reach.detour))
+    bend: Array = way[:, None] * (upright @ np.array(reach.detour))
+    return bend
