@@ -1,8 +1,9 @@
-"""The population of bodies: bone lengths and habits of a subject, the same whenever it is asked for.
+"""The population of bodies: a subject's bone lengths and habits, the same at every draw.
 
-Stature: ANSUR II (Gordon et al. 2014, 2012 Anthropometric Survey of U.S. Army Personnel). Segments
-as shares of stature: Drillis and Contini (1966), Body segment parameters, as tabled by Winter (2009),
-fig. 4.1. Where a depth camera puts a joint elsewhere than a bone ends, the share is Kinect's.
+Stature: ANSUR II (Gordon et al. 2014, 2012 Anthropometric Survey of U.S. Army Personnel).
+Segments as shares of stature: Drillis and Contini (1966), Body segment parameters, as tabled by
+Winter (2009), fig. 4.1. Where a depth camera puts a joint elsewhere than a bone ends, the share
+is Kinect's.
 """
 
 from dataclasses import dataclass
@@ -144,5 +145,5 @@ def subject(population: int, number: int) -> Subject:
 
 
 def pair_of(population: int, pair: int) -> tuple[Subject, Subject]:
-    """Give both people of a pair: subjects ``2 pair - 1`` and ``2 pair``, who never change partner."""
+    """Give both people of a pair, who never change partner: subjects ``2 pair - 1``, ``2 pair``."""
     return subject(population, 2 * pair - 1), subject(population, 2 * pair)

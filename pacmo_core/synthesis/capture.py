@@ -30,7 +30,7 @@ PLAYS = {
     "punch": blows.punch,
     "hug": closeness.hug,
     "hand over": meetings.hand_over,
-    "circle dance": meetings.circle_dance,
+    "circle dance": closeness.circle_dance,
 }
 
 
@@ -66,7 +66,8 @@ def perform(script: Script, random: np.random.Generator, role: Role) -> Motion:
 def capture(script: Script, random: np.random.Generator) -> Interaction:
     """Perform both parts, each with a generator of its own spawned from ``random``: a's, then b's.
 
-    The clock is the nominal one: like an NTU file, a capture does not say when its frames were taken.
+    The clock is the nominal one: like an NTU file, a capture does not say when its frames were
+    really taken.
     """
     for_a, for_b = random.spawn(2)
     return Interaction(

@@ -1,4 +1,4 @@
-"""What one person chooses alone: the private variables, from which the variety of reactions comes."""
+"""What one person chooses alone: the private variables, whence the variety of reactions."""
 
 from dataclasses import dataclass
 
@@ -65,5 +65,6 @@ def _gait(random: np.random.Generator, person: Subject) -> Gait:
         stance=person.stance + float(random.uniform(-0.015, 0.015)),
         stagger=float(random.normal(0.0, 0.035)),
         toe_out=float(random.normal(0.15, 0.05)),
+        lead=person.body.foot_forward - 0.01 + float(random.normal(0.0, 0.008)),
         clearance=float(random.uniform(0.05, 0.085)),
     )

@@ -23,7 +23,7 @@ def ramp(times: Array, start: float, stop: float) -> Array:
 
 
 def window(times: Array, start: float, arrive: float, leave: float, back: float) -> Array:
-    """Go from 0 to 1 between ``start`` and ``arrive``, hold, go back between ``leave`` and ``back``."""
+    """Go from 0 to 1 from ``start`` to ``arrive``, hold, and back from ``leave`` to ``back``."""
     return ramp(times, start, arrive) * (1.0 - ramp(times, leave, back))
 
 
@@ -74,4 +74,5 @@ def drift(times: Array, phases: Array, rates: Array) -> Array:
     (C, T)
     """
     angle = 2.0 * np.pi * rates[:, :, None] * times + phases[:, :, None]
-    return np.sin(angle).sum(axis=1) * np.sqrt(2.0 / phases.shape[1])
+    wander: Array = np.sin(angle).sum(axis=1) * np.sqrt(2.0 / phases.shape[1])
+    return wander

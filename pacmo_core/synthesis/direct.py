@@ -6,9 +6,9 @@ import numpy as np
 
 from pacmo_core.synthesis.body import Subject
 from pacmo_core.synthesis.choices import Choices
-from pacmo_core.synthesis.curves import Array, bump, glide
+from pacmo_core.synthesis.curves import Array, bump, glide, window
 from pacmo_core.synthesis.gait import Path
-from pacmo_core.synthesis.part import Reach, Spell, fixed
+from pacmo_core.synthesis.part import Course, Reach, Spell, fixed
 from pacmo_core.synthesis.script import Role, Script
 
 ALWAYS = Spell(-9.0, -8.0, 90.0, 91.0)
@@ -84,7 +84,7 @@ class Move:
 
 
 def route(x: float, z: float, *moves: Move) -> Path:
-    """Begin at (x, z) facing the partner and make every move; ``bow`` bends one aside at half way."""
+    """Begin at (x, z) facing the partner and make every move; its ``bow`` bends it half way."""
 
     def path(times: Array) -> Array:
         place = np.tile([x, z, 0.0], (len(times), 1))
@@ -135,3 +135,15 @@ def free_hand(cue: Cue, hand: int) -> tuple[Reach, ...]:
 def contact(cue: Cue, give: float = 0.0) -> tuple[float, float, float]:
     """Where the contact is, ``give`` metres on my side of the meeting plane."""
     return cue.aside, cue.script.level, -give
+
+
+def shaken(cue: Cue, place: tuple[float, float, float]) -> Course:
+    """Keep to a place, and go up and down with the script's beat while the contact lasts."""
+
+    def course(times: Array) -> Array:
+        still = window(times, cue.event - 0.05, cue.event + 0.2, cue.over - 0.15, cue.over + 0.1)
+        wave = np.sin(2.0 * np.pi * cue.script.beat * (times - cue.event)) * still
+        place_then: Array = np.array(place) + np.outer(wave, [0.0, 0.03 * cue.script.vigour, 0.0])
+        return place_then
+
+    return course

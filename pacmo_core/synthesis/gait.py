@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,6 +28,7 @@ class Gait:
     stance : half the distance between the feet, metres
     stagger : metres that the left foot stands ahead of the body and the right behind
     toe_out : radians
+    lead : metres that a toe stands ahead of the pelvis at rest
     clearance : metres that a toe is lifted in a long step
     """
 
@@ -36,6 +38,7 @@ class Gait:
     stance: float
     stagger: float
     toe_out: float
+    lead: float
     clearance: float
 
 
@@ -85,7 +88,7 @@ def _places(body: Array, gait: Gait) -> Array:
     x, z, yaw = body.T
     places = []
     for sign in (1.0, -1.0):
-        left, front = sign * gait.stance, sign * gait.stagger
+        left, front = sign * gait.stance, gait.lead + sign * gait.stagger
         places.append(
             [
                 x + left * np.cos(yaw) + front * np.sin(yaw),
@@ -103,16 +106,20 @@ def walk(path: Path, gait: Gait, times: Array, duration: float) -> Feet:
     for plants in plan(path, gait, duration):
         place = np.repeat(plants[0][1][None], len(times), axis=0)
         lift, heel, air = np.zeros((3, len(times)))
-        for (_, old), (start, new) in zip(plants[:-1], plants[1:], strict=True):
+        for (_, old), (start, new) in pairwise(plants):
             fraction = (times - start) / swing
             length = min(1.0, float(np.hypot(*(new - old)[:2])) / 0.9)
-            place = place + minimum_jerk(fraction)[:, None] * (new - old)
+            place = place + minimum_jerk((fraction - 0.06) / 0.88)[:, None] * (new - old)
             air = air + bump(fraction)
-            lift = lift + bump(fraction) * gait.clearance * (0.45 + 0.55 * length)
-            raised = window(times, start - 0.13, start + 0.3 * swing, start + 0.32 * swing, start + swing)
+            lift = lift + bump(fraction) ** (2 / 3) * gait.clearance * (0.45 + 0.55 * length)
+            raised = window(
+                times, start - 0.13, start + 0.3 * swing, start + 0.32 * swing, start + swing
+            )
             heel = heel + 0.75 * (0.25 + 0.75 * length) * raised
         feet.append((place, lift, heel, air))
-    toes = np.array([np.stack([place[:, 0], lift, place[:, 1]], axis=-1) for place, lift, _, _ in feet])
+    toes = np.array(
+        [np.stack([place[:, 0], lift, place[:, 1]], axis=-1) for place, lift, _, _ in feet]
+    )
     return Feet(
         toes=toes,
         yaw=np.array([place[:, 2] for place, _, _, _ in feet]),

@@ -7,9 +7,9 @@ import numpy as np
 
 from pacmo_core.synthesis.curves import Array, soft_max, soft_min
 
-REACH = 0.985  # of a straight limb: no elbow or knee is ever fully extended
+REACH = 0.997  # of a straight limb: no elbow or knee is ever fully extended
 FOLD = 0.30  # of a straight limb: nor folded upon itself
-SOFT = 0.004  # metres over which the two limits take hold
+SOFT = 0.002  # metres over which the two limits take hold
 
 
 def turn(yaw: Array) -> Array:

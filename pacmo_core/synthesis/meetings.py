@@ -1,11 +1,10 @@
-"""Acts of meeting: approach, depart, handshake, high five, hand over, hug, circle dance."""
+"""Acts of meeting: approach, depart, handshake, high five, hand over."""
 
 import numpy as np
 
-from pacmo_core.synthesis.curves import Array, glide, window
-from pacmo_core.synthesis.direct import Cue, Move, contact, enter, free_hand, leave, route
-from pacmo_core.synthesis.gait import Path
-from pacmo_core.synthesis.part import Course, Lean, Part, Reach, Spell, fixed
+from pacmo_core.synthesis.curves import Array
+from pacmo_core.synthesis.direct import Cue, Move, contact, enter, free_hand, leave, route, shaken
+from pacmo_core.synthesis.part import Lean, Part, Reach, Spell, fixed
 
 
 def approach(cue: Cue) -> Part:
@@ -43,47 +42,50 @@ def _wave(cue: Cue, hand: int, start: float) -> Reach:
     sign, size = 1.0 - 2.0 * hand, cue.me.body.stature
 
     def course(times: Array) -> Array:
-        x = sign * (0.17 * size + 0.05 * np.sin(2.0 * np.pi * 2.2 * (times - start)))
-        return np.stack([x, np.full_like(x, 0.04 * size), np.full_like(x, 0.16 * size)], axis=-1)
+        x = sign * (0.16 * size + 0.05 * np.sin(2.0 * np.pi * 2.2 * (times - start)))
+        return np.stack([x, np.full_like(x, 0.12 * size), np.full_like(x, 0.10 * size)], axis=-1)
 
-    return Reach(hand, Spell(start, start + 0.45, start + 0.85, start + 1.35), course, True, 0.5)
+    return Reach(
+        hand,
+        Spell(start, start + 0.45, start + 0.85, start + 1.35),
+        course,
+        True,
+        0.5,
+        (sign * 0.12, 0.0, 0.2),
+    )
 
 
 def handshake(cue: Cue) -> Part:
     """Join right hands and shake them; some cover with the other hand, some bow."""
-    own, body = cue.own, cue.me.body
+    own = cue.own
     start = cue.event - 0.5 - (own.early if cue.first else -0.4 * own.delay)
     gone = cue.over + 0.1 * own.more[4]
     shake = Reach(
         cue.hand,
         Spell(start, cue.event, gone, gone + 0.45 + 0.2 * own.more[5]),
-        _shaken(cue, contact(cue, 0.008)),
+        shaken(cue, contact(cue, 0.008)),
     )
     twist = 0.12 * (2.0 * cue.hand - 1.0)
     leans = [Lean(shake.spell, pitch=0.07 * own.strength, twist=twist, ahead=0.02)]
     other = free_hand(cue, 1 - cue.hand)
     if own.manner == 1:
-        cover = Spell(cue.event + 0.5 * own.delay, cue.event + 0.45 + own.delay, gone - 0.02, gone + 0.5)
+        cover = Spell(
+            cue.event + 0.5 * own.delay, cue.event + 0.45 + own.delay, gone - 0.02, gone + 0.5
+        )
         x, y, z = contact(cue, 0.05)
-        goal = _shaken(cue, (x + 0.03 * (1.0 - 2.0 * (1 - cue.hand)), y + 0.05, z))
+        goal = shaken(cue, (x + 0.03 * (1.0 - 2.0 * (1 - cue.hand)), y + 0.05, z))
         other = (Reach(1 - cue.hand, cover, goal),)
         leans.append(Lean(cover, pitch=0.10, twist=-twist, ahead=0.03))
     if own.manner == 2:
         bow = Spell(cue.event - 0.2, cue.event + 0.25, cue.event + 0.3, cue.event + 0.9)
         leans.append(Lean(bow, pitch=0.12 * own.strength, nod=0.25, ahead=-0.07 * own.strength))
     path = route(
-        0.0, -cue.stand - cue.entry, enter(cue, cue.event - 0.1 - own.early), *leave(cue, gone + 0.1)
+        0.0,
+        -cue.stand - cue.entry,
+        enter(cue, cue.event - 0.1 - own.early),
+        *leave(cue, gone + 0.1),
     )
     return Part(path, reaches=(shake, *other), leans=tuple(leans))
-
-
-def _shaken(cue: Cue, place: tuple[float, float, float]) -> Course:
-    def course(times: Array) -> Array:
-        still = window(times, cue.event - 0.05, cue.event + 0.2, cue.over - 0.15, cue.over + 0.1)
-        wave = np.sin(2.0 * np.pi * cue.script.beat * (times - cue.event)) * still
-        return np.array(place) + np.outer(wave, [0.0, 0.03 * cue.script.vigour, 0.0])
-
-    return course
 
 
 def high_five(cue: Cue) -> Part:
@@ -96,7 +98,7 @@ def high_five(cue: Cue) -> Part:
         Spell(start, cue.event, cue.over, cue.over + 0.5 + 0.25 * own.more[4]),
         fixed(*contact(cue, 0.008)),
         flare=0.3 + 0.4 * own.more[5],
-        detour=(sign * 0.12 * own.strength, 0.05, -0.06 * own.strength),
+        detour=(sign * 0.12 * own.strength, 0.0, 0.12),
     )
     leans = [Lean(clap.spell, pitch=0.04, twist=-0.15 * sign, aside=0.0)]
     if own.manner == 1:
@@ -117,11 +119,13 @@ def hand_over(cue: Cue) -> Part:
     sign = 1.0 - 2.0 * cue.hand
     start = cue.event - 0.55 - (0.2 + own.early if cue.first else -0.4 * own.delay)
     gone = cue.over + 0.1 * own.more[4]
-    give = Reach(
-        cue.hand, Spell(start, cue.event, gone, gone + 0.5), fixed(*contact(cue, 0.04))
-    )
+    give = Reach(cue.hand, Spell(start, cue.event, gone, gone + 0.5), fixed(*contact(cue, 0.04)))
     held = fixed(sign * 0.08 * size, -0.20 * size, 0.16 * size)
-    kept = Spell(-2.0, -1.5, start + 0.1, cue.event) if cue.first else Spell(gone, gone + 0.5, 9.0, 9.9)
+    kept = (
+        Spell(-2.0, -1.5, start + 0.1, cue.event)
+        if cue.first
+        else Spell(gone, gone + 0.5, 9.0, 9.9)
+    )
     leans = [Lean(give.spell, pitch=0.06 * own.strength, twist=-0.12 * sign, ahead=0.02)]
     reaches = (Reach(cue.hand, kept, held, True), give)
     other = free_hand(cue, 1 - cue.hand)
@@ -134,50 +138,9 @@ def hand_over(cue: Cue) -> Part:
         thanks = Spell(gone, gone + 0.35, gone + 0.45, gone + 0.95)
         leans.append(Lean(thanks, pitch=0.12 * own.strength, nod=0.25))
     path = route(
-        0.0, -cue.stand - cue.entry, enter(cue, cue.event - 0.1 - own.early), *leave(cue, gone + 0.1)
+        0.0,
+        -cue.stand - cue.entry,
+        enter(cue, cue.event - 0.1 - own.early),
+        *leave(cue, gone + 0.1),
     )
     return Part(path, reaches=(*reaches, *other), leans=tuple(leans))
-
-
-def circle_dance(cue: Cue) -> Part:
-    """Join both hands and go round each other."""
-    own, script = cue.own, cue.script
-    join = cue.event - 0.1
-
-    def angle(times: Array) -> Array:
-        return script.turn * glide(times, cue.event, cue.over, 0.5)
-
-    def round_about(course: Course) -> Course:
-        def turned(times: Array) -> Array:
-            x, y, z = course(times).T
-            c, s = np.cos(angle(times)), np.sin(angle(times))
-            return np.stack([c * x + s * z, y, c * z - s * x], axis=-1)
-
-        return turned
-
-    def path(times: Array) -> Array:
-        x, z, yaw = walk_in(times).T
-        c, s = np.cos(angle(times)), np.sin(angle(times))
-        return np.stack([c * x + s * z, c * z - s * x, yaw + angle(times)], axis=-1)
-
-    walk_in: Path = route(0.0, -cue.stand - cue.entry, enter(cue, cue.event - 0.1 - own.early))
-    gone = cue.over + 0.15 * own.more[4]
-    start = join - 0.6 + 0.4 * own.delay
-    reaches = tuple(
-        Reach(
-            hand,
-            Spell(start, join, gone, gone + 0.5),
-            round_about(_shaken(cue, (sign * 0.2, script.level, -0.01))),
-            flare=0.4 + 0.3 * own.more[5],
-        )
-        for hand, sign in ((0, 1.0), (1, -1.0))
-    )
-    rock = tuple(
-        Lean(
-            Spell(t, t + 0.35, t + 0.36, t + 0.7),
-            roll=0.07 * own.strength * side,
-            crouch=0.02 * own.strength,
-        )
-        for t, side in zip(np.arange(cue.event, cue.over - 0.3, 0.7), (1.0, -1.0) * 4, strict=False)
-    )
-    return Part(path, hurry=1.15 + 0.2 * own.more[6], reaches=reaches, leans=rock)

@@ -72,7 +72,7 @@ class Lean:
 
 @dataclass(frozen=True)
 class Kick:
-    """A foot leaves the ground for a place in the air: chambered, thrust out, drawn back, put down."""
+    """A foot is lifted, thrust at a place in the air, drawn back and put down."""
 
     foot: int
     point: tuple[float, float, float]

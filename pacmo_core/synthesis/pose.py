@@ -1,4 +1,4 @@
-"""From a part to a body's 25 joints: the trunk first, then legs to the feet and arms to their reaches."""
+"""From a part to 25 joints: the trunk first, then legs to the feet and arms to their reaches."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from pacmo_core.synthesis.part import Part, Reach
 from pacmo_core.synthesis.trunk import Trunk, ankles, spell, stand
 
 SIDES = (("left", 1.0), ("right", -1.0))
-HANG = 0.955  # of a straight arm: how a relaxed arm hangs
+HANG = 0.972  # of a straight arm: how a relaxed arm hangs
 ARM_SWING = 0.62  # radians a metre of stride
 
 
@@ -39,7 +39,12 @@ def embody(person: Subject, part: Part, feet: Feet, times: Array, sway: Array) -
 
 
 def _leg(
-    person: Subject, part: Part, trunk: Trunk, feet: Feet, limb: tuple[int, str, float], times: Array
+    person: Subject,
+    part: Part,
+    trunk: Trunk,
+    feet: Feet,
+    limb: tuple[int, str, float],
+    times: Array,
 ) -> dict[str, Array]:
     body, (side, name, sign) = person.body, limb
     ankle, flex = ankles(person, feet, side), feet.heel[side]
@@ -51,7 +56,8 @@ def _leg(
         ankle = ankle + chamber[:, None] * (tucked - ankle)
         ankle = ankle + thrust[:, None] * (np.array(part.kick.point) - ankle)
         flex = flex + 0.5 * chamber * (1.0 - thrust) - 0.7 * thrust
-    pole = forward + 0.12 * sign * trunk.pelvis[:, :, 0]
+    # Ahead and up: a knee bends forward under the body and upward in a kick.
+    pole = forward + 0.12 * sign * trunk.pelvis[:, :, 0] + [0.0, 0.8, 0.0]
     knee, ankle = two_bones(trunk.joints[f"{name}_hip"], ankle, (body.thigh, body.shank), pole)
     toe = np.array([0.0, body.foot_height - body.ankle_height, body.foot_forward])
     heading = _frame(feet.yaw[side]) @ pitch(flex)
@@ -138,4 +144,5 @@ def _detour(reach: Reach, times: Array, upright: Array) -> Array:
     when = reach.spell
     way = bump((times - when.start) / (when.arrive - when.start))
     way = way + bump((times - when.leave) / (when.back - when.leave))
-    return way[:, None] * (upright @ np.array(reach.detour))
+    bend: Array = way[:, None] * (upright @ np.array(reach.detour))
+    return bend

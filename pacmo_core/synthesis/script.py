@@ -101,7 +101,10 @@ class Script:
         wanted = {field.name for field in fields(cls)}
         if wanted != set(words):
             raise ValueError(f"a script has {sorted(wanted)}; got {sorted(words)}")
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in words.items()})
+        values: dict[str, Any] = {
+            name: tuple(word) if isinstance(word, list) else word for name, word in words.items()
+        }
+        return cls(**values)
 
 
 def file_name(script: Script) -> str:
@@ -120,7 +123,7 @@ def write_script(
     act: str,
     replication: int,
 ) -> Script:
-    """Draw the shared variables of one clip; the file's setup and camera follow from pair and replication.
+    """Draw the shared variables of one clip; setup and camera follow from pair and replication.
 
     Raises
     ------

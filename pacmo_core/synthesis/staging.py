@@ -1,4 +1,4 @@
-"""Draws of what two people share: when the act happens, where they stand, how the camera sees them."""
+"""Draws of what two people share: when it happens, where they stand, how they are seen."""
 
 from typing import NamedTuple
 
@@ -84,14 +84,14 @@ def places(
     actor, other = people[first].body, people[1 - first].body
     hands = _hands(random, act, people, first)
     shoulders = [0.5 * (p.body.shoulder_height - 0.03) for p in people]
-    shoulder = sum(shoulders)
+    shoulder = float(sum(shoulders))
     ease = float(random.uniform(0.90, 1.0))
     if act in ("push", "punch", "kick"):
         level, gap = _blow(random, act, actor, other)
         return Places((0.5 * gap, 0.5 * gap), hands, float(random.normal(0.0, 0.015)), level)
     if act in ("approach", "depart"):
-        near = random.uniform(0.38, 0.6, 2)
-        return Places((float(near[0]), float(near[1])), hands, 0.0, shoulder)
+        apart = random.uniform(0.38, 0.6, 2)
+        return Places((float(apart[0]), float(apart[1])), hands, 0.0, shoulder)
     if act == "hug":
         near = float(random.uniform(0.165, 0.20))
         return Places((near, near), hands, float(random.uniform(0.05, 0.08)), shoulder)
@@ -125,9 +125,7 @@ def _comfortable(body: Body, level: float, stretch: float) -> float:
     return lean + float(np.sqrt((stretch * body.arm) ** 2 - drop**2 - body.shoulder_half**2))
 
 
-def _blow(
-    random: np.random.Generator, act: str, actor: Body, other: Body
-) -> tuple[float, float]:
+def _blow(random: np.random.Generator, act: str, actor: Body, other: Body) -> tuple[float, float]:
     """Give the level at which a blow lands, and the metres between the pelvises."""
     if act == "kick":
         level = float(random.uniform(0.40, 0.54)) * other.stature
@@ -138,13 +136,13 @@ def _blow(
         level = other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16))
         return level, _comfortable(actor, level, 0.74) + CHEST + 0.08
     level = other.head_height - 0.03 - float(random.uniform(0.0, 0.06))
-    return level, _comfortable(actor, level, 0.84) + CHEST + 0.16
+    return level, _comfortable(actor, level, 0.84) + CHEST + 0.24
 
 
 def view(
     random: np.random.Generator, setup: int, camera: int
 ) -> tuple[float, float, float, float, float]:
-    """Place the camera: NTU's three stand 45 degrees apart, and each setup has its height and distance."""
+    """Place the camera: three stand 45 degrees apart; a setup has its height and distance."""
     side = (0.0, -0.25, 0.25)[camera - 1] * np.pi + (np.pi if random.random() < 0.5 else 0.0)
     yaw = side + random.normal(0.0, 0.2)
     pitch = random.normal(0.0, 0.02)

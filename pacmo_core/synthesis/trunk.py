@@ -10,7 +10,7 @@ from pacmo_core.synthesis.gait import Feet
 from pacmo_core.synthesis.kinematics import pitch, roll, turn
 from pacmo_core.synthesis.part import Lean, Part, Spell
 
-STRAIGHT = 0.968  # of a leg: what standing and walking stretch it to
+STRAIGHT = 0.990  # of a leg: what standing and walking stretch it to
 SHIFT = 0.022  # metres that the pelvis goes over the standing leg in a step
 SWAY = np.array([0.006, 0.006, 0.012, 0.010, 0.020, 0.030, 0.045])  # metres, metres, radians
 
@@ -52,9 +52,9 @@ def stand(person: Subject, part: Part, feet: Feet, times: Array, sway: Array) ->
 
     Parameters
     ----------
-    sway : (7, T) of variance about 1: the pelvis ahead and aside, pitch, roll, twist, head's nod and turn
+    sway : (7, T) of variance 1: pelvis ahead and aside; pitch, roll, twist; the head's nod and turn
     """
-    body, lean = person.body, gather(part.leans, times)
+    lean = gather(part.leans, times)
     x, z, yaw = part.path(times).T
     ahead, aside, tip, tilt, twist, nod, shake = SWAY[:, None] * sway
     ahead = ahead + lean["ahead"]
@@ -80,7 +80,8 @@ def stand(person: Subject, part: Part, feet: Feet, times: Array, sway: Array) ->
 def _stride(feet: Feet, yaw: Array) -> Array:
     """How far the left foot is ahead of the right, metres."""
     apart = feet.toes[0] - feet.toes[1]
-    return apart[:, 0] * np.sin(yaw) + apart[:, 2] * np.cos(yaw)
+    stride: Array = apart[:, 0] * np.sin(yaw) + apart[:, 2] * np.cos(yaw)
+    return stride
 
 
 def height(person: Subject, feet: Feet, base: Array, hips: Array) -> Array:
@@ -92,8 +93,9 @@ def height(person: Subject, feet: Feet, base: Array, hips: Array) -> Array:
         hip = base + sign * body.hip_half * hips[:, :, 0]
         apart = np.hypot(ankle[:, 0] - hip[:, 0], ankle[:, 2] - hip[:, 2])
         rise = np.sqrt(np.maximum((STRAIGHT * body.leg) ** 2 - apart**2, 0.01))
-        high = soft_min(high, rise + ankle[:, 1], 0.008)
-    return high + body.hip_drop
+        high = soft_min(high, rise + ankle[:, 1], 0.006)
+    raised: Array = high + body.hip_drop
+    return raised
 
 
 def ankles(person: Subject, feet: Feet, side: int) -> Array:

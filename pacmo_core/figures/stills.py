@@ -1,0 +1,166 @@
+"""Still pictures of interactions: two solid figures on a floor, in a strip of instants.
+
+Any skeleton of the project can be drawn; bones whose names are known get the width of the limb.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from pacmo_core.interaction import Interaction
+from pacmo_core.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+COLOURS = ("#d1663b", "#3c78a8")
+FLOOR, SHADOW = "#f4f1ec", "#d9d3c8"
+ELEVATION = 0.24  # radians that the onlooker looks down
+
+# Metres across, by a word in the name of the bone's child; the first that fits.
+WIDTHS = (
+    (("tip", "thumb"), 0.035),
+    (("hand",), 0.06),
+    (("wrist", "foot", "toe"), 0.065),
+    (("elbow", "ankle", "heel"), 0.085),
+    (("knee",), 0.12),
+    (("shoulder", "hip", "collar"), 0.12),
+    (("spine", "back", "torso"), 0.20),
+    (("neck", "head"), 0.08),
+)
+HEAD = 0.105  # metres, radius
+
+
+@dataclass(frozen=True)
+class Onlooker:
+    """From where a strip is seen.
+
+    Parameters
+    ----------
+    centre : (3,) metres, the point on the floor that stays in the middle
+    right : (3,) unit vector that points to the right of the picture; level
+    """
+
+    centre: Array
+    right: Array
+
+
+def onlooker(interaction: Interaction) -> Onlooker:
+    """Stand so that the two people are side by side, and keep the floor under the lowest foot."""
+    a, b = (np.asarray(m, np.float64) for m in (interaction.person_a, interaction.person_b))
+    root = interaction.skeleton.root
+    apart = (b[:, root] - a[:, root]).mean(axis=0) * [1.0, 0.0, 1.0]
+    # A little to the side, so that arms that reach along the line between the two do not hide.
+    angle = np.arctan2(-apart[2], apart[0]) + 0.45
+    both = np.concatenate([a, b], axis=1)
+    centre = both.mean(axis=(0, 1))
+    centre[1] = np.percentile(both[..., 1].min(axis=1), 20)
+    return Onlooker(centre, np.array([np.cos(angle), 0.0, -np.sin(angle)]))
+
+
+def project(points: Array, seen: Onlooker) -> Array:
+    """See points (..., 3) as (..., 3): right and up in the picture, and nearness, metres."""
+    away = np.cross(np.array([0.0, 1.0, 0.0]), seen.right)
+    x, y, near = (
+        (points - seen.centre) @ axis for axis in (seen.right, np.array([0.0, 1.0, 0.0]), -away)
+    )
+    c, s = np.cos(ELEVATION), np.sin(ELEVATION)
+    return np.stack([x, c * y - s * near, s * y + c * near], axis=-1)
+
+
+def bone_widths(skeleton: Skeleton) -> list[float]:
+    """Metres across for each of ``skeleton.bones``."""
+    names = [skeleton.joints[child].lower() for _, child in skeleton.bones]
+    return [
+        next((w for words, w in WIDTHS if any(word in name for word in words)), 0.09)
+        for name in names
+    ]
+
+
+def draw_interaction(
+    axes: Axes, interaction: Interaction, frame: int, *, seen: Onlooker, size: float
+) -> None:
+    """Draw both people at a frame.
+
+    Parameters
+    ----------
+    seen : from where; take one for a whole strip
+    size : metres that the picture is wide
+    """
+    axes.set(xlim=(-0.5 * size, 0.5 * size), ylim=(-0.1 * size, 0.68 * size), aspect="equal")
+    axes.set_facecolor(FLOOR)
+    axes.tick_params(bottom=False, left=False, labelbottom=False, labelleft=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    points = axes.bbox.width / axes.figure.dpi * 72.0 / size
+    skeleton = interaction.skeleton
+    widths = np.array(bone_widths(skeleton)) * points
+    people = [
+        np.asarray(m[frame], np.float64) for m in (interaction.person_a, interaction.person_b)
+    ]
+    for pose in people:
+        flat = project(np.where([False, True, False], seen.centre[1], pose), seen)[:, :2]
+        shadow = [flat[bone] for bone in skeleton.bones]
+        axes.add_collection(
+            LineCollection(shadow, linewidths=widths, colors=SHADOW, capstyle="round", zorder=0)
+        )
+    for pose, colour in zip(people, COLOURS, strict=True):
+        _draw_body(axes, skeleton, project(pose, seen), widths, colour)
+
+
+def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colour: str) -> None:
+    """Draw bones as round rods with pale edges, the nearer lighter and over the farther."""
+    tone = np.array(to_rgb(colour))
+    for (parent, child), width in zip(skeleton.bones, widths, strict=True):
+        ends = pose[[parent, child]]
+        near = ends[:, 2].mean()
+        light = np.clip(0.88 + 0.45 * (near - pose[:, 2].mean()), 0.62, 1.12)
+        for extra, tint in ((1.1, (1.0, 1.0, 1.0)), (0.0, np.clip(tone * light, 0.0, 1.0))):
+            axes.plot(
+                *ends[:, :2].T,
+                color=tint,
+                linewidth=width + extra,
+                solid_capstyle="round",
+                zorder=10.0 + near - 0.01 * (extra > 0),
+            )
+    for joint, name in enumerate(skeleton.joints):
+        if name.lower() == "head":
+            near = pose[joint, 2]
+            disc = Circle(
+                tuple(pose[joint, :2]), HEAD, facecolor=tone, edgecolor="white", linewidth=0.6
+            )
+            disc.set_zorder(10.0 + near + 0.02)
+            axes.add_patch(disc)
+
+
+def film_strip(
+    interactions: Sequence[tuple[str, Interaction, Sequence[int]]], *, size: float, inches: float
+) -> Figure:
+    """Set interactions in rows, each at its own frames.
+
+    Parameters
+    ----------
+    interactions : title, interaction, frames; as many frames in each
+    size : metres that a picture shows, ``inches`` wide
+    """
+    rows, columns = len(interactions), len(interactions[0][2])
+    figure = Figure(figsize=(columns * inches, rows * 0.78 * inches), facecolor="white")
+    for row, (title, interaction, frames) in enumerate(interactions):
+        seen = onlooker(interaction)
+        for column, frame in enumerate(frames):
+            box = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
+            axes = figure.add_axes((*box, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
+            draw_interaction(axes, interaction, frame, seen=seen, size=size)
+            label = f"{interaction.times[frame]:.2f} s"
+            axes.text(
+                0.97, 0.94, label, transform=axes.transAxes, ha="right", fontsize=6, color="#777"
+            )
+            if column == 0:
+                axes.text(0.03, 0.93, title, transform=axes.transAxes, fontsize=8, color="#222")
+    return figure
