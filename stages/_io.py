@@ -16,6 +16,7 @@ MOTIONS = "motions.parquet"
 CLIPS = "clips.parquet"
 QUARANTINE = "quarantine.parquet"
 WEIGHTS = "weights.safetensors"
+LAW = "law.json"
 
 
 def write_json(path: Path, facts: Mapping[str, Any]) -> None:

@@ -2,3 +2,48 @@
 
 Usage: python -m stages.synthesise RAW
 """
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from pacmo_core.formats.write_ntu import format_ntu
+from pacmo_core.store.atomic import whole_file
+from pacmo_core.synthesis.capture import capture
+from pacmo_core.synthesis.script import ACTS, file_name, write_scripts
+from stages._io import LAW, write_json
+from stages._params import read_params
+
+BODY_ID = 72057594037900000  # the published body numbers have 17 digits and begin like this
+
+
+@dataclass(frozen=True)
+class Params:
+    """The ``synthesise`` section of ``params.yaml``."""
+
+    random_seed: int
+    n_pairs: int  # pairs of people
+    replications: int  # of each act by each pair
+
+
+def main(raw: Path) -> None:
+    params = read_params("synthesise", Params)
+    scripts = write_scripts(
+        params.random_seed,
+        population=params.random_seed,
+        pairs=params.n_pairs,
+        acts=tuple(ACTS),
+        replications=params.replications,
+    )
+    law = {}
+    for number, (script, random) in enumerate(scripts):
+        name = file_name(script)
+        ids = (BODY_ID + 2 * number, BODY_ID + 2 * number + 1)
+        with whole_file(raw / f"{name}.skeleton") as partial:
+            partial.write_bytes(format_ntu(capture(script, random), ids))
+        law[name] = script.to_json()
+    write_json(raw / LAW, law)
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:]))

@@ -1,0 +1,145 @@
+"""Put everything on one page, and its data beside it.
+
+Usage: python -m stages.report --sequences DIR --clips DIR --ingest JSON --split JSON --pacmo JSON
+           --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pacmo_core.figures.clips import Panel, PlayedClip
+from pacmo_core.figures.curves import Curve
+from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
+from pacmo_core.interaction import Interaction
+from pacmo_core.store.atomic import write_text
+from pacmo_core.store.clips import QuarantineFacts, read_rows
+from pacmo_core.store.motions import stream_motions
+from stages._io import MOTIONS, QUARANTINE, read_curve, read_json, write_json
+from stages._params import PARAMS, read_params
+from stages._reactions import directed_clips
+
+ORDER = ("real", "oracle", "pacmo", "gru", "wrong_partner")
+SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
+NO_LAW = "recorded captures have no known law of reaction"
+NOTES = (
+    "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
+    "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
+    "this size. Features depend on the auto-encoder, whose hash is above: figures compare only "
+    "under the same one.",
+    "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
+    "so it may fall below zero; columns ending in published follow the papers' protocols. APE and "
+    "AVE are of the root joint, as in the paper's tables, and of all joints.",
+    "Intervals resample clips; two models differ where the interval of their paired difference, "
+    "in reports/pacmo.json, excludes zero.",
+)
+
+
+@dataclass(frozen=True)
+class Params:
+    """The ``report`` section of ``params.yaml``."""
+
+    played_clips: int  # at most, one an action before a second of any
+
+
+def main(paths: argparse.Namespace) -> None:
+    params = read_params("report", Params)
+    experiment = read_params("experiment", str)
+    ingest, split, pacmo = map(read_json, (paths.ingest, paths.split, paths.pacmo))
+    rows = {row: pacmo["rows"][row] for row in ORDER if row in pacmo["rows"]}
+    reactions = dict(word.split("=") for word in paths.reactions)
+    page = Report(
+        title=experiment,
+        summary=SUMMARY,
+        facts={
+            "Made by": f"./run repro {experiment}",
+            "Parameters": f"{PARAMS}, as experiments/{experiment}.yaml says",
+            "Features": f"auto-encoder {pacmo['extractor_sha256'][:16]}",
+            "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip",
+        },
+        data=summarise(ingest, split, paths.sequences),
+        tables={"pacmo": with_gaps(rows)},
+        notes=NOTES,
+        curves={path.stem: curve(path) for path in paths.curve},
+        clips=tuple(played(paths.clips, reactions, params.played_clips)),
+    )
+    write_text(paths.page, render_report(page))
+    data = {**ingest, "split": split}
+    write_json(paths.metrics, {"experiment": experiment, "data": data, "pacmo": rows})
+
+
+def summarise(ingest: dict[str, Any], split: dict[str, Any], sequences: Path) -> DataSummary:
+    """Say what was read, what was put aside and why, and how clips were put on sides."""
+    aside = read_rows(sequences / QUARANTINE, QuarantineFacts)
+    actions = ", ".join(f"{name or 'unnamed'} ({n})" for name, n in ingest["actions"].items())
+    return DataSummary(
+        files_read=ingest["files_read"],
+        clips=split["clips"],
+        quarantined=tuple(QuarantineRow(q.file, q.line or None, q.reason) for q in aside),
+        facts={
+            "Data set": f"{ingest['dataset']} ({ingest['format']})",
+            "Sequences": f"{ingest['usable']} usable of {ingest['sequences_read']} read; "
+            f"{ingest['not_included']} found and not included",
+            "Skeleton": ingest["skeleton"],
+            "Duration": f"{ingest['minutes']:.1f} minutes, {ingest['frames']} frames",
+            "People": str(split["people"]),
+            "Actions": actions,
+        },
+        split={name: str(value) for name, value in split.items()},
+    )
+
+
+def with_gaps(rows: dict[str, Any]) -> dict[str, Any]:
+    """Add the rows that cannot be had here, with the reason."""
+    columns = next(iter(rows.values()))
+    gap = {column: {"missing": NO_LAW} for column in columns}
+    return {row: rows.get(row, gap) for row in ORDER}
+
+
+def curve(path: Path) -> Curve:
+    """Read a training curve."""
+    terms = read_curve(path)
+    return Curve(steps=terms.pop("step"), terms=terms, x_label="round")
+
+
+def played(clips: Path, reactions: dict[str, str], n_clips: int) -> list[PlayedClip]:
+    """Choose test clips, one an action before a second of any, and set what answered beside."""
+    turn: dict[str, int] = {}
+    candidates = []
+    for name, facts, seen in directed_clips(clips, "test"):
+        if name.endswith("#b"):
+            turn[facts.action] = turn.get(facts.action, -1) + 1
+            candidates.append((turn[facts.action], name, facts.action, seen))
+    chosen = sorted(candidates, key=lambda c: c[:2])[:n_clips]
+    answers = {row: answers_in(Path(folder)) for row, folder in reactions.items()}
+    return [
+        PlayedClip(
+            name,
+            action,
+            (
+                Panel("real", seen),
+                *(Panel(row, found[name]) for row, found in answers.items() if name in found),
+            ),
+        )
+        for _, name, action, seen in chosen
+    ]
+
+
+def answers_in(folder: Path) -> dict[str, Interaction]:
+    """Hold the reactions of one row by name."""
+    return dict(stream_motions(folder / MOTIONS))
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    for name in ("sequences", "clips", "ingest", "split", "pacmo", "page", "metrics"):
+        parser.add_argument(f"--{name}", type=Path, required=True)
+    parser.add_argument("--curve", type=Path, action="append", required=True)
+    parser.add_argument("--reactions", action="append", required=True)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main(arguments())
