@@ -2,7 +2,7 @@
 
 import typer
 
-from apps import cli_fetch
+from apps import cli_clips, cli_fetch, cli_use
 
 app = typer.Typer(
     name="pacmo",
@@ -13,6 +13,10 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 wrong usage.",
 )
 app.add_typer(cli_fetch.app, name="fetch")
+app.command("use")(cli_use.use_experiment)
+app.command("experiments")(cli_use.list_experiments)
+app.command("clips")(cli_clips.list_clips)
+app.command("quarantine")(cli_clips.list_quarantine)
 
 
 @app.callback()

@@ -8,6 +8,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
+from apps.failure import CommandError
 from pacmo_core.store.atomic import write_text
 
 FOLDER = Path("experiments")
@@ -16,7 +17,7 @@ CAPTURES = "${captures}"
 PLACES = (Path("data/captures"), Path("../shared/data"))
 
 
-class ExperimentError(ValueError):
+class ExperimentError(CommandError):
     """An experiment that does not exist or cannot be composed."""
 
 

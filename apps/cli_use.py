@@ -1,0 +1,25 @@
+"""``pacmo use`` and ``pacmo experiments``: which experiment ``params.yaml`` holds."""
+
+from typing import Annotated
+
+import typer
+
+from apps.experiments import experiment_names, use
+from apps.failure import told_in_one_line
+
+
+def use_experiment(
+    name: Annotated[str, typer.Argument(help="a file in experiments/, without its ending")],
+    discard: Annotated[
+        bool, typer.Option("--discard", help="lose edits by hand of params.yaml")
+    ] = False,
+) -> None:
+    """Make params.yaml that of an experiment; dvc repro then reproduces it."""
+    with told_in_one_line():
+        use(name, discard=discard)
+
+
+def list_experiments() -> None:
+    """List the experiments."""
+    for name in experiment_names():
+        typer.echo(name)
