@@ -1,0 +1,56 @@
+"""Gaussian random fields on time: coefficients drawn once, values at any instants."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class RandomField:
+    """A periodic Gaussian process of unit variance and zero mean.
+
+    Its covariance is proportional to ``(-Laplacian + tau^2)^(-alpha)`` on functions without a
+    constant part, cut off after K modes: ``cov(s, t) = sum_k p_k cos(2 pi k (s - t) / period)``
+    with ``p_k`` proportional to ``((2 pi k / period)^2 + tau^2)^(-alpha)`` and of sum one.
+
+    Parameters
+    ----------
+    alpha : smoothness; the field is Matern-like with nu = alpha - 1/2
+    tau : inverse length
+    n_modes : K
+    period : longer than 1, or the two ends of [0, 1] would be tied together
+    """
+
+    alpha: float
+    tau: float
+    n_modes: int
+    period: float
+
+    def power(self) -> Tensor:
+        """``(K,)`` float64: the variance p_k that each frequency carries."""
+        frequency = 2 * math.pi * torch.arange(1, self.n_modes + 1, dtype=torch.float64)
+        power = ((frequency / self.period) ** 2 + self.tau**2) ** -self.alpha
+        return power / power.sum()
+
+    def draw(self, *shape: int, random: torch.Generator) -> Tensor:
+        """Draw the coefficients of independent fields, on the generator's device.
+
+        Returns
+        -------
+        (*shape, 2 K) float32
+        """
+        size = (*shape, 2 * self.n_modes)
+        normal = torch.randn(size, generator=random, device=random.device)
+        return normal * self.power().sqrt().repeat_interleave(2).float().to(normal.device)
+
+    def basis(self, times: Tensor) -> Tensor:
+        """``(T, 2 K)`` float32: cosine and sine of each frequency at ``(T,)`` instants."""
+        order = torch.arange(1, self.n_modes + 1, dtype=torch.float64, device=times.device)
+        angle = 2 * math.pi / self.period * torch.outer(times.double(), order)
+        return torch.stack([angle.cos(), angle.sin()], dim=-1).flatten(1).float()
+
+    def evaluate(self, coefficients: Tensor, times: Tensor) -> Tensor:
+        """Evaluate ``(B, C, 2 K)`` coefficients at ``(T,)`` instants: ``(B, T, C)``."""
+        return (coefficients @ self.basis(times).T).transpose(1, 2)

@@ -1,0 +1,167 @@
+"""A U-shaped neural operator of seven integral layers on functions of time over [0, 1]."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pacmo_core.operators.fourier import interpolation, periodic_extension
+from pacmo_core.operators.spectral import OperatorLayer
+
+# Layer whose output joins each layer's input, where the grids are equal again (PaCMO, fig. 1).
+SKIPS = {4: 2, 5: 1, 6: 0}
+
+
+@dataclass(frozen=True)
+class UnoConfig:
+    """The shape of a U-NO.
+
+    Parameters
+    ----------
+    in_channels, out_channels : int
+    lifting : channels of the lifted function
+    channels : of each layer's output
+    modes : of each layer's kernel; cut down to what the layer's grids resolve
+    ratios : size of each layer's grid, relative to the latent one
+    n_points : grid on [0, 1], both ends among them
+    period : length that the latent grid spans; what exceeds 1 joins the end to the beginning
+    skips : whether early layers are concatenated to late ones
+    """
+
+    in_channels: int
+    out_channels: int
+    lifting: int
+    channels: tuple[int, ...]
+    modes: tuple[int, ...]
+    ratios: tuple[float, ...]
+    n_points: int
+    period: float
+    skips: bool
+
+    def __post_init__(self) -> None:
+        counts = {len(self.channels), len(self.modes), len(self.ratios)}
+        if len(counts) != 1 or (self.skips and counts != {7}):
+            raise ValueError(
+                "channels, modes and ratios must be as many as the layers, seven if there are "
+                f"skips; got {len(self.channels)}, {len(self.modes)}, {len(self.ratios)}"
+            )
+        exact = self.period * (self.n_points - 1)
+        if self.period <= 1 or self.n_points < 4 or abs(exact - round(exact)) > 1e-9:
+            raise ValueError(
+                "period must exceed 1 and period * (n_points - 1) be whole, n_points >= 4; "
+                f"got {self.period} * {self.n_points - 1}"
+            )
+
+    @property
+    def n_latent(self) -> int:
+        """Points of the latent grid, over the whole period."""
+        return round(self.period * (self.n_points - 1))
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Points of the grid after each layer."""
+        return tuple(max(2, round(ratio * self.n_latent)) for ratio in self.ratios)
+
+
+class Uno(nn.Module):
+    """Map a function on [0, 1] to another; the output may be asked for at any instants.
+
+    Unlike Rahman et al. (2022), the layers always work on one latent grid, whatever grid the data
+    came on, and the last pointwise map acts at the instants that are asked for: so the output does
+    not depend on the sampling beyond the error of the spline that encoded it.
+    """
+
+    extension: Tensor
+    at_points: Tensor
+
+    def __init__(self, config: UnoConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.lift = nn.Linear(config.in_channels, config.lifting)
+        self.layers = nn.ModuleList(_layers(config))
+        width = config.channels[-1] + (config.lifting if config.skips else 0)
+        self.head = nn.Sequential(
+            nn.Linear(width, 4 * config.lifting),
+            nn.GELU(),
+            nn.Linear(4 * config.lifting, config.out_channels),
+        )
+        extension = periodic_extension(config.n_points, config.n_latent)
+        points = torch.linspace(0, 1, config.n_points, dtype=torch.float64)
+        self.register_buffer("extension", extension.float(), persistent=False)
+        self.register_buffer("at_points", self.evaluation(points), persistent=False)
+
+    def forward(self, v: Tensor) -> Tensor:
+        """Evaluate on the grid that the input stands on: ``(B, N, C_in)`` to ``(B, N, C_out)``."""
+        return self.evaluate(self.trunk(v), v, self.at_points)
+
+    def trunk(self, v: Tensor) -> Tensor:
+        """Apply the seven layers: ``(B, N, C_in)`` to ``(L, B, C)`` on the latent grid."""
+        hidden = self._lifted(v)
+        outputs: list[Tensor] = []
+        for i, layer in enumerate(self.layers):
+            if self.config.skips and i in SKIPS:
+                hidden = torch.cat([hidden, outputs[SKIPS[i]]], dim=-1)
+            hidden = layer(hidden)
+            outputs.append(hidden)
+        return hidden
+
+    def bottleneck(self, v: Tensor, n_layers: int) -> Tensor:
+        """Apply the first ``n_layers`` layers, which no skip enters: ``(n, B, C)``."""
+        hidden = self._lifted(v)
+        for layer in list(self.layers)[:n_layers]:
+            hidden = layer(hidden)
+        return hidden
+
+    def evaluation(self, times: Tensor) -> Tensor:
+        """Build the matrix ``(T, L)`` from the latent grid to instants in [0, 1]."""
+        return interpolation(times / self.config.period, self.config.n_latent).float()
+
+    def evaluate(self, latent: Tensor, v_at: Tensor, evaluation: Tensor) -> Tensor:
+        """Synthesise at instants and apply the head pointwise.
+
+        Parameters
+        ----------
+        latent : (L, B, C), of ``trunk``
+        v_at : (B, T, C_in), the input function at the instants asked for
+        evaluation : (T, L), of ``evaluation``
+
+        Returns
+        -------
+        (B, T, C_out)
+        """
+        local = (evaluation @ latent.flatten(1)).view(-1, *latent.shape[1:])
+        if self.config.skips:
+            lifted = functional.gelu(self.lift(v_at.transpose(0, 1)))
+            local = torch.cat([local, lifted], dim=-1)
+        out: Tensor = self.head(local)
+        return out.transpose(0, 1)
+
+    def _lifted(self, v: Tensor) -> Tensor:
+        closed = self.extension @ v.transpose(0, 1).flatten(1)
+        return functional.gelu(self.lift(closed.view(-1, v.shape[0], v.shape[2])))
+
+
+def u_channels(width: int) -> tuple[int, ...]:
+    """List the channels of the seven layers: more where the grid is coarse."""
+    return tuple(int(factor * width) for factor in (1.5, 2, 3, 4, 3, 2, 1))
+
+
+def _layers(config: UnoConfig) -> list[OperatorLayer]:
+    layers = []
+    n_in, c_in = config.n_latent, config.lifting
+    for i, (n_out, c_out, n_modes) in enumerate(
+        zip(config.sizes, config.channels, config.modes, strict=True)
+    ):
+        joined = config.channels[SKIPS[i]] if config.skips and i in SKIPS else 0
+        layers.append(
+            OperatorLayer(
+                in_channels=c_in + joined,
+                out_channels=c_out,
+                n_in=n_in,
+                n_out=n_out,
+                n_modes=n_modes,
+            )
+        )
+        n_in, c_in = n_out, c_out
+    return layers

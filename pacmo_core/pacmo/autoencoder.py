@@ -1,0 +1,181 @@
+"""The auto-encoder operator on both people; its bottleneck gives the features (PaCMO, 4.3.1)."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from pacmo_core.interaction import Interaction
+from pacmo_core.operators.fourier import interpolation
+from pacmo_core.operators.initialise import initialise
+from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
+from pacmo_core.pacmo.config import RATIOS, skeleton_from, uno_from
+from pacmo_core.pacmo.fit import Fit, batches, halving
+from pacmo_core.pacmo.functions import MotionPairs, both_sides, encode
+from pacmo_core.pacmo.losses import finite
+from pacmo_core.pacmo.normalisation import Normalisation
+from pacmo_core.pacmo.settings import AutoencoderSettings
+from pacmo_core.skeleton import Skeleton
+
+BOTTLENECK_LAYER = 4
+
+
+@dataclass(frozen=True)
+class AutoencoderConfig:
+    """An auto-encoder's skeleton and operator."""
+
+    skeleton: Skeleton
+    uno: UnoConfig
+
+
+class Autoencoder(nn.Module):
+    """``M x M -> M x M`` in seven layers without skips.
+
+    Parameters
+    ----------
+    config : AutoencoderConfig
+    """
+
+    points: Tensor
+    to_features: Tensor
+    feature_mean: Tensor
+    feature_std: Tensor
+
+    def __init__(self, config: AutoencoderConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.uno = Uno(config.uno)
+        self.normalisation = Normalisation(channels=config.uno.out_channels // 2)
+        channels = config.uno.channels[BOTTLENECK_LAYER - 1]
+        self.register_buffer("feature_mean", torch.zeros(channels))
+        self.register_buffer("feature_std", torch.ones(channels))
+        self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
+        n_latent = config.uno.sizes[BOTTLENECK_LAYER - 1]
+        midpoints = (torch.arange(n_latent) + 0.5) / n_latent
+        to_features = interpolation(midpoints / config.uno.period, n_latent).float()
+        self.register_buffer("to_features", to_features, persistent=False)
+
+    def loss(self, pairs: MotionPairs) -> Tensor:
+        """Take the mean squared error of the reconstruction, in normalised units."""
+        inputs = self._inputs(pairs)
+        both = inputs[..., : self.config.uno.out_channels]
+        out: Tensor = self.uno(inputs)
+        return (out - both).square().mean()
+
+    def features(self, pairs: MotionPairs) -> Tensor:
+        """Encode: ``(B, C, r)`` at r midpoints of equal cells of [0, 1], standardised."""
+        hidden = self.uno.bottleneck(self._inputs(pairs), BOTTLENECK_LAYER)
+        values = (self.to_features @ hidden.flatten(1)).view(-1, *hidden.shape[1:])
+        return ((values - self.feature_mean) / self.feature_std).permute(1, 2, 0)
+
+    def standardise(self, pairs: MotionPairs) -> None:
+        """Give the features of these data mean zero and unit variance, channel by channel."""
+        with torch.no_grad():
+            self.feature_mean.zero_()
+            self.feature_std.fill_(1)
+            raw = self.features(pairs)
+            self.feature_mean.copy_(raw.mean(dim=(0, 2)))
+            self.feature_std.copy_(raw.std(dim=(0, 2)))
+
+    def _inputs(self, pairs: MotionPairs) -> Tensor:
+        norm, period = self.normalisation, self.config.uno.period
+        context = norm.context(self.points, pairs.log_duration, period)
+        motions = [norm.partner(pairs.partner), norm.reaction(pairs.reaction)]
+        return torch.cat([*motions, context], dim=-1)
+
+
+def fit(
+    clips: Sequence[Interaction],
+    settings: AutoencoderSettings,
+    *,
+    validation: Sequence[Interaction] = (),
+    device: str = "cpu",
+) -> Fit[Autoencoder]:
+    """Train on reconstruction; an epoch yields ``loss``, given clips also ``validation_loss``."""
+    random = torch.Generator().manual_seed(settings.random_seed)
+    pairs = encode(both_sides(clips, swap=settings.swap), settings.n_points).to(device)
+    held_out = encode(validation, settings.n_points).to(device) if validation else None
+    model = Autoencoder(_config(clips[0].skeleton, settings))
+    initialise(model, random)
+    model.to(device).normalisation.measure(pairs)
+    return Fit(model, _epochs(model, pairs, held_out, settings, random))
+
+
+def features(
+    model: Autoencoder, interactions: Sequence[Interaction], *, device: str = "cpu"
+) -> NDArray[np.float64]:
+    """Encode interactions, ``person_b`` the partner: ``(n, C, r)``, standardised, frozen."""
+    pairs = encode(interactions, model.config.uno.n_points)
+    return features_of(model, pairs, device=device)
+
+
+def features_of(
+    model: Autoencoder, pairs: MotionPairs, *, device: str = "cpu"
+) -> NDArray[np.float64]:
+    """Encode pairs of functions: ``(n, C, r)``, r midpoints of equal cells of [0, 1]."""
+    model.to(device)
+    with torch.no_grad():
+        found: NDArray[np.float64] = model.features(pairs.to(device)).cpu().double().numpy()
+    return found
+
+
+def config(model: Autoencoder) -> dict[str, Any]:
+    """Describe a model in JSON's terms."""
+    return asdict(model.config)
+
+
+def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:
+    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    parts = AutoencoderConfig(skeleton_from(config["skeleton"]), uno_from(config["uno"]))
+    model = Autoencoder(parts)
+    model.load_state_dict(dict(state))
+    return model.requires_grad_(False)
+
+
+def _config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderConfig:
+    channels = list(u_channels(settings.width))
+    channels[BOTTLENECK_LAYER - 1] = settings.bottleneck
+    both = 6 * len(skeleton.joints)
+    uno = UnoConfig(
+        in_channels=both + 3,
+        out_channels=both,
+        lifting=settings.width,
+        channels=tuple(channels),
+        modes=tuple(settings.modes),
+        ratios=RATIOS,
+        n_points=settings.n_points,
+        period=settings.period,
+        skips=False,
+    )
+    return AutoencoderConfig(skeleton, uno)
+
+
+def _epochs(
+    model: Autoencoder,
+    pairs: MotionPairs,
+    held_out: MotionPairs | None,
+    settings: AutoencoderSettings,
+    random: torch.Generator,
+) -> Iterator[dict[str, float]]:
+    optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
+    schedule = halving(optimiser, settings.halve_every)
+    for _ in range(settings.n_epochs):
+        losses = []
+        for rows in batches(len(pairs), settings.batch_size, random):
+            loss = model.loss(pairs[rows.to(pairs.partner.device)])
+            finite({"loss": loss}, "auto-encoder")
+            optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
+            optimiser.step()
+            losses.append(loss.detach())
+        schedule.step()
+        model.standardise(pairs)
+        terms = {"loss": torch.stack(losses).mean()}
+        if held_out is not None:
+            with torch.no_grad():
+                terms["validation_loss"] = model.loss(held_out)
+        yield finite(terms, "auto-encoder")

@@ -1,0 +1,85 @@
+"""Interactions as functions of normalised time, seen from the partner."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pacmo_core.interaction import Interaction, Motion
+from pacmo_core.operators.encode import Spline
+from pacmo_core.transform import frame_of
+
+
+@dataclass(frozen=True)
+class MotionPairs:
+    """Partner and reaction on N evenly spaced instants of [0, 1], in the partner's first frame.
+
+    Parameters
+    ----------
+    partner, reaction : (B, N, 3 J) float32, metres
+    log_duration : (B,) float32, logarithm of seconds
+    """
+
+    partner: Tensor
+    reaction: Tensor
+    log_duration: Tensor
+
+    def __len__(self) -> int:
+        return len(self.partner)
+
+    def __getitem__(self, rows: Tensor) -> "MotionPairs":
+        return MotionPairs(self.partner[rows], self.reaction[rows], self.log_duration[rows])
+
+    def to(self, device: str | torch.device) -> "MotionPairs":
+        """Move to a device."""
+        return MotionPairs(
+            self.partner.to(device), self.reaction.to(device), self.log_duration.to(device)
+        )
+
+
+def encode(interactions: Sequence[Interaction], n_points: int) -> MotionPairs:
+    """Sample each interaction on one grid: ``person_a`` is the reaction, ``person_b`` the partner.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or their skeletons differ.
+    """
+    common_skeleton(interactions)
+    sampled = [_sample(interaction, n_points) for interaction in interactions]
+    return MotionPairs(
+        partner=torch.from_numpy(np.stack([partner for partner, _ in sampled])),
+        reaction=torch.from_numpy(np.stack([reaction for _, reaction in sampled])),
+        log_duration=torch.tensor([np.log(i.duration) for i in interactions], dtype=torch.float32),
+    )
+
+
+def both_sides(interactions: Sequence[Interaction], *, swap: bool) -> list[Interaction]:
+    """List the interactions and, if asked, each with its people exchanged (PaCMO, 3.1)."""
+    return [*interactions, *(i.swapped() for i in interactions if swap)]
+
+
+def common_skeleton(interactions: Sequence[Interaction]) -> None:
+    """Refuse an empty list, and two bodies of different joints."""
+    skeletons = {interaction.skeleton for interaction in interactions}
+    if len(skeletons) != 1:
+        names = sorted(skeleton.name for skeleton in skeletons)
+        raise ValueError(f"interactions must share one skeleton; got {names or 'no interaction'}")
+
+
+def relative_times(times: Tensor, start: float, duration: float) -> Tensor:
+    """Seconds to the unit interval."""
+    return (times - start) / duration
+
+
+def _sample(interaction: Interaction, n_points: int) -> tuple[Motion, Motion]:
+    frame = frame_of(interaction.person_b, interaction.skeleton)
+    partner, reaction = (
+        Spline(interaction.times, frame.to_local(motion).reshape(len(motion), -1))
+        .on_grid(n_points)
+        .astype(np.float32)
+        for motion in (interaction.person_b, interaction.person_a)
+    )
+    return partner, reaction

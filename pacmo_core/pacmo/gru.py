@@ -1,0 +1,165 @@
+"""The deterministic baseline: stacked GRU layers over a partner's frames (PaCMO, 4.3.2)."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.utils.rnn import pad_sequence
+
+from pacmo_core.interaction import Interaction
+from pacmo_core.operators.encode import Spline
+from pacmo_core.operators.initialise import initialise
+from pacmo_core.pacmo.config import skeleton_from
+from pacmo_core.pacmo.fit import Fit, batches, halving
+from pacmo_core.pacmo.functions import both_sides, common_skeleton, encode
+from pacmo_core.pacmo.losses import finite
+from pacmo_core.pacmo.normalisation import Normalisation
+from pacmo_core.pacmo.settings import GruSettings
+from pacmo_core.skeleton import Skeleton
+from pacmo_core.transform import frame_of
+
+
+@dataclass(frozen=True)
+class GruConfig:
+    """A recurrent network's skeleton and size."""
+
+    skeleton: Skeleton
+    fps: float
+    hidden: int
+    n_layers: int
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Partners and reactions at one rate, one tensor a clip.
+
+    Parameters
+    ----------
+    partner, reaction : list of (T_i, 3 J) float32, metres, in the partner's first frame
+    """
+
+    partner: list[Tensor]
+    reaction: list[Tensor]
+
+
+class Gru(nn.Module):
+    """Five GRU layers of 200 and three dense ones with GELU, in the paper's size.
+
+    Causal, so frames of padding after a clip do not change it.
+
+    Parameters
+    ----------
+    config : GruConfig
+    """
+
+    def __init__(self, config: GruConfig) -> None:
+        super().__init__()
+        self.config = config
+        channels, hidden = 3 * len(config.skeleton.joints), config.hidden
+        self.gru = nn.GRU(channels, hidden, config.n_layers, batch_first=True)
+        self.head = nn.Sequential(
+            nn.Linear(hidden, hidden),
+            nn.GELU(),
+            nn.Linear(hidden, hidden),
+            nn.GELU(),
+            nn.Linear(hidden, channels),
+        )
+        self.normalisation = Normalisation(channels=channels)
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Whose joints go in and come out."""
+        return self.config.skeleton
+
+    def forward(self, partner: Tensor) -> Tensor:
+        """React frame by frame: ``(B, T, 3 J)`` metres to the same."""
+        hidden, _ = self.gru(self.normalisation.partner(partner))
+        out: Tensor = self.head(hidden)
+        return self.normalisation.metres(out)
+
+    def loss(self, frames: Frames, rows: Sequence[int]) -> Tensor:
+        """Take the mean squared error over real frames, in normalised units."""
+        partner = pad_sequence([frames.partner[i] for i in rows], batch_first=True)
+        reaction = pad_sequence([frames.reaction[i] for i in rows], batch_first=True)
+        lengths = torch.tensor([len(frames.partner[i]) for i in rows], device=partner.device)
+        here = torch.arange(partner.shape[1], device=partner.device) < lengths[:, None]
+        error = (self(partner) - reaction).square().mean(dim=-1) / self.normalisation.scale**2
+        return torch.masked_select(error, here).mean()
+
+
+def frame_times(start: float, end: float, fps: float) -> NDArray[np.float64]:
+    """Space instants evenly, both ends among them, as near to a rate as that allows."""
+    return np.linspace(start, end, max(2, round((end - start) * fps) + 1))
+
+
+def fit(
+    clips: Sequence[Interaction],
+    settings: GruSettings,
+    *,
+    validation: Sequence[Interaction] = (),
+    device: str = "cpu",
+) -> Fit[Gru]:
+    """Train on squared error; an epoch yields ``loss``, given clips also ``validation_loss``."""
+    common_skeleton([*clips, *validation])
+    random = torch.Generator().manual_seed(settings.random_seed)
+    sides = both_sides(clips, swap=settings.swap)
+    frames, held_out = (_frames(some, settings.fps, device) for some in (sides, validation))
+    config = GruConfig(clips[0].skeleton, settings.fps, settings.hidden, settings.n_layers)
+    model = Gru(config)
+    initialise(model, random)
+    model.to(device).normalisation.measure(encode(sides, n_points=33).to(device))
+    return Fit(model, _epochs(model, frames, held_out, settings, random))
+
+
+def config(model: Gru) -> dict[str, Any]:
+    """Describe a model in JSON's terms."""
+    return asdict(model.config)
+
+
+def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Gru:
+    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    model = Gru(GruConfig(**{**config, "skeleton": skeleton_from(config["skeleton"])}))
+    model.load_state_dict(dict(state))
+    return model.requires_grad_(False)
+
+
+def _frames(clips: Sequence[Interaction], fps: float, device: str) -> Frames:
+    frames = Frames([], [])
+    for clip in clips:
+        frame = frame_of(clip.person_b, clip.skeleton)
+        at = frame_times(clip.times[0], clip.times[-1], fps)
+        for motion, found in ((clip.person_b, frames.partner), (clip.person_a, frames.reaction)):
+            local = frame.to_local(motion).reshape(len(motion), -1)
+            values = Spline(clip.times, local)(at).astype(np.float32)
+            found.append(torch.from_numpy(values).to(device))
+    return frames
+
+
+def _epochs(
+    model: Gru,
+    frames: Frames,
+    held_out: Frames,
+    settings: GruSettings,
+    random: torch.Generator,
+) -> Iterator[dict[str, float]]:
+    optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
+    schedule = halving(optimiser, settings.halve_every)
+    for _ in range(settings.n_epochs):
+        losses = []
+        for rows in batches(len(frames.partner), settings.batch_size, random):
+            loss = model.loss(frames, rows.tolist())
+            finite({"loss": loss}, "GRU")
+            optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
+            optimiser.step()
+            losses.append(loss.detach())
+        schedule.step()
+        terms = {"loss": torch.stack(losses).mean()}
+        if held_out.partner:
+            with torch.no_grad():
+                terms["validation_loss"] = model.loss(held_out, range(len(held_out.partner)))
+        yield finite(terms, "GRU")
