@@ -1,5 +1,7 @@
 """``pacmo clips`` and ``pacmo quarantine``: what stands in a folder of the store."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -19,30 +21,33 @@ CLIP_COLUMNS = ("clip", "side", "action", "subject_a", "subject_b", "fps", "fram
 
 def list_clips(folder: Folder = Path("data/clips"), matching: Matching = "") -> None:
     """List the clips of a folder: who, what, how long, on which side."""
-    _show(folder / "clips.parquet", ClipFacts, CLIP_COLUMNS, matching)
+    with _told():
+        rows = read_rows(folder / "clips.parquet", ClipFacts)
+    _show(rows, CLIP_COLUMNS, matching)
 
 
 def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:
     """List the captures that could not be used, with the reasons."""
-    _show(folder / "quarantine.parquet", QuarantineFacts, ("file", "line", "reason"), matching)
+    with _told():
+        rows = read_rows(folder / "quarantine.parquet", QuarantineFacts)
+    _show(rows, ("file", "line", "reason"), matching)
 
 
-def _show(
-    path: Path,
-    kind: type[ClipFacts] | type[QuarantineFacts],
-    columns: tuple[str, ...],
-    matching: str,
-) -> None:
-    table = Table(*columns, box=None)
+@contextmanager
+def _told() -> Iterator[None]:
     with told_in_one_line():
         try:
-            rows = read_rows(path, kind)
+            yield
         except StoreError as fault:
             raise CommandError(str(fault)) from fault
-    cells = [[_cell(getattr(row, column)) for column in columns] for row in rows]
-    for line in cells:
-        if matching in " ".join(line):
-            table.add_row(*line)
+
+
+def _show(rows: Sequence[object], columns: tuple[str, ...], matching: str) -> None:
+    table = Table(*columns, box=None)
+    for row in rows:
+        cells = [_cell(getattr(row, column)) for column in columns]
+        if matching in " ".join(cells):
+            table.add_row(*cells)
     Console().print(table)
     typer.echo(f"{table.row_count} of {len(rows)}")
 

@@ -4,10 +4,13 @@ Usage: python -m stages.react MODEL CLIPS REACTIONS
 """
 
 import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
+from torch import Tensor
 
 from pacmo_core.interaction import Interaction, Motion
 from pacmo_core.pacmo import adversarial, gru
@@ -18,7 +21,10 @@ from stages._io import WEIGHTS
 from stages._params import read_params
 from stages._reactions import seed_of, write_reactions
 
-KINDS = {"pacmo": adversarial.from_state, "gru": gru.from_state}
+BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], Reactor]] = {
+    "pacmo": adversarial.from_state,
+    "gru": gru.from_state,
+}
 
 
 @dataclass(frozen=True)
@@ -32,13 +38,16 @@ def main(model: Path, clips: Path, reactions: Path) -> None:
     params = read_params("react", Params)
     torch.set_num_threads(1)
     config, state = read_weights(model / WEIGHTS)
-    reactor: Reactor = KINDS[config["kind"]](config["model"], state)
+    reactor = BUILDERS[config["kind"]](config["model"], state)
 
     def answer(name: str, _facts: ClipFacts, seen: Interaction) -> Motion:
         random = torch.Generator().manual_seed(seed_of(name, params.random_seed))
         times = seen.times
-        found = react(reactor, seen.person_a, times, out_times=times, n_samples=1, random=random)
-        return found[0]
+        (motion,) = react(
+            reactor, seen.person_a, times, out_times=times, n_samples=1, random=random
+        )
+        reaction: Motion = motion
+        return reaction
 
     write_reactions(clips, reactions, answer)
 
