@@ -46,6 +46,20 @@ class RawSequence:
     recording: str = ""
 
 
+@dataclass(frozen=True)
+class Reading:
+    """What came of reading one sequence.
+
+    Parameters
+    ----------
+    interaction : both people
+    filled_frames : poses of one person that the file lacks and the reader interpolated
+    """
+
+    interaction: Interaction
+    filled_frames: int = 0
+
+
 class Format(Protocol):
     """A raw format with its settings fixed."""
 
@@ -57,7 +71,7 @@ class Format(Protocol):
         """
         ...
 
-    def read(self, sequence: RawSequence) -> Interaction:
+    def read(self, sequence: RawSequence) -> Reading:
         """Read one sequence into metres, y up, right-handed, seconds.
 
         Raises
