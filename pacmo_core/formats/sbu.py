@@ -1,0 +1,132 @@
+"""SBU Kinect Interaction: ``<sXXsYY>/<action>/<take>/skeleton_pos.txt``, two people a line.
+
+A line is 91 comma-separated values: a frame number, then 15 joints x y z of the first and of the
+second person, normalised. Yun et al. (2012) give millimetres as 1280 - 2560 x, 960 - 1920 y and
+10000 z / 7.8125. These are y up, z away from the camera and, by the minus sign of x, right-handed:
+the joints called left are then on the left of people who face each other and bend their knees
+forwards. The frame rate is not in the file.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.formats.text import FARTHEST, count, floats, is_number, read_bytes, show
+from pacmo_core.interaction import Interaction
+from pacmo_core.skeleton import SBU15
+
+ACTIONS = {
+    "01": "approaching",
+    "02": "departing",
+    "03": "kicking",
+    "04": "pushing",
+    "05": "shaking hands",
+    "06": "hugging",
+    "07": "exchanging",
+    "08": "punching",
+}
+_N_JOINTS = len(SBU15.joints)
+_N_FIELDS = 1 + 2 * _N_JOINTS * 3
+# Metres: scale and shift of x, y, z.
+_SCALE = np.array([-2.56, -1.92, 10 / 7.8125])
+_SHIFT = np.array([1.28, 0.96, 0.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sbu:
+    """SBU Kinect Interaction, read with these settings.
+
+    Parameters
+    ----------
+    fps : frames a second; the paper says 15
+    """
+
+    fps: float
+
+    def __post_init__(self) -> None:
+        if not self.fps > 0:
+            raise ValueError(f"fps must be > 0; got {self.fps}")
+
+    def find(self, root: Path) -> list[RawSequence]:
+        """List every ``skeleton_pos.txt`` under ``root``, named by its folders."""
+        files = sorted(path for path in root.rglob("skeleton_pos.txt") if not path.is_dir())
+        return [_sequence(path, root) for path in files]
+
+    def read(self, sequence: RawSequence) -> Reading:
+        """Read one file.
+
+        Raises
+        ------
+        FormatError
+            If a line is not 91 finite numbers, or a frame is missing.
+        """
+        (file,) = sequence.files
+        positions = _positions(_values(read_bytes(file), file), file)
+        person_a, person_b = np.ascontiguousarray(positions.swapaxes(0, 1))
+        times = np.arange(len(positions)) / self.fps
+        return Reading(Interaction(SBU15, times, person_a, person_b))
+
+
+def _sequence(file: Path, root: Path) -> RawSequence:
+    name = file.parent.relative_to(root).as_posix()
+    subjects = re.fullmatch(r"(s\d{2})(s\d{2})/(\d{2})/[^/]+", name)
+    if not subjects:
+        return RawSequence(name, (file,), recording=name)
+    a, b, action = subjects.groups()
+    return RawSequence(name, (file,), ACTIONS.get(action, ""), (a, b), recording=name)
+
+
+def _values(data: bytes, file: Path) -> NDArray[np.float64]:
+    """``(T, 91)``: the fields of every line.
+
+    Raises
+    ------
+    FormatError
+        If a line has other fields, there are fewer than two lines, or frames do not follow on.
+    """
+    rows = [line.split(b",") for line in data.rstrip().split(b"\n")]
+    for line, row in enumerate(rows, start=1):
+        if len(row) != _N_FIELDS:
+            raise FormatError(file, f"wanted {_N_FIELDS} fields, got {len(row)}", line)
+        wrong = [field for field in row if not is_number(field)]
+        if wrong:
+            raise FormatError(file, f"wanted numbers, got {show(wrong[0])}", line)
+    if len(rows) < 2:
+        raise FormatError(file, "wanted two frames or more, got one", 1)
+    _check_frames([row[0] for row in rows], file)
+    return floats(field for row in rows for field in row).reshape(-1, _N_FIELDS)
+
+
+def _check_frames(fields: list[bytes], file: Path) -> None:
+    frames = [count(field) for field in fields]
+    first = frames[0]
+    for i, frame in enumerate(frames):
+        if first is None or frame != first + i:
+            wanted = "a frame number" if first is None else f"frame {first + i}"
+            raise FormatError(file, f"wanted {wanted}, got {show(fields[i])}", i + 1)
+
+
+def _positions(values: NDArray[np.float64], file: Path) -> NDArray[np.float32]:
+    """``(T, 2, 15, 3)`` metres.
+
+    Raises
+    ------
+    FormatError
+        If a position is not finite, or further away than any room.
+    """
+    normalised = values[:, 1:].reshape(-1, 2, _N_JOINTS, 3)
+    far = np.argwhere(~(np.abs(normalised) < FARTHEST))
+    if len(far):
+        frame, person, joint = far[0][:3]
+        raise FormatError(
+            file,
+            f"wanted finite positions; joint {SBU15.joints[joint]} of person {person + 1} is at "
+            f"{normalised[frame, person, joint].tolist()}",
+            int(frame) + 1,
+        )
+    positions: NDArray[np.float64] = normalised * _SCALE + _SHIFT
+    return positions.astype(np.float32)
