@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from pacmo_core.formats.duetdance import DuetDance
+from pacmo_core.formats.mat import list_variables, read_variable
 from pacmo_core.formats.raw import FormatError, RawSequence
 from pacmo_core.skeleton import DUET15
 from tests.formats.real_files import real_folder
@@ -70,10 +71,10 @@ def test_clips_and_files_of_one_dancer_are_listed_and_refused(tmp_path):
 @pytest.mark.parametrize(
     ("variables", "wanted"),
     [
-        ({"x_1": np.array([1, "a"], dtype=object)}, "x_1: wanted plain numbers; got a cell"),
-        ({"x_1": {"a": 1}}, "x_1: wanted plain numbers; got a struct"),
-        ({"x_1": "text"}, "x_1: wanted plain numbers; got a char"),
-        ({"x_1": np.zeros((4, 15, 3), complex)}, "x_1: wanted real numbers"),
+        ({"x_1": np.array([1, "a"], dtype=object)}, "x_1: wanted plain real numbers; got a cell"),
+        ({"x_1": {"a": 1}}, "x_1: wanted plain real numbers; got a struct"),
+        ({"x_1": "text"}, "x_1: wanted plain real numbers; got a char"),
+        ({"x_1": np.zeros((4, 15, 3), complex)}, "x_1: wanted plain real numbers; got a complex"),
         ({"x_1": np.full((4, 15, 3), np.nan)}, r"\(0, 0, 0\) has nan"),
         ({"x_1": np.zeros((4, 45))}, r"x_1: wanted \(T, 15, 3\); got \(4, 45\)"),
         ({"x_1": np.zeros((1, 15, 3))}, "wanted two frames or more; got 1"),
@@ -85,6 +86,37 @@ def test_a_matlab_file_with_anything_but_places_is_refused(tmp_path, variables, 
         savemat(tmp_path / sex / "jive.mat", variables)
     with pytest.raises(FormatError, match=wanted):
         FORM.read(FORM.find(tmp_path)[0])
+
+
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i2", "u1", "i8"])
+@pytest.mark.parametrize("compressed", [False, True])
+def test_numbers_of_every_kind_come_out_as_they_went_in(tmp_path, dtype, compressed):
+    file = tmp_path / "x.mat"
+    wanted = {
+        "first": (numbers(0, 4, 15, 3) * 50 + 75).astype(dtype),
+        "a_much_longer_name_1": np.arange(6, dtype=dtype).reshape(2, 3),
+        "one": np.ones((1, 1), dtype),
+    }
+    savemat(file, wanted, do_compression=compressed)
+    assert list_variables(file) == list(wanted)
+    for name, array in wanted.items():
+        assert (read_variable(file, name) == array).all()
+        assert read_variable(file, name).shape == array.shape
+
+
+def test_a_file_of_level_4_is_refused(tmp_path):
+    savemat(tmp_path / "x.mat", {"x": numbers(0, 4, 4)}, format="4")
+    with pytest.raises(FormatError, match="no MATLAB file of level 5"):
+        list_variables(tmp_path / "x.mat")
+
+
+def test_a_shape_too_large_to_believe_is_refused_before_it_is_read(tmp_path):
+    file = tmp_path / "x.mat"
+    savemat(file, {"x": numbers(0, 4, 15, 3)})
+    shape = np.array([4, 15, 3], "<i4").tobytes()
+    file.write_bytes(file.read_bytes().replace(shape, b"\xff\xff\xff\x7f" * 3))
+    with pytest.raises(FormatError, match=r"x: \(2147483647, .* is more than"):
+        read_variable(file, "x")
 
 
 @pytest.mark.parametrize("content", [b"", b"MATLAB", b"\x00" * 200, b"MATLAB 5.0" + b" " * 300])
