@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from pacmo_core.formats.mat import bounded
 from pacmo_core.formats.pairing import PairRule, pair_files
 from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.formats.tables import bounded
 from pacmo_core.skeleton import INTERHUMAN22
 
 _COLUMNS = 22 * 3
@@ -87,13 +88,12 @@ def _read_array(file: Path) -> NDArray[np.generic]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            # Unpickling would run what the file says; it stays off.
-            array = np.load(file, mmap_mode="r", allow_pickle=False)
+            # Unlike np.load, this knows neither pickles, which run what the file says, nor zips.
+            array = open_memmap(file, mode="r")
     except _BROKEN as error:
         raise FormatError(file, f"no array of numbers: {error}") from error
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
-        kind = getattr(array, "dtype", type(array).__name__)
-        raise FormatError(file, f"wanted an array of real numbers; got {kind}")
+    if array.dtype.kind not in "fiu":
+        raise FormatError(file, f"wanted an array of real numbers; got {array.dtype}")
     if array.ndim != 2 or array.shape[1] < _COLUMNS:
         raise FormatError(file, f"wanted (T, {_COLUMNS} or more); got {array.shape}")
     return array

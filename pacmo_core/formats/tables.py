@@ -87,6 +87,23 @@ def parse_rows(
     return table
 
 
+def bounded(file: Path, table: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Turn real numbers into float64.
+
+    Raises
+    ------
+    FormatError
+        If one is not finite, or larger than any of a capture.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        numbers: NDArray[np.float64] = table.astype(np.float64)
+    wrong = np.argwhere(~(np.abs(numbers) <= LARGEST))
+    if len(wrong):
+        place = tuple(int(i) for i in wrong[0])
+        raise FormatError(file, f"wanted numbers up to {LARGEST:g}; {place} has {numbers[place]}")
+    return numbers
+
+
 def sequence_name(path: str) -> str:
     """Spell a path with the letters a sequence's name may hold: others become ``-u<code>-``."""
     return re.sub(r"[^A-Za-z0-9_./-]", lambda match: f"-u{ord(match[0]):x}-", path)

@@ -1,0 +1,236 @@
+"""Truth: the plain BVH reader, the known facts of each data set, and files broken on purpose."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from pacmo_core.formats.bvh import read_bvh
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.people import upright
+from pacmo_core.formats.raw import FormatError, RawSequence
+from tests.formats.real_files import real_folder
+from tests.formats.valid_sets import FRAMES, bvh_text, write_bvh_pair
+
+
+def pairs(preset="pair", **settings) -> BvhPairs:
+    plain = {
+        "unit": 1.0 if preset == "pair" else None,
+        "up": "y" if preset == "pair" else None,
+        "fps": None,
+        "end_sites": preset == "pair",
+        "skip_frames": 0,
+        "max_root_distance": None,
+    }
+    return BvhPairs(preset=preset, **{**plain, **settings})
+
+
+def only(form: BvhPairs, root: Path) -> RawSequence:
+    (sequence,) = form.find(root)
+    return sequence
+
+
+def reason(form: BvhPairs, sequence: RawSequence) -> str:
+    with pytest.raises(FormatError) as caught:
+        form.read(sequence)
+    return str(caught.value)
+
+
+def test_a_pair_is_both_files_on_the_clock_of_their_frame_time(tmp_path):
+    write_bvh_pair(tmp_path)
+    sequence = only(pairs(), tmp_path)
+    assert (sequence.name, [file.name for file in sequence.files]) == (
+        *("wave", ["wave_A.bvh", "wave_B.bvh"]),
+    )
+    interaction = pairs().read(sequence).interaction
+    assert_allclose(interaction.times, np.arange(FRAMES) * 0.033333)
+    assert_allclose(interaction.person_a, read_bvh(sequence.files[0]).positions(), atol=1e-6)
+    assert_allclose(interaction.person_b, read_bvh(sequence.files[1]).positions(), atol=1e-6)
+    assert interaction.skeleton.left_right == ((3, 5), (4, 6))
+
+
+def test_z_up_becomes_y_up_by_a_rotation():
+    turned = upright(np.eye(3), "z").T
+    assert_allclose(turned @ (0, 0, 1), (0, 1, 0))
+    assert_allclose(turned @ turned.T, np.eye(3))
+    assert np.linalg.det(turned) == pytest.approx(1)
+
+
+def test_settings_scale_turn_and_cut(tmp_path):
+    write_bvh_pair(tmp_path)
+    plain = pairs().read(only(pairs(), tmp_path)).interaction
+    form = pairs(unit=0.01, up="z", skip_frames=2, fps=60.0, end_sites=False)
+    interaction = form.read(only(form, tmp_path)).interaction
+    assert interaction.skeleton.joints == ("Hips", "Spine", "LeftArm", "RightArm")
+    assert interaction.skeleton.parents == (-1, 0, 1, 1)
+    assert_allclose(interaction.times, np.arange(FRAMES - 2) / 60)
+    x, y, z = np.moveaxis(plain.person_a[2:, [0, 1, 3, 5]], -1, 0)
+    assert_allclose(interaction.person_a, np.stack((x, z, -y), -1) * 0.01, atol=1e-6)
+
+
+def test_a_walk_in_is_left_out(tmp_path):
+    write_bvh_pair(tmp_path)
+    whole = pairs().read(only(pairs(), tmp_path)).interaction
+    distance = np.linalg.norm(whole.person_a[:, 0] - whole.person_b[:, 0], axis=-1)
+    near = float(np.sort(distance[:-1])[0]) + 1e-4
+    form = pairs(max_root_distance=near)
+    cut = form.read(only(form, tmp_path)).interaction
+    assert len(cut.times) == FRAMES - distance[:-1].argmin()
+    assert cut.times[0] == 0
+    assert "the roots stay" in reason(pairs(max_root_distance=1e-3), only(form, tmp_path))
+
+
+def test_two_files_named_outright_are_a_pair(tmp_path):
+    for seed, name in enumerate(("one.bvh", "two.bvh")):
+        (tmp_path / name).write_text(bvh_text(seed))
+    sequence = RawSequence("mine", (tmp_path / "one.bvh", tmp_path / "two.bvh"))
+    assert len(pairs().read(sequence).interaction.times) == FRAMES
+
+
+def test_one_of_two_files_is_listed_and_refused(tmp_path):
+    write_bvh_pair(tmp_path)
+    (tmp_path / "wave_B.bvh").unlink()
+    sequence = only(pairs(), tmp_path)
+    assert sequence.name == "wave_A.bvh"
+    assert "no second person" in reason(pairs(), sequence)
+
+
+def test_a_broken_file_is_named_before_its_missing_partner(tmp_path):
+    (tmp_path / "wave_A.bvh").write_text(bvh_text(0).replace("Frames: 6", "Frames: 4"))
+    assert "says 4 frames, the file has 6 rows" in reason(pairs(), only(pairs(), tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (bvh_text(1, frames=5), "wave_B.bvh: 5 frames; wave_A.bvh has 6"),
+        (bvh_text(1).replace("0.033333", "0.01"), "wave_B.bvh: 100 frames a second; wave_A"),
+        (
+            bvh_text(1).replace("LeftArm", "Arm"),
+            r"not the joints of wave_A.bvh: \['Arm",
+        ),
+        (bvh_text(1).replace("OFFSET 0 0.5 0", "OFFSET 0 5000 0"), "joint Spine is at"),
+        (bvh_text(1).replace("OFFSET 0.4 0 0", "OFFSET 0 0 0"), "LeftArm_end has zero length"),
+    ],
+)
+def test_two_files_that_do_not_match_are_refused(tmp_path, text, wanted):
+    write_bvh_pair(tmp_path)
+    (tmp_path / "wave_B.bvh").write_text(text)
+    assert re.search(wanted, reason(pairs(), only(pairs(), tmp_path)))
+
+
+def test_a_single_frame_is_no_motion(tmp_path):
+    for person in "AB":
+        (tmp_path / f"x_{person}.bvh").write_text(bvh_text(0, frames=1))
+    assert "wanted two frames or more; got 1" in reason(pairs(), only(pairs(), tmp_path))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"preset": "unknown"},
+        {"unit": None},
+        {"up": None},
+        {"up": "x"},
+        {"unit": -1.0},
+        {"skip_frames": -1},
+        {"fps": 0.0},
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(settings):
+    with pytest.raises(ValueError, match=r"preset|up|skip_frames|fps"):
+        pairs(**settings)
+
+
+def test_names_tell_pairs_units_and_recordings_of_the_duo_set(tmp_path):
+    for folder in ("salsa", "salsa_raw", "acts"):
+        (tmp_path / folder).mkdir()
+    for name in (
+        *("salsa/Easy_01_female_30fps.bvh", "salsa/Easy_01_male_30fps.bvh"),
+        *("salsa_raw/Easy_01_female.bvh", "salsa_raw/Easy_01_male.bvh"),
+        *("acts/crawl001_S1_part_30fps.bvh", "acts/crawl001_S2_part_30fps.bvh"),
+        *("acts/ROM.bvh", "acts/push_S1.BVH", "acts/push_S2.bvh"),
+    ):
+        (tmp_path / name).write_text(bvh_text(0))
+    form = pairs("duo_mocap")
+    found = {sequence.name: sequence for sequence in form.find(tmp_path)}
+    assert list(found) == [
+        *("acts/ROM.bvh", "acts/crawl001_part_30fps", "acts/push"),
+        *("salsa/Easy_01_30fps", "salsa_raw/Easy_01"),
+    ]
+    crawl, salsa = found["acts/crawl001_part_30fps"], found["salsa/Easy_01_30fps"]
+    assert (crawl.recording, crawl.action, crawl.subjects) == ("crawl001", "crawl", ("S1", "S2"))
+    assert (salsa.action, salsa.subjects) == ("salsa", ("salsa-female", "salsa-male"))
+    assert salsa.recording == found["salsa_raw/Easy_01"].recording == "Easy_01"
+    metres = form.read(salsa).interaction.person_a
+    inches = form.read(found["salsa_raw/Easy_01"]).interaction.person_a
+    assert_allclose(inches, metres * 0.0254, atol=1e-6)
+
+
+def test_odd_letters_and_equal_names_still_give_each_sequence_a_name_of_its_own(tmp_path):
+    for name in ("a b_S1.bvh", "a b_S2.bvh", "x_1_S1.bvh", "x_1_S2.bvh", "x_1_female.bvh"):
+        (tmp_path / name).write_text(bvh_text(0))
+    (tmp_path / "x_1_male.bvh").write_text(bvh_text(0))
+    names = [sequence.name for sequence in pairs("duo_mocap").find(tmp_path)]
+    assert names == ["a-u20-b", "x_1.S1-S2", "x_1.female-male"]
+
+
+def test_real_salsa_is_two_upright_grown_ups_near_each_other():
+    form = pairs("duo_mocap")
+    found = {s.name: s for s in form.find(real_folder("duo_mocap"))}
+    interaction = form.read(found["salsa/Easy_01_30fps"]).interaction
+    joints = list(interaction.skeleton.joints)
+    assert interaction.fps == pytest.approx(30, abs=0.01)
+    for person in (interaction.person_a, interaction.person_b):
+        feet = person[:, [joints.index("LeftToeBase"), joints.index("RightToeBase")], 1]
+        assert abs(np.median(feet.min(1)) - 0.02) < 0.02
+        assert 1.3 < np.median(person[:, joints.index("Head"), 1]) < 1.8
+        # With y up and right-handed, (left - right) x up points forward, as toes do.
+        across = person[:, joints.index("LeftUpLeg")] - person[:, joints.index("RightUpLeg")]
+        toes = person[:, joints.index("LeftToeBase")] - person[:, joints.index("LeftFoot")]
+        assert ((np.cross(across, (0, 1, 0)) * toes).sum(-1) > 0).mean() > 0.99
+    apart = np.linalg.norm(interaction.person_a[:, 0] - interaction.person_b[:, 0], axis=-1)
+    assert 0.4 < np.median(apart) < 0.8
+
+
+def test_real_raw_files_in_inches_are_the_same_motion_in_metres():
+    form = pairs("duo_mocap")
+    found = {s.name: s for s in form.find(real_folder("duo_mocap"))}
+    cut = form.read(found["salsa/Easy_01_30fps"]).interaction
+    raw = form.read(found["salsa_raw/Easy_01"]).interaction
+    assert raw.skeleton == cut.skeleton
+    nearest = np.abs(raw.times[None] - cut.times[:, None]).argmin(1)
+    error = np.linalg.norm(raw.person_b[nearest] - cut.person_b, axis=-1)
+    assert np.median(error) < 0.01
+
+
+def test_real_faulty_files_are_refused_with_the_reason():
+    form = pairs("duo_mocap")
+    found = {s.name: s for s in form.find(real_folder("duo_mocap"))}
+    crawl = reason(form, found["faulty/jump_crawl001_S2_crawl_30fps.bvh"])
+    assert "the header says 684 frames, the file has 774 rows" in crawl
+    assert "no second person" in reason(form, found["faulty/ROM_30fps.bvh"])
+
+
+def test_real_cmu_trials_pair_across_folders_and_know_their_labels():
+    form = pairs("cmu_18_19")
+    found = {s.name: s for s in form.find(real_folder("cmu_18_19"))}
+    assert sum(len(s.files) == 2 for s in found.values()) == 13
+    shake, same = found["18_19/18_01"], found["not_a_pair/60_61_01"]
+    assert (shake.action, shake.subjects) == ("walk, shake hands", ("Justin", "rory"))
+    interaction = form.read(shake).interaction
+    assert interaction.person_a[..., 1].min() == pytest.approx(0.05, abs=0.01)
+    # The second of these "pairs" is the same dancer twice: reading it is not the place to judge.
+    twice = form.read(same).interaction
+    assert np.linalg.norm(twice.person_a[:, 0] - twice.person_b[:, 0], axis=-1).mean() < 0.02
+    for orphan in ("18_19_Justin/18_02_poses.bvh", "18_19_rory/18_12_poses.bvh"):
+        assert "no second person" in reason(form, found[orphan])
+
+
+def test_real_single_persons_are_listed_and_refused():
+    form = pairs("skeleton_priors")
+    sequences = form.find(real_folder("skeleton_priors"))
+    assert len(sequences) == 10
+    assert all("no second person" in reason(form, sequence) for sequence in sequences)
