@@ -52,7 +52,7 @@
 
   function homeCamera(view) {
     const height = view.top - view.ground;
-    return { yaw: view.yaw, pitch: 0.2, distance: Math.max(view.reach + 250, height * 0.68) / FIELD };
+    return { yaw: view.yaw, pitch: 0.2, distance: Math.max(view.reach + 280, height * 0.78) / FIELD };
   }
 
   function projector(camera, view, width, height) {

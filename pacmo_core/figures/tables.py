@@ -122,7 +122,7 @@ def number(value: float) -> str:
     if size and not 1e-3 <= size < 1e5:
         text = f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e")
     else:
-        text = f"{value:.0f}" if size >= 100 else f"{value:#.3g}" if size else "0"
+        text = f"{value:.0f}" if size >= 100 else f"{value:#.3g}".removesuffix(".") if size else "0"
     return text.replace("-", "−")
 
 

@@ -1,0 +1,93 @@
+"""A headless Chromium, spoken to over its DevTools socket: as much as the tests of pages need."""
+
+import json
+import re
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from websockets.sync.client import ClientConnection, connect
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+_FLAGS = (
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-sync", "--disable-background-networking", "--disable-component-update"),
+    "--remote-debugging-port=0",
+)
+_COMPLAINTS = {"Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled"}
+_PATIENCE_S = 30.0
+
+
+class Tab:
+    """One page of the browser.
+
+    ``complaints`` holds what the console was told, ``requests`` every address asked for.
+    """
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket, self.session, self.last_id = socket, "", 0
+        self.complaints: list[dict[str, Any]] = []
+        self.requests: list[str] = []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
+        self.session = attached["sessionId"]
+        for domain in ("Runtime", "Log", "Page", "Network"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, **params: object) -> dict[str, Any]:
+        """Ask the browser, and keep what it says meanwhile."""
+        self.last_id += 1
+        message: dict[str, object] = {"id": self.last_id, "method": method, "params": params}
+        self.socket.send(
+            json.dumps(message | ({"sessionId": self.session} if self.session else {}))
+        )
+        while True:
+            said = json.loads(self.socket.recv(timeout=_PATIENCE_S))
+            if said.get("id") == self.last_id:
+                return dict(said["result"])
+            self._overhear(said)
+
+    def run(self, expression: str) -> Any:
+        """Evaluate JavaScript in the page."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        return answer["result"].get("value")
+
+    def wait_until(self, expression: str) -> None:
+        """Wait for a JavaScript expression to hold."""
+        until = time.monotonic() + _PATIENCE_S
+        while not self.run(expression):
+            if time.monotonic() > until:
+                raise TimeoutError(f"the page never came to {expression}; {self.complaints}")
+            time.sleep(0.02)
+
+    def press(self, key: str, text: str = "") -> None:
+        """Press a key where the focus is."""
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, text=text)
+        self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def _overhear(self, said: dict[str, Any]) -> None:
+        if said.get("method") in _COMPLAINTS:
+            self.complaints.append(said["params"])
+        if said.get("method") == "Network.requestWillBeSent":
+            self.requests.append(said["params"]["request"]["url"])
+
+
+@contextmanager
+def open_page(page: Path, profile: Path) -> Iterator[Tab]:
+    """Open a file as a double click would, in a browser that has never been used."""
+    command = [str(CHROMIUM), *_FLAGS, f"--user-data-dir={profile}", "about:blank"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as browser:
+        try:
+            assert browser.stderr
+            address = next(m[0] for line in browser.stderr if (m := re.search(r"ws://\S+", line)))
+            with connect(address, max_size=None) as socket:
+                tab = Tab(socket)
+                tab.call("Page.navigate", url=page.as_uri())
+                tab.wait_until("document.readyState === 'complete'")
+                yield tab
+        finally:
+            browser.kill()

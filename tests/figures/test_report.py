@@ -1,0 +1,112 @@
+"""Truth: a page is text; what may stand in it is HTML's rule for escaping and our own for URLs."""
+
+import json
+import re
+from html.parser import HTMLParser
+from importlib.resources import files
+
+import pytest
+
+from pacmo_core.figures import Panel, PlayedClip, Report, render_report
+from tests.figures.samples import interaction, report
+
+HOSTILE = '</script><script>alert(1)</script><img src=x onerror="alert(2)">\'"&<!--{{7*7}}'
+
+
+class Page(HTMLParser):
+    """The tags, attributes and texts of a page, and the data that it carries."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str]] = []
+        self.texts: list[str] = []
+        self.scripts: list[str] = []
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep a tag and its attributes."""
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+
+    def handle_data(self, data: str) -> None:
+        """Keep a text, apart from what a script holds."""
+        in_script = self.cdata_elem == "script"
+        (self.scripts if in_script else self.texts).append(data.strip())
+
+
+def test_a_name_with_markup_is_shown_and_makes_no_tag() -> None:
+    plain, hostile = Page(render_report(report("a"))), Page(render_report(report(HOSTILE)))
+    assert hostile.tags == plain.tags
+    assert [name for name, _ in hostile.attributes] == [name for name, _ in plain.attributes]
+    assert sum(text == HOSTILE for text in hostile.texts) > 5
+
+
+def test_an_action_and_a_label_with_markup_are_shown_too() -> None:
+    clip = PlayedClip("n", HOSTILE, (Panel(HOSTILE, interaction(1)),))
+    page = Page(render_report(Report("t", "s", {}, report().data, {}, clips=(clip,))))
+    assert "img" not in page.tags
+    assert sum(text == HOSTILE for text in page.texts) == 2
+
+
+def test_equal_reports_give_equal_bytes() -> None:
+    assert render_report(report()).encode() == render_report(report()).encode()
+
+
+def test_the_page_refers_to_nothing_outside_itself() -> None:
+    html = render_report(report())
+    references = [
+        value
+        for name, value in Page(html).attributes
+        if name in {"src", "href", "action", "data", "srcset", "poster", "xlink:href", "style"}
+    ]
+    assert references
+    assert all(re.match(r"#|data:,$", value) for value in references)
+    assert not re.search(
+        r"@import|url\(|https?:|[\"'(]//|\bfetch\b|XMLHttp|WebSocket|import\(", html
+    )
+
+
+def test_the_policy_names_the_only_script_that_may_run() -> None:
+    page = Page(render_report(report()))
+    policies = [value for _, value in page.attributes if value.startswith("default-src 'none'")]
+    assert len(policies) == 1
+    assert "'unsafe-eval'" not in policies[0]
+    assert "script-src 'sha256-" in policies[0]
+    assert page.scripts[-1] == files("pacmo_core.figures").joinpath("player.js").read_text().strip()
+
+
+def test_the_motions_travel_as_json_of_one_entry_a_clip() -> None:
+    page = Page(render_report(report(n_clips=3)))
+    motions = json.loads(page.scripts[0])
+    assert [len(clip["panels"]) for clip in motions] == [2, 2, 2]
+
+
+def test_quarantine_is_counted_by_reason_and_listed_by_file() -> None:
+    texts = Page(render_report(report())).texts
+    reason = texts.index("wanted 91 values; got 90")
+    assert "2" in texts[reason : reason + 3]
+    assert {"b.txt", "c.txt", "9"} <= set(texts)
+
+
+def test_a_missing_metric_is_a_dash_with_its_reason() -> None:
+    texts = Page(render_report(report())).texts
+    assert "–" in texts
+    assert "no error of its own" in texts
+
+
+def test_a_report_of_nothing_but_data_renders() -> None:
+    html = render_report(Report("t", "s", {}, report().data, {}))
+    assert 'id="clips"' not in html
+    assert 'id="metrics"' not in html
+
+
+def test_the_report_of_a_default_run_is_under_5_megabytes() -> None:
+    panels = tuple(Panel(str(i), interaction(i, n_frames=90)) for i in range(4))
+    clips = tuple(PlayedClip(str(i), "", panels) for i in range(8))
+    assert len(render_report(Report("t", "s", {}, report().data, {}, clips=clips))) < 5_000_000
+
+
+def test_a_clip_without_a_panel_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one panel"):
+        PlayedClip("n", "", ())

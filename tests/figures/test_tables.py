@@ -1,0 +1,82 @@
+"""Truth: which of a few written-out numbers is best, told by eye."""
+
+import pytest
+
+from pacmo_core.figures.tables import Cell, markdown_table, number, table
+from tests.figures.samples import cell
+
+
+def marks(metric: str, **rows: Cell) -> dict[str, str]:
+    shown = table({name: {metric: value} for name, value in rows.items()})
+    return {line.label: line.entries[0].mark for line in shown.lines if line.entries[0].mark}
+
+
+def test_the_lowest_model_is_best_and_references_are_never_marked() -> None:
+    found = marks("f2id", real=cell(0.01), oracle=cell(0.02), pacmo=cell(0.2), gru=cell(0.5))
+    assert found == {"PaCMO": "best"}
+
+
+def test_a_model_whose_interval_meets_the_best_is_level() -> None:
+    found = marks("ape", pacmo=cell(0.20, 0.02), gru=cell(0.23, 0.02), third=cell(0.9, 0.02))
+    assert found == {"PaCMO": "best", "GRU": "level"}
+
+
+def test_diversity_is_best_where_closest_to_real_motion() -> None:
+    found = marks("diversity", real=cell(10), pacmo=cell(12), gru=cell(3))
+    assert found == {"PaCMO": "best"}
+
+
+def test_matching_is_best_where_highest() -> None:
+    assert marks("matching", pacmo=cell(0.6), gru=cell(0.9)) == {"GRU": "best"}
+
+
+@pytest.mark.parametrize(
+    ("metric", "rows"),
+    [
+        ("f2id", {"real": cell(1), "pacmo": cell(2)}),
+        ("unheard_of", {"pacmo": cell(1), "gru": cell(2)}),
+        ("diversity", {"pacmo": cell(1), "gru": cell(2)}),
+    ],
+    ids=["no rival", "unknown direction", "nothing real to be close to"],
+)
+def test_nothing_is_marked_without_grounds(metric: str, rows: dict[str, Cell]) -> None:
+    assert marks(metric, **rows) == {}
+
+
+def test_a_missing_value_is_a_dash_with_its_reason_and_never_best() -> None:
+    missing: Cell = {"mean": None, "missing": "diverged"}
+    shown = table(
+        {"gru": {"ape": missing}, "pacmo": {"ape": {"mean": float("nan")}, "f2id": cell(1)}}
+    )
+    pacmo, gru = shown.lines
+    assert [entry.value for entry in gru.entries] == ["–", "–"]
+    assert shown.reasons == ["not computed for this row", "diverged"]
+    assert {entry.mark for line in (pacmo, gru) for entry in line.entries} == {""}
+
+
+def test_known_rows_and_metrics_come_first_in_one_order() -> None:
+    shown = table({"mine": {"x": cell(1), "ape": cell(1)}, "real": {"f2id": cell(1)}})
+    assert [line.label for line in shown.lines] == ["Real motion", "mine"]
+    assert [metric.label for metric in shown.metrics] == ["F²ID", "APE", "x"]
+
+
+def test_markdown_has_one_line_a_row_and_marks_the_best() -> None:
+    rows = {"pacmo": {"ape": cell(0.2)}, "gru": {"ape": cell(0.3)}, "a|b": {}}
+    assert markdown_table(rows).splitlines() == [
+        "|  | APE ↓ |",
+        "| --- | ---: |",
+        "| PaCMO | **0.200** (0.190 … 0.210) |",
+        "| GRU | 0.300 (0.290 … 0.310) |",
+        r"| a\|b | – |",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"), (0.5, "0.500"), (12.34, "12.3"), (-0.25, "−0.250"), (512.4, "512"),
+        (0.00004567, "4.6e−5"), (1234567.0, "1.2e6"), (99.96, "100"), (9.996, "10.0"),
+    ],
+)  # fmt: skip
+def test_numbers_are_short_and_keep_the_digits_that_count(value: float, text: str) -> None:
+    assert number(value) == text
