@@ -68,6 +68,34 @@ def test_a_cut_connection_is_taken_up_where_it_broke(site: Site, part: Part) -> 
     assert site.sent == len(CONTENT)
 
 
+def test_any_number_of_cuts_is_borne_while_the_file_grows(site: Site, part: Part) -> None:
+    site.cuts = [50_000] * 9  # more than PATIENCE bears without progress
+    get(site.url, part)
+    assert part.file.read_bytes() == CONTENT
+    assert site.sent == len(CONTENT)
+
+
+def test_cuts_that_bring_nothing_are_given_up(site: Site, part: Part) -> None:
+    site.cuts = [50_000, 0, 0, 0, 0, 0]
+    with pytest.raises(CommandError, match="gave up"):
+        get(site.url, part)
+    assert part.size == 50_000
+
+
+def test_a_rest_sent_in_pieces_is_asked_for_until_whole(site: Site, part: Part) -> None:
+    stop_after(site, part, 100_000)
+    site.at_most = 150_000
+    get(site.url, part)
+    assert part.file.read_bytes() == CONTENT
+
+
+def test_another_stretch_than_asked_for_is_not_joined(site: Site, part: Part) -> None:
+    stop_after(site, part, 100_000)
+    site.shift = 10
+    get(site.url, part)
+    assert part.file.read_bytes() == CONTENT
+
+
 def test_a_killed_run_leaves_no_file_that_looks_complete(
     site: Site, part: Part, tmp_path: Path
 ) -> None:

@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import os
+import random
 import re
 import zipfile
 from collections.abc import Callable, Iterator
@@ -39,7 +40,7 @@ def zipped(members: dict[str, bytes]) -> bytes:
 GOOD_ZIP = zipped(
     {
         "s01s02/01/001/skeleton_pos.txt": TAKE_1,
-        "s01s02/01/001/rgb_000001.png": os.urandom(300_000),
+        "s01s02/01/001/rgb_000001.png": random.Random(0).randbytes(300_000),
         "s01s02/08/002/skeleton_pos.txt": TAKE_2,
     }
 )
@@ -224,17 +225,28 @@ def test_a_link_in_an_archive_is_refused(site: Site, tmp_path: Path) -> None:
     assert "leads out of the folder" in result.stderr
 
 
+TWICE = {f"{above}/01/001/skeleton_pos.txt": TAKE_1 for above in ("a", "b")}
+HUGE = {"s01s02/01/001/skeleton_pos.txt": b"0" * (9 << 20)}
+
+
 @pytest.mark.parametrize(
-    "content",
-    [b"no archive", GOOD_ZIP[:-30], GOOD_ZIP[:60] + b"~~~~" + GOOD_ZIP[64:], zipped({"a": b""})],
+    ("content", "reason"),
+    [
+        (b"no archive", "not a whole zip"),
+        (GOOD_ZIP[:-30], "not a whole zip"),
+        (GOOD_ZIP[:60] + b"~~~~" + GOOD_ZIP[64:], "not a whole zip"),
+        (zipped({"a": b""}), "holds no skeleton_pos.txt"),
+        (zipped(TWICE), "holds 01/001/skeleton_pos.txt twice"),
+        (zipped(HUGE), "s01s02/01/001/skeleton_pos.txt claims 9437184 bytes"),
+    ],
 )
 def test_a_broken_archive_is_reported_and_not_kept(
-    site: Site, tmp_path: Path, content: bytes
+    site: Site, tmp_path: Path, content: bytes, reason: str
 ) -> None:
     site.files["/s01s02.zip"] = content
     result = sbu(site, tmp_path)
     assert result.exit_code == 1
-    assert "s01s02.zip" in result.stderr
+    assert f"s01s02.zip.part: {reason}" in result.stderr
     assert not [name for name in files_below(tmp_path) if "zip" in name]
     site.files["/s01s02.zip"] = GOOD_ZIP
     assert sbu(site, tmp_path).exit_code == 0
