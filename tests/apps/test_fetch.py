@@ -246,7 +246,7 @@ def test_a_broken_archive_is_reported_and_not_kept(
     site.files["/s01s02.zip"] = content
     result = sbu(site, tmp_path)
     assert result.exit_code == 1
-    assert f"s01s02.zip.part: {reason}" in result.stderr
+    assert f"s01s02.zip: {reason}" in result.stderr
     assert not [name for name in files_below(tmp_path) if "zip" in name]
     site.files["/s01s02.zip"] = GOOD_ZIP
     assert sbu(site, tmp_path).exit_code == 0
