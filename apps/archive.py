@@ -34,7 +34,7 @@ def skeletons(archive: Path) -> Iterator[tuple[str, bytes]]:
             for place, member in members.items():
                 yield place, opened.read(member)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise ArchiveError(f"{archive.name}: not a whole zip archive ({error})") from error
+        raise ArchiveError(f"{_label(archive)}: not a whole zip archive ({error})") from error
 
 
 def _chosen(archive: Path, members: list[zipfile.ZipInfo]) -> dict[str, zipfile.ZipInfo]:
@@ -45,12 +45,14 @@ def _chosen(archive: Path, members: list[zipfile.ZipInfo]) -> dict[str, zipfile.
         if match is None or member.filename.startswith("__MACOSX/"):
             continue
         if match[1] in chosen:
-            raise ArchiveError(f"{archive.name}: holds {match[1]} twice")
+            raise ArchiveError(f"{_label(archive)}: holds {match[1]} twice")
         if member.file_size > _LARGEST:
-            raise ArchiveError(f"{archive.name}: {member.filename} claims {member.file_size} bytes")
+            raise ArchiveError(
+                f"{_label(archive)}: {member.filename} claims {member.file_size} bytes"
+            )
         chosen[match[1]] = member
     if not chosen:
-        raise ArchiveError(f"{archive.name}: holds no skeleton_pos.txt")
+        raise ArchiveError(f"{_label(archive)}: holds no skeleton_pos.txt")
     return chosen
 
 
@@ -59,5 +61,9 @@ def _refuse_escape(archive: Path, member: zipfile.ZipInfo) -> None:
     is_link = (member.external_attr >> 16) & 0o170000 == 0o120000
     if name.startswith("/") or ".." in name.split("/") or ":" in name or is_link:
         raise ArchiveError(
-            f"{archive.name}: refused, {member.orig_filename!r} leads out of the folder"
+            f"{_label(archive)}: refused, {member.orig_filename!r} leads out of the folder"
         )
+
+
+def _label(archive: Path) -> str:
+    return archive.name.removesuffix(".part")  # the name that the server knows it by

@@ -21,6 +21,8 @@ class Site:
     faults : statuses to answer first, one a request
     cuts : bytes after which to hang up, one a request, None for never
     claim : a Content-Length to state whatever is sent
+    shift : bytes by which the rest that it sends begins too late
+    at_most : bytes of the rest that it sends at once, as RFC 9110 (14.2) allows
     """
 
     files: dict[str, bytes] = field(default_factory=dict)
@@ -30,6 +32,8 @@ class Site:
     faults: list[int] = field(default_factory=list)
     cuts: list[int | None] = field(default_factory=list)
     claim: int | None = None
+    shift: int = 0
+    at_most: int | None = None
     headers: dict[str, str] = field(default_factory=dict)
     asked: list[tuple[str, str | None]] = field(default_factory=list)
     sent: int = 0
@@ -78,16 +82,19 @@ def _answer(handler: BaseHTTPRequestHandler, site: Site) -> None:
         return
     assert content is not None
     start = _start(handler, site, wanted)
+    stop = len(content) if not start or site.at_most is None else start + site.at_most
+    part = content[start:stop]
     handler.send_response(206 if start else 200)
     if start:
-        handler.send_header("Content-Range", f"bytes {start}-{len(content) - 1}/{len(content)}")
-    length = site.claim if site.claim is not None else len(content) - start
+        last = start + len(part) - 1
+        handler.send_header("Content-Range", f"bytes {start}-{last}/{len(content)}")
+    length = site.claim if site.claim is not None else len(part)
     for name, value in {"Content-Length": str(length), **site.marks, **site.headers}.items():
         if value:
             handler.send_header(name, value)
     handler.end_headers()
     cut = site.cuts.pop(0) if site.cuts else None
-    body = content[start:] if cut is None else content[start : start + cut]
+    body = part[:cut]
     site.sent += len(body)
     handler.close_connection = cut is not None or site.claim is not None
     handler.wfile.write(body)
@@ -98,4 +105,4 @@ def _start(handler: BaseHTTPRequestHandler, site: Site, wanted: str | None) -> i
         return 0
     if site.honest and handler.headers.get("If-Range") not in site.marks.values():
         return 0
-    return int(wanted.removeprefix("bytes=").removesuffix("-"))
+    return int(wanted.removeprefix("bytes=").removesuffix("-")) + site.shift
