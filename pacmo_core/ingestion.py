@@ -29,6 +29,8 @@ class Recipe:
     format : the raw format, its settings fixed
     drop_joints : joints left out of every motion
     limits : what a usable capture keeps within
+    contact_distance : metres between two joints that touch
+    stated_fps : the rate that the set claims, where its files state their own
     """
 
     dataset: str
@@ -36,6 +38,8 @@ class Recipe:
     format: Format
     drop_joints: tuple[str, ...]
     limits: Limits
+    contact_distance: float
+    stated_fps: float | None
 
 
 def read_sequences(
@@ -85,13 +89,13 @@ def read_sequence(recipe: Recipe, sequence: RawSequence) -> Usable | QuarantineF
     try:
         reading = recipe.format.read(sequence)
         interaction = reading.interaction.without(list(recipe.drop_joints))
-        check(interaction, recipe.limits)
+        quality = measure(interaction, contact_distance=recipe.contact_distance)
+        check(quality, recipe.limits, recipe.stated_fps)
     except FormatError as fault:
         file = _relative(fault.file, recipe.root)
         return QuarantineFacts(sequence.name, file, digest, fault.line or 0, fault.reason)
     except QualityError as fault:
         return QuarantineFacts(sequence.name, names, digest, 0, str(fault))
-    quality = measure(interaction)
     facts = ClipFacts(
         clip=sequence.name,
         sequence=sequence.name,
@@ -108,7 +112,7 @@ def read_sequence(recipe: Recipe, sequence: RawSequence) -> Usable | QuarantineF
         source_file=names,
         sha256=digest,
         bone_length_variation=quality.bone_length_variation,
-        max_speed=quality.max_speed,
+        max_joint_speed=quality.max_joint_speed,
         contact_share=quality.contact_share,
         filled_frames=reading.filled_frames,
     )

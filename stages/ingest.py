@@ -33,6 +33,8 @@ class Params:
     include: tuple[str, ...]  # patterns of file paths under raw
     drop_joints: tuple[str, ...]
     limits: Limits
+    contact_distance: float  # metres between joints that touch
+    stated_fps: float | None  # the rate that the set claims, where its files state their own
 
 
 def main(raw: Path, sequences: Path, metrics: Path) -> None:
@@ -46,7 +48,15 @@ def main(raw: Path, sequences: Path, metrics: Path) -> None:
             f"none of them under {', '.join(params.include)}"
         )
 
-    recipe = Recipe(params.dataset, raw, raw_format, params.drop_joints, params.limits)
+    recipe = Recipe(
+        dataset=params.dataset,
+        root=raw,
+        format=raw_format,
+        drop_joints=params.drop_joints,
+        limits=params.limits,
+        contact_distance=params.contact_distance,
+        stated_fps=params.stated_fps,
+    )
     aside: list[QuarantineFacts] = []
     captures = usable(read_sequences(recipe, wanted), aside)
     first = next(captures, None)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pacmo_core.interaction import Interaction
-from pacmo_core.split import Origin, SideRule, assign_sides, resolve_method, window_edges
+from pacmo_core.split import Origin, Side, SideRule, assign_sides, resolve_method, window_edges
 from pacmo_core.store.clips import ClipFacts, read_rows, write_rows
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
 from stages._io import CLIPS, MOTIONS, write_json
@@ -64,7 +64,7 @@ def people(row: ClipFacts) -> tuple[str, ...]:
     return tuple(person for person in (row.subject_a, row.subject_b) if person)
 
 
-def summary(origins: list[Origin], sides: dict[str, str], rule: SideRule) -> dict[str, object]:
+def summary(origins: list[Origin], sides: dict[str, Side], rule: SideRule) -> dict[str, object]:
     """Say how the clips were put on sides."""
     counts = Counter(sides.values())
     return {

@@ -97,7 +97,7 @@ def _sequence(name: str, file: Path) -> RawSequence:
         name=name,
         files=(file,),
         action=action,
-        subjects=(performer, f"{performer}/partner"),
+        subjects=(performer, ""),
         # Without the camera: three of them see one performance.
         recording=setup + performer + replication + action,
     )

@@ -4,6 +4,11 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any
 
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.cmu import Cmu
+from pacmo_core.formats.duetdance import DuetDance
+from pacmo_core.formats.expi import Expi
+from pacmo_core.formats.interhuman import InterHuman
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.raw import Format
 from pacmo_core.formats.sbu import Sbu
@@ -12,6 +17,11 @@ from pacmo_core.formats.sbu import Sbu
 FORMATS: dict[str, type[Any]] = {
     "ntu": Ntu,
     "sbu": Sbu,
+    "duetdance": DuetDance,
+    "expi": Expi,
+    "bvh": BvhPairs,
+    "cmu": Cmu,
+    "interhuman": InterHuman,
 }
 
 

@@ -30,7 +30,7 @@ class ClipFacts:
     source_file: str
     sha256: str
     bone_length_variation: float
-    max_speed: float
+    max_joint_speed: float
     contact_share: float
     filled_frames: int
     side: str = ""
