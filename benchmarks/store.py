@@ -9,6 +9,7 @@ The peer in the same run is pyarrow's default writer (snappy, dictionary).
 
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 
@@ -61,7 +62,7 @@ def main() -> None:
                 writer.add(f"clip{number:04d}", make_clip(random))
         whole = bytes_read(lambda: [None for _ in stream_motions(path)])
         names = [f"clip{number:04d}" for number in random.integers(0, N_CLIPS, 21)]
-        one = median(bytes_read(lambda name=name: read_motion(path, name)) for name in names)
+        one = median(bytes_read(partial(read_motion, path, name)) for name in names)
         plain = Path(folder) / "plain.parquet"
         pq.write_table(pq.read_table(path), plain)
         filters = [("clip", "==", names[0])]
