@@ -11,7 +11,8 @@ from pathlib import Path
 from pacmo_core.interaction import Interaction, Motion
 from pacmo_core.store.clips import ClipFacts
 from pacmo_core.store.motions import read_skeleton, write_motions
-from stages._io import MOTIONS, stream_side
+from stages._clips import stream_side
+from stages._files import MOTIONS
 
 ROLES = ("a", "b")
 

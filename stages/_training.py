@@ -12,7 +12,8 @@ from torch import nn
 from pacmo_core.interaction import Interaction
 from pacmo_core.pacmo import fit
 from pacmo_core.store.weights import write_weights
-from stages._io import WEIGHTS, stream_side, write_curve
+from stages._clips import stream_side
+from stages._files import WEIGHTS, write_curve
 
 
 def clips_of(folder: Path, side: str) -> list[Interaction]:

@@ -21,7 +21,7 @@ from pacmo_core.pacmo.autoencoder import Autoencoder
 from pacmo_core.pacmo.facing import dealt_to, seen_from_partner
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import file_hash, read_weights
-from stages._io import MOTIONS, WEIGHTS, write_json
+from stages._files import MOTIONS, WEIGHTS, write_json
 from stages._params import read_params
 from stages._reactions import directed_clips
 

@@ -18,7 +18,7 @@ from pacmo_core.ingestion import Recipe, Usable, read_sequences
 from pacmo_core.quality import Limits
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
 from pacmo_core.store.motions import write_motions
-from stages._io import CLIPS, MOTIONS, QUARANTINE, write_json
+from stages._files import CLIPS, MOTIONS, QUARANTINE, write_json
 from stages._params import read_params
 
 

@@ -17,7 +17,7 @@ from pacmo_core.pacmo import adversarial, gru
 from pacmo_core.pacmo.react import Reactor, react
 from pacmo_core.store.clips import ClipFacts
 from pacmo_core.store.weights import read_weights
-from stages._io import WEIGHTS
+from stages._files import WEIGHTS
 from stages._params import read_params
 from stages._reactions import seed_of, write_reactions
 

@@ -17,7 +17,7 @@ from pacmo_core.store.clips import ClipFacts
 from pacmo_core.store.motions import read_skeleton, write_motions
 from pacmo_core.synthesis.capture import react_oracle
 from pacmo_core.synthesis.script import Script
-from stages._io import LAW, MOTIONS, read_json
+from stages._files import LAW, MOTIONS, read_json
 from stages._params import read_params
 from stages._reactions import seed_of, write_reactions
 

@@ -16,7 +16,7 @@ from pacmo_core.interaction import Interaction
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.clips import QuarantineFacts, read_rows
 from pacmo_core.store.motions import stream_motions
-from stages._io import MOTIONS, QUARANTINE, read_curve, read_json, write_json
+from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._params import PARAMS, read_params
 from stages._reactions import directed_clips
 

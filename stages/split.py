@@ -12,7 +12,7 @@ from pacmo_core.interaction import Interaction
 from pacmo_core.split import Origin, Side, SideRule, assign_sides, resolve_method, window_edges
 from pacmo_core.store.clips import ClipFacts, read_rows, write_rows
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
-from stages._io import CLIPS, MOTIONS, write_json
+from stages._files import CLIPS, MOTIONS, write_json
 from stages._params import read_params
 
 

@@ -11,7 +11,7 @@ from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.store.atomic import whole_file
 from pacmo_core.synthesis.capture import capture
 from pacmo_core.synthesis.script import ACTS, file_name, write_scripts
-from stages._io import LAW, write_json
+from stages._files import LAW, write_json
 from stages._params import read_params
 
 BODY_ID = 72057594037900000  # the published body numbers have 17 digits and begin like this

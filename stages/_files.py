@@ -1,16 +1,13 @@
-"""The files that stages hand to each other: where they stand in a folder, how they are written."""
+"""The files that stages hand to each other: their names in a folder, tables of facts and curves."""
 
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.interaction import Interaction
 from pacmo_core.store.atomic import write_text
-from pacmo_core.store.clips import ClipFacts, read_rows
-from pacmo_core.store.motions import stream_motions
 
 MOTIONS = "motions.parquet"
 CLIPS = "clips.parquet"
@@ -45,11 +42,3 @@ def read_curve(path: Path) -> dict[str, list[float]]:
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     return {key: [float(row[key]) for row in rows] for key in rows[0]}
-
-
-def stream_side(folder: Path, side: str) -> Iterator[tuple[ClipFacts, Interaction]]:
-    """Yield the clips of one side with their facts, in order."""
-    facts = {row.clip: row for row in read_rows(folder / CLIPS, ClipFacts)}
-    for name, interaction in stream_motions(folder / MOTIONS):
-        if facts[name].side == side:
-            yield facts[name], interaction

@@ -1,0 +1,87 @@
+"""What is trusted: the texts of the experiment files."""
+
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+from apps.experiments import ExperimentError, compose, use
+
+DEFAULT = """\
+# whole
+experiment: default
+ingest:
+  raw: data/raw   # made here
+  settings: {fps: 30, gap: 2}
+train:
+  width: 4
+"""
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path, monkeypatch):
+    (tmp_path / "experiments").mkdir()
+    (tmp_path / "experiments" / "default.yaml").write_text(DEFAULT)
+    (tmp_path / "experiments" / "small.yaml").write_text("experiment: small\ntrain: {width: 1}\n")
+    real = "experiment: real\ningest: {raw: '${captures}/real', settings: {rate: 15}}\n"
+    (tmp_path / "experiments" / "real.yaml").write_text(real)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PACMO_REAL_DATA", raising=False)
+    return tmp_path
+
+
+def load(text):
+    return YAML(typ="safe").load(text)
+
+
+def test_the_default_is_its_file_comments_and_all():
+    assert "# made here" in compose("default")
+    assert load(compose("default")) == load(DEFAULT)
+
+
+def test_an_experiment_changes_what_it_says_and_nothing_else():
+    composed = load(compose("small"))
+    assert composed.pop("experiment") == "small"
+    assert composed.pop("train") == {"width": 1}
+    assert composed["ingest"] == load(DEFAULT)["ingest"]
+
+
+def test_captures_are_where_the_environment_says(project, monkeypatch):
+    (project / "sets" / "real").mkdir(parents=True)
+    monkeypatch.setenv("PACMO_REAL_DATA", str(project / "sets"))
+    composed = load(compose("real"))["ingest"]
+    assert composed == {"raw": str(project / "sets" / "real"), "settings": {"rate": 15}}
+
+
+def test_captures_in_the_project_come_before_those_beside_it(project):
+    (project / "data" / "captures" / "real").mkdir(parents=True)
+    assert load(compose("real"))["ingest"]["raw"] == "data/captures/real"
+
+
+def test_captures_that_are_not_at_hand_are_named(monkeypatch):
+    monkeypatch.setenv("PACMO_REAL_DATA", "nowhere")
+    with pytest.raises(ExperimentError, match="no captures in nowhere/real"):
+        compose("real")
+
+
+def test_a_key_that_the_default_lacks_is_named(project):
+    (project / "experiments" / "odd.yaml").write_text("train: {wdth: 3}\n")
+    with pytest.raises(ExperimentError, match=r"odd.train.wdth"):
+        compose("odd")
+
+
+def test_an_unknown_experiment_is_answered_with_what_there_is():
+    with pytest.raises(ExperimentError, match="there are default, real, small"):
+        compose("smal")
+
+
+def test_edits_by_hand_are_not_lost_unless_asked(project):
+    use("default", discard=False)
+    use("small", discard=False)
+    params = Path("params.yaml")
+    params.write_text(params.read_text().replace("width: 1", "width: 2"))
+    with pytest.raises(ExperimentError, match="edits that no experiment has"):
+        use("default", discard=False)
+    assert "width: 2" in params.read_text()
+    use("default", discard=True)
+    assert params.read_text() == compose("default")

@@ -1,0 +1,103 @@
+"""What is trusted: two clones of one commit, told nothing of each other."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PRODUCTS = ("data", "models", "reports")
+
+
+def run(folder: Path, *command: str) -> str:
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(folder),
+    }
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def reproduce(folder: Path) -> Path:
+    """Clone the work tree's tracked files and reproduce the smallest experiment."""
+    run(ROOT, "git", "clone", "-q", str(ROOT), str(folder))
+    # What is not committed yet is tested too.
+    changed = run(ROOT, "git", "ls-files", "--modified", "--others", "--exclude-standard").split()
+    for name in changed:
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes((ROOT / name).read_bytes())
+    run(folder, sys.executable, "-m", "apps.cli", "use", "smallest")
+    run(folder, sys.executable, "-m", "dvc", "repro")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def twins(tmp_path_factory):
+    return [reproduce(tmp_path_factory.mktemp(name) / "clone") for name in ("one", "two")]
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for product in PRODUCTS
+        for path in sorted((folder / product).rglob("*"))
+        if path.is_file() and path.name != ".gitignore"
+    }
+
+
+@pytest.mark.slow
+def test_the_same_commit_reproduced_twice_gives_the_same_bytes(twins):
+    one, two = map(hashes, twins)
+    assert {Path(name).suffix for name in one} >= {".parquet", ".json", ".html", ".safetensors"}
+    assert one == two
+
+
+@pytest.mark.slow
+def test_there_is_then_nothing_to_do(twins):
+    assert "up to date" in run(twins[0], sys.executable, "-m", "dvc", "repro")
+
+
+@pytest.mark.slow
+def test_the_metrics_hold_every_row_with_intervals(twins):
+    metrics = json.loads((twins[0] / "reports" / "metrics.json").read_text())
+    assert metrics["data"]["usable"] == 40
+    assert list(metrics["pacmo"]) == ["real", "oracle", "pacmo", "gru", "wrong_partner"]
+    for row in metrics["pacmo"].values():
+        for name in ("f2id", "mmd_a", "mmd_s", "diversity", "ape", "ave"):
+            assert set(row[name]) == {"mean", "low", "high"}
+            assert row[name]["low"] <= row[name]["mean"] <= row[name]["high"]
+
+
+@pytest.mark.slow
+def test_the_oracle_keeps_the_partner_and_changes_the_reaction(twins):
+    data = twins[0] / "data"
+    oracle = pl.read_parquet(data / "reactions" / "oracle" / "motions.parquet")
+    name = oracle["clip"][0]
+    assert name.endswith("#a")
+    drawn = oracle.filter(pl.col("clip") == name)
+    real = pl.read_parquet(data / "clips" / "motions.parquet").filter(
+        pl.col("clip") == name.removesuffix("#a")
+    )
+    partner, reaction = drawn["person_a"].to_numpy(), drawn["person_b"].to_numpy()
+    assert (partner == real["person_b"].to_numpy()).all()
+    apart = abs(reaction - real["person_a"].to_numpy()).max(axis=(1, 2))
+    assert 0.001 < apart.mean() < 2.0
+
+
+@pytest.mark.slow
+def test_an_edit_of_a_parameter_runs_just_what_rests_on_it(twins):
+    params = twins[1] / "params.yaml"
+    params.write_text(params.read_text().replace("played_clips: 2", "played_clips: 1"))
+    said = run(twins[1], sys.executable, "-m", "dvc", "repro")
+    assert "Running stage 'report'" in said
+    assert said.count("Running stage") == 1
