@@ -72,7 +72,8 @@ class Sbu:
 
 
 def _sequence(file: Path, root: Path) -> RawSequence:
-    name = file.parent.relative_to(root).as_posix()
+    folder = file.parent.relative_to(root)
+    name = folder.as_posix() if folder.parts else file.stem
     subjects = re.fullmatch(r"(s\d{2})(s\d{2})/(\d{2})/[^/]+", name)
     if not subjects:
         return RawSequence(name, (file,), recording=name)

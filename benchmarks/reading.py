@@ -1,0 +1,108 @@
+"""How fast NTU skeleton text is read, against a plain reader that goes line by line.
+
+Usage: python -m benchmarks.reading [--json]
+
+Both read the same files in the same run, in turn, on one thread; figures are medians of process
+time, which other work on the machine disturbs least.
+"""
+
+import json
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from pacmo_core.formats.ntu import Ntu
+from pacmo_core.formats.raw import RawSequence
+from pacmo_core.formats.write_ntu import format_ntu
+from pacmo_core.interaction import Interaction
+from pacmo_core.skeleton import NTU25
+
+MEGABYTES = 30
+N_FRAMES = 90
+N_ROUNDS = 5
+BODY_IDS = (72057594037932185, 72057594037932127)
+NTU = Ntu(fps=30, max_gap=0, reach=0, min_share=1)
+
+
+def main(as_json: bool) -> None:
+    """Print the figures, as text or, last, as one JSON object."""
+    with tempfile.TemporaryDirectory() as folder:
+        n_bytes = write_clips(Path(folder), MEGABYTES * 10**6)
+        figures = compare(NTU.find(Path(folder)), n_bytes)
+    real = sorted(Path(os.environ.get("PACMO_REAL_DATA", "../shared/data")).glob("ntu/two*/*"))
+    if real:
+        n_bytes = sum(path.stat().st_size for path in real)
+        published = compare(NTU.find(real[0].parent) * 20, 20 * n_bytes)
+        figures |= {f"published_{name}": value for name, value in published.items()}
+    if as_json:
+        print(json.dumps(figures))
+        return
+    for name, value in figures.items():
+        print(f"{name:38} {value:8.1f}")
+
+
+def write_clips(folder: Path, n_bytes: int) -> int:
+    """Write clips of two people who drift and tremble until there are ``n_bytes`` of them."""
+    generator = np.random.default_rng(0)
+    written = 0
+    while written < n_bytes:
+        walk = generator.normal([0, 0, 3], 0.3, size=(2, 1, 25, 3)) + np.cumsum(
+            generator.normal(scale=0.005, size=(2, N_FRAMES, 25, 3)), axis=1
+        )
+        people = walk.clip([-9, -9, 0.5], 9).astype(np.float32)
+        clip = Interaction(NTU25, np.arange(N_FRAMES) / 30, *people)
+        written += (folder / f"{written:012d}.skeleton").write_bytes(format_ntu(clip, BODY_IDS))
+    return written
+
+
+def compare(sequences: list[RawSequence], n_bytes: int) -> dict[str, float]:
+    """Time both readers in turn; MB are 10^6 bytes."""
+    rounds = [
+        (seconds(read_ours, sequences), seconds(read_plainly, sequences)) for _ in range(N_ROUNDS)
+    ]
+    (ours, our_wall), (plain, _) = (
+        tuple(map(statistics.median, zip(*runs, strict=True))) for runs in zip(*rounds, strict=True)
+    )
+    return {
+        "skeleton_mb_per_s": n_bytes / 1e6 / ours,
+        "skeleton_mb_per_s_wall": n_bytes / 1e6 / our_wall,
+        "plain_mb_per_s": n_bytes / 1e6 / plain,
+        "times_plain_reader": statistics.median(p[0] / o[0] for o, p in rounds),
+    }
+
+
+def seconds(
+    read: Callable[[RawSequence], object], sequences: list[RawSequence]
+) -> tuple[float, float]:
+    """Process time and wall time to read all."""
+    process, wall = time.process_time(), time.perf_counter()
+    for sequence in sequences:
+        read(sequence)
+    return time.process_time() - process, time.perf_counter() - wall
+
+
+def read_ours(sequence: RawSequence) -> object:
+    """Read with all checks, as ingestion does."""
+    return NTU.read(sequence)
+
+
+def read_plainly(sequence: RawSequence) -> object:
+    """Read line by line into two arrays, unchecked: what the public loaders do."""
+    people: dict[str, list[list[list[float]]]] = {}
+    with sequence.files[0].open() as lines:
+        for _ in range(int(next(lines))):
+            for _ in range(int(next(lines))):
+                body_id = next(lines).split()[0]
+                joints = [list(map(float, next(lines).split())) for _ in range(int(next(lines)))]
+                people.setdefault(body_id, []).append([joint[:3] for joint in joints])
+    return {body_id: np.array(poses, dtype=np.float32) for body_id, poses in people.items()}
+
+
+if __name__ == "__main__":
+    main("--json" in sys.argv[1:])
