@@ -49,6 +49,7 @@ FAULTS = [
     (VALID.replace(ROWS, "").replace("Frames: 6", "Frames: 0"), "no motion: 0 rows"),
     (VALID[:-20], r":42: wanted 16 numbers; got 14"),
     (VALID.replace(ROWS, "1 " + ROWS), r":37: wanted 16 numbers; got 17"),
+    (VALID.replace("\n", " 1\n").replace(" 1\n", "\n", 36), ":37: wanted 16 numbers; got 17"),
     (VALID + "extra\n", "says 6 frames, the file has 7 rows"),
     (VALID.replace(ROWS, "1_0" + ROWS[ROWS.index(" ") :]), "got '1_0'"),
     (VALID.replace(ROWS, "inf" + ROWS[ROWS.index(" ") :]), ":37: wanted a number .* got 'inf'"),
