@@ -5,6 +5,7 @@ Two files named outright need no rule: ``read`` takes any sequence that holds th
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import Skeleton, mirror_by_name
+
+Fact = TypeVar("Fact", str, float)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +54,9 @@ class BvhPairs:
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}; got {self.preset!r}")
-        unit = self.unit or self._facts.unit
-        if unit is None or not unit > 0:
-            raise ValueError(f"preset {self.preset}: wanted a unit in metres; got {self.unit}")
-        check_up(self.up or self._facts.up or "")
+        if not self._unit > 0:
+            raise ValueError(f"unit must be > 0 metres; got {self._unit}")
+        check_up(self._up)
         if self.skip_frames < 0:
             raise ValueError(f"skip_frames must not be negative; got {self.skip_frames}")
         if self.fps is not None:
@@ -79,6 +81,14 @@ class BvhPairs:
     def _facts(self) -> BvhPreset:
         return PRESETS[self.preset]
 
+    @property
+    def _unit(self) -> float:
+        return _given(self.preset, "unit", self.unit, self._facts.unit)
+
+    @property
+    def _up(self) -> str:
+        return _given(self.preset, "up", self.up, self._facts.up)
+
     def _person(self, file: Path) -> Person:
         bvh = read_bvh(file)
         whole = Skeleton(self.preset, bvh.joints, bvh.parents, mirror_by_name(bvh.joints))
@@ -88,15 +98,14 @@ class BvhPairs:
         else:
             skeleton = whole.without(bvh.joints[end] for end in bvh.end_sites)
         places = bvh.positions()[self.skip_frames :, whole.indices(skeleton.joints)]
-        up = self.up or self._facts.up or ""
-        fps = self.fps or 1 / bvh.frame_time
-        return Person(file, skeleton, upright(places * self._metres(file), up), fps)
+        fps = 1 / bvh.frame_time if self.fps is None else self.fps
+        return Person(file, skeleton, upright(places * self._metres(file), self._up), fps)
 
     def _metres(self, file: Path) -> float:
         """Metres a unit: the same take may come in another unit in a folder of raw files."""
-        folder = file.parent.name
-        raw = self._facts.raw_unit if folder == "raw" or folder.endswith("_raw") else None
-        return self.unit or raw or self._facts.unit or np.nan
+        folder, raw_unit = file.parent.name, self._facts.raw_unit
+        is_raw = folder == "raw" or folder.endswith("_raw")
+        return raw_unit if self.unit is None and is_raw and raw_unit else self._unit
 
     def _met(self, sequence: RawSequence, interaction: Interaction) -> Interaction:
         """Leave out what comes before the two people are near each other."""
@@ -110,6 +119,14 @@ class BvhPairs:
             reason = f"the roots stay {distance.min():.2f} m apart; wanted {self.max_root_distance}"
             raise FormatError(sequence.files[0], reason)
         return interaction.frames(int(near.argmax()), len(interaction.times))
+
+
+def _given(preset: str, name: str, setting: Fact | None, fact: Fact | None) -> Fact:
+    """Take the setting before the preset's fact; one of them must be there."""
+    known = fact if setting is None else setting
+    if known is None:
+        raise ValueError(f"preset {preset} does not know the {name}: set it")
+    return known
 
 
 def _check_end_sites(file: Path, bvh: Bvh) -> None:

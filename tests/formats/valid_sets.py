@@ -33,7 +33,7 @@ ROOT Hips
     }
     JOINT RightArm
     {
-      OFFSET -0.3 0 0
+      OFFSET -0.3 0.05 0
       CHANNELS 4 Yposition Zrotation Yrotation Xrotation
       End Site
       {
