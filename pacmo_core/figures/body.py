@@ -10,7 +10,7 @@ from pacmo_core.skeleton import Skeleton
 
 # Radius of the flesh round a joint, metres, of an adult; the first pattern that fits a name holds.
 _RADII = (
-    (r"head|nose|eye|ear|skull", 0.105),
+    (r"head|skull", 0.105),
     (r"tip|thumb|finger|index|ring|pinky", 0.016),
     (r"toe", 0.030),
     (r"ankle|foot|heel", 0.040),
@@ -27,7 +27,7 @@ _RADII = (
 _UNNAMED_RADIUS = 0.045
 _HEAD, _ELBOW = _RADII[0][0], _RADII[7][0]
 _KNEE = _RADII[4][0]
-_MIDDLE = re.compile(r"hips?$|pelvis|root|spine|torso|back|chest|neck")
+_MIDDLE = re.compile(r"^hips?$|pelvis|root|spine|torso|back|chest|neck")
 _SHOULDER_RADIUS, _HIP_RADIUS = 0.070, 0.092
 
 

@@ -7,10 +7,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pacmo_core.figures.body import body_of
 from pacmo_core.figures.clips import Panel, PlayedClip, pack, packed_clip
 from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from tests.figures.samples import interaction
 
+_SIDES = ("Left", "Right")
+MOCAP = Skeleton(
+    "mocap",
+    (
+        *("Hips", "Spine", "Neck", "Head", "HeadEnd"),
+        *(side + part for side in _SIDES for part in ("Shoulder", "Arm", "ForeArm", "Hand")),
+        *(side + part for side in _SIDES for part in ("UpLeg", "Leg", "Foot", "ToeBase")),
+    ),
+    (-1, 0, 1, 2, 3, 1, 5, 6, 7, 1, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19),
+    ((5, 9), (6, 10), (7, 11), (8, 12), (13, 17), (14, 18), (15, 19), (16, 20)),
+)
 BODIES = [NTU25, SBU15, DUET15, EXPI18, INTERHUMAN22]
 
 
@@ -67,6 +79,16 @@ def test_a_published_body_has_a_head_a_trunk_and_every_limb(skeleton: Skeleton) 
     ends = {skeleton.joints[child] for _, child, _, _ in body["limbs"]}
     limbs = {j for j in skeleton.joints if any(w in j for w in ("elbow", "wrist", "knee", "ankle"))}
     assert limbs <= ends | {skeleton.joints[p] for p, _, _, _ in body["limbs"]}
+
+
+def test_a_captured_body_has_its_head_on_its_neck_and_its_trunk_between_arms_and_legs() -> None:
+    body = body_of(MOCAP)
+    assert [MOCAP.joints[j] for j in body.head] == ["Head", "HeadEnd"]
+    corners = ["LeftArm", "RightArm", "LeftUpLeg", "RightUpLeg"]
+    assert [MOCAP.joints[j] for j, _ in body.trunk] == corners
+    radius = {MOCAP.joints[child]: (rp, rc) for _, child, rp, rc in body.limbs}
+    assert radius["LeftLeg"][0] > radius["LeftLeg"][1] > radius["LeftFoot"][1]
+    assert radius["LeftLeg"] == radius["RightLeg"]
 
 
 def test_a_body_with_unknown_names_is_all_capsules() -> None:
