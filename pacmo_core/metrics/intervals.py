@@ -55,6 +55,10 @@ def interval(estimate: Estimate, confidence: float, *, least: float = -np.inf) -
     every draw above it. So the interval is for the mean of the metric *at this number of
     clips*, small-sample bias included; a floor must be of the same size to be compared with.
 
+    Held at a stated 95 % (200 trials each; 20 and 40 clips of two samples, 3 dimensions): 0.92 and
+    0.89 for paired sets, 0.97 and 0.99 for two sets of one law. Without the move the basic
+    interval held 0.91, 0.87, 0.62, 0.62.
+
     Parameters
     ----------
     estimate : the metric and its draws

@@ -1,1 +1,1 @@
-"""Tests of metrics."""
+"""Tests of the metrics of generated reactions."""

@@ -1,0 +1,106 @@
+"""Trusted: quantiles of draws made by hand, and a known law sampled often."""
+
+import numpy as np
+import pytest
+
+from pacmo_core.metrics.f2id import weighted_f2id
+from pacmo_core.metrics.intervals import (
+    Estimate,
+    Interval,
+    difference,
+    interval,
+    repeated,
+    resample_clips,
+)
+from pacmo_core.metrics.pairs import pair_means
+
+
+def test_the_bounds_are_the_mirrored_quantiles_of_draws_moved_to_the_plain_value():
+    draws = np.array([10.0, 11, 12, 13, 19])  # mean 13, quantiles at 0 and 1: 10 and 19
+    found = interval(Estimate(5.0, draws), 1 - 1e-12)
+    assert (found.mean, found.low, found.high) == pytest.approx((5.0, 5 - 6, 5 + 3))
+    assert interval(Estimate(5.0, draws), 1 - 1e-12, least=0.0).low == 0.0
+
+
+def test_a_difference_is_taken_draw_by_draw():
+    noise = np.random.default_rng(0).normal(size=300)
+    first, second = Estimate(1.0, 1 + noise), Estimate(0.5, 0.5 + noise)
+    found = difference(first, second, 0.95)
+    np.testing.assert_allclose([found.mean, found.low, found.high], 0.5, atol=1e-12)
+    with pytest.raises(ValueError, match="300 and 2"):
+        difference(first, Estimate(0.0, noise[:2]), 0.95)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0])
+def test_confidence_must_be_a_share(confidence):
+    with pytest.raises(ValueError, match="confidence"):
+        interval(Estimate(0.0, np.zeros(3)), confidence)
+
+
+def test_repeats_are_reported_by_mean_and_extremes():
+    assert repeated(np.array([1.0, 4.0, 1.0])) == Interval(2.0, 1.0, 4.0)
+
+
+def test_each_group_of_clips_is_drawn_for_itself_and_never_down_to_one():
+    groups = np.array([0, 0, 1, 1, 1, 1])
+    counts = resample_clips(groups, 500, np.random.default_rng(0))
+    np.testing.assert_array_equal(counts[:, :2], 1)  # two clips: no other draw has both
+    np.testing.assert_array_equal(counts[:, 2:].sum(axis=1), 4)
+    assert (np.count_nonzero(counts[:, 2:], axis=1) >= 2).all()
+    np.testing.assert_allclose(counts.mean(axis=0), 1, atol=0.1)
+    with pytest.raises(ValueError, match="group 1"):
+        resample_clips(np.array([0, 0, 1]), 5, np.random.default_rng(0))
+
+
+def test_pair_means_are_those_of_a_loop_over_pairs_of_different_clips():
+    rng = np.random.default_rng(1)
+    values, rows, columns = (
+        rng.normal(size=(5, 4)),
+        rng.integers(4, size=5),
+        rng.integers(4, size=4),
+    )
+    counts = np.array([[1.0, 1, 1, 1], [2, 0, 1, 1]])
+    for found, count in zip(pair_means(values, rows, columns, counts), counts, strict=True):
+        total = weight = 0.0
+        for i in range(5):
+            for j in range(4):
+                if rows[i] != columns[j]:
+                    total += count[rows[i]] * count[columns[j]] * values[i, j]
+                    weight += count[rows[i]] * count[columns[j]]
+        assert found == pytest.approx(total / weight)
+
+
+def test_the_bootstrap_of_a_pair_mean_is_not_biased():
+    rng = np.random.default_rng(2)
+    values, clips = rng.exponential(size=(40, 40)), np.arange(40) // 2
+    counts = resample_clips(np.zeros(20, dtype=np.intp), 4000, rng)
+    draws = pair_means(values + values.T, clips, clips, counts)
+    plain = pair_means(values + values.T, clips, clips, np.ones((1, 20)))[0]
+    assert draws.mean() == pytest.approx(plain, abs=4 * draws.std() / np.sqrt(4000))
+
+
+def two_per_clip(n_clips, rng):
+    common = np.repeat(rng.normal(size=(n_clips, 3)), 2, axis=0)
+    return common + rng.normal(size=(2 * n_clips, 3))
+
+
+@pytest.mark.parametrize("paired", [True, False])
+def test_intervals_of_f2id_hold_its_mean_at_that_number_of_clips_about_as_often_as_stated(paired):
+    n_clips, rng = 20, np.random.default_rng(3)
+    once, clips = np.ones(2 * n_clips), np.repeat(np.arange(n_clips), 2)
+
+    def draw():
+        x = two_per_clip(n_clips, rng)
+        noise = rng.normal(size=x.shape)
+        return (x, 1.5 * x + 0.3 + 0.5 * noise) if paired else (x, two_per_clip(n_clips, rng))
+
+    target = np.mean([weighted_f2id(*draw(), once, once) for _ in range(1000)])
+    held = []
+    for _ in range(60):
+        x, y = draw()
+        counts = resample_clips(np.repeat([0, 1], n_clips), 100, rng)
+        others = clips if paired else clips + n_clips
+        draws = np.array([weighted_f2id(x, y, c[clips], c[others]) for c in counts])
+        found = interval(Estimate(weighted_f2id(x, y, once, once), draws), 0.9)
+        held.append(found.low <= target <= found.high)
+    assert np.mean(held) >= 0.78  # 0.9 stated; 60 trials have a standard error of 0.04
