@@ -36,7 +36,7 @@ def hug(cue: Cue) -> Part:
         side * cue.script.aside,
         -cue.stand - cue.entry - 0.3,
         enter(cue, cue.event + 0.05, 0.3),
-        *leave(cue, gone + 0.1),
+        *leave(cue, gone - 0.1, always=True),
     )
     return Part(path, reaches=tuple(reaches), leans=tuple(leans))
 

@@ -8,6 +8,7 @@ from pacmo_core.synthesis.body import Body, Subject
 
 RATE = 30.0  # frames a second that a Kinect aims at
 SHORTEST, LONGEST = 1.5, 4.0  # seconds
+TAIL = 0.35  # seconds that a clip goes on after a contact, at least
 JITTER = 0.002  # seconds, standard deviation of when a frame is taken
 
 # Seconds that a contact lasts, from and to.
@@ -21,7 +22,7 @@ HOLD = {
     "punch": (0.04, 0.07),
     "hug": (0.7, 1.3),
     "hand over": (0.25, 0.5),
-    "circle dance": (1.9, 2.6),
+    "circle dance": (1.6, 2.3),
 }
 CHEST = 0.11  # metres from the spine to the front of the chest
 
@@ -55,6 +56,7 @@ def timing(random: np.random.Generator, act: str, tempo: float) -> Timing:
     near = random.uniform(0.25, 0.75, 2) * (1.0 if walks else 0.0)
     entry = random.uniform(0.8, 1.4, 2) if act in ("approach", "depart") else near
     event = _event(random, act, float(entry.max()), tempo)
+    hold = min(hold, LONGEST - TAIL - event)
     tail = random.uniform(0.35, 0.7) if act == "approach" else random.uniform(0.8, 1.3)
     tail = max(tail, float(entry.max()) / 1.1 + 1.0) if act == "depart" else tail
     way = -1.0 if random.random() < 0.5 else 1.0
@@ -65,7 +67,7 @@ def timing(random: np.random.Generator, act: str, tempo: float) -> Timing:
         entry=(float(entry[0]), float(entry[1])),
         vigour=float(np.exp(random.normal(0.0, 0.22))),
         beat=float(random.uniform(2.2, 3.2)),
-        turn=float(way * (0.75 * hold if act == "circle dance" else random.uniform(0.0, 0.5))),
+        turn=float(way * (0.9 * hold if act == "circle dance" else random.uniform(0.0, 0.5))),
         stays=bool(random.random() < 0.6),
     )
 
