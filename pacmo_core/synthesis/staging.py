@@ -97,7 +97,7 @@ def places(
     if act == "hug":
         near = float(random.uniform(0.165, 0.20))
         return Places((near, near), hands, float(random.uniform(0.05, 0.08)), shoulder)
-    lift = {"handshake": -0.30, "high five": 0.16, "hand over": -0.24, "circle dance": -0.22}[act]
+    lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.22}[act]
     level = shoulder + lift + float(random.uniform(-0.05, 0.05))
     stretch = 0.70 if act == "circle dance" else 0.80
     near_a, near_b = (ease * _comfortable(p.body, level, stretch) for p in people)

@@ -1,4 +1,4 @@
-"""Trusted: the published mean and spread of stature, and that a subject's number alone makes a body."""
+"""Trusted: the published mean and spread of stature; a subject's number alone makes the body."""
 
 import numpy as np
 import pytest

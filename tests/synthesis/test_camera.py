@@ -49,5 +49,6 @@ def test_people_stand_upright_before_the_camera_within_its_range() -> None:
         for take in takes(act):
             for motion in take.motions:
                 seen = place(motion, take.script.view)
-                assert seen[..., 2].min() > 0.8 and seen[..., 2].max() < 6.2
+                assert seen[..., 2].min() > 0.8
+                assert seen[..., 2].max() < 6.2
                 assert np.ptp(seen[0, :, 1]) == pytest.approx(np.ptp(motion[0, :, 1]), abs=0.1)

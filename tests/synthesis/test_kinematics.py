@@ -44,7 +44,8 @@ def _pole(goal: tuple[float, float, float]) -> NDArray[np.float64]:
 def test_a_limb_keeps_its_bones_and_bends_to_its_pole(
     goal: tuple[float, float, float], upper: float, lower: float
 ) -> None:
-    root, goals = np.array([[0.1, 0.2, 0.3]]), np.array([goal]) + [0.1, 0.2, 0.3]
+    root = np.array([[0.1, 0.2, 0.3]])
+    goals = root + np.array([goal])
     pole = _pole(goal)
     middle, end = two_bones(root, goals, (upper, lower), pole)
     assert np.linalg.norm(middle - root) == pytest.approx(upper, abs=1e-9)

@@ -20,7 +20,7 @@ def _shoot(acts: tuple[str, ...]) -> list[tuple[Script, np.random.Generator]]:
 
 
 def _facts(script: Script, partner: NDArray[np.float32], own: NDArray[np.float32]) -> list[float]:
-    """Some figures of a reaction, alone and against the partner."""
+    """Give some figures of a reaction, alone and against the partner."""
     after = min(int(30 * (script.event + 0.5)), len(own) - 1)
     spine = own[:, JOINT["spine_shoulder"]]
     speed = np.linalg.norm(np.diff(spine, axis=0), axis=-1)
@@ -75,6 +75,7 @@ def test_oracle_draws_and_real_reactions_share_their_law(part: str) -> None:
         assert stats.wilcoxon(one - other).pvalue > 0.005
 
 
+@pytest.mark.slow
 def test_given_the_script_the_two_people_are_independent() -> None:
     script, _ = _shoot(("push",))[0]
     draws = [capture(script, np.random.default_rng([6, k])) for k in range(150)]

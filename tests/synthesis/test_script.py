@@ -51,7 +51,8 @@ def test_clips_last_between_one_and_a_half_and_four_seconds() -> None:
     for script in _scripts(10, 2):
         assert 1.5 <= script.duration <= 4.0
         assert len(script.instants) == round(script.duration * 30)
-        assert (np.diff(script.instants) > 0).all() and script.instants[0] >= 0
+        assert (np.diff(script.instants) > 0).all()
+        assert script.instants[0] >= 0
         assert 0.2 < script.event <= script.event + script.hold < script.duration
 
 

@@ -16,23 +16,30 @@ JOINT = {name: index for index, name in enumerate(NTU25.joints)}
 
 @dataclass(frozen=True)
 class Take:
+    """A script and both true motions."""
+
     script: Script
     motions: tuple[NDArray[np.float64], NDArray[np.float64]]
 
     @property
     def times(self) -> NDArray[np.float64]:
+        """Give the instants of the frames."""
         return np.array(self.script.instants)
 
     @property
     def initiator(self) -> int:
+        """Say who acts, 0 or 1."""
         return "ab".index(self.script.initiator)
 
     def hand(self, person: int) -> str:
+        """Say which hand a person uses."""
         return ("left", "right")[self.script.hands[person]]
 
     def at(self, person: int, joint: str, time: float) -> NDArray[np.float64]:
+        """Give a joint's place at the frame nearest a time."""
         frame = int(np.abs(self.times - time).argmin())
-        return self.motions[person][frame, JOINT[joint]]
+        place: NDArray[np.float64] = self.motions[person][frame, JOINT[joint]]
+        return place
 
 
 @lru_cache(maxsize=64)
