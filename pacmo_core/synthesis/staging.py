@@ -24,6 +24,7 @@ HOLD = {
     "hand over": (0.25, 0.5),
     "circle dance": (1.6, 2.3),
 }
+HIGH = 0.5  # of an arm: how far above or below the shoulder a contact may be
 CHEST = 0.11  # metres from the spine to the front of the chest
 
 
@@ -97,8 +98,9 @@ def places(
     if act == "hug":
         near = float(random.uniform(0.165, 0.20))
         return Places((near, near), hands, float(random.uniform(0.05, 0.08)), shoulder)
-    lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.22}[act]
-    level = shoulder + lift + float(random.uniform(-0.05, 0.05))
+    lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.17}[act]
+    wanted = shoulder + lift + float(random.uniform(-0.05, 0.05))
+    level = _within_reach(wanted, [p.body for p in people])
     stretch = 0.70 if act == "circle dance" else 0.80
     near_a, near_b = (ease * _comfortable(p.body, level, stretch) for p in people)
     sides = [(1.0 - 2.0 * hands[0]), -(1.0 - 2.0 * hands[1])]
@@ -120,6 +122,13 @@ def _hands(
     return own[0], own[1]
 
 
+def _within_reach(level: float, bodies: list[Body]) -> float:
+    """Give the level nearest to one wanted that is not far above or below anyone's shoulder."""
+    low = max(body.shoulder_height - 0.03 - HIGH * body.arm for body in bodies)
+    high = min(body.shoulder_height - 0.03 + HIGH * body.arm for body in bodies)
+    return min(max(level, low), high)
+
+
 def _comfortable(body: Body, level: float, stretch: float) -> float:
     """How far ahead of the pelvis a hand at ``level`` is when the arm is stretched so far."""
     drop = body.shoulder_height - 0.03 - level
@@ -136,8 +145,10 @@ def _blow(random: np.random.Generator, act: str, actor: Body, other: Body) -> tu
         return level, reach + CHEST + 0.06
     if act == "push":
         level = other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16))
+        level = _within_reach(level, [actor])
         return level, _comfortable(actor, level, 0.74) + CHEST + 0.08
     level = other.head_height - 0.03 - float(random.uniform(0.0, 0.06))
+    level = _within_reach(level, [actor])
     return level, _comfortable(actor, level, 0.84) + CHEST + 0.24
 
 

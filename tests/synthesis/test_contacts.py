@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from tests.synthesis.troupe import Take, distance_to_segment, takes
+from pacmo_core.synthesis import ACTS, write_script
+from pacmo_core.synthesis.body import pair_of
+from pacmo_core.synthesis.capture import true_motion
+from tests.synthesis.troupe import POPULATION, Take, distance_to_segment, takes
 
 
 def _palms(take: Take, time: float) -> float:
@@ -89,3 +92,24 @@ def test_who_departs_turns_away() -> None:
             across = motion[-1, 12] - motion[-1, 16]
             ahead = np.cross(across, [0.0, 1.0, 0.0])[2] * (1 if person == 0 else -1)
             assert ahead < 0, take.script
+
+
+def test_the_most_unlike_pair_can_do_every_act() -> None:
+    def unlike(pair: int) -> float:
+        a, b = pair_of(POPULATION, pair)
+        return a.body.stature - b.body.stature
+
+    for pair in (min(range(1, 900), key=unlike), max(range(1, 900), key=unlike)):
+        assert abs(unlike(pair)) > 0.3
+        for act in ACTS:
+            for replication in range(1, 4):
+                random = np.random.default_rng([pair, replication])
+                script = write_script(
+                    random, population=POPULATION, pair=pair, act=act, replication=replication
+                )
+                motions = (true_motion(script, random, "a"), true_motion(script, random, "b"))
+                take = Take(script, motions)
+                assert np.isfinite(motions[0]).all()
+                assert np.isfinite(motions[1]).all()
+                if act in ("handshake", "high five"):
+                    assert _palms(take, script.event) < 0.03, script
