@@ -5,6 +5,7 @@ Any skeleton of the project can be drawn; bones whose names are known get the wi
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,6 +36,16 @@ WIDTHS = (
     (("neck", "head"), 0.08),
 )
 HEAD = 0.105  # metres, radius
+ASPECT = 0.8  # height of a picture over its width
+MARGIN = np.array([0.22, 0.24])  # metres about the joints: limbs, heads and the label have room
+
+
+class Box(NamedTuple):
+    """What a picture shows: metres to the right of and above the point on the floor."""
+
+    left: float
+    bottom: float
+    width: float
 
 
 @dataclass(frozen=True)
@@ -83,22 +94,35 @@ def bone_widths(skeleton: Skeleton) -> list[float]:
     ]
 
 
-def draw_interaction(
-    axes: Axes, interaction: Interaction, frame: int, *, seen: Onlooker, size: float
-) -> None:
-    """Draw both people at a frame.
+def fit(interaction: Interaction, frames: Sequence[int], seen: Onlooker, least: float) -> Box:
+    """Give the smallest picture in which both people stand whole at every frame.
 
     Parameters
     ----------
-    seen : from where; take one for a whole strip
-    size : metres that the picture is wide
+    least : metres that the picture is wide at least
     """
-    axes.set(xlim=(-0.5 * size, 0.5 * size), ylim=(-0.1 * size, 0.68 * size), aspect="equal")
+    both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)[list(frames)]
+    flat = project(both.astype(np.float64), seen)[..., :2].reshape(-1, 2)
+    low, high = flat.min(axis=0) - MARGIN, flat.max(axis=0) + MARGIN
+    width = max(least, high[0] - low[0], (high[1] - low[1]) / ASPECT)
+    left, bottom = 0.5 * (low + high) - 0.5 * width * np.array([1.0, ASPECT])
+    return Box(float(left), float(bottom), float(width))
+
+
+def draw_interaction(
+    axes: Axes, interaction: Interaction, frame: int, *, seen: Onlooker, box: Box
+) -> None:
+    """Draw both people at a frame; take one onlooker and one box for a whole strip."""
+    axes.set(
+        xlim=(box.left, box.left + box.width),
+        ylim=(box.bottom, box.bottom + ASPECT * box.width),
+        aspect="equal",
+    )
     axes.set_facecolor(FLOOR)
     axes.tick_params(bottom=False, left=False, labelbottom=False, labelleft=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    points = axes.bbox.width / axes.figure.dpi * 72.0 / size
+    points = axes.bbox.width / axes.figure.dpi * 72.0 / box.width
     skeleton = interaction.skeleton
     widths = np.array(bone_widths(skeleton)) * points
     people = [
@@ -140,23 +164,24 @@ def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colou
 
 
 def film_strip(
-    interactions: Sequence[tuple[str, Interaction, Sequence[int]]], *, size: float, inches: float
+    interactions: Sequence[tuple[str, Interaction, Sequence[int]]], *, least: float, inches: float
 ) -> Figure:
     """Set interactions in rows, each at its own frames.
 
     Parameters
     ----------
     interactions : title, interaction, frames; as many frames in each
-    size : metres that a picture shows, ``inches`` wide
+    least : metres that a picture shows at least, ``inches`` wide
     """
     rows, columns = len(interactions), len(interactions[0][2])
-    figure = Figure(figsize=(columns * inches, rows * 0.78 * inches), facecolor="white")
+    figure = Figure(figsize=(columns * inches, rows * ASPECT * inches), facecolor="white")
     for row, (title, interaction, frames) in enumerate(interactions):
         seen = onlooker(interaction)
+        box = fit(interaction, frames, seen, least)
         for column, frame in enumerate(frames):
-            box = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
-            axes = figure.add_axes((*box, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
-            draw_interaction(axes, interaction, frame, seen=seen, size=size)
+            corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
+            axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
+            draw_interaction(axes, interaction, frame, seen=seen, box=box)
             label = f"{interaction.times[frame]:.2f} s"
             axes.text(
                 0.97, 0.94, label, transform=axes.transAxes, ha="right", fontsize=6, color="#777"

@@ -36,7 +36,7 @@ def hug(cue: Cue) -> Part:
         side * cue.script.aside,
         -cue.stand - cue.entry - 0.3,
         enter(cue, cue.event + 0.05, 0.3),
-        *leave(cue, gone + 0.1),
+        *leave(cue, gone - 0.1, always=True),
     )
     return Part(path, reaches=tuple(reaches), leans=tuple(leans))
 
@@ -46,8 +46,8 @@ def _on_back(cue: Cue, hand: int, above: bool) -> Course:
     sign = 1.0 - 2.0 * hand
     side = 1.0 if cue.hand == 1 else -1.0
     middle = -side * cue.script.aside  # where the partner's spine is along my x
-    low = 0.06 if above else 0.26
-    spot = (middle + 0.08 * sign, cue.you.body.shoulder_height - low, cue.partner + BACK)
+    low = -0.02 if above else 0.30
+    spot = (middle + 0.10 * sign, cue.you.body.shoulder_height - low, cue.partner + BACK)
     pats = above and cue.own.manner == 0
 
     def course(times: Array) -> Array:

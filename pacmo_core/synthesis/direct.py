@@ -104,9 +104,9 @@ def enter(cue: Cue, arrive: float, extra: float = 0.0) -> Move:
     return Move(arrive - time, arrive, z=way, bow=cue.own.side * 0.05 * cue.own.more[1])
 
 
-def leave(cue: Cue, start: float) -> tuple[Move, ...]:
-    """Step back after the act, unless the script says that both stay."""
-    if cue.script.stays:
+def leave(cue: Cue, start: float, *, always: bool = False) -> tuple[Move, ...]:
+    """Step back after the act; unless ``always``, only if the script says so."""
+    if cue.script.stays and not always:
         return ()
     way = 0.2 + 0.35 * cue.own.more[2]
     begin = start + 0.1 + cue.own.delay

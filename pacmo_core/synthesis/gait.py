@@ -13,6 +13,7 @@ Path = Callable[[Array], Array]  # (N,) seconds to (N, 3): x, z in metres and ya
 BEFORE = 1.2  # seconds of walking planned before the first frame
 SWING = 0.78  # share of a step for which its foot is in the air
 IDLE = 0.06  # seconds between two looks at whether to step
+TURNED = 0.75  # radians that a foot is set down ahead of the pelvis at most
 TICK = 0.02  # seconds between the places of a path that a plan looks at
 
 
@@ -67,12 +68,15 @@ def plan(path: Path, gait: Gait, duration: float) -> list[list[tuple[float, Arra
     elsewhere by more than a few centimetres.
     """
     clock = np.arange(-BEFORE, duration + 2.5 * gait.step_time + 0.1, TICK)
-    places = _places(path(clock), gait)
+    body = path(clock)
+    places = _places(body, gait)
     ahead = gait.step_time * (0.5 * SWING + 1.0)
     plants = [[(-BEFORE, places[side, 0])] for side in range(2)]
     now, side = -BEFORE + gait.phase * gait.step_time, gait.first
     while now < duration:
-        goal = places[side, int((now + ahead + BEFORE) / TICK)]
+        goal = places[side, int((now + ahead + BEFORE) / TICK)].copy()
+        landing = body[int((now + SWING * gait.step_time + BEFORE) / TICK), 2]
+        goal[2] = np.clip(goal[2], landing - TURNED, landing + TURNED)
         off = goal - plants[side][-1][1]
         if np.hypot(off[0], off[1]) > 0.05 or abs(off[2]) > 0.25:
             plants[side].append((now, goal))

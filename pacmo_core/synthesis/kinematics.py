@@ -51,7 +51,7 @@ def two_bones(
     Parameters
     ----------
     root, goal : (T, 3) metres
-    lengths : of the upper and the lower bone, metres
+    lengths : of the upper and the lower bone, metres; one at most 1.8 times the other
     pole : (T, 3) direction to which the middle joint points; not along the limb
 
     Returns

@@ -29,13 +29,13 @@ def depart(cue: Cue) -> Part:
     backward = 0.25 if own.manner == 2 else 0.0
     way = cue.entry - backward
     pace = 1.05 * cue.me.tempo * (0.9 + 0.25 * own.more[0])
-    go = Move(begin + 0.2, begin + 0.75 + way / pace, -way * np.sin(stray), -way * np.cos(stray))
-    turn = Move(begin, begin + 1.0, yaw=own.side * np.pi + stray, ease=0.5)
+    go = Move(begin + 0.35, begin + 0.95 + way / pace, -way * np.sin(stray), -way * np.cos(stray))
+    turn = Move(begin, begin + 1.5, yaw=own.side * np.pi + stray, ease=0.4)
     back = Move(begin - 0.3, begin + 0.6, z=-backward)
     hand = int(own.side < 0)
     reaches = (_wave(cue, hand, 0.1),) if own.manner == 1 else free_hand(cue, hand)
     lean = Lean(Spell(begin - 0.1, begin + 0.25, begin + 0.45, begin + 0.95), twist=0.3 * own.side)
-    return Part(route(0.0, -cue.stand, back, turn, go), reaches=reaches, leans=(lean,))
+    return Part(route(0.0, -cue.stand, back, turn, go), hurry=1.25, reaches=reaches, leans=(lean,))
 
 
 def _wave(cue: Cue, hand: int, start: float) -> Reach:

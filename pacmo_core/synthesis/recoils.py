@@ -21,9 +21,10 @@ def pushed(cue: Cue) -> Part:
     twist = Lean(jolt, twist=(0.0, 0.35 * own.side, 0.0)[own.manner])
     walk = enter(cue, cue.event - 0.35 - own.early)
     path = route(0.0, -cue.stand - walk.z, walk, fall)
-    fling = Spell(begin, begin + 0.25, begin + 0.4, begin + 1.0)
+    fling = Spell(begin + 0.04, begin + 0.32, begin + 0.4, begin + 1.0)
+    high = -0.12 - 0.1 * own.more[5]
     reaches = tuple(
-        Reach(hand, fling, fixed(sign * 0.36, -0.12 - 0.1 * own.more[5], 0.20), True, 0.6)
+        Reach(hand, fling, fixed(sign * 0.42, high, 0.14), True, 0.6, (sign * 0.12, 0.0, -0.05))
         for hand, sign in ((0, 1.0), (1, -1.0))
         if own.more[6] < 0.75 or hand == int(own.side < 0)
     )

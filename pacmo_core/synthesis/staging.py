@@ -8,6 +8,7 @@ from pacmo_core.synthesis.body import Body, Subject
 
 RATE = 30.0  # frames a second that a Kinect aims at
 SHORTEST, LONGEST = 1.5, 4.0  # seconds
+TAIL = 0.35  # seconds that a clip goes on after a contact, at least
 JITTER = 0.002  # seconds, standard deviation of when a frame is taken
 
 # Seconds that a contact lasts, from and to.
@@ -21,8 +22,9 @@ HOLD = {
     "punch": (0.04, 0.07),
     "hug": (0.7, 1.3),
     "hand over": (0.25, 0.5),
-    "circle dance": (1.9, 2.6),
+    "circle dance": (1.6, 2.3),
 }
+HIGH = 0.5  # of an arm: how far above or below the shoulder a contact may be
 CHEST = 0.11  # metres from the spine to the front of the chest
 
 
@@ -55,6 +57,7 @@ def timing(random: np.random.Generator, act: str, tempo: float) -> Timing:
     near = random.uniform(0.25, 0.75, 2) * (1.0 if walks else 0.0)
     entry = random.uniform(0.8, 1.4, 2) if act in ("approach", "depart") else near
     event = _event(random, act, float(entry.max()), tempo)
+    hold = min(hold, LONGEST - TAIL - event)
     tail = random.uniform(0.35, 0.7) if act == "approach" else random.uniform(0.8, 1.3)
     tail = max(tail, float(entry.max()) / 1.1 + 1.0) if act == "depart" else tail
     way = -1.0 if random.random() < 0.5 else 1.0
@@ -65,7 +68,7 @@ def timing(random: np.random.Generator, act: str, tempo: float) -> Timing:
         entry=(float(entry[0]), float(entry[1])),
         vigour=float(np.exp(random.normal(0.0, 0.22))),
         beat=float(random.uniform(2.2, 3.2)),
-        turn=float(way * (0.75 * hold if act == "circle dance" else random.uniform(0.0, 0.5))),
+        turn=float(way * (0.9 * hold if act == "circle dance" else random.uniform(0.0, 0.5))),
         stays=bool(random.random() < 0.6),
     )
 
@@ -95,8 +98,9 @@ def places(
     if act == "hug":
         near = float(random.uniform(0.165, 0.20))
         return Places((near, near), hands, float(random.uniform(0.05, 0.08)), shoulder)
-    lift = {"handshake": -0.30, "high five": 0.16, "hand over": -0.24, "circle dance": -0.22}[act]
-    level = shoulder + lift + float(random.uniform(-0.05, 0.05))
+    lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.17}[act]
+    wanted = shoulder + lift + float(random.uniform(-0.05, 0.05))
+    level = _within_reach(wanted, [p.body for p in people])
     stretch = 0.70 if act == "circle dance" else 0.80
     near_a, near_b = (ease * _comfortable(p.body, level, stretch) for p in people)
     sides = [(1.0 - 2.0 * hands[0]), -(1.0 - 2.0 * hands[1])]
@@ -118,6 +122,13 @@ def _hands(
     return own[0], own[1]
 
 
+def _within_reach(level: float, bodies: list[Body]) -> float:
+    """Give the level nearest to one wanted that is not far above or below anyone's shoulder."""
+    low = max(body.shoulder_height - 0.03 - HIGH * body.arm for body in bodies)
+    high = min(body.shoulder_height - 0.03 + HIGH * body.arm for body in bodies)
+    return min(max(level, low), high)
+
+
 def _comfortable(body: Body, level: float, stretch: float) -> float:
     """How far ahead of the pelvis a hand at ``level`` is when the arm is stretched so far."""
     drop = body.shoulder_height - 0.03 - level
@@ -134,8 +145,10 @@ def _blow(random: np.random.Generator, act: str, actor: Body, other: Body) -> tu
         return level, reach + CHEST + 0.06
     if act == "push":
         level = other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16))
+        level = _within_reach(level, [actor])
         return level, _comfortable(actor, level, 0.74) + CHEST + 0.08
     level = other.head_height - 0.03 - float(random.uniform(0.0, 0.06))
+    level = _within_reach(level, [actor])
     return level, _comfortable(actor, level, 0.84) + CHEST + 0.24
 
 

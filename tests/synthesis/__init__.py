@@ -1,0 +1,1 @@
+"""The embedded default: bodies, motions, contacts, camera, names, and the law of reaction."""

@@ -1,0 +1,40 @@
+"""Trusted: the published mean and spread of stature; a subject's number alone makes the body."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pacmo_core.synthesis.body import SHARES, STATURE, pair_of, subject
+
+
+@pytest.mark.parametrize("sex", ["female", "male"])
+def test_statures_have_the_surveys_law(sex: str) -> None:
+    statures = [s.body.stature for s in (subject(1, k) for k in range(1, 1500)) if s.sex == sex]
+    assert len(statures) > 650
+    assert stats.kstest(statures, "norm", STATURE[sex]).pvalue > 0.01
+
+
+def test_segments_are_near_their_share_of_stature() -> None:
+    bodies = [subject(1, k).body for k in range(1, 800)]
+    for name, share in SHARES.items():
+        shares = np.array([getattr(body, name) / body.stature for body in bodies])
+        assert shares.mean() == pytest.approx(share, rel=0.004)
+        assert 0.015 < shares.std() / share < 0.03
+
+
+def test_a_subject_is_the_same_however_many_are_drawn() -> None:
+    subject.cache_clear()
+    alone = subject(3, 9)
+    subject.cache_clear()
+    assert [subject(3, k) for k in range(1, 12)][8] == alone
+    assert pair_of(3, 5) == (alone, subject(3, 10))
+
+
+def test_another_population_has_other_people() -> None:
+    assert subject(3, 9).body != subject(4, 9).body
+
+
+@pytest.mark.parametrize(("population", "number"), [(-1, 1), (0, 0)])
+def test_a_subject_without_a_number_is_refused(population: int, number: int) -> None:
+    with pytest.raises(ValueError, match=f"got {population}, {number}"):
+        subject(population, number)

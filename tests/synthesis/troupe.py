@@ -1,0 +1,64 @@
+"""Clips that the tests of this folder share: every act by a few pairs, before the camera."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.skeleton import NTU25
+from pacmo_core.synthesis.capture import true_motion
+from pacmo_core.synthesis.script import ACTS, Script, write_scripts
+
+POPULATION = 7
+JOINT = {name: index for index, name in enumerate(NTU25.joints)}
+
+
+@dataclass(frozen=True)
+class Take:
+    """A script and both true motions."""
+
+    script: Script
+    motions: tuple[NDArray[np.float64], NDArray[np.float64]]
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Give the instants of the frames."""
+        return np.array(self.script.instants)
+
+    @property
+    def initiator(self) -> int:
+        """Say who acts, 0 or 1."""
+        return "ab".index(self.script.initiator)
+
+    def hand(self, person: int) -> str:
+        """Say which hand a person uses."""
+        return ("left", "right")[self.script.hands[person]]
+
+    def at(self, person: int, joint: str, time: float) -> NDArray[np.float64]:
+        """Give a joint's place at the frame nearest a time."""
+        frame = int(np.abs(self.times - time).argmin())
+        place: NDArray[np.float64] = self.motions[person][frame, JOINT[joint]]
+        return place
+
+
+@lru_cache(maxsize=64)
+def takes(act: str) -> tuple[Take, ...]:
+    shoot = write_scripts(11, population=POPULATION, pairs=6, acts=(act,), replications=2)
+    found = []
+    for script, random in shoot:
+        a, b = random.spawn(2)
+        found.append(Take(script, (true_motion(script, a, "a"), true_motion(script, b, "b"))))
+    return tuple(found)
+
+
+def every_motion() -> list[tuple[Take, NDArray[np.float64]]]:
+    return [(take, motion) for act in ACTS for take in takes(act) for motion in take.motions]
+
+
+def distance_to_segment(
+    point: NDArray[np.float64], start: NDArray[np.float64], stop: NDArray[np.float64]
+) -> float:
+    along = stop - start
+    share = np.clip((point - start) @ along / (along @ along), 0.0, 1.0)
+    return float(np.linalg.norm(point - start - share * along))
