@@ -10,6 +10,13 @@ from pacmo_core.formats.registry import FORMATS, open_format
 from pacmo_core.formats.write_ntu import format_frames
 from pacmo_core.quality import Limits, faults, measure
 from tests.formats.mutations import MUTATIONS, mutate
+from tests.formats.valid_sets import (
+    write_bvh_pair,
+    write_cmu,
+    write_duetdance,
+    write_expi,
+    write_interhuman,
+)
 
 N_FILES = 2000
 # Seconds that no file of a few kilobytes can need: past it a reader hangs, and the run is ended.
@@ -42,10 +49,25 @@ def write_sbu(folder):
     (take / "skeleton_pos.txt").write_text("\r\n".join(rows) + "\r\n")
 
 
+BVH = {
+    "preset": "pair",
+    "unit": 1.0,
+    "up": "y",
+    "fps": None,
+    "end_sites": False,
+    "skip_frames": 0,
+    "max_root_distance": None,
+}
+
 # Name, settings, and what writes a small valid set into a folder.
 READERS = [
     ("ntu", {"fps": 30.0, "max_gap": 5, "reach": 0.3, "min_share": 0.5}, write_ntu),
     ("sbu", {"fps": 15.0}, write_sbu),
+    ("duetdance", {"fps": 25.0}, write_duetdance),
+    ("expi", {"fps": 25.0, "up": "z"}, write_expi),
+    ("bvh", BVH, write_bvh_pair),
+    ("cmu", {"fps": {"18": 120.0, "19": 120.0}}, write_cmu),
+    ("interhuman", {"fps": 30.0, "up": "z"}, write_interhuman),
 ]
 
 
