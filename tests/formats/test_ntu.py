@@ -8,7 +8,6 @@ import pytest
 
 from pacmo_core.formats.ntu import Ntu, read_skip_list
 from pacmo_core.formats.raw import FormatError, RawSequence
-from pacmo_core.formats.registry import open_format
 from pacmo_core.formats.write_ntu import format_frames
 from pacmo_core.skeleton import NTU25
 
@@ -183,16 +182,6 @@ def test_a_listed_or_absent_sample_is_refused(tmp_path):
         read(tmp_path, frames("aaa", "bbb"), Ntu(**SETTINGS, skip=names))
     with pytest.raises(FormatError, match="cannot be read"):
         NTU.read(RawSequence("x", (tmp_path / "none.skeleton",)))
-
-
-def test_a_format_is_opened_by_name_and_refuses_what_it_does_not_know():
-    assert open_format("ntu", SETTINGS) == NTU
-    with pytest.raises(KeyError, match="there are ntu"):
-        open_format("nto", {})
-    with pytest.raises(ValueError, match=r"unknown \['rate'\], missing \['fps'\]"):
-        open_format("sbu", {"rate": 15})
-    with pytest.raises(ValueError, match="fps must be"):
-        open_format("ntu", SETTINGS | {"fps": 0})
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no published files at {REAL}")
