@@ -105,8 +105,9 @@ def _length_unit(file: Path, sections: dict[str, list[Words]]) -> float:
     if [word.lower() for word in angle] != ["deg"]:
         raise FormatError(file, f"wanted angles in deg; got {angle[:3]}", line or None)
     length = float(_numbers(file, units, "length", 1)[0])
-    if length <= 0:
-        raise FormatError(file, f"wanted a length unit above 0; got {length}", units["length"][1])
+    if not 1e-3 <= length <= 1e3:
+        reason = f"wanted a length unit of 0.001 to 1000; got {length}"
+        raise FormatError(file, reason, units["length"][1])
     return length
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_presets import PRESETS, BvhPreset
 from pacmo_core.formats.pairing import pair_files
-from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
+from pacmo_core.formats.people import FARTHEST, Person, check_fps, check_up, join, upright
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import Skeleton, mirror_by_name
@@ -54,8 +54,8 @@ class BvhPairs:
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}; got {self.preset!r}")
-        if not self._unit > 0:
-            raise ValueError(f"unit must be > 0 metres; got {self._unit}")
+        if not 0 < self._unit <= FARTHEST:
+            raise ValueError(f"unit must be > 0 and <= {FARTHEST:g} metres; got {self._unit}")
         check_up(self._up)
         if self.skip_frames < 0:
             raise ValueError(f"skip_frames must not be negative; got {self.skip_frames}")

@@ -97,7 +97,7 @@ def check_fps(fps: float) -> None:
 
 
 def _check_near(person: Person) -> None:
-    far = np.argwhere(np.abs(person.positions) > FARTHEST)
+    far = np.argwhere(~(np.abs(person.positions) <= FARTHEST))
     if len(far):
         frame, joint = (int(i) for i in far[0][:2])
         place = person.positions[frame, joint].round(1).tolist()

@@ -134,6 +134,7 @@ def test_a_single_frame_is_no_motion(tmp_path):
         {"up": None},
         {"up": "x"},
         {"unit": -1.0},
+        {"unit": float("inf")},
         {"unit": 0.0, "preset": "duo_mocap"},
         {"up": "", "preset": "duo_mocap"},
         {"skip_frames": -1},

@@ -104,7 +104,8 @@ def test_a_subject_without_a_rate_is_refused(tmp_path):
     [
         ("", AMC, "18.asf: the file is empty"),
         (ASF.replace(":hierarchy", ":tree"), AMC, "the section :hierarchy is missing"),
-        (ASF.replace("length 0.45", "length 0"), AMC, "18.asf:6: wanted a length unit above 0"),
+        (ASF.replace("length 0.45", "length 0"), AMC, "18.asf:6: wanted a length unit of 0.001"),
+        (ASF.replace("length 0.45", "length 1e-320"), AMC, "wanted a length unit"),
         (ASF.replace("angle deg", "angle rad"), AMC, r"wanted angles in deg; got \['rad'\]"),
         (ASF.replace("TX TY TZ", "TX TY"), AMC, "wanted a root order"),
         (ASF.replace("position 0 0 0", "position 1 0 0"), AMC, "wanted a root at rest"),
