@@ -1,0 +1,1 @@
+"""Pictures: what stands in them, not how they look."""
