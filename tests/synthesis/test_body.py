@@ -4,14 +4,21 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pacmo_core.synthesis.body import SHARES, STATURE, pair_of, subject
+from pacmo_core.synthesis.body import SHARES, pair_of, subject
 
 
-@pytest.mark.parametrize("sex", ["female", "male"])
-def test_statures_have_the_surveys_law(sex: str) -> None:
-    statures = [s.body.stature for s in (subject(1, k) for k in range(1, 1500)) if s.sex == sex]
-    assert len(statures) > 650
-    assert stats.kstest(statures, "norm", STATURE[sex]).pvalue > 0.01
+# ANSUR II, centimetres.
+@pytest.mark.parametrize(
+    ("sex", "mean", "spread"), [("female", 162.85, 6.42), ("male", 175.62, 6.86)]
+)
+def test_statures_have_the_surveys_law(sex: str, mean: float, spread: float) -> None:
+    everyone = (subject(1, number) for number in range(1, 4000))
+    statures = np.array([100 * who.body.stature for who in everyone if who.sex == sex])
+    assert len(statures) > 1850
+    error = spread / np.sqrt(len(statures))
+    assert statures.mean() == pytest.approx(mean, abs=3 * error)
+    assert statures.std() == pytest.approx(spread, abs=3 * error / np.sqrt(2))
+    assert stats.kstest(statures, "norm", (mean, spread)).pvalue > 0.01
 
 
 def test_segments_are_near_their_share_of_stature() -> None:
