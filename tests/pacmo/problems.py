@@ -29,18 +29,17 @@ def wave(times: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def mirrored(seed: int, times: np.ndarray) -> Interaction:
-    """Let a partner sway and raise a hand, and another, a metre ahead, do so a little later."""
+    """Let a partner sway and raise a hand, and another, a metre ahead, follow a little later."""
     x = times / times[-1]
     motions = []
-    for delay in (0.1, 0.0):
+    for delay, turn, ahead in ((0.1, -1, 1.0), (0.0, 1, 0.0)):
         random = np.random.default_rng(seed)
-        motion = np.tile(REST, (len(x), 1, 1))
+        motion = np.tile(REST * [turn, 1, turn] + [0, 0, ahead], (len(x), 1, 1))
         motion[:, :, 0] += 0.15 * wave(x - delay, random)[:, None]
         motion[:, 5, 1] += 0.2 * wave(x - delay, random)
-        motions.append(motion)
+        motions.append(motion.astype(np.float32))
     reaction, partner = motions
-    reaction = reaction * [-1, 1, -1] + [0, 0, 1]
-    return Interaction(SBU15, times, reaction.astype(np.float32), partner.astype(np.float32))
+    return Interaction(SBU15, times, reaction, partner)
 
 
 def clips(n: int, first_seed: int = 0) -> list[Interaction]:
