@@ -160,7 +160,10 @@ def _steps(parts: Adversaries, held_out: MotionPairs | None) -> Iterator[dict[st
     for _ in range(parts.settings.n_steps):
         terms = parts.step()
         if held_out is not None:
-            terms["validation_distance"] = _distance(parts, held_out, random)
+            # A batch, not all: looking must stay cheap beside a step.
+            rows = torch.randperm(len(held_out), generator=random)[: parts.settings.batch_size]
+            batch = held_out[rows.to(held_out.partner.device)]
+            terms["validation_distance"] = _distance(parts, batch, random)
         yield terms
 
 

@@ -107,7 +107,7 @@ def fit(
     common_skeleton([*clips, *validation])
     random = torch.Generator().manual_seed(settings.random_seed)
     sides = both_sides(clips, swap=settings.swap)
-    frames, held_out = (_frames(some, settings.fps, device) for some in (sides, validation))
+    frames, held_out = (frames_of(some, settings.fps, device) for some in (sides, validation))
     config = GruConfig(clips[0].skeleton, settings.fps, settings.hidden, settings.n_layers)
     model = Gru(config)
     initialise(model, random)
@@ -127,7 +127,8 @@ def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Gru:
     return model.requires_grad_(False)
 
 
-def _frames(clips: Sequence[Interaction], fps: float, device: str) -> Frames:
+def frames_of(clips: Sequence[Interaction], fps: float, device: str) -> Frames:
+    """Sample interactions at one rate: ``person_a`` the reaction, ``person_b`` the partner."""
     frames = Frames([], [])
     for clip in clips:
         frame = frame_of(clip.person_b, clip.skeleton)

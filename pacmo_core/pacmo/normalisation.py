@@ -61,6 +61,6 @@ class Normalisation(nn.Module):
         """
         mean, spread = self.log_duration
         angle = 2 * math.pi / period * times
-        clock = torch.stack([angle.sin(), angle.cos()], dim=-1)
+        clock = torch.stack([angle.sin(), angle.cos()], dim=-1).float()
         duration = ((log_duration - mean) / spread)[:, None, None].expand(-1, len(times), 1)
         return torch.cat([clock.expand(len(log_duration), -1, -1), duration], dim=-1)

@@ -128,9 +128,7 @@ def _generate(
     for i, (partner, spline) in enumerate(zip(partners, splines, strict=True)):
         at = torch.from_numpy((partner.out_times - partner.times[0]) / partner.duration).to(device)
         motion = _tensor(spline(partner.out_times), device).expand(n_samples, -1, -1)
-        reaction = model.at(
-            latent[:, i], noise[i], motion, log_duration[i].expand(n_samples), at.float()
-        )
+        reaction = model.at(latent[:, i], noise[i], motion, log_duration[i].expand(n_samples), at)
         found.append(reaction.cpu().numpy())
     return found
 

@@ -1,0 +1,99 @@
+"""Truth: that a seed fixes every byte, and toy laws that the models must come to know."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pacmo_core.pacmo import adversarial, autoencoder, gru
+from pacmo_core.pacmo.fit import Fit, batches, state
+from pacmo_core.pacmo.functions import encode
+from pacmo_core.pacmo.generator import react_on_grid
+from pacmo_core.skeleton import NTU25
+from tests.pacmo.problems import AUTOENCODER, GRU, PACMO, PACMO_LONG, clips
+
+FITS: dict[str, Callable[[], Fit[torch.nn.Module]]] = {
+    "autoencoder": lambda: autoencoder.fit(clips(8), replace(AUTOENCODER, n_epochs=2)),
+    "gru": lambda: gru.fit(clips(8), replace(GRU, n_epochs=2)),
+    "pacmo": lambda: adversarial.fit(clips(8), PACMO),
+}
+ROOMS = {"autoencoder": autoencoder, "gru": gru, "pacmo": adversarial}
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_one_seed_gives_one_model_bit_for_bit(name: str) -> None:
+    first, second = (state(FITS[name]().finish()) for _ in range(2))
+    assert all(torch.equal(first[key], second[key]) for key in first)
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_a_model_comes_back_from_its_state_and_json(name: str) -> None:
+    model = FITS[name]().finish()
+    room = ROOMS[name]
+    again = room.from_state(json.loads(json.dumps(room.config(model))), state(model))
+    assert again.config == model.config
+    assert all(torch.equal(a, state(again)[key]) for key, a in state(model).items())
+
+
+def test_looking_at_held_out_clips_does_not_change_the_training() -> None:
+    plain = state(FITS["pacmo"]().finish())
+    watched = adversarial.fit(clips(8), PACMO, validation=clips(3, first_seed=90))
+    assert all("validation_distance" in terms for terms in watched)
+    assert all(torch.equal(plain[key], value) for key, value in state(watched.model).items())
+
+
+def test_batches_hold_every_row_once() -> None:
+    cut = batches(21, 8, torch.Generator().manual_seed(0))
+    assert sorted(torch.cat(cut).tolist()) == list(range(21))
+    assert {len(rows) for rows in cut} == {7}
+
+
+def test_the_papers_baseline_has_its_published_size() -> None:
+    skeleton = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
+    model = gru.Gru(gru.GruConfig(skeleton, fps=30.0, hidden=200, n_layers=5))
+    assert sum(p.numel() for p in model.parameters()) == 1_216_863
+
+
+def test_clips_of_different_lengths_do_not_change_each_other_in_the_baseline() -> None:
+    model = FITS["gru"]().finish()
+    frames = gru.frames_of(clips(4), 15.0, "cpu")
+    together = model.loss(frames, range(4)).item()
+    lengths = np.array([len(motion) for motion in frames.partner])
+    alone = np.array([model.loss(frames, [i]).item() for i in range(4)])
+    assert together == pytest.approx((alone * lengths).sum() / lengths.sum(), rel=1e-5)
+
+
+def test_the_autoencoder_learns_and_its_features_are_standard_on_training_data() -> None:
+    fitted = autoencoder.fit(clips(32), AUTOENCODER, validation=clips(8, first_seed=50))
+    terms = list(fitted)
+    assert terms[-1]["validation_loss"] < 0.4 * terms[0]["validation_loss"]
+    found = autoencoder.features(fitted.model, clips(32))
+    assert found.shape == (32, 4, 5)
+    np.testing.assert_allclose(found.mean(axis=(0, 2)), 0, atol=1e-5)
+    np.testing.assert_allclose(found.std(axis=(0, 2)), 1, atol=1e-2)
+
+
+def test_the_baseline_learns() -> None:
+    terms = list(gru.fit(clips(32), GRU, validation=clips(8, first_seed=50)))
+    assert terms[-1]["validation_loss"] < 0.4 * terms[0]["validation_loss"]
+
+
+@pytest.mark.slow
+def test_the_generator_learns_to_follow_its_partner() -> None:
+    model = adversarial.fit(clips(64), PACMO_LONG).finish()
+    pairs = encode(clips(32, first_seed=100), PACMO.n_points)
+    with torch.no_grad():
+        made = react_on_grid(model, pairs, torch.Generator().manual_seed(0))
+    moving = pairs.reaction.std(dim=(0, 1)) > 0.01
+    error = (made - pairs.reaction)[..., moving].square().mean()
+    of_the_mean = (model.normalisation.reaction_mean - pairs.reaction)[..., moving].square().mean()
+    assert error < 0.5 * of_the_mean
+
+
+def test_a_learning_rate_that_explodes_is_refused_by_name() -> None:
+    broken = replace(PACMO, learning_rate=1e12, n_steps=20)
+    with pytest.raises(FloatingPointError, match="not finite"):
+        adversarial.fit(clips(8), broken).finish()
