@@ -5,7 +5,7 @@ person stands behind it at negative z and looks along +z; x is to the left, y is
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -72,7 +72,15 @@ class Lean:
 
 @dataclass(frozen=True)
 class Kick:
-    """A foot is lifted, thrust at a place in the air, drawn back and put down."""
+    """A foot is lifted, thrust at a place in the air, drawn back and put down.
+
+    Parameters
+    ----------
+    foot : LEFT or RIGHT
+    point : where its ankle is thrust, on the stage
+    chamber : when the knee is up
+    thrust : when the leg is out; within ``chamber``
+    """
 
     foot: int
     point: tuple[float, float, float]
@@ -82,15 +90,22 @@ class Kick:
 
 @dataclass(frozen=True)
 class Part:
-    """One person's part in a clip."""
+    """One person's part in a clip.
+
+    Parameters
+    ----------
+    path : where the pelvis goes
+    hurry : this person steps so many times faster than usual
+    reaches : what the hands do; where two overlap, the later in the tuple rules
+    leans : what the trunk does; those that overlap add up
+    kick : what a foot does beside walking
+    """
 
     path: Path
     hurry: float = 1.0
     reaches: tuple[Reach, ...] = ()
     leans: tuple[Lean, ...] = ()
     kick: Kick | None = None
-    glance: Spell | None = None
-    swing: tuple[float, float] = field(default=(1.0, 1.0))
 
 
 def fixed(x: float, y: float, z: float) -> Course:

@@ -33,7 +33,7 @@ def embody(person: Subject, part: Part, feet: Feet, times: Array, sway: Array) -
     for side, (name, sign) in enumerate(SIDES):
         joints |= _leg(person, part, trunk, feet, (side, name, sign), times)
         stride = _ahead(feet, trunk, side)
-        rest = _rest(person, part, trunk, (side, name, sign), sway[7 + 2 * side :][:2], stride)
+        rest = _rest(person, trunk, (name, sign), sway[7 + 2 * side :][:2], stride)
         joints |= _arm(person, part, trunk, (side, name, sign), times, rest)
     return np.stack([joints[name] for name in NTU25.joints], axis=1)
 
@@ -83,15 +83,14 @@ def _ahead(feet: Feet, trunk: Trunk, side: int) -> Array:
 
 def _rest(
     person: Subject,
-    part: Part,
     trunk: Trunk,
-    limb: tuple[int, str, float],
+    limb: tuple[str, float],
     sway: Array,
     stride: Array,
 ) -> Array:
     """Let an arm hang, swinging: (T, 3) where its palm would be."""
-    body, (side, name, sign) = person.body, limb
-    angle = 0.10 + 0.05 * sway[0] + ARM_SWING * person.swing * part.swing[side] * stride
+    body, (name, sign) = person.body, limb
+    angle = 0.10 + 0.05 * sway[0] + ARM_SWING * person.swing * stride
     spread = 0.13 + 0.03 * sway[1]
     down = trunk.upright @ pitch(-angle) @ roll(sign * spread)
     bent = HANG - 0.05 * minimum_jerk(np.abs(stride) / 0.6)

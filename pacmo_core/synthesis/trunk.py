@@ -65,9 +65,8 @@ def stand(person: Subject, part: Part, feet: Feet, times: Array, sway: Array) ->
     bow = person.stoop + tip + lean["pitch"]
     lower = turn(0.6 * yaw + 0.4 * chest_yaw) @ pitch(0.6 * bow) @ roll(0.5 * (tilt + lean["roll"]))
     chest = turn(chest_yaw) @ pitch(bow) @ roll(tilt + lean["roll"])
-    glance = 0.0 if part.glance is None else spell(times, part.glance)
     head = (
-        turn(yaw + 0.5 * (chest_yaw - yaw) + shake + 0.6 * glance)
+        turn(yaw + 0.5 * (chest_yaw - yaw) + shake)
         @ pitch(0.45 * bow + nod + lean["nod"] + 0.06)
         @ roll(0.5 * lean["roll"])
     )
@@ -119,7 +118,7 @@ def _spine(
         "spine_mid": middle,
         "spine_shoulder": top,
         "neck": neck,
-        "head": neck + body.head * unit_up(head),
+        "head": neck + body.head * _head_up(head),
     }
     for name, sign in (("left", 1.0), ("right", -1.0)):
         hip = np.array([sign * body.hip_half, -body.hip_drop, 0.0])
@@ -129,7 +128,7 @@ def _spine(
     return joints
 
 
-def unit_up(head: Array) -> Array:
+def _head_up(head: Array) -> Array:
     """Tilt of the head: its joint sits above and a little ahead of the neck."""
     up = np.array([0.0, 0.985, 0.1726])
     tilted: Array = head @ (up / np.linalg.norm(up))

@@ -5,7 +5,7 @@ import pytest
 
 from pacmo_core.skeleton import NTU25
 from pacmo_core.synthesis.camera import DEPTH, FLICKER, MEMORY, RATE, errors, noise, place
-from tests.synthesis.troupe import takes
+from tests.synthesis.troupe import clips
 
 
 def test_the_error_has_the_stated_size_from_the_first_frame_to_the_last() -> None:
@@ -32,23 +32,23 @@ def test_hands_and_feet_are_seen_worse_than_the_trunk() -> None:
 
 
 def test_the_camera_keeps_distances_and_handedness() -> None:
-    take = takes("push")[0]
-    seen = place(take.motions[0], take.script.view)
+    clip = clips("push")[0]
+    seen = place(clip.motions[0], clip.script.view)
     parent, child = NTU25.bones.T
-    lengths = [np.linalg.norm(m[:, child] - m[:, parent], axis=-1) for m in (seen, take.motions[0])]
+    lengths = [np.linalg.norm(m[:, child] - m[:, parent], axis=-1) for m in (seen, clip.motions[0])]
     assert lengths[0] == pytest.approx(lengths[1], abs=1e-9)
     sides = [
         np.linalg.det(np.stack([m[0, 4] - m[0, 0], m[0, 8] - m[0, 0], m[0, 3] - m[0, 0]]))
-        for m in (seen, take.motions[0])
+        for m in (seen, clip.motions[0])
     ]
     assert sides[0] == pytest.approx(sides[1])
 
 
 def test_people_stand_upright_before_the_camera_within_its_range() -> None:
     for act in ("approach", "circle dance", "depart"):
-        for take in takes(act):
-            for motion in take.motions:
-                seen = place(motion, take.script.view)
+        for clip in clips(act):
+            for motion in clip.motions:
+                seen = place(motion, clip.script.view)
                 assert seen[..., 2].min() > 0.8
                 assert seen[..., 2].max() < 6.2
                 assert np.ptp(seen[0, :, 1]) == pytest.approx(np.ptp(motion[0, :, 1]), abs=0.1)

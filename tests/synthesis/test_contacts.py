@@ -6,11 +6,11 @@ import pytest
 from pacmo_core.synthesis import ACTS, write_script
 from pacmo_core.synthesis.body import pair_of
 from pacmo_core.synthesis.capture import true_motion
-from tests.synthesis.troupe import POPULATION, Take, distance_to_segment, takes
+from tests.synthesis.troupe import POPULATION, Clip, clips, distance_to_segment
 
 
-def _palms(take: Take, time: float) -> float:
-    palms = [take.at(person, f"{take.hand(person)}_hand", time) for person in (0, 1)]
+def _palms(clip: Clip, time: float) -> float:
+    palms = [clip.at(person, f"{clip.hand(person)}_hand", time) for person in (0, 1)]
     return float(np.linalg.norm(palms[0] - palms[1]))
 
 
@@ -18,80 +18,80 @@ def _palms(take: Take, time: float) -> float:
     ("act", "bound"), [("handshake", 0.03), ("high five", 0.03), ("hand over", 0.10)]
 )
 def test_hands_meet(act: str, bound: float) -> None:
-    for take in takes(act):
-        script = take.script
+    for clip in clips(act):
+        script = clip.script
         for time in (script.event, script.event + 0.5 * script.hold):
-            assert _palms(take, time) < bound, script
+            assert _palms(clip, time) < bound, script
 
 
 def test_dancers_hold_both_hands_all_the_way_round() -> None:
-    for take in takes("circle dance"):
-        for time in np.linspace(take.script.event, take.script.event + take.script.hold, 7):
+    for clip in clips("circle dance"):
+        for time in np.linspace(clip.script.event, clip.script.event + clip.script.hold, 7):
             for one, other in (("left_hand", "right_hand"), ("right_hand", "left_hand")):
-                gap = take.at(0, one, time) - take.at(1, other, time)
-                assert np.linalg.norm(gap) < 0.035, take.script
+                gap = clip.at(0, one, time) - clip.at(1, other, time)
+                assert np.linalg.norm(gap) < 0.035, clip.script
 
 
 def test_a_hug_lays_every_hand_on_the_partners_back() -> None:
-    for take in takes("hug"):
-        time = take.script.event + 0.6 * take.script.hold
+    for clip in clips("hug"):
+        time = clip.script.event + 0.6 * clip.script.hold
         for me, you in ((0, 1), (1, 0)):
-            base, top = take.at(you, "spine_base", time), take.at(you, "spine_shoulder", time)
+            base, top = clip.at(you, "spine_base", time), clip.at(you, "spine_shoulder", time)
             for hand in ("left_hand", "right_hand"):
-                palm = take.at(me, hand, time)
-                assert distance_to_segment(palm, base, top) < 0.20, take.script
+                palm = clip.at(me, hand, time)
+                assert distance_to_segment(palm, base, top) < 0.20, clip.script
                 behind = palm - base
-                assert behind[2] * (1 if you == 1 else -1) > 0, take.script
+                assert behind[2] * (1 if you == 1 else -1) > 0, clip.script
 
 
 def test_a_punch_lands_on_the_face() -> None:
-    for take in takes("punch"):
-        me = take.initiator
-        fist = take.at(me, f"{take.hand(me)}_hand", take.script.event)
-        head = take.at(1 - me, "head", take.script.event)
-        assert 0.08 < np.linalg.norm(fist - head) < 0.19, take.script
+    for clip in clips("punch"):
+        me = clip.initiator
+        fist = clip.at(me, f"{clip.hand(me)}_hand", clip.script.event)
+        head = clip.at(1 - me, "head", clip.script.event)
+        assert 0.08 < np.linalg.norm(fist - head) < 0.19, clip.script
 
 
 def test_a_push_lands_on_the_chest_with_both_hands() -> None:
-    for take in takes("push"):
-        me, time = take.initiator, take.script.event
-        shoulders = [take.at(1 - me, f"{side}_shoulder", time) for side in ("left", "right")]
+    for clip in clips("push"):
+        me, time = clip.initiator, clip.script.event
+        shoulders = [clip.at(1 - me, f"{side}_shoulder", time) for side in ("left", "right")]
         for side in ("left", "right"):
-            palm = take.at(me, f"{side}_hand", time)
-            assert distance_to_segment(palm, *shoulders) < 0.24, take.script
+            palm = clip.at(me, f"{side}_hand", time)
+            assert distance_to_segment(palm, *shoulders) < 0.24, clip.script
 
 
 def test_a_kick_lands_between_knee_and_chest() -> None:
-    for take in takes("kick"):
-        me, time = take.initiator, take.script.event
-        foot = take.at(me, f"{take.hand(me)}_foot", time)
-        spine = [take.at(1 - me, joint, time) for joint in ("spine_base", "spine_mid")]
-        assert distance_to_segment(foot, *spine) < 0.30, take.script
-        assert foot[1] > take.at(1 - me, "left_knee", time)[1] + 0.05, take.script
+    for clip in clips("kick"):
+        me, time = clip.initiator, clip.script.event
+        foot = clip.at(me, f"{clip.hand(me)}_foot", time)
+        spine = [clip.at(1 - me, joint, time) for joint in ("spine_base", "spine_mid")]
+        assert distance_to_segment(foot, *spine) < 0.30, clip.script
+        assert foot[1] > clip.at(1 - me, "left_knee", time)[1] + 0.05, clip.script
 
 
 @pytest.mark.parametrize("act", ["push", "punch", "kick"])
 def test_who_is_struck_moves_only_after_the_blow(act: str) -> None:
-    for take in takes(act):
-        other, event = 1 - take.initiator, take.script.event
-        head = np.array([take.at(other, "head", t) for t in (event - 0.1, event, event + 0.6)])
+    for clip in clips(act):
+        other, event = 1 - clip.initiator, clip.script.event
+        head = np.array([clip.at(other, "head", t) for t in (event - 0.1, event, event + 0.6)])
         assert np.linalg.norm(head[2] - head[1]) > 1.5 * np.linalg.norm(head[1] - head[0])
 
 
 @pytest.mark.parametrize(("act", "sign"), [("approach", -1), ("depart", 1)])
 def test_people_come_near_or_part(act: str, sign: int) -> None:
-    for take in takes(act):
-        a, b = (motion[[0, -1], 0] for motion in take.motions)
+    for clip in clips(act):
+        a, b = (motion[[0, -1], 0] for motion in clip.motions)
         first, last = np.linalg.norm(a - b, axis=-1)
-        assert sign * (last - first) > 1.0, take.script
+        assert sign * (last - first) > 1.0, clip.script
 
 
 def test_who_departs_turns_away() -> None:
-    for take in takes("depart"):
-        for person, motion in enumerate(take.motions):
+    for clip in clips("depart"):
+        for person, motion in enumerate(clip.motions):
             across = motion[-1, 12] - motion[-1, 16]
             ahead = np.cross(across, [0.0, 1.0, 0.0])[2] * (1 if person == 0 else -1)
-            assert ahead < 0, take.script
+            assert ahead < 0, clip.script
 
 
 def test_the_most_unlike_pair_can_do_every_act() -> None:
@@ -108,8 +108,8 @@ def test_the_most_unlike_pair_can_do_every_act() -> None:
                     random, population=POPULATION, pair=pair, act=act, replication=replication
                 )
                 motions = (true_motion(script, random, "a"), true_motion(script, random, "b"))
-                take = Take(script, motions)
+                clip = Clip(script, motions)
                 assert np.isfinite(motions[0]).all()
                 assert np.isfinite(motions[1]).all()
                 if act in ("handshake", "high five"):
-                    assert _palms(take, script.event) < 0.03, script
+                    assert _palms(clip, script.event) < 0.03, script

@@ -13,9 +13,9 @@ HARDEST = 250.0  # metres a second squared, by second differences at 30 a second
 
 def test_bones_keep_their_length() -> None:
     parent, child = NTU25.bones.T
-    for take, motion in every_motion():
+    for clip, motion in every_motion():
         lengths = np.linalg.norm(motion[:, child] - motion[:, parent], axis=-1)
-        assert np.ptp(lengths, axis=0).max() < 1e-9, take.script
+        assert np.ptp(lengths, axis=0).max() < 1e-9, clip.script
 
 
 def test_left_and_right_bones_are_alike() -> None:
@@ -37,20 +37,20 @@ def _ahead(motion: NDArray[np.float64], side: str) -> tuple[NDArray[np.float64],
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_hips_never_twist_a_foot_round(side: str) -> None:
-    for take, motion in every_motion():
+    for clip, motion in every_motion():
         pelvis, foot = _ahead(motion, side)
-        assert (pelvis * foot).sum(axis=-1).min() > np.cos(np.deg2rad(75)), take.script
+        assert (pelvis * foot).sum(axis=-1).min() > np.cos(np.deg2rad(75)), clip.script
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_knees_never_bend_backward(side: str) -> None:
-    for take, motion in every_motion():
+    for clip, motion in every_motion():
         hip, knee, ankle = (motion[:, JOINT[f"{side}_{j}"]] for j in ("hip", "knee", "ankle"))
         along = (ankle - hip) / np.linalg.norm(ankle - hip, axis=-1, keepdims=True)
         bend = knee - hip - ((knee - hip) * along).sum(axis=-1, keepdims=True) * along
         # The knee lies on the side of the leg that faces ahead, or up when the leg is kicked out.
         pelvis, foot = _ahead(motion, side)
-        assert (bend * (pelvis + foot + [0.0, 1.0, 0.0])).sum(axis=-1).min() > 0, take.script
+        assert (bend * (pelvis + foot + [0.0, 1.0, 0.0])).sum(axis=-1).min() > 0, clip.script
         folded = np.linalg.norm(ankle - hip, axis=-1)
         straight = np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
         assert (folded / straight).max() < 0.9975
@@ -58,7 +58,7 @@ def test_knees_never_bend_backward(side: str) -> None:
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_elbows_never_straighten_out_or_bend_through_the_arm(side: str) -> None:
-    for take, motion in every_motion():
+    for clip, motion in every_motion():
         shoulder, elbow, wrist = (
             motion[:, JOINT[f"{side}_{j}"]] for j in ("shoulder", "elbow", "wrist")
         )
@@ -66,38 +66,38 @@ def test_elbows_never_straighten_out_or_bend_through_the_arm(side: str) -> None:
         cosine = (upper * lower).sum(axis=-1) / (
             np.linalg.norm(upper, axis=-1) * np.linalg.norm(lower, axis=-1)
         )
-        assert cosine.max() < np.cos(np.deg2rad(3)), take.script
-        assert cosine.min() > np.cos(np.deg2rad(155)), take.script
+        assert cosine.max() < np.cos(np.deg2rad(3)), clip.script
+        assert cosine.min() > np.cos(np.deg2rad(155)), clip.script
 
 
 def test_nobody_moves_faster_or_harder_than_a_body_can() -> None:
-    for take, motion in every_motion():
-        span = np.diff(take.times)[:, None, None]
+    for clip, motion in every_motion():
+        span = np.diff(clip.times)[:, None, None]
         speed = np.diff(motion, axis=0) / span
-        assert np.linalg.norm(speed, axis=-1).max() < FASTEST, take.script
+        assert np.linalg.norm(speed, axis=-1).max() < FASTEST, clip.script
         force = np.diff(speed, axis=0) * 30
-        assert np.linalg.norm(force, axis=-1).max() < HARDEST, take.script
+        assert np.linalg.norm(force, axis=-1).max() < HARDEST, clip.script
 
 
 def test_feet_stay_above_the_floor_and_heads_above_the_hips() -> None:
-    for take, motion in every_motion():
-        assert motion[..., 1].min() > 0.0, take.script
+    for clip, motion in every_motion():
+        assert motion[..., 1].min() > 0.0, clip.script
         assert (motion[:, JOINT["head"], 1] > motion[:, JOINT["spine_base"], 1] + 0.3).all()
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_toe_on_the_floor_does_not_slide(side: str) -> None:
-    for take, motion in every_motion():
+    for clip, motion in every_motion():
         toe = motion[:, JOINT[f"{side}_foot"]]
         low = np.abs(toe[:, 1] - np.percentile(toe[:, 1], 25)) < 0.0005
-        speed = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1) / np.diff(take.times)
-        assert low.mean() > 0.2, take.script
-        assert speed[low[1:] & low[:-1]].max() < 0.06, take.script
+        speed = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1) / np.diff(clip.times)
+        assert low.mean() > 0.2, clip.script
+        assert speed[low[1:] & low[:-1]].max() < 0.06, clip.script
 
 
 def test_people_do_not_stand_in_each_other() -> None:
     trunk = [JOINT[j] for j in ("spine_base", "spine_mid", "spine_shoulder", "head")]
-    for act_take in {id(take): take for take, _ in every_motion()}.values():
-        a, b = (motion[:, trunk] for motion in act_take.motions)
+    for act_clip in {id(clip): clip for clip, _ in every_motion()}.values():
+        a, b = (motion[:, trunk] for motion in act_clip.motions)
         apart = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
-        assert apart.min() > 0.19, act_take.script
+        assert apart.min() > 0.19, act_clip.script

@@ -15,7 +15,7 @@ JOINT = {name: index for index, name in enumerate(NTU25.joints)}
 
 
 @dataclass(frozen=True)
-class Take:
+class Clip:
     """A script and both true motions."""
 
     script: Script
@@ -43,17 +43,17 @@ class Take:
 
 
 @lru_cache(maxsize=64)
-def takes(act: str) -> tuple[Take, ...]:
+def clips(act: str) -> tuple[Clip, ...]:
     shoot = write_scripts(11, population=POPULATION, pairs=6, acts=(act,), replications=2)
     found = []
     for script, random in shoot:
         a, b = random.spawn(2)
-        found.append(Take(script, (true_motion(script, a, "a"), true_motion(script, b, "b"))))
+        found.append(Clip(script, (true_motion(script, a, "a"), true_motion(script, b, "b"))))
     return tuple(found)
 
 
-def every_motion() -> list[tuple[Take, NDArray[np.float64]]]:
-    return [(take, motion) for act in ACTS for take in takes(act) for motion in take.motions]
+def every_motion() -> list[tuple[Clip, NDArray[np.float64]]]:
+    return [(clip, motion) for act in ACTS for clip in clips(act) for motion in clip.motions]
 
 
 def distance_to_segment(
