@@ -47,6 +47,9 @@ def compose(name: str) -> str:
     if name != "default":
         _override(params, yaml.load(FOLDER / f"{name}.yaml"), where=name)
     params["ingest"]["raw"] = _resolve(params["ingest"]["raw"])
+    settings = params["ingest"]["settings"]
+    if "skip_lists" in settings:
+        settings["skip_lists"] = [_resolve(path) for path in settings["skip_lists"]]
     text = StringIO()
     yaml.dump(params, text)
     return text.getvalue()
@@ -98,7 +101,7 @@ def _resolve(raw: str) -> str:
     named = os.environ.get("PACMO_REAL_DATA")
     places = [Path(named)] if named else list(PLACES)
     for place in places:
-        if (place / inside).is_dir():
+        if (place / inside).exists():
             return (place / inside).as_posix()
     looked = " or ".join((place / inside).as_posix() for place in places)
     raise ExperimentError(

@@ -8,6 +8,7 @@ is not in the file. Format: Shahroudy et al. (2016); Liu et al. (2019).
 import re
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -33,14 +34,14 @@ class Ntu:
     max_gap : frames a body may be unseen and be filled in, or come back under a new number
     reach : metres from where a body was lost to where it may come back under a new number
     min_share : of the file's frames that a body is seen in, to be one of the two
-    skip : names of samples on the published lists of missing skeletons
+    skip_lists : files, as published, that list samples with missing skeletons
     """
 
     fps: float
     max_gap: int
     reach: float
     min_share: float
-    skip: frozenset[str] = frozenset()
+    skip_lists: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not (self.fps > 0 and self.max_gap >= 0 and self.reach >= 0 and 0 < self.min_share <= 1):
@@ -48,6 +49,18 @@ class Ntu:
                 f"fps must be > 0, max_gap and reach >= 0, min_share in (0, 1]; got {self.fps}, "
                 f"{self.max_gap}, {self.reach}, {self.min_share}"
             )
+
+    @cached_property
+    def skipped(self) -> frozenset[str]:
+        """The names on the lists.
+
+        Raises
+        ------
+        OSError
+            If there is no such list: samples known to be faulty must not slip in.
+        """
+        texts = [Path(name).read_text(encoding="utf-8") for name in self.skip_lists]
+        return frozenset[str]().union(*map(read_skip_list, texts))
 
     def find(self, root: Path) -> list[RawSequence]:
         """List every ``.skeleton`` file under ``root``, those of one person too.
@@ -70,7 +83,7 @@ class Ntu:
             If the sample is listed as faulty, the text is, or two people cannot be followed.
         """
         (file,) = sequence.files
-        if file.stem in self.skip:
+        if file.stem in self.skipped:
             raise FormatError(file, "listed among the samples with missing skeletons")
         seen = parse(read_bytes(file), file)
         people = stitch(tracks(seen), self.max_gap, self.reach)

@@ -176,10 +176,12 @@ def test_what_is_no_text_of_ours_is_refused(tmp_path, data):
 
 
 def test_a_listed_or_absent_sample_is_refused(tmp_path):
-    names = read_skip_list("2 samples:\n\nS001C002P003R004A050\nS001C002P006R001A008\n")
+    published = tmp_path / "missing.txt"
+    published.write_text("2 samples:\n\nS001C002P003R004A050\nS001C002P006R001A008\n")
+    names = read_skip_list(published.read_text())
     assert len(names) == 2
     with pytest.raises(FormatError, match="missing skeletons"):
-        read(tmp_path, frames("aaa", "bbb"), Ntu(**SETTINGS, skip=names))
+        read(tmp_path, frames("aaa", "bbb"), Ntu(**SETTINGS, skip_lists=(str(published),)))
     with pytest.raises(FormatError, match="cannot be read"):
         NTU.read(RawSequence("x", (tmp_path / "none.skeleton",)))
 
