@@ -49,9 +49,10 @@ def encode(interactions: Sequence[Interaction], n_points: int) -> MotionPairs:
     """
     common_skeleton(interactions)
     sampled = [_sample(interaction, n_points) for interaction in interactions]
+    # Copied into torch's own memory: its products round by alignment, and NumPy's varies.
     return MotionPairs(
-        partner=torch.from_numpy(np.stack([partner for partner, _ in sampled])),
-        reaction=torch.from_numpy(np.stack([reaction for _, reaction in sampled])),
+        partner=torch.tensor(np.stack([partner for partner, _ in sampled])),
+        reaction=torch.tensor(np.stack([reaction for _, reaction in sampled])),
         log_duration=torch.tensor([np.log(i.duration) for i in interactions], dtype=torch.float32),
     )
 

@@ -136,7 +136,7 @@ def frames_of(clips: Sequence[Interaction], fps: float, device: str) -> Frames:
         for motion, found in ((clip.person_b, frames.partner), (clip.person_a, frames.reaction)):
             local = frame.to_local(motion).reshape(len(motion), -1)
             values = Spline(clip.times, local)(at).astype(np.float32)
-            found.append(torch.from_numpy(values).to(device))
+            found.append(torch.tensor(values, device=device))
     return frames
 
 

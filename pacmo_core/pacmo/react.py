@@ -141,4 +141,4 @@ def _predict(model: Gru, partner: Partner, frame: Frame) -> NDArray[np.float32]:
 
 
 def _tensor(values: NDArray[np.float64], device: torch.device) -> Tensor:
-    return torch.from_numpy(values.astype(np.float32)).to(device)
+    return torch.tensor(values.astype(np.float32), device=device)
