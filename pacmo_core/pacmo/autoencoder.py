@@ -108,7 +108,7 @@ def fit(
 def features(
     model: Autoencoder, interactions: Sequence[Interaction], *, device: str = "cpu"
 ) -> NDArray[np.float64]:
-    """Encode interactions, ``person_b`` the partner: ``(n, C, r)``, standardised, frozen."""
+    """Encode interactions, ``person_a`` the partner: ``(n, C, r)``, standardised, frozen."""
     pairs = encode(interactions, model.config.uno.n_points)
     return features_of(model, pairs, device=device)
 

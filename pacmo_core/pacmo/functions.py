@@ -40,7 +40,7 @@ class MotionPairs:
 
 
 def encode(interactions: Sequence[Interaction], n_points: int) -> MotionPairs:
-    """Sample each interaction on one grid: ``person_a`` is the reaction, ``person_b`` the partner.
+    """Sample each interaction on one grid: ``person_a`` is the partner, ``person_b`` reacts.
 
     Raises
     ------
@@ -76,11 +76,11 @@ def relative_times(times: Tensor, start: float, duration: float) -> Tensor:
 
 
 def _sample(interaction: Interaction, n_points: int) -> tuple[Motion, Motion]:
-    frame = frame_of(interaction.person_b, interaction.skeleton)
+    frame = frame_of(interaction.person_a, interaction.skeleton)
     partner, reaction = (
         Spline(interaction.times, frame.to_local(motion).reshape(len(motion), -1))
         .on_grid(n_points)
         .astype(np.float32)
-        for motion in (interaction.person_b, interaction.person_a)
+        for motion in (interaction.person_a, interaction.person_b)
     )
     return partner, reaction

@@ -128,12 +128,12 @@ def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Gru:
 
 
 def frames_of(clips: Sequence[Interaction], fps: float, device: str) -> Frames:
-    """Sample interactions at one rate: ``person_a`` the reaction, ``person_b`` the partner."""
+    """Sample interactions at one rate: ``person_a`` the partner, ``person_b`` reacts."""
     frames = Frames([], [])
     for clip in clips:
-        frame = frame_of(clip.person_b, clip.skeleton)
+        frame = frame_of(clip.person_a, clip.skeleton)
         at = frame_times(clip.times[0], clip.times[-1], fps)
-        for motion, found in ((clip.person_b, frames.partner), (clip.person_a, frames.reaction)):
+        for motion, found in ((clip.person_a, frames.partner), (clip.person_b, frames.reaction)):
             local = frame.to_local(motion).reshape(len(motion), -1)
             values = Spline(clip.times, local)(at).astype(np.float32)
             found.append(torch.tensor(values, device=device))

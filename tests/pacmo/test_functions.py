@@ -18,7 +18,7 @@ from tests.pacmo.problems import clips, mirrored
 def test_a_partner_starts_at_the_origin_and_frames_on_the_grid_are_kept() -> None:
     clip = mirrored(3, np.linspace(0, 2, 33))
     pairs = encode([clip], 17)
-    local = frame_of(clip.person_b, clip.skeleton).to_local(clip.person_a)[::2].reshape(17, -1)
+    local = frame_of(clip.person_a, clip.skeleton).to_local(clip.person_b)[::2].reshape(17, -1)
     np.testing.assert_allclose(pairs.reaction[0].numpy(), local, atol=1e-5)
     np.testing.assert_allclose(pairs.partner[0, 0, 6:9].numpy(), 0, atol=1e-6)
     assert pairs.log_duration.item() == pytest.approx(math.log(2))
@@ -28,7 +28,7 @@ def test_functions_do_not_change_when_the_world_turns() -> None:
     clip = mirrored(3, np.linspace(0, 2, 33))
     world = Frame(origin=np.array([3.0, 1.0, -2.0]), yaw=1.2)
     moved = replace(
-        clip, person_a=world.to_world(clip.person_a), person_b=world.to_world(clip.person_b)
+        clip, person_b=world.to_world(clip.person_b), person_a=world.to_world(clip.person_a)
     )
     here, there = encode([clip], 17), encode([moved], 17)
     torch.testing.assert_close(there.reaction, here.reaction, atol=1e-5, rtol=0)
@@ -39,7 +39,7 @@ def test_both_sides_hold_each_interaction_and_its_exchange() -> None:
     some = clips(3)
     sides = both_sides(some, swap=True)
     assert len(sides) == 6
-    assert np.array_equal(sides[4].person_a, some[1].person_b)
+    assert np.array_equal(sides[4].person_b, some[1].person_a)
     assert both_sides(some, swap=False) == some
 
 

@@ -28,7 +28,7 @@ def sampled(times: np.ndarray) -> Interaction:
 
 def reacted(model: Generator, partner: Interaction, at: np.ndarray = COMMON) -> np.ndarray:
     random = torch.Generator().manual_seed(3)
-    return react(model, partner.person_b, partner.times, out_times=at, n_samples=2, random=random)
+    return react(model, partner.person_a, partner.times, out_times=at, n_samples=2, random=random)
 
 
 def irregular(kind: str) -> np.ndarray:
@@ -66,7 +66,7 @@ def test_the_reaction_at_30_and_at_120_frames_a_second_is_one_function(trained: 
 
 
 def test_partners_of_any_lengths_in_one_batch_are_answered_as_if_alone(trained: Generator) -> None:
-    partners = [Partner(c.person_b, c.times, c.times) for c in clips(5, first_seed=20)]
+    partners = [Partner(c.person_a, c.times, c.times) for c in clips(5, first_seed=20)]
     together = react_all(trained, partners, n_samples=2, random=torch.Generator().manual_seed(0))
     random = torch.Generator().manual_seed(0)
     for partner, motion in zip(partners, together, strict=True):
@@ -77,7 +77,7 @@ def test_partners_of_any_lengths_in_one_batch_are_answered_as_if_alone(trained: 
 def test_reacting_commutes_with_turning_and_shifting_the_world(trained: Generator) -> None:
     partner = sampled(np.linspace(0, 2, 61))
     world = Frame(origin=np.array([1.0, 0.3, -2.0]), yaw=2.0)
-    moved = replace(partner, person_b=world.to_world(partner.person_b))
+    moved = replace(partner, person_a=world.to_world(partner.person_a))
     np.testing.assert_allclose(
         reacted(trained, moved), world.to_world(reacted(trained, partner)), atol=1e-4
     )
@@ -95,11 +95,11 @@ def test_the_baseline_gives_one_reaction_and_refuses_more() -> None:
     partner = sampled(np.linspace(0, 2, 61))
     random = torch.Generator().manual_seed(0)
     motion = react(
-        model, partner.person_b, partner.times, out_times=COMMON, n_samples=1, random=random
+        model, partner.person_a, partner.times, out_times=COMMON, n_samples=1, random=random
     )
     assert motion.shape == (1, 21, 15, 3)
     with pytest.raises(ValueError, match="deterministic"):
-        react(model, partner.person_b, partner.times, out_times=COMMON, n_samples=2, random=random)
+        react(model, partner.person_a, partner.times, out_times=COMMON, n_samples=2, random=random)
 
 
 def test_a_wrong_body_and_instants_outside_the_motion_are_refused(trained: Generator) -> None:
