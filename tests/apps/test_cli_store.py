@@ -1,0 +1,52 @@
+"""What is trusted: the rows that were written; the files of the experiments."""
+
+import pytest
+from typer.testing import CliRunner
+
+from apps.cli import app
+from apps.experiments import compose
+from pacmo_core.store.clips import QuarantineFacts, write_rows
+
+ROWS = [
+    QuarantineFacts("one", "one.bvh", "ab", 12, "no second person"),
+    QuarantineFacts("two", "two.bvh", "cd", 0, "the same body twice"),
+]
+
+
+def pacmo(*words):
+    return CliRunner().invoke(app, [*map(str, words)])
+
+
+def test_quarantine_lists_files_lines_and_reasons(tmp_path):
+    write_rows(tmp_path / "quarantine.parquet", QuarantineFacts, ROWS)
+    said = pacmo("quarantine", tmp_path)
+    assert said.exit_code == 0
+    assert "one.bvh" in said.stdout and "no second person" in said.stdout and "12" in said.stdout
+    assert "2 of 2" in said.stdout
+    assert "1 of 2" in pacmo("quarantine", tmp_path, "--matching", "twice").stdout
+
+
+@pytest.mark.parametrize("content", [None, b"nonsense"])
+def test_a_folder_without_a_readable_table_is_one_line(tmp_path, content):
+    if content:
+        (tmp_path / "clips.parquet").write_bytes(content)
+    said = pacmo("clips", tmp_path)
+    assert said.exit_code == 1
+    assert "clips.parquet" in said.stderr and said.stderr.count("\n") == 1
+
+
+def test_use_writes_the_parameters_of_an_experiment(tmp_path, monkeypatch):
+    wanted = compose("smallest")
+    monkeypatch.setattr("apps.experiments.PARAMS", tmp_path / "params.yaml")
+    assert pacmo("use", "smallest").exit_code == 0
+    assert (tmp_path / "params.yaml").read_text() == wanted
+
+
+def test_an_unknown_experiment_ends_with_1_and_one_line():
+    said = pacmo("use", "largest")
+    assert said.exit_code == 1
+    assert "no experiment largest" in said.stderr and said.stderr.count("\n") == 1
+
+
+def test_experiments_are_listed():
+    assert {"default", "smallest", "sbu", "duo_mocap"} <= set(pacmo("experiments").stdout.split())
