@@ -15,6 +15,6 @@ def arguments(description: str) -> argparse.ArgumentParser:
 def show(figures: Mapping[str, float], *, as_json: bool) -> None:
     """Print the figures."""
     for name, value in figures.items():
-        print(f"{name:24} {value:.6g}", flush=True)
+        print(f"{name:32} {value:.6g}", flush=True)
     if as_json:
         print(json.dumps({name: float(f"{value:.6g}") for name, value in figures.items()}))

@@ -6,10 +6,8 @@ Both read the same files in the same run, in turn, on one thread; figures are me
 time, which other work on the machine disturbs least.
 """
 
-import json
 import os
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks._figures import arguments, show
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_ntu import format_ntu
@@ -30,8 +29,9 @@ BODY_IDS = (72057594037932185, 72057594037932127)
 NTU = Ntu(fps=30, max_gap=0, reach=0, min_share=1)
 
 
-def main(as_json: bool) -> None:
-    """Print the figures, as text or, last, as one JSON object."""
+def main() -> None:
+    """Measure and print."""
+    options = arguments(__doc__ or "").parse_args()
     with tempfile.TemporaryDirectory() as folder:
         n_bytes = write_clips(Path(folder), MEGABYTES * 10**6)
         figures = compare(NTU.find(Path(folder)), n_bytes)
@@ -40,11 +40,7 @@ def main(as_json: bool) -> None:
         n_bytes = sum(path.stat().st_size for path in real)
         published = compare(NTU.find(real[0].parent) * 20, 20 * n_bytes)
         figures |= {f"published_{name}": value for name, value in published.items()}
-    if as_json:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:38} {value:8.1f}")
+    show(figures, as_json=options.json)
 
 
 def write_clips(folder: Path, n_bytes: int) -> int:
@@ -105,4 +101,4 @@ def read_plainly(sequence: RawSequence) -> object:
 
 
 if __name__ == "__main__":
-    main("--json" in sys.argv[1:])
+    main()
