@@ -1,4 +1,4 @@
-"""What is trusted: dealing a reaction to its own partner changes nothing; the frame's definition."""
+"""What is trusted: a reaction dealt to its own partner stays as it is; the frame's definition."""
 
 from dataclasses import replace
 
