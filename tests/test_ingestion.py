@@ -88,7 +88,7 @@ def test_facts_say_where_a_clip_comes_from_and_how_good_it_is(tmp_path):
     write(tmp_path, 1, bodies(1))
     ((facts, interaction),), _ = ingest(tmp_path, drop_joints=("left_thumb",))
     assert facts.source_file == "S001C001P001R001A050.skeleton"
-    assert (facts.dataset, facts.action, facts.subject_a) == ("test", "A050", "P001")
+    assert (facts.dataset, facts.action, facts.subject_a) == ("test", "A050 punch or slap", "P001")
     assert (facts.fps, facts.frames) == (pytest.approx(30), 20)
     assert facts.bone_length_variation < 1e-3
     assert interaction.person_a.shape == (20, 24, 3)

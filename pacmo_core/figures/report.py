@@ -16,6 +16,7 @@ from pacmo_core.figures.tables import Rows, Table, table
 
 SECTIONS = {
     "pacmo": "Reactions, generated from the partner alone",
+    "pacmo_published": "The same, as the papers compute it",
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
 }

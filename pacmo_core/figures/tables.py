@@ -33,13 +33,17 @@ METRICS = {
     "ave": Metric("AVE", LOWER, "m²", "average error of the root's variance over time"),
     "ape_joints": Metric("APE, joints", LOWER, "m", "average position error of all joints"),
     "ave_joints": Metric("AVE, joints", LOWER, "m²", "average variance error of all joints"),
+    "f2id_published": Metric("F²ID", LOWER, "", "1,000 drawn with replacement, five times"),
+    "mmd_a_published": Metric("MMD-A", LOWER, "", "biased, many bandwidths; at least 2/n"),
+    "mmd_s_published": Metric("MMD-S", LOWER, "", "biased, many bandwidths; at least 2/n"),
+    "diversity_published": Metric("Diversity", CLOSER, "", "over 500 disjoint pairs"),
     "e_r": Metric("E_r", LOWER, "", "reconstruction error"),
     "e_b": Metric("E_b", LOWER, "", "error of bone lengths"),
     "jpd": Metric("JPD", LOWER, "", "difference of the distances between the two bodies' joints"),
 }
 
 ROWS = {
-    "real": ("Real motion", "another half of the recordings: the floor"),
+    "real": ("Real motion", "a second draw, from the training clips: the floor"),
     "oracle": ("Oracle", "a fresh draw from the true law: how good a score can get"),
     "pacmo": ("PaCMO", ""),
     "gru": ("GRU", "baseline"),

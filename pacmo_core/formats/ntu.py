@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.formats.ntu_actions import ACTIONS
 from pacmo_core.formats.ntu_bodies import fill, stitch, together, tracks, two_who_act
 from pacmo_core.formats.ntu_text import parse
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
@@ -109,7 +110,7 @@ def _sequence(name: str, file: Path) -> RawSequence:
     return RawSequence(
         name=name,
         files=(file,),
-        action=action,
+        action=f"{action} {ACTIONS.get(action, '')}".strip(),
         subjects=(performer, ""),
         # Without the camera: three of them see one performance.
         recording=setup + performer + replication + action,

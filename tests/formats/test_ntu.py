@@ -42,7 +42,7 @@ def test_a_name_gives_action_people_and_recording(tmp_path):
         (tmp_path / f"{name}.skeleton").touch()
     first, second, mine = NTU.find(tmp_path)
     assert first.name == "S001C002P003R004A050"
-    assert (first.action, first.subjects) == ("A050", ("P003", ""))
+    assert (first.action, first.subjects) == ("A050 punch or slap", ("P003", ""))
     assert first.recording == second.recording == "S001P003R004A050"
     assert (mine.name, mine.action, mine.recording) == ("mine", "", "mine")
 
