@@ -20,7 +20,7 @@ from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._params import PARAMS, read_params
 from stages._reactions import directed_clips
 
-COLUMNS = ("f2id", "mmd_a", "mmd_s", "diversity", "ape", "ave", "ape_joints", "ave_joints")
+COLUMNS = ("f2id", "mmd_a", "mmd_s", "diversity", "ape", "ave")
 PUBLISHED = tuple(f"{name}_published" for name in COLUMNS[:4])
 ORDER = ("real", "oracle", "pacmo", "gru", "wrong_partner")
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
@@ -31,8 +31,11 @@ NOTES = (
     "this size. Features depend on the auto-encoder, whose hash is above: figures compare only "
     "under the same one.",
     "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
-    "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables, and "
-    "of all joints. In the second table low and high are the smallest and largest repeat.",
+    "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables; "
+    "reports/metrics.json has them of all joints too. In the second table low and high are the "
+    "smallest and largest repeat.",
+    "A metric of reactions alone cannot see the partner: dealing the real reactions to wrong "
+    "partners leaves MMD and diversity where they are. F²ID sees both people.",
     "Intervals resample clips; two models differ where the interval of their paired difference, "
     "in reports/pacmo.json, excludes zero.",
 )

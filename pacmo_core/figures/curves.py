@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pacmo_core.figures.tables import number
 
 _WIDTH, _HEIGHT = 300.0, 150.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 8.0, 20.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 16.0, 8.0, 20.0
 _MOST_POINTS = 240  # a chart this wide shows no more
 _LOG_FROM = 100.0  # ratio of the largest to the smallest value from which the axis is logarithmic
 
