@@ -20,14 +20,20 @@ CLIP_COLUMNS = ("clip", "side", "action", "subject_a", "subject_b", "fps", "fram
 
 
 def list_clips(folder: Folder = Path("data/clips"), matching: Matching = "") -> None:
-    """List the clips of a folder: who, what, how long, on which side."""
+    """List the clips of a folder.
+
+    Who, what, how long, on which side.
+    """
     with _told():
         rows = read_rows(folder / "clips.parquet", ClipFacts)
     _show(rows, CLIP_COLUMNS, matching)
 
 
 def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:
-    """List the captures that could not be used, with the reasons."""
+    """List captures that could not be used.
+
+    With the file, the line and the reason.
+    """
     with _told():
         rows = read_rows(folder / "quarantine.parquet", QuarantineFacts)
     _show(rows, ("file", "line", "reason"), matching)

@@ -14,7 +14,10 @@ def use_experiment(
         bool, typer.Option("--discard", help="lose edits by hand of params.yaml")
     ] = False,
 ) -> None:
-    """Make params.yaml that of an experiment; dvc repro then reproduces it."""
+    """Choose the experiment that params.yaml holds.
+
+    ``dvc repro`` then reproduces it.
+    """
     with told_in_one_line():
         use(name, discard=discard)
 
