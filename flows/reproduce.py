@@ -11,6 +11,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from prefect import flow, task
 from prefect.artifacts import create_markdown_artifact
@@ -19,7 +20,7 @@ from prefect.futures import PrefectFuture
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from flows.graph import stages_below, stale_stages
-from pacmo_core.figures.tables import markdown_table
+from pacmo_core.figures.tables import MAIN_COLUMNS, markdown_table
 
 METRICS = Path("reports/metrics.json")
 
@@ -37,12 +38,17 @@ def publish_metrics() -> None:
     """Put the tables of ``reports/metrics.json`` into Prefect's page."""
     metrics = json.loads(METRICS.read_text(encoding="utf-8"))
     tables = [
-        f"## {section}\n\n{markdown_table(rows)}"
+        f"## {section}\n\n{markdown_table(main_columns(rows))}"
         for section, rows in metrics.items()
         if section not in ("experiment", "data")
     ]
     title = f"# {metrics['experiment']}\n\n"
     create_markdown_artifact(title + "\n\n".join(tables), key="metrics", description="Metrics")
+
+
+def main_columns(rows: dict[str, Any]) -> dict[str, Any]:
+    """Leave out what a first look does not need."""
+    return {row: {c: cells[c] for c in MAIN_COLUMNS if c in cells} for row, cells in rows.items()}
 
 
 @flow(task_runner=ThreadPoolTaskRunner(max_workers=2), persist_result=False)

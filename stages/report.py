@@ -12,6 +12,7 @@ from typing import Any
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
+from pacmo_core.figures.tables import MAIN_COLUMNS
 from pacmo_core.interaction import Interaction
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.clips import QuarantineFacts, read_rows
@@ -20,8 +21,7 @@ from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._params import PARAMS, read_params
 from stages._reactions import directed_clips
 
-COLUMNS = ("f2id", "mmd_a", "mmd_s", "diversity", "ape", "ave")
-PUBLISHED = tuple(f"{name}_published" for name in COLUMNS[:4])
+PUBLISHED = tuple(f"{name}_published" for name in MAIN_COLUMNS[:4])
 ORDER = ("real", "oracle", "pacmo", "gru", "wrong_partner")
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
 NO_LAW = "recorded captures have no known law of reaction"
@@ -64,7 +64,7 @@ def main(paths: argparse.Namespace) -> None:
             "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip",
         },
         data=summarise(ingest, split, paths.sequences),
-        tables={"pacmo": shown(rows, COLUMNS), "pacmo_published": shown(rows, PUBLISHED)},
+        tables={"pacmo": shown(rows, MAIN_COLUMNS), "pacmo_published": shown(rows, PUBLISHED)},
         notes=(*NOTES, halves_note(rows)),
         curves={path.stem: curve(path) for path in paths.curve},
         clips=tuple(played(paths.clips, reactions, params.played_clips)),

@@ -42,6 +42,9 @@ METRICS = {
     "jpd": Metric("JPD", LOWER, "", "difference of the distances between the two bodies' joints"),
 }
 
+# What a first look shows; reports/metrics.json holds every metric.
+MAIN_COLUMNS = ("f2id", "mmd_a", "mmd_s", "diversity", "ape", "ave")
+
 ROWS = {
     "real": ("Real motion", "a second draw, from the training clips: the floor"),
     "oracle": ("Oracle", "a fresh draw from the true law: how good a score can get"),
