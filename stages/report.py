@@ -58,8 +58,8 @@ def main(paths: argparse.Namespace) -> None:
         title=experiment,
         summary=SUMMARY,
         facts={
-            "Made by": f"./run repro {experiment}",
-            "Parameters": f"{PARAMS}, as experiments/{experiment}.yaml says",
+            "Made by": f"dvc repro, after pacmo use {experiment}",
+            "Parameters": f"{PARAMS}, with whatever was edited there since",
             "Features": f"auto-encoder {pacmo['extractor_sha256'][:16]}",
             "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip",
         },
