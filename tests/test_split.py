@@ -71,6 +71,12 @@ def test_shares_are_met_on_average():
     assert sides.count("validation") / 5000 == pytest.approx(0.08, abs=0.015)
 
 
+def test_what_is_validation_does_not_hang_on_what_is_test():
+    origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(5000)]
+    sides = list(assign_sides(origins, replace(RULE, method="recording")).values())
+    assert sides.count("validation") / sides.count("train") == pytest.approx(0.1 / 0.9, abs=0.02)
+
+
 def test_another_seed_gives_another_split():
     origins = circle(40)
     assert assign_sides(origins, RULE) != assign_sides(origins, replace(RULE, random_seed=1))

@@ -30,3 +30,9 @@ def test_nothing_is_stale_after_a_reproduction_and_all_below_an_edit_is(pipeline
     assert stale_stages() == set()
     (pipeline / "left.txt").unlink()
     assert stale_stages() == {"left", "both"}
+
+
+def test_all_below_an_edit_is_stale_before_anything_has_run(pipeline):
+    subprocess.run([sys.executable, "-m", "dvc", "repro", "-q"], check=True)
+    (pipeline / "params.yaml").write_text("first: 2\n")
+    assert stale_stages() == {"raw", "left", "right", "both"}
