@@ -28,14 +28,14 @@ NO_LAW = "recorded captures have no known law of reaction"
 NOTES = (
     "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
     "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
-    "this size. Features depend on the auto-encoder, whose hash is above: figures compare only "
+    "this size. Features depend on the auto-encoder, whose hash stands below: figures compare only "
     "under the same one.",
     "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
     "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables; "
     "reports/metrics.json has them of all joints too. In the second table low and high are the "
     "smallest and largest repeat.",
     "A metric of reactions alone cannot see the partner: dealing the real reactions to wrong "
-    "partners leaves MMD and diversity where they are. F²ID sees both people.",
+    "partners leaves MMD at zero. F²ID and diversity are of both people's features.",
     "Intervals resample clips; two models differ where the interval of their paired difference, "
     "in reports/pacmo.json, excludes zero.",
 )
