@@ -4,9 +4,20 @@ import numpy as np
 from hypothesis import strategies as st
 
 from pacmo_core.interaction import Interaction
+from pacmo_core.quality import Limits
 from pacmo_core.skeleton import Skeleton
 
 SMALL = Skeleton("small", ("root", "left", "right", "head"), (-1, 0, 0, 0), left_right=((1, 2),))
+# Every published clip at hand keeps within these.
+LIMITS = Limits(
+    min_frames=10,
+    max_rate_jitter=0.5,
+    max_rate_error=0.02,
+    max_bone_length_variation=0.2,
+    max_joint_speed=25,
+    max_body_speed=8,
+    min_apart=0.1,
+)
 
 
 def make_interaction(

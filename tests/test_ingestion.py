@@ -9,20 +9,11 @@ from pacmo_core.formats.registry import open_format
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.ingestion import Recipe, read_sequences
 from pacmo_core.interaction import Interaction
-from pacmo_core.quality import Limits
 from pacmo_core.skeleton import NTU25
 from pacmo_core.store.clips import QuarantineFacts
 from tests.formats.real_files import real_folder
+from tests.strategies import LIMITS
 
-LIMITS = Limits(
-    min_frames=10,
-    max_rate_jitter=0.5,
-    max_rate_error=0.02,
-    max_bone_length_variation=0.2,
-    max_joint_speed=25,
-    max_body_speed=8,
-    min_apart=0.1,
-)
 NTU = {"fps": 30.0, "max_gap": 5, "reach": 0.3, "min_share": 0.5}
 BVH = {
     "unit": None,

@@ -12,19 +12,11 @@ from pacmo_core.contact import contacts, joint_distances, least_distance
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.interaction import Interaction
-from pacmo_core.quality import Limits, QualityError, check, faults, measure
+from pacmo_core.quality import QualityError, check, faults, measure
 from pacmo_core.skeleton import SBU15
+from tests.strategies import LIMITS
 
 REAL = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
-LIMITS = Limits(
-    min_frames=10,
-    max_rate_jitter=0.5,
-    max_rate_error=0.02,
-    max_bone_length_variation=0.2,
-    max_joint_speed=25,
-    max_body_speed=8,
-    min_apart=0.1,
-)
 N_FRAMES = 20
 
 

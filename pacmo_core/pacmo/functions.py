@@ -70,11 +70,6 @@ def common_skeleton(interactions: Sequence[Interaction]) -> None:
         raise ValueError(f"interactions must share one skeleton; got {names or 'no interaction'}")
 
 
-def relative_times(times: Tensor, start: float, duration: float) -> Tensor:
-    """Seconds to the unit interval."""
-    return (times - start) / duration
-
-
 def _sample(interaction: Interaction, n_points: int) -> tuple[Motion, Motion]:
     frame = frame_of(interaction.person_a, interaction.skeleton)
     partner, reaction = (
