@@ -1,45 +1,141 @@
-"""What the training stages share: clips in, weights and a curve out."""
+"""What the training stages share: clips in; weights, a curve and, on the way, checkpoints out."""
 
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 import torch
+import torch.distributed as dist
 from rich.console import Console
 from rich.progress import track
 from torch import nn
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.pacmo import fit
+from pacmo_core.pacmo.fit import Fit
+from pacmo_core.pacmo.provenance import data_hash
 from pacmo_core.store.weights import write_weights
+from stages._checkpoints import Checkpoint
 from stages._clips import stream_side
+from stages._devices import devices, leads
 from stages._files import WEIGHTS, write_curve
+from stages._live import live_curve
+
+Model = TypeVar("Model", bound=nn.Module)
 
 
-def clips_of(folder: Path, side: str) -> list[Interaction]:
-    """Hold the clips of one side in memory."""
-    return [interaction for _, interaction in stream_side(folder, side)]
+class TrainingParams(Protocol):
+    """What every training section of ``params.yaml`` says besides its model."""
+
+    @property
+    def threads(self) -> int:
+        """Of torch."""
+
+    @property
+    def device(self) -> str:
+        """Where to train: cpu, cuda or auto."""
+
+    @property
+    def checkpoint_every(self) -> int:
+        """Epochs."""
 
 
-def use_threads(threads: int) -> None:
-    """Fix how many threads torch uses: another number rounds otherwise."""
-    torch.set_num_threads(threads)
-    torch.use_deterministic_algorithms(mode=True)
+@dataclass(frozen=True)
+class Sides:
+    """The clips that a model learns from, and those its weights are chosen on, in memory."""
+
+    train: list[Interaction]
+    validation: list[Interaction]
 
 
-def train(rounds: Iterable[Mapping[str, float]], n_rounds: int, curve: Path) -> None:
-    """Train to the end before a progress bar, and write the curve."""
-    write_curve(curve, list(_counted(rounds, n_rounds, curve.stem)))
+@dataclass(frozen=True)
+class Task(Generic[Model]):
+    """One model's training.
+
+    Parameters
+    ----------
+    kind : what the weights are of; the stage is ``train_KIND``
+    params : the stage's section
+    sides : Sides
+    fit : device to a fit, not begun
+    config : of a model, in JSON's terms
+    shares : whether torchrun's processes can share its batches
+    """
+
+    kind: str
+    params: TrainingParams
+    sides: Sides
+    fit: Callable[[str], Fit[Model]]
+    config: Callable[[Model], Mapping[str, Any]]
+    shares: bool
 
 
-def write_model(folder: Path, kind: str, model: nn.Module, config: Mapping[str, Any]) -> None:
-    """Write a trained model with what it takes to build it again."""
-    write_weights(folder / WEIGHTS, {"kind": kind, "model": dict(config)}, fit.state(model))
+def sides_of(folder: Path) -> Sides:
+    """Hold a folder's training and validation clips in memory."""
+    train, validation = (
+        [interaction for _, interaction in stream_side(folder, side)]
+        for side in ("train", "validation")
+    )
+    return Sides(train, validation)
 
 
-def _counted(
-    rounds: Iterable[Mapping[str, float]], n_rounds: int, name: str
-) -> Iterator[dict[str, float]]:
-    shown = track(rounds, name, n_rounds, console=Console(stderr=True))
-    for number, terms in enumerate(shown, start=1):
-        yield {"step": number, **terms}
+def train(task: Task[Any], model: Path, curve: Path) -> None:
+    """Train, from the last checkpoint if there is one; write weights into ``model``, and the curve.
+
+    Killed and started again, it writes the bytes that it would have written uninterrupted, on a
+    CPU.
+    """
+    params = task.params
+    with devices(params.device, threads=params.threads, shares=task.shares) as device:
+        fitting = task.fit(device)
+        facts = _facts(task, fitting)
+        checkpoint = Checkpoint(f"train_{task.kind}", {**facts, **_place(device)})
+        checkpoint.resume(fitting)
+        if leads():
+            _train_watched(fitting, checkpoint, params.checkpoint_every, model)
+            write_curve(curve, _rows(fitting.curve))
+            chosen = {"chosen": fitting.chosen()}
+            write_weights(model / WEIGHTS, facts | chosen, fit.state(fitting.model))
+            checkpoint.remove()
+        else:
+            fitting.finish()
+
+
+def _facts(task: Task[Any], fitting: Fit[Any]) -> dict[str, Any]:
+    return {
+        "kind": task.kind,
+        "model": dict(task.config(fitting.model)),
+        "settings": asdict(task.params),  # type: ignore[call-overload]  # a dataclass, see Params
+        "data": {
+            "train": data_hash(task.sides.train),
+            "validation": data_hash(task.sides.validation),
+        },
+        # Without the name of the build, by which equal results would differ.
+        "torch": torch.__version__.partition("+")[0],
+    }
+
+
+def _place(device: str) -> dict[str, Any]:
+    n_processes = dist.get_world_size() if dist.is_initialized() else 1
+    return {"device": device.partition(":")[0], "processes": n_processes}
+
+
+def _train_watched(fitting: Fit[Any], checkpoint: Checkpoint, every: int, model: Path) -> None:
+    done = len(fitting.curve)
+    console = Console(stderr=True)
+    with live_curve(model, fitting.curve) as live:
+        shown = track(fitting, checkpoint.stage, fitting.n_epochs, completed=done, console=console)
+        for epoch, terms in enumerate(shown, start=done + 1):
+            live.add(epoch, terms)
+            if epoch % every == 0:
+                checkpoint.write(fitting)
+
+
+def _rows(curve: list[dict[str, float]]) -> list[dict[str, float]]:
+    # The last epoch has every term; those that were not looked at lack the score.
+    return [
+        {"step": epoch, **{name: terms.get(name, math.nan) for name in curve[-1]}}
+        for epoch, terms in enumerate(curve, start=1)
+    ]

@@ -10,7 +10,7 @@ from pathlib import Path
 from pacmo_core.pacmo import autoencoder
 from pacmo_core.pacmo.settings import AutoencoderSettings
 from stages._params import read_params
-from stages._training import clips_of, train, use_threads, write_model
+from stages._training import Task, sides_of, train
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,18 @@ class Params(AutoencoderSettings):
 
 def main(clips: Path, model: Path, curve: Path) -> None:
     params = read_params("train_autoencoder", Params)
-    use_threads(params.threads)
-    fitting = autoencoder.fit(
-        clips_of(clips, "train"), params, validation=clips_of(clips, "validation")
+    sides = sides_of(clips)
+    task = Task(
+        "autoencoder",
+        params,
+        sides,
+        lambda device: autoencoder.fit(
+            sides.train, params, validation=sides.validation, device=device
+        ),
+        autoencoder.config,
+        shares=False,
     )
-    train(fitting, params.n_epochs, curve)
-    write_model(model, "autoencoder", fitting.model, autoencoder.config(fitting.model))
+    train(task, model, curve)
 
 
 if __name__ == "__main__":

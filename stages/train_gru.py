@@ -10,7 +10,7 @@ from pathlib import Path
 from pacmo_core.pacmo import gru
 from pacmo_core.pacmo.settings import GruSettings
 from stages._params import read_params
-from stages._training import clips_of, train, use_threads, write_model
+from stages._training import Task, sides_of, train
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,16 @@ class Params(GruSettings):
 
 def main(clips: Path, model: Path, curve: Path) -> None:
     params = read_params("train_gru", Params)
-    use_threads(params.threads)
-    fitting = gru.fit(clips_of(clips, "train"), params, validation=clips_of(clips, "validation"))
-    train(fitting, params.n_epochs, curve)
-    write_model(model, "gru", fitting.model, gru.config(fitting.model))
+    sides = sides_of(clips)
+    task = Task(
+        "gru",
+        params,
+        sides,
+        lambda device: gru.fit(sides.train, params, validation=sides.validation, device=device),
+        gru.config,
+        shares=False,
+    )
+    train(task, model, curve)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Train PaCMO: generator against critic.
 
 Usage: python -m stages.train_pacmo CLIPS MODEL CURVE.csv
+Or, each batch shared by two processes: torchrun --standalone --nproc-per-node 2 -m
+stages.train_pacmo CLIPS MODEL CURVE.csv
 """
 
 import sys
@@ -10,7 +12,7 @@ from pathlib import Path
 from pacmo_core.pacmo import adversarial
 from pacmo_core.pacmo.settings import PacmoSettings
 from stages._params import read_params
-from stages._training import clips_of, train, use_threads, write_model
+from stages._training import Task, sides_of, train
 
 
 @dataclass(frozen=True)
@@ -22,12 +24,18 @@ class Params(PacmoSettings):
 
 def main(clips: Path, model: Path, curve: Path) -> None:
     params = read_params("train_pacmo", Params)
-    use_threads(params.threads)
-    fitting = adversarial.fit(
-        clips_of(clips, "train"), params, validation=clips_of(clips, "validation")
+    sides = sides_of(clips)
+    task = Task(
+        "pacmo",
+        params,
+        sides,
+        lambda device: adversarial.fit(
+            sides.train, params, validation=sides.validation, device=device
+        ),
+        adversarial.config,
+        shares=True,
     )
-    train(fitting, params.n_steps, curve)
-    write_model(model, "pacmo", fitting.model, adversarial.config(fitting.model))
+    train(task, model, curve)
 
 
 if __name__ == "__main__":

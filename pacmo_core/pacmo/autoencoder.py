@@ -1,6 +1,6 @@
 """The auto-encoder operator on both people; its bottleneck gives the features (PaCMO, 4.3.1)."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,11 +14,11 @@ from pacmo_core.operators.fourier import interpolation
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
 from pacmo_core.pacmo.config import RATIOS, skeleton_from, uno_from
-from pacmo_core.pacmo.fit import Fit, batches, halving
+from pacmo_core.pacmo.fit import Fit
 from pacmo_core.pacmo.functions import MotionPairs, both_sides, encode
-from pacmo_core.pacmo.losses import finite
 from pacmo_core.pacmo.normalisation import Normalisation
 from pacmo_core.pacmo.settings import AutoencoderSettings
+from pacmo_core.pacmo.supervised import Supervised
 from pacmo_core.skeleton import Skeleton
 
 BOTTLENECK_LAYER = 4
@@ -88,6 +88,31 @@ class Autoencoder(nn.Module):
         return torch.cat([*motions, context], dim=-1)
 
 
+class _Training(Supervised[Autoencoder]):
+    def __init__(
+        self,
+        model: Autoencoder,
+        pairs: MotionPairs,
+        held_out: MotionPairs | None,
+        settings: AutoencoderSettings,
+        random: torch.Generator,
+    ) -> None:
+        self.pairs = pairs
+        super().__init__(
+            model,
+            len(pairs),
+            lambda rows: model.loss(pairs[rows.to(pairs.partner.device)]),
+            None if held_out is None else lambda: model.loss(held_out),
+            settings,
+            random,
+        )
+
+    def score(self) -> Tensor | None:
+        """Standardise the features, since these weights may be handed over; take the loss."""
+        self.model.standardise(self.pairs)
+        return super().score()
+
+
 def fit(
     clips: Sequence[Interaction],
     settings: AutoencoderSettings,
@@ -95,14 +120,19 @@ def fit(
     validation: Sequence[Interaction] = (),
     device: str = "cpu",
 ) -> Fit[Autoencoder]:
-    """Train on reconstruction; an epoch yields ``loss``, given clips also ``validation_loss``."""
+    """Train on reconstruction; an epoch yields ``loss``.
+
+    ``validation`` is the loss on either side of the held-out clips.
+    """
     random = torch.Generator().manual_seed(settings.random_seed)
     pairs = encode(both_sides(clips, swap=settings.swap), settings.n_points).to(device)
-    held_out = encode(validation, settings.n_points).to(device) if validation else None
+    held_out = both_sides(validation, swap=True)
+    held_out_pairs = encode(held_out, settings.n_points).to(device) if held_out else None
     model = Autoencoder(_config(clips[0].skeleton, settings))
     initialise(model, random)
     model.to(device).normalisation.measure(pairs)
-    return Fit(model, _epochs(model, pairs, held_out, settings, random))
+    training = _Training(model, pairs, held_out_pairs, settings, random)
+    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def features(
@@ -152,30 +182,3 @@ def _config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderCon
         skips=False,
     )
     return AutoencoderConfig(skeleton, uno)
-
-
-def _epochs(
-    model: Autoencoder,
-    pairs: MotionPairs,
-    held_out: MotionPairs | None,
-    settings: AutoencoderSettings,
-    random: torch.Generator,
-) -> Iterator[dict[str, float]]:
-    optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
-    schedule = halving(optimiser, settings.halve_every)
-    for _ in range(settings.n_epochs):
-        losses = []
-        for rows in batches(len(pairs), settings.batch_size, random):
-            loss = model.loss(pairs[rows.to(pairs.partner.device)])
-            finite({"loss": loss}, "auto-encoder")
-            optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
-            optimiser.step()
-            losses.append(loss.detach())
-        schedule.step()
-        model.standardise(pairs)
-        terms = {"loss": torch.stack(losses).mean()}
-        if held_out is not None:
-            with torch.no_grad():
-                terms["validation_loss"] = model.loss(held_out)
-        yield finite(terms, "auto-encoder")

@@ -1,6 +1,6 @@
 """The deterministic baseline: stacked GRU layers over a partner's frames (PaCMO, 4.3.2)."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,11 +14,11 @@ from pacmo_core.interaction import Interaction
 from pacmo_core.operators.encode import Spline
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.pacmo.config import skeleton_from
-from pacmo_core.pacmo.fit import Fit, batches, halving
+from pacmo_core.pacmo.fit import Fit
 from pacmo_core.pacmo.functions import both_sides, common_skeleton, encode
-from pacmo_core.pacmo.losses import finite
 from pacmo_core.pacmo.normalisation import Normalisation
 from pacmo_core.pacmo.settings import GruSettings
+from pacmo_core.pacmo.supervised import Supervised
 from pacmo_core.skeleton import Skeleton
 from pacmo_core.transform import frame_of
 
@@ -103,16 +103,28 @@ def fit(
     validation: Sequence[Interaction] = (),
     device: str = "cpu",
 ) -> Fit[Gru]:
-    """Train on squared error; an epoch yields ``loss``, given clips also ``validation_loss``."""
+    """Train on squared error; an epoch yields ``loss``.
+
+    ``validation`` is the loss on either side of the held-out clips.
+    """
     common_skeleton([*clips, *validation])
     random = torch.Generator().manual_seed(settings.random_seed)
     sides = both_sides(clips, swap=settings.swap)
-    frames, held_out = (frames_of(some, settings.fps, device) for some in (sides, validation))
+    frames = frames_of(sides, settings.fps, device)
+    held_out = frames_of(both_sides(validation, swap=True), settings.fps, device)
     config = GruConfig(clips[0].skeleton, settings.fps, settings.hidden, settings.n_layers)
     model = Gru(config)
     initialise(model, random)
     model.to(device).normalisation.measure(encode(sides, n_points=33).to(device))
-    return Fit(model, _epochs(model, frames, held_out, settings, random))
+    training = Supervised(
+        model,
+        len(frames.partner),
+        lambda rows: model.loss(frames, rows.tolist()),
+        (lambda: model.loss(held_out, range(len(held_out.partner)))) if validation else None,
+        settings,
+        random,
+    )
+    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def config(model: Gru) -> dict[str, Any]:
@@ -138,29 +150,3 @@ def frames_of(clips: Sequence[Interaction], fps: float, device: str) -> Frames:
             values = Spline(clip.times, local)(at).astype(np.float32)
             found.append(torch.tensor(values, device=device))
     return frames
-
-
-def _epochs(
-    model: Gru,
-    frames: Frames,
-    held_out: Frames,
-    settings: GruSettings,
-    random: torch.Generator,
-) -> Iterator[dict[str, float]]:
-    optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
-    schedule = halving(optimiser, settings.halve_every)
-    for _ in range(settings.n_epochs):
-        losses = []
-        for rows in batches(len(frames.partner), settings.batch_size, random):
-            loss = model.loss(frames, rows.tolist())
-            finite({"loss": loss}, "GRU")
-            optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
-            optimiser.step()
-            losses.append(loss.detach())
-        schedule.step()
-        terms = {"loss": torch.stack(losses).mean()}
-        if held_out.partner:
-            with torch.no_grad():
-                terms["validation_loss"] = model.loss(held_out, range(len(held_out.partner)))
-        yield finite(terms, "GRU")

@@ -1,5 +1,6 @@
 """Penalties on motions, and the refusal of losses that are no numbers."""
 
+import math
 from collections.abc import Mapping
 
 import torch
@@ -17,8 +18,7 @@ class Symmetry:
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
-        mirrored = torch.from_numpy(skeleton.bones[skeleton.mirrored_bones])  # (S, 2, 2)
-        self.parents, self.children = mirrored.long().unbind(-1)
+        self.bones = torch.from_numpy(skeleton.bones[skeleton.mirrored_bones])  # (S, 2, 2)
 
     def __call__(self, motion: Tensor, weights: Tensor) -> Tensor:
         """Integrate ``sum (left - right)^2`` over time, mean over the batch, metres squared.
@@ -28,13 +28,44 @@ class Symmetry:
         motion : (B, T, 3 J), metres
         weights : (T,), of the quadrature
         """
-        joints = motion.view(*motion.shape[:2], -1, 3)
-        bones = joints[:, :, self.children] - joints[:, :, self.parents]  # (B, T, S, 2, 3)
-        # The root of zero has no slope; a bone of no length is a nanometre long here.
-        lengths = (bones.square().sum(dim=-1) + 1e-18).sqrt()
-        asymmetry = (lengths[..., 0] - lengths[..., 1]).square().sum(dim=-1)
-        integral: Tensor = asymmetry @ weights
+        left, right = _lengths(motion, self.bones).unbind(-1)
+        integral: Tensor = (left - right).square().sum(dim=-1) @ weights
         return integral.mean()
+
+
+class ConstantBones:
+    """The soft constraint that bones keep their lengths: joints' positions alone can stretch.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.bones = torch.from_numpy(skeleton.bones)  # (J - 1, 2)
+
+    def __call__(self, motion: Tensor, weights: Tensor) -> Tensor:
+        """Sum the bones' variances over time, mean over the batch, metres squared.
+
+        Parameters
+        ----------
+        motion : (B, T, 3 J), metres
+        weights : (T,), of the quadrature on [0, 1]; they sum to 1
+        """
+        lengths = _lengths(motion, self.bones).transpose(1, 2)  # (B, J - 1, T)
+        departure = lengths - (lengths @ weights)[..., None]
+        variance: Tensor = departure.square() @ weights
+        return variance.sum(dim=-1).mean()
+
+
+def _lengths(motion: Tensor, bones: Tensor) -> Tensor:
+    """``(B, T, 3 J)`` and ``(..., 2)`` parents and children to ``(B, T, ...)`` metres."""
+    joints = motion.view(*motion.shape[:2], -1, 3)
+    parents, children = bones.long().unbind(-1)
+    bone = joints[:, :, children] - joints[:, :, parents]
+    # The root of zero has no slope; a bone of no length is a nanometre long here.
+    length: Tensor = (bone.square().sum(dim=-1) + 1e-18).sqrt()
+    return length
 
 
 def finite(terms: Mapping[str, Tensor], where: str) -> dict[str, float]:
@@ -45,8 +76,10 @@ def finite(terms: Mapping[str, Tensor], where: str) -> dict[str, float]:
     FloatingPointError
         If one is not finite; the message names it.
     """
-    values = {name: float(term.detach()) for name, term in terms.items()}
-    broken = [name for name, term in terms.items() if not bool(torch.isfinite(term).all())]
+    # Stacked, so that a GPU is waited for once.
+    numbers = torch.stack([term.detach() for term in terms.values()]).tolist()
+    values = dict(zip(terms, numbers, strict=True))
+    broken = [name for name, value in values.items() if not math.isfinite(value)]
     if broken:
         raise FloatingPointError(f"{where}: {', '.join(broken)} not finite; terms {values}")
     return values

@@ -49,6 +49,7 @@ def clips(n: int, first_seed: int = 0) -> list[Interaction]:
 
 AUTOENCODER = AutoencoderSettings(
     random_seed=0,
+    device="cpu",
     n_points=17,
     period=1.25,
     width=8,
@@ -58,10 +59,13 @@ AUTOENCODER = AutoencoderSettings(
     halve_every=20,
     batch_size=8,
     n_epochs=20,
-    swap=False,
+    validate_every=1,
+    checkpoint_every=2,
+    swap=True,
 )
 GRU = GruSettings(
     random_seed=0,
+    device="cpu",
     fps=15.0,
     hidden=24,
     n_layers=1,
@@ -69,10 +73,13 @@ GRU = GruSettings(
     halve_every=60,
     batch_size=8,
     n_epochs=60,
-    swap=False,
+    validate_every=1,
+    checkpoint_every=2,
+    swap=True,
 )
 PACMO = PacmoSettings(
     random_seed=0,
+    device="cpu",
     n_points=17,
     period=1.25,
     width=8,
@@ -86,11 +93,17 @@ PACMO = PacmoSettings(
     betas=[0.0, 0.9],
     halve_every=200,
     batch_size=16,
-    n_steps=4,
+    n_epochs=4,
+    validate_every=2,
+    checkpoint_every=2,
+    validation_samples=4,
     n_critic=2,
     penalty_weight=10.0,
     symmetry_weight=5.0,
+    bone_weight=0.0,
     ema=0.5,
     swap=True,
+    mixed_precision=False,
+    compile_generator=False,
 )
-PACMO_LONG = replace(PACMO, n_steps=120, n_critic=3, ema=0.97, swap=False)
+PACMO_LONG = replace(PACMO, n_epochs=60, n_critic=3, ema=0.97, swap=False)

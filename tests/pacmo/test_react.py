@@ -19,7 +19,7 @@ COMMON = np.linspace(0, 2, 21)
 @pytest.fixture(scope="module")
 def trained() -> Generator:
     """Weights of a short training: fresh ones look ten times more invariant than they are."""
-    return adversarial.fit(clips(32), replace(PACMO_LONG, n_steps=40)).finish()
+    return adversarial.fit(clips(32), replace(PACMO_LONG, n_epochs=40)).finish()
 
 
 def sampled(times: np.ndarray) -> Interaction:

@@ -1,0 +1,152 @@
+"""Generator and critic against each other, step by step (PaCMO, 3.2 and 4.2)."""
+
+import math
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+
+from pacmo_core.operators.initialise import initialise
+from pacmo_core.pacmo.critic import Critic
+from pacmo_core.pacmo.energy import mean_energy_score
+from pacmo_core.pacmo.fit import halve, means, running_mean, update_mean
+from pacmo_core.pacmo.functions import MotionPairs
+from pacmo_core.pacmo.generator import Generator
+from pacmo_core.pacmo.losses import finite
+from pacmo_core.pacmo.objectives import Batch, Loss, Objectives
+from pacmo_core.pacmo.processes import Processes
+from pacmo_core.pacmo.settings import PacmoSettings
+from pacmo_core.pacmo.tensors import adam_state, load_adam, parted, prefixed
+
+
+class Adversaries:
+    """Generator, critic, their optimisers, and the running mean that is handed over.
+
+    Parameters
+    ----------
+    generator, critic : on one normalisation; their weights are drawn anew
+    pairs : real training data
+    held_out : real pairs to choose weights on, or nothing
+    settings : PacmoSettings
+    random : CPU generator: weights, order, mixing and noise all come from it
+
+    Raises
+    ------
+    ValueError
+        If a batch has fewer pairs than there are processes.
+    """
+
+    def __init__(
+        self,
+        generator: Generator,
+        critic: Critic,
+        pairs: MotionPairs,
+        held_out: MotionPairs | None,
+        settings: PacmoSettings,
+        random: torch.Generator,
+    ) -> None:
+        self.generator, self.critic = generator, critic
+        self.pairs, self.held_out = pairs, held_out
+        self.settings, self.random = settings, random
+        self.batch_size = min(settings.batch_size, len(pairs))
+        self.processes = Processes.of_group()
+        self.mine = self.processes.rows(self.batch_size)
+        for network in (generator, critic):
+            initialise(network, random)
+            network.to(pairs.partner.device)
+        generator.normalisation.measure(pairs)
+        self.mean = running_mean(generator)
+        self.objectives = Objectives(generator, critic, settings)
+        self.adam_generator, self.adam_critic = self._adam(generator), self._adam(critic)
+
+    @property
+    def model(self) -> Generator:
+        """The running mean."""
+        return self.mean
+
+    @property
+    def steps_an_epoch(self) -> int:
+        """Generator steps in which the critic sees about as many pairs as there are."""
+        return math.ceil(len(self.pairs) / (self.settings.batch_size * self.settings.n_critic))
+
+    def epoch(self, number: int) -> dict[str, float]:
+        """Take an epoch's steps; the terms are means over them."""
+        rate, every = self.settings.learning_rate, self.settings.halve_every
+        for adam in (self.adam_generator, self.adam_critic):
+            halve(adam, rate, epoch=number, every=every)
+        return means([self.step() for _ in range(self.steps_an_epoch)])
+
+    def step(self) -> dict[str, float]:
+        """Move the critic ``n_critic`` times and the generator once."""
+        moves = [
+            self._descend(self.adam_critic, self.objectives.of_critic(self._draw(mixed=True)))
+            for _ in range(self.settings.n_critic)
+        ]
+        moved = self._descend(
+            self.adam_generator, self.objectives.of_generator(self._draw(mixed=False))
+        )
+        update_mean(self.mean, self.generator, self.settings.ema)
+        return means(moves) | moved
+
+    def score(self) -> Tensor | None:
+        """Take the running mean's energy score on held-out pairs, on the same noise every time."""
+        if self.held_out is None:
+            return None
+        return mean_energy_score(
+            self.mean,
+            self.held_out,
+            n_samples=self.settings.validation_samples,
+            batch_size=self.settings.batch_size,
+            # A generator of its own: looking must not change the training.
+            random=torch.Generator().manual_seed(self.settings.random_seed),
+        )
+
+    def state(self) -> dict[str, Tensor]:
+        """Take both networks, the mean, both optimisers and the generator of random numbers."""
+        return prefixed(
+            generator=self.generator.state_dict(),
+            critic=self.critic.state_dict(),
+            mean=self.mean.state_dict(),
+            adam_generator=adam_state(self.adam_generator),
+            adam_critic=adam_state(self.adam_critic),
+            random={"state": self.random.get_state()},
+        )
+
+    def load(self, state: Mapping[str, Tensor]) -> None:
+        """Go back to where ``state`` was taken."""
+        self.generator.load_state_dict(parted(state, "generator"))
+        self.critic.load_state_dict(parted(state, "critic"))
+        self.mean.load_state_dict(parted(state, "mean"))
+        load_adam(self.adam_generator, parted(state, "adam_generator"))
+        load_adam(self.adam_critic, parted(state, "adam_critic"))
+        self.random.set_state(state["random/state"])
+
+    def _draw(self, *, mixed: bool) -> Batch:
+        """Draw a whole batch, as every process does, and keep this one's rows."""
+        n, device = self.batch_size, self.pairs.partner.device
+        rows = torch.randint(len(self.pairs), (n,), generator=self.random)
+        noise = self.generator.draw(n, self.random)
+        mixing = torch.rand(n, 1, 1, generator=self.random) if mixed else torch.zeros(n, 1, 1)
+        return Batch(
+            self.pairs[rows[self.mine].to(device)],
+            noise[self.mine].to(device),
+            mixing[self.mine].to(device),
+        )
+
+    def _descend(self, adam: torch.optim.Adam, of_rows: Loss) -> dict[str, float]:
+        loss, terms = of_rows
+        # Averaged first, so that all processes stop at a loss that is no number.
+        whole = self.processes.mean(list(terms.values()), self.batch_size)
+        values = finite(dict(zip(terms, whole, strict=True)), "adversarial")
+        parameters = adam.param_groups[0]["params"]
+        gradients = self.processes.mean(torch.autograd.grad(loss, parameters), self.batch_size)
+        for parameter, gradient in zip(parameters, gradients, strict=True):
+            parameter.grad = gradient
+        adam.step()
+        return values
+
+    def _adam(self, network: nn.Module) -> torch.optim.Adam:
+        beta_1, beta_2 = self.settings.betas
+        return torch.optim.Adam(
+            network.parameters(), lr=self.settings.learning_rate, betas=(beta_1, beta_2)
+        )
