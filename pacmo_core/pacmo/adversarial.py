@@ -9,13 +9,13 @@ from torch import Tensor
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.operators.random_field import RandomField
-from pacmo_core.operators.uno import UnoConfig, u_channels
 from pacmo_core.pacmo.adversaries import Adversaries
-from pacmo_core.pacmo.config import RATIOS, noise_from, skeleton_from, uno_from
-from pacmo_core.pacmo.critic import Critic
+from pacmo_core.pacmo.config import noise_from, skeleton_from, trunk, uno_from
+from pacmo_core.pacmo.critic import Conditions, Critic, end_joints
 from pacmo_core.pacmo.fit import Fit
-from pacmo_core.pacmo.functions import both_sides, encode
+from pacmo_core.pacmo.functions import MotionPairs, both_sides, encode
 from pacmo_core.pacmo.generator import Generator, GeneratorConfig
+from pacmo_core.pacmo.labels import LabelFunction, numbers_of
 from pacmo_core.pacmo.settings import PacmoSettings
 from pacmo_core.skeleton import Skeleton
 
@@ -24,26 +24,49 @@ def fit(
     clips: Sequence[Interaction],
     settings: PacmoSettings,
     *,
+    labels: Sequence[str] = (),
     validation: Sequence[Interaction] = (),
+    validation_labels: Sequence[str] = (),
     device: str = "cpu",
 ) -> Fit[Generator]:
     """Train adversarially; the model is the running mean with the best energy score.
 
     An epoch yields ``distance`` (eq. 1's estimate), ``penalty``, ``gradient_norm``, ``judged``,
-    ``symmetry`` and, if weighed, ``bones`` (m^2); ``validation`` is the energy score on either
-    side of the held-out clips. In a group of processes each takes its share of every batch.
+    ``symmetry`` and, if weighed, ``score`` and ``bones`` (m^2); ``validation`` is the energy score
+    on either side of the held-out clips. In a group of processes each takes its share of every
+    batch.
+
+    Parameters
+    ----------
+    clips, validation : interactions
+    settings : PacmoSettings
+    labels, validation_labels : the action of each, a condition if ``action_channels`` is not 0
+    device : of torch
+
+    Raises
+    ------
+    ValueError
+        If labels are wanted and not one a clip, or a held-out one was never trained on.
     """
+    actions = tuple(sorted(set(labels))) if settings.action_channels else ()
+    if settings.action_channels and (len(labels), len(validation_labels)) != (
+        len(clips),
+        len(validation),
+    ):
+        raise ValueError(
+            f"action_channels want a label a clip: {len(clips)} and {len(validation)}; "
+            f"got {len(labels)} and {len(validation_labels)}"
+        )
     random = torch.Generator().manual_seed(settings.random_seed)
-    pairs = encode(both_sides(clips, swap=settings.swap), settings.n_points).to(device)
-    held_out = both_sides(validation, swap=True)
-    held_out_pairs = encode(held_out, settings.n_points).to(device) if held_out else None
-    generator = Generator(_generator_config(clips[0].skeleton, settings))
-    critic = Critic(
-        _uno(settings, 6 * len(clips[0].skeleton.joints) + 3, 1),
-        generator.normalisation,
-        hidden=settings.functional_hidden,
+    pairs = _encode(clips, labels, actions, settings, swap=settings.swap).to(device)
+    held_out = (
+        _encode(validation, validation_labels, actions, settings, swap=True).to(device)
+        if validation
+        else None
     )
-    training = Adversaries(generator, critic, pairs, held_out_pairs, settings, random)
+    generator = Generator(_generator_config(clips[0].skeleton, actions, settings))
+    critic = _critic(generator, settings)
+    training = Adversaries(generator, critic, pairs, held_out, settings, random)
     return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
@@ -59,33 +82,57 @@ def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Genera
         uno=uno_from(config["uno"]),
         noise=noise_from(config["noise"]),
         noise_channels=config["noise_channels"],
+        actions=tuple(config["actions"]),
+        action_channels=config["action_channels"],
     )
     model = Generator(parts)
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)
 
 
-def _generator_config(skeleton: Skeleton, settings: PacmoSettings) -> GeneratorConfig:
-    channels = 3 * len(skeleton.joints)
+def _encode(
+    clips: Sequence[Interaction],
+    labels: Sequence[str],
+    actions: tuple[str, ...],
+    settings: PacmoSettings,
+    *,
+    swap: bool,
+) -> MotionPairs:
+    sides = both_sides(clips, swap=swap)
+    numbers = numbers_of(labels, actions) if actions else torch.zeros(len(clips), dtype=torch.long)
+    return encode(sides, settings.n_points, numbers.repeat(len(sides) // len(clips)))
+
+
+def _generator_config(
+    skeleton: Skeleton, actions: tuple[str, ...], settings: PacmoSettings
+) -> GeneratorConfig:
+    motion = 3 * len(skeleton.joints)
     noise = RandomField(
         alpha=settings.noise_alpha,
         tau=settings.noise_tau,
         n_modes=settings.noise_modes,
         period=settings.period,
     )
-    uno = _uno(settings, settings.noise_channels + channels + 3, channels)
-    return GeneratorConfig(skeleton, uno, noise, settings.noise_channels)
+    return GeneratorConfig(
+        skeleton,
+        trunk(settings, settings.noise_channels + motion + 3 + settings.action_channels, motion),
+        noise,
+        settings.noise_channels,
+        actions,
+        settings.action_channels,
+    )
 
 
-def _uno(settings: PacmoSettings, in_channels: int, out_channels: int) -> UnoConfig:
-    return UnoConfig(
-        in_channels=in_channels,
-        out_channels=out_channels,
-        lifting=settings.width,
-        channels=u_channels(settings.width),
-        modes=tuple(settings.modes),
-        ratios=RATIOS,
-        n_points=settings.n_points,
-        period=settings.period,
-        skips=True,
+def _critic(generator: Generator, settings: PacmoSettings) -> Critic:
+    n_actions, channels = len(generator.config.actions), settings.action_channels
+    conditions = Conditions(
+        ends=end_joints(generator.skeleton) if settings.body_distances else (),
+        labels=LabelFunction(n_actions=n_actions, channels=channels) if n_actions else None,
+    )
+    both = 6 * len(generator.skeleton.joints)
+    return Critic(
+        trunk(settings, both + 3 + conditions.channels, 1),
+        generator.normalisation,
+        conditions,
+        hidden=settings.functional_hidden,
     )

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.operators.initialise import initialise
+from pacmo_core.pacmo.augment import Augment
 from pacmo_core.pacmo.critic import Critic
 from pacmo_core.pacmo.energy import mean_energy_score
 from pacmo_core.pacmo.fit import halve, means, running_mean, update_mean
@@ -15,7 +16,7 @@ from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.losses import finite
 from pacmo_core.pacmo.objectives import Batch, Loss, Objectives
 from pacmo_core.pacmo.processes import Processes
-from pacmo_core.pacmo.settings import PacmoSettings
+from pacmo_core.pacmo.settings import DescentSettings, PacmoSettings
 from pacmo_core.pacmo.tensors import adam_state, load_adam, parted, prefixed
 
 
@@ -57,7 +58,9 @@ class Adversaries:
         generator.normalisation.measure(pairs)
         self.mean = running_mean(generator)
         self.objectives = Objectives(generator, critic, settings)
-        self.adam_generator, self.adam_critic = self._adam(generator), self._adam(critic)
+        self.augment = Augment(settings.augment, generator.skeleton, settings.n_points)
+        self.adam_generator = _adam(generator, settings.generator)
+        self.adam_critic = _adam(critic, settings.critic)
 
     @property
     def model(self) -> Generator:
@@ -71,9 +74,9 @@ class Adversaries:
 
     def epoch(self, number: int) -> dict[str, float]:
         """Take an epoch's steps; the terms are means over them."""
-        rate, every = self.settings.learning_rate, self.settings.halve_every
-        for adam in (self.adam_generator, self.adam_critic):
-            halve(adam, rate, epoch=number, every=every)
+        settings, every = self.settings, self.settings.halve_every
+        halve(self.adam_generator, settings.generator.learning_rate, epoch=number, every=every)
+        halve(self.adam_critic, settings.critic.learning_rate, epoch=number, every=every)
         return means([self.step() for _ in range(self.steps_an_epoch)])
 
     def step(self) -> dict[str, float]:
@@ -125,13 +128,12 @@ class Adversaries:
         """Draw a whole batch, as every process does, and keep this one's rows."""
         n, device = self.batch_size, self.pairs.partner.device
         rows = torch.randint(len(self.pairs), (n,), generator=self.random)
-        noise = self.generator.draw(n, self.random)
+        real = self.augment(self.pairs[rows.to(device)], self.random)
+        # The critic judges one reaction to a partner; an energy score wants two.
+        n_samples = 2 if self.settings.score_weight and not mixed else 1
+        noise = torch.stack([self.generator.draw(n, self.random) for _ in range(n_samples)])
         mixing = torch.rand(n, 1, 1, generator=self.random) if mixed else torch.zeros(n, 1, 1)
-        return Batch(
-            self.pairs[rows[self.mine].to(device)],
-            noise[self.mine].to(device),
-            mixing[self.mine].to(device),
-        )
+        return Batch(real[self.mine], noise[:, self.mine].to(device), mixing[self.mine].to(device))
 
     def _descend(self, adam: torch.optim.Adam, of_rows: Loss) -> dict[str, float]:
         loss, terms = of_rows
@@ -145,8 +147,7 @@ class Adversaries:
         adam.step()
         return values
 
-    def _adam(self, network: nn.Module) -> torch.optim.Adam:
-        beta_1, beta_2 = self.settings.betas
-        return torch.optim.Adam(
-            network.parameters(), lr=self.settings.learning_rate, betas=(beta_1, beta_2)
-        )
+
+def _adam(network: nn.Module, settings: DescentSettings) -> torch.optim.Adam:
+    beta_1, beta_2 = settings.betas
+    return torch.optim.Adam(network.parameters(), lr=settings.learning_rate, betas=(beta_1, beta_2))

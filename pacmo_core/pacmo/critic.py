@@ -1,13 +1,38 @@
 """The critic: a functional of reaction and partner, and its gradient's norm (PaCMO, eqs. 1, 2)."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
 from pacmo_core.operators.functional import FunctionalLayer
 from pacmo_core.operators.uno import Uno, UnoConfig
+from pacmo_core.pacmo.functions import Condition
+from pacmo_core.pacmo.labels import LabelFunction
 from pacmo_core.pacmo.normalisation import Normalisation
+from pacmo_core.skeleton import Skeleton
+
+NEAR, TYPICAL = 0.05, 1.0  # metres
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a critic may be shown beside the motions.
+
+    Parameters
+    ----------
+    ends : joints whose distances from body to body it sees; none in the paper's plain form
+    labels : the functions of action labels, if those are a condition
+    """
+
+    ends: tuple[int, ...]
+    labels: LabelFunction | None
+
+    @property
+    def channels(self) -> int:
+        """Of the functions that this adds."""
+        return len(self.ends) ** 2 + (self.labels.channels if self.labels else 0)
 
 
 class Critic(nn.Module):
@@ -17,27 +42,61 @@ class Critic(nn.Module):
 
     Parameters
     ----------
-    config : UnoConfig
+    config : UnoConfig; its input channels are 6 J + 3 and those of the conditions
     normalisation : Normalisation, shared with the generator
+    conditions : what it is shown beside positions, duration and time
     hidden : units of the functional's kernel network
     """
 
     points: Tensor
 
-    def __init__(self, config: UnoConfig, normalisation: Normalisation, *, hidden: int) -> None:
+    def __init__(
+        self,
+        config: UnoConfig,
+        normalisation: Normalisation,
+        conditions: Conditions,
+        *,
+        hidden: int,
+    ) -> None:
         super().__init__()
+        self.ends = list(conditions.ends)
+        self.labels = conditions.labels
         self.uno = Uno(config)
         self.functional = FunctionalLayer(hidden=hidden)
         self.normalisation = normalisation
         self.register_buffer("points", torch.linspace(0, 1, config.n_points), persistent=False)
 
-    def forward(self, reaction: Tensor, partner: Tensor, log_duration: Tensor) -> Tensor:
-        """Judge normalised motions ``(B, N, 3 J)``: ``(B,)``."""
-        period = self.uno.config.period
-        context = self.normalisation.context(self.points, log_duration, period)
-        value = self.uno(torch.cat([reaction, partner, context], dim=-1))
+    def forward(self, reaction: Tensor, condition: Condition) -> Tensor:
+        """Judge motions ``(B, N, 3 J)``, normalised, the partner's too: ``(B,)``."""
+        period, partner = self.uno.config.period, condition.partner
+        context = self.normalisation.context(self.points, condition.log_duration, period)
+        shown = [reaction, partner, context]
+        if self.ends:
+            shown.append(self._distances(reaction, partner))
+        if self.labels is not None:
+            shown.append(self.labels(condition.action, self.points, period))
+        value = self.uno(torch.cat(shown, dim=-1))
         judged: Tensor = self.functional(value[..., 0], self.points)
         return judged
+
+    def _distances(self, reaction: Tensor, partner: Tensor) -> Tensor:
+        """Measure ``(B, N, E^2)`` distances between the ends of the two bodies, of order one."""
+        norm = self.normalisation
+        one, other = (
+            motion.view(*motion.shape[:-1], -1, 3)[:, :, self.ends]
+            for motion in (norm.metres(reaction), norm.partner_metres(partner))
+        )
+        apart = (one[:, :, :, None] - other[:, :, None]).square().sum(dim=-1)
+        # Bodies that touch have a distance of zero, whose root has no slope.
+        near: Tensor = ((apart + NEAR**2).sqrt().flatten(2) - TYPICAL) / norm.scale
+        return near
+
+
+def end_joints(skeleton: Skeleton) -> tuple[int, ...]:
+    """List the root and the joints on which no other hangs: head, hands and feet."""
+    inner = set(skeleton.parents)
+    joints = range(len(skeleton.joints))
+    return (skeleton.root, *(joint for joint in joints if joint not in inner))
 
 
 def gradient_norm(

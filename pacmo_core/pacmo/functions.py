@@ -1,6 +1,6 @@
 """Interactions as functions of normalised time, seen from the partner."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,22 @@ from pacmo_core.transform import frame_of
 
 
 @dataclass(frozen=True)
+class Condition:
+    """What a reaction answers.
+
+    Parameters
+    ----------
+    partner : (B, T, 3 J) float32, metres, in the partner's first frame
+    log_duration : (B,) float32, logarithm of seconds
+    action : (B,) int64, numbers of action labels; zeros where labels are no condition
+    """
+
+    partner: Tensor
+    log_duration: Tensor
+    action: Tensor
+
+
+@dataclass(frozen=True)
 class MotionPairs:
     """Partner and reaction on N evenly spaced instants of [0, 1], in the partner's first frame.
 
@@ -20,27 +36,47 @@ class MotionPairs:
     ----------
     partner, reaction : (B, N, 3 J) float32, metres
     log_duration : (B,) float32, logarithm of seconds
+    action : (B,) int64, numbers of action labels; zeros where no label is a condition
     """
 
     partner: Tensor
     reaction: Tensor
     log_duration: Tensor
+    action: Tensor
 
     def __len__(self) -> int:
         return len(self.partner)
 
-    def __getitem__(self, rows: Tensor) -> "MotionPairs":
-        return MotionPairs(self.partner[rows], self.reaction[rows], self.log_duration[rows])
+    def __getitem__(self, rows: Tensor | slice) -> "MotionPairs":
+        return self._each(lambda part: part[rows])
+
+    @property
+    def condition(self) -> Condition:
+        """All but the reaction."""
+        return Condition(self.partner, self.log_duration, self.action)
+
+    def repeat(self, n: int) -> "MotionPairs":
+        """Set n copies one behind the other."""
+        return self._each(lambda part: part.repeat(n, *[1] * (part.ndim - 1)))
 
     def to(self, device: str | torch.device) -> "MotionPairs":
         """Move to a device."""
-        return MotionPairs(
-            self.partner.to(device), self.reaction.to(device), self.log_duration.to(device)
-        )
+        return self._each(lambda part: part.to(device))
+
+    def _each(self, change: Callable[[Tensor], Tensor]) -> "MotionPairs":
+        return MotionPairs(*map(change, vars(self).values()))
 
 
-def encode(interactions: Sequence[Interaction], n_points: int) -> MotionPairs:
+def encode(
+    interactions: Sequence[Interaction], n_points: int, action: Tensor | None = None
+) -> MotionPairs:
     """Sample each interaction on one grid: ``person_a`` is the partner, ``person_b`` reacts.
+
+    Parameters
+    ----------
+    interactions : B of them
+    n_points : N
+    action : (B,) int64, numbers of their labels, if labels are a condition
 
     Raises
     ------
@@ -54,6 +90,7 @@ def encode(interactions: Sequence[Interaction], n_points: int) -> MotionPairs:
         partner=torch.tensor(np.stack([partner for partner, _ in sampled])),
         reaction=torch.tensor(np.stack([reaction for _, reaction in sampled])),
         log_duration=torch.tensor([np.log(i.duration) for i in interactions], dtype=torch.float32),
+        action=torch.zeros(len(interactions), dtype=torch.long) if action is None else action,
     )
 
 

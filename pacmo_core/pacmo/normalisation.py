@@ -54,6 +54,10 @@ class Normalisation(nn.Module):
         """Undo ``reaction``."""
         return reaction * self.scale + self.reaction_mean
 
+    def partner_metres(self, partner: Tensor) -> Tensor:
+        """Undo ``partner``."""
+        return partner * self.scale + self.partner_mean
+
     def context(self, times: Tensor, log_duration: Tensor, period: float) -> Tensor:
         """``(B, T, 3)``: sine and cosine of time over one period, and the normalised log-duration.
 

@@ -1,13 +1,14 @@
 """The losses of generator and critic, all their terms in one place (PaCMO, 3.2 and 4.2)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.pacmo.critic import Critic, gradient_norm
-from pacmo_core.pacmo.functions import MotionPairs
+from pacmo_core.pacmo.energy import EnergyScore
+from pacmo_core.pacmo.functions import Condition, MotionPairs
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.losses import ConstantBones, Symmetry
 from pacmo_core.pacmo.settings import PacmoSettings
@@ -22,7 +23,7 @@ class Batch:
     Parameters
     ----------
     real : MotionPairs, (B, N, 3 J)
-    noise : (B, k, 2 K), a generator's ``draw``
+    noise : (S, B, k, 2 K), a generator's ``draw`` for S reactions to each partner
     mixing : (B, 1, 1), uniform on [0, 1]
     """
 
@@ -46,6 +47,7 @@ class Objectives:
     def __init__(self, generator: Generator, critic: Critic, settings: PacmoSettings) -> None:
         self.generator, self.critic, self.settings = generator, critic, settings
         self.symmetry = Symmetry(generator.skeleton)
+        self.energy_score = EnergyScore(generator.skeleton)
         self.constant_bones = ConstantBones(generator.skeleton)
         self.weights = trapezoid_weights(generator.points)
         self._device = generator.points.device.type
@@ -57,17 +59,14 @@ class Objectives:
 
     def of_critic(self, batch: Batch) -> Loss:
         """Weigh the gradient penalty against the distance of real from made."""
-        c, u = self._normalised(batch.real)
-        log_duration = batch.real.log_duration
+        u, condition = self._normalised(batch.real)
         with torch.no_grad():
-            fake = self.generator.normalisation.reaction(self.reaction(batch))
-        real, made = self._judge(
-            torch.cat([u, fake]), torch.cat([c, c]), torch.cat([log_duration, log_duration])
-        ).chunk(2)
+            fake = self.generator.normalisation.reaction(self.reactions(batch)[0])
+        real, made = self._judge(torch.stack([u, fake]), batch.real)
         norms = gradient_norm(
-            lambda a, b: self.critic(a, b, log_duration),
+            lambda a, b: self.critic(a, replace(condition, partner=b)),
             fake.lerp(u, batch.mixing),
-            c,
+            condition.partner,
             self.weights,
         )
         distance = real.mean() - made.mean()  # eq. 1
@@ -76,34 +75,40 @@ class Objectives:
         return loss, {"distance": distance, "penalty": penalty, "gradient_norm": norms.mean()}
 
     def of_generator(self, batch: Batch) -> Loss:
-        """Weigh the penalties on bones against the critic's judgement."""
-        c, _ = self._normalised(batch.real)
-        reaction = self.reaction(batch)
-        made = self.generator.normalisation.reaction(reaction)
-        judged = self._judge(made, c, batch.real.log_duration).mean()
-        symmetry = self.symmetry(reaction, self.weights)
-        loss = self.settings.symmetry_weight * symmetry - judged
-        terms = {"judged": judged, "symmetry": symmetry}
-        if self.settings.bone_weight:
-            terms["bones"] = self.constant_bones(reaction, self.weights)
-            loss = loss + self.settings.bone_weight * terms["bones"]
+        """Weigh the energy score and the penalties on bones against the critic's judgement."""
+        settings = self.settings
+        reactions = self.reactions(batch)
+        made, every = self.generator.normalisation.reaction(reactions), reactions.flatten(0, 1)
+        judged = self._judge(made, batch.real).mean()
+        terms = {"judged": judged, "symmetry": self.symmetry(every, self.weights)}
+        loss = settings.symmetry_weight * terms["symmetry"] - judged
+        if settings.score_weight:
+            u, _ = self._normalised(batch.real)
+            terms["score"] = self.energy_score(made, u, self.weights).mean()
+            loss = loss + settings.score_weight * terms["score"]
+        if settings.bone_weight:
+            terms["bones"] = self.constant_bones(every, self.weights)
+            loss = loss + settings.bone_weight * terms["bones"]
         return loss, terms
 
-    def reaction(self, batch: Batch) -> Tensor:
-        """React to the batch's partners: ``(B, N, 3 J)`` metres."""
-        real = batch.real
+    def reactions(self, batch: Batch) -> Tensor:
+        """React to the batch's partners: ``(S, B, N, 3 J)`` metres."""
+        real = batch.real.repeat(len(batch.noise))
         with self._precision():
-            out: Tensor = self._react(batch.noise, real.partner, real.log_duration)
-        return out.float()
+            out: Tensor = self._react(batch.noise.flatten(0, 1), real.condition)
+        return out.float().view(len(batch.noise), *batch.real.reaction.shape)
 
-    def _judge(self, u: Tensor, c: Tensor, log_duration: Tensor) -> Tensor:
+    def _judge(self, made: Tensor, real: MotionPairs) -> Tensor:
+        """Judge S normalised motions for each partner: ``(S, B)``."""
+        _, condition = self._normalised(real.repeat(len(made)))
         with self._precision():
-            judged: Tensor = self.critic(u, c, log_duration)
-        return judged.float()
+            judged: Tensor = self.critic(made.flatten(0, 1), condition)
+        return judged.float().view(len(made), -1)
 
-    def _normalised(self, pairs: MotionPairs) -> tuple[Tensor, Tensor]:
+    def _normalised(self, pairs: MotionPairs) -> tuple[Tensor, Condition]:
         norm = self.generator.normalisation
-        return norm.partner(pairs.partner), norm.reaction(pairs.reaction)
+        seen = replace(pairs.condition, partner=norm.partner(pairs.partner))
+        return norm.reaction(pairs.reaction), seen
 
     def _precision(self) -> torch.autocast:
         return torch.autocast(self._device, torch.bfloat16, enabled=self._reduced)

@@ -42,6 +42,58 @@ class GruSettings:
 
 
 @dataclass(frozen=True)
+class DescentSettings:
+    """How Adam moves one of two networks."""
+
+    learning_rate: float
+    betas: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class AugmentSettings:
+    """How captures are changed on their way into a batch; see ``augment.Augment``.
+
+    Parameters
+    ----------
+    mirror : share of interactions shown as their mirror image
+    size : standard deviation of the logarithm of both people's size
+    turn : standard deviation of the turn of the partner's frame, radians
+    least_rate : share of the grid's points, from which up the partner's frame rate is drawn
+    """
+
+    mirror: float
+    size: float
+    turn: float
+    least_rate: float
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.mirror <= 1 and self.size >= 0 and self.turn >= 0):
+            raise ValueError(f"mirror must lie in [0, 1], size and turn not below 0; got {self}")
+        if not 0 < self.least_rate <= 1:
+            raise ValueError(f"least_rate must lie in (0, 1]; got {self.least_rate}")
+
+
+@dataclass(frozen=True)
+class RegressionSettings:
+    """The ``train_regression`` section."""
+
+    random_seed: int
+    device: str  # cpu, cuda or auto: cuda where there is one
+    n_points: int
+    period: float
+    width: int
+    modes: list[int]
+    learning_rate: float
+    halve_every: int  # epochs
+    batch_size: int
+    n_epochs: int
+    validate_every: int  # epochs; the weights that score best are handed over
+    checkpoint_every: int  # epochs
+    swap: bool
+    augment: AugmentSettings
+
+
+@dataclass(frozen=True)
 class PacmoSettings:
     """The ``train_pacmo`` section."""
 
@@ -56,8 +108,10 @@ class PacmoSettings:
     noise_alpha: float
     noise_tau: float
     functional_hidden: int  # units of the critic's kernel network
-    learning_rate: float
-    betas: list[float]  # of Adam
+    body_distances: bool  # show the critic the distances from body to body
+    action_channels: int  # of functions of the action's label; 0: the partner is all it is told
+    generator: DescentSettings
+    critic: DescentSettings
     halve_every: int  # epochs
     batch_size: int
     n_epochs: int  # in each the critic sees about as many pairs as there are
@@ -66,9 +120,11 @@ class PacmoSettings:
     validation_samples: int  # reactions to a held-out partner, for the energy score
     n_critic: int  # steps of the critic for each of the generator's
     penalty_weight: float  # of the gradient penalty (PaCMO, eq. 2)
+    score_weight: float  # of the energy score; 0 is the paper's plain form
     symmetry_weight: float  # of the squared difference of mirror bones, 1 / m^2
     bone_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off
     ema: float  # share of the running mean that stays each step
     swap: bool
+    augment: AugmentSettings
     mixed_precision: bool  # bfloat16 in the networks, on a GPU only
     compile_generator: bool  # on a GPU only

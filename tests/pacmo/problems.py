@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from pacmo_core.interaction import Interaction
-from pacmo_core.pacmo.settings import AutoencoderSettings, GruSettings, PacmoSettings
+from pacmo_core.pacmo.settings import (
+    AugmentSettings,
+    AutoencoderSettings,
+    DescentSettings,
+    GruSettings,
+    PacmoSettings,
+    RegressionSettings,
+)
 from pacmo_core.skeleton import SBU15
 
 REST = np.zeros((15, 3))
@@ -89,8 +96,10 @@ PACMO = PacmoSettings(
     noise_alpha=2.0,
     noise_tau=5.0,
     functional_hidden=8,
-    learning_rate=2e-3,
-    betas=[0.0, 0.9],
+    body_distances=True,
+    action_channels=0,
+    generator=DescentSettings(2e-3, (0.0, 0.9)),
+    critic=DescentSettings(2e-3, (0.0, 0.9)),
     halve_every=200,
     batch_size=16,
     n_epochs=4,
@@ -99,11 +108,29 @@ PACMO = PacmoSettings(
     validation_samples=4,
     n_critic=2,
     penalty_weight=10.0,
+    score_weight=1.0,
     symmetry_weight=5.0,
     bone_weight=0.0,
     ema=0.5,
     swap=True,
+    augment=AugmentSettings(mirror=0.5, size=0.05, turn=0.1, least_rate=0.5),
     mixed_precision=False,
     compile_generator=False,
 )
 PACMO_LONG = replace(PACMO, n_epochs=60, n_critic=3, ema=0.97, swap=False)
+REGRESSION = RegressionSettings(
+    random_seed=0,
+    device="cpu",
+    n_points=17,
+    period=1.25,
+    width=8,
+    modes=[8, 6, 4, 4, 4, 6, 8],
+    learning_rate=3e-3,
+    halve_every=20,
+    batch_size=8,
+    n_epochs=20,
+    validate_every=5,
+    checkpoint_every=5,
+    swap=False,
+    augment=AugmentSettings(mirror=0.0, size=0.0, turn=0.0, least_rate=1.0),
+)

@@ -1,12 +1,16 @@
 """Truth: linear functionals, whose derivative's norm is the norm of their kernel."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
 from pacmo_core.operators.quadrature import trapezoid_weights
-from pacmo_core.pacmo.critic import gradient_norm
+from pacmo_core.pacmo import adversarial
+from pacmo_core.pacmo.critic import end_joints, gradient_norm
+from pacmo_core.skeleton import SBU15
+from tests.pacmo.problems import PACMO, clips
 
 
 def irregular(n: int) -> torch.Tensor:
@@ -49,3 +53,23 @@ def test_the_norm_itself_has_a_gradient() -> None:
     norm = gradient_norm(lambda a, b: slope * ((a + b)[..., 0] @ weights), u, u, weights)
     (found,) = torch.autograd.grad(norm.sum(), slope)
     assert found.item() == pytest.approx(math.sqrt(2), rel=1e-5)
+
+
+def test_the_ends_of_a_body_are_its_root_head_hands_and_feet() -> None:
+    names = [SBU15.joints[joint] for joint in end_joints(SBU15)]
+    assert names == ["torso", "head", "left_hand", "right_hand", "left_foot", "right_foot"]
+
+
+def test_the_critic_is_shown_the_metres_between_the_ends_of_the_bodies() -> None:
+    critic = adversarial.fit(clips(4), PACMO).training.critic
+    norm = critic.normalisation
+    metres = torch.randn(2, 1, 17, 45, generator=torch.Generator().manual_seed(0))
+    seen = critic._distances(norm.reaction(metres[0]), norm.partner(metres[1]))
+    ends = [motion.unflatten(-1, (15, 3))[:, :, list(end_joints(SBU15))] for motion in metres]
+    apart = torch.cdist(*ends).flatten(2)
+    # A touch is five centimetres; elsewhere the distance itself.
+    expected = (torch.hypot(apart, torch.tensor(0.05)) - 1) / norm.scale
+    torch.testing.assert_close(seen, expected, atol=1e-4, rtol=1e-4)
+    assert PACMO.body_distances
+    plain = adversarial.fit(clips(4), replace(PACMO, body_distances=False)).training.critic
+    assert plain.uno.config.in_channels == critic.uno.config.in_channels - 36

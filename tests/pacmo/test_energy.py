@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.operators.quadrature import trapezoid_weights
-from pacmo_core.pacmo.energy import energy_score
+from pacmo_core.pacmo.energy import EnergyScore, energy_score
+from pacmo_core.skeleton import SBU15
+from tests.pacmo.problems import REST
 
 WEIGHTS = trapezoid_weights(torch.linspace(0, 1, 5))
 
@@ -26,7 +28,7 @@ def test_it_is_its_definition_written_out(n_samples, seed):
     truth = torch.randn(2, 5, 3, generator=random)
 
     def norm(a):
-        return math.sqrt(sum(float(w) * float(a[t].square().sum()) for t, w in enumerate(WEIGHTS)))
+        return math.sqrt(sum(float(w) * float(a[t].square().mean()) for t, w in enumerate(WEIGHTS)))
 
     for row, found in enumerate(energy_score(samples, truth, WEIGHTS)):
         errors = [norm(s[row] - truth[row]) for s in samples]
@@ -70,3 +72,28 @@ def test_the_right_partners_score_better_than_others():
 def test_one_sample_is_refused():
     with pytest.raises(ValueError, match="at least 2 samples; got 1"):
         energy_score(torch.zeros(1, 2, 5, 1), torch.zeros(2, 5, 1), WEIGHTS)
+
+
+def test_the_score_of_a_motion_is_the_mean_of_its_views():
+    # One joint of fifteen is off by d, in one sample; the truth and the other sample stand still.
+    d = 0.3
+    truth = torch.from_numpy(REST).float().flatten().expand(1, 5, 45)
+    off = truth.clone()
+    off[..., 5 * 3 + 1] += d  # a hand: a leaf, so one bone changes, and its place in the pose
+    samples = torch.stack([off, truth])
+    # |X - u| averages d' / 2 over the samples, less half of |X - X'| = d': nothing but round-off.
+    assert float(EnergyScore(SBU15)(samples, truth, WEIGHTS)) == pytest.approx(0, abs=1e-3)
+    both = EnergyScore(SBU15)(torch.stack([off, off]), truth, WEIGHTS)
+    # Whole motion and pose: d / sqrt(45); bones: 2 d / sqrt(42); path and speed do not change.
+    expected = (2 * d / 45**0.5 + 2 * d / 42**0.5) / 5
+    assert float(both) == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_motion_that_shivers_scores_worse_though_it_is_as_near():
+    steady = torch.zeros(2, 1, 5, 45)
+    shivering = steady.clone()
+    steady += 0.1
+    shivering += 0.1 * torch.tensor([1.0, -1.0, 1.0, -1.0, 1.0])[:, None]
+    score = EnergyScore(SBU15)
+    truth = torch.zeros(1, 5, 45)
+    assert float(score(shivering, truth, WEIGHTS)) > 1.2 * float(score(steady, truth, WEIGHTS))

@@ -9,19 +9,30 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.pacmo import adversarial, autoencoder, gru
+from pacmo_core.pacmo import adversarial, autoencoder, gru, regression
 from pacmo_core.pacmo.fit import Fit, batches, state
 from pacmo_core.pacmo.functions import both_sides, encode
 from pacmo_core.pacmo.generator import react_on_grid
+from pacmo_core.pacmo.settings import DescentSettings
 from pacmo_core.skeleton import NTU25
-from tests.pacmo.problems import AUTOENCODER, GRU, PACMO, PACMO_LONG, clips
+from tests.pacmo.problems import AUTOENCODER, GRU, PACMO, PACMO_LONG, REGRESSION, clips
 
 FITS: dict[str, Callable[[], Fit[torch.nn.Module]]] = {
     "autoencoder": lambda: autoencoder.fit(clips(8), replace(AUTOENCODER, n_epochs=2)),
     "gru": lambda: gru.fit(clips(8), replace(GRU, n_epochs=2)),
     "pacmo": lambda: adversarial.fit(clips(8), PACMO),
+    "regression": lambda: regression.fit(clips(8), replace(REGRESSION, n_epochs=2)),
+    "labelled": lambda: adversarial.fit(
+        clips(8), replace(PACMO, action_channels=2), labels=["push", "hug"] * 4
+    ),
 }
-ROOMS = {"autoencoder": autoencoder, "gru": gru, "pacmo": adversarial}
+ROOMS = {
+    "autoencoder": autoencoder,
+    "gru": gru,
+    "pacmo": adversarial,
+    "regression": adversarial,
+    "labelled": adversarial,
+}
 
 
 @pytest.mark.parametrize("name", FITS)
@@ -102,6 +113,13 @@ def test_the_generator_learns_to_follow_its_partner() -> None:
 
 
 def test_a_learning_rate_that_explodes_is_refused_by_name() -> None:
-    broken = replace(PACMO, learning_rate=1e12, n_epochs=20)
+    broken = replace(PACMO, generator=DescentSettings(1e12, (0.0, 0.9)), n_epochs=20)
     with pytest.raises(FloatingPointError, match="not finite"):
         adversarial.fit(clips(8), broken).finish()
+
+
+@pytest.mark.slow
+def test_the_regressed_trunk_learns_to_follow_its_partner() -> None:
+    fitted = regression.fit(clips(32), REGRESSION, validation=clips(8, first_seed=50))
+    curve = list(fitted)
+    assert curve[-1]["validation"] < 0.4 * curve[0]["loss"]

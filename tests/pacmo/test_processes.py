@@ -12,6 +12,7 @@ import torch
 from pacmo_core.pacmo import adversarial
 from pacmo_core.pacmo.adversaries import Adversaries
 from pacmo_core.pacmo.processes import Processes
+from pacmo_core.pacmo.settings import DescentSettings
 from pacmo_core.store.weights import read_weights
 from tests.pacmo.problems import PACMO, clips
 
@@ -20,13 +21,14 @@ TORCHRUN = [
     "--nnodes=1", "--nproc-per-node=2", "--rdzv-backend=c10d", "--rdzv-endpoint=127.0.0.1:0",
     "--local-addr=127.0.0.1", "-m",
 ]  # fmt: skip
+# A rate of zero: Adam makes whole steps of round-off, and the second batch would show them.
+AT_REST = {name: DescentSettings(0.0, (0.0, 0.9)) for name in ("generator", "critic")}
 ROOT = Path(__file__).parents[2]
 
 
 def gradients() -> dict[str, torch.Tensor]:
     """Take a step of each network, five pairs a batch, so that two shares are not equal."""
-    # A rate of zero: Adam makes whole steps of round-off, and the second batch would show them.
-    settings = replace(PACMO, batch_size=5, bone_weight=2.0, learning_rate=0.0)
+    settings = replace(PACMO, batch_size=5, bone_weight=2.0, **AT_REST)
     fit = adversarial.fit(clips(8), settings)
     training = fit.training
     assert isinstance(training, Adversaries)

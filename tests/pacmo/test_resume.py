@@ -131,7 +131,7 @@ def test_the_learning_rate_halves_by_epochs():
     training = fit.training
     for epoch, rate in ((0, 1), (199, 1), (200, 0.5), (400, 0.25)):
         training.epoch(epoch)
-        assert training.adam_critic.param_groups[0]["lr"] == rate * PACMO.learning_rate
+        assert training.adam_critic.param_groups[0]["lr"] == rate * PACMO.critic.learning_rate
 
 
 def test_in_an_epoch_the_critic_sees_each_pair_about_once():
