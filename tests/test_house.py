@@ -132,7 +132,7 @@ def test_params_yaml_is_the_default_experiment():
 def test_an_experiment_sets_only_what_the_default_knows(name, monkeypatch, tmp_path):
     changes = YAML(typ="safe").load(ROOT / "experiments" / f"{name}.yaml")
     assert changes["experiment"] == name
-    for folder in ("sbu", "duo_mocap", "cmu_18_19", "ntu/meta"):
+    for folder in ("sbu", "duo_mocap", "cmu_18_19", "duetdance", "ntu/meta"):
         (tmp_path / folder).mkdir(parents=True)
     for which in ("", "120"):
         (tmp_path / f"ntu/meta/NTU_RGBD{which}_samples_with_missing_skeletons.txt").touch()

@@ -1,0 +1,80 @@
+"""What is trusted: what the paper prints of its training (4.2), and the readers of sections."""
+
+import importlib
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+from apps.experiments import compose, experiment_names
+from pacmo_core.formats.registry import open_format
+from pacmo_core.operators.fourier import resolved_modes
+from pacmo_core.operators.uno import UnoConfig, u_channels
+from pacmo_core.pacmo.config import RATIOS
+from pacmo_core.skeleton import DUET15, NTU25
+from stages._params import read_params
+
+ROOT = Path(__file__).parents[2]
+FULL = {"ntu": (NTU25, 21), "duetdance": (DUET15, 15)}
+
+
+@pytest.fixture(autouse=True)
+def captures(tmp_path, monkeypatch):
+    """Put empty folders in the place of captures."""
+    for folder in ("sbu", "duo_mocap", "cmu_18_19", "duetdance", "ntu/meta"):
+        (tmp_path / folder).mkdir(parents=True)
+    for which in ("", "120"):
+        (tmp_path / f"ntu/meta/NTU_RGBD{which}_samples_with_missing_skeletons.txt").touch()
+    monkeypatch.setenv("PACMO_REAL_DATA", str(tmp_path))
+    monkeypatch.chdir(ROOT)
+
+
+def sections() -> list[str]:
+    """Name the stages that have a section, as the default knows them."""
+    params = YAML(typ="safe").load(ROOT / "experiments" / "default.yaml")
+    return [name for name in params if (ROOT / "stages" / f"{name}.py").exists()]
+
+
+@pytest.mark.parametrize("name", experiment_names())
+def test_every_stage_reads_its_section_of_an_experiment(name, tmp_path):
+    (tmp_path / "params.yaml").write_text(compose(name))
+    for section in sections():
+        kind = importlib.import_module(f"stages.{section}").Params
+        assert read_params(section, kind, tmp_path / "params.yaml") is not None
+
+
+@pytest.mark.parametrize("name", FULL)
+def test_the_full_experiments_are_the_papers(name):
+    params = YAML(typ="safe").load(compose(name))
+    skeleton, n_joints = FULL[name]
+    assert len(skeleton.without(params["ingest"]["drop_joints"]).joints) == n_joints
+    assert open_format(params["ingest"]["format"], params["ingest"]["settings"]) is not None
+    for section in ("train_pacmo", "train_autoencoder", "train_gru"):
+        found = params[section]
+        assert found["n_epochs"] == 200
+        assert found["learning_rate"] == 1e-4
+        assert found["halve_every"] == 50
+    assert params["split"]["sides"]["method"] == "clip"
+    assert params["split"]["sides"]["test_share"] == 0.2
+    assert (params["train_gru"]["hidden"], params["train_gru"]["n_layers"]) == (200, 5)
+
+
+@pytest.mark.parametrize("name", FULL)
+def test_no_mode_of_the_full_experiments_is_cut_off_by_a_grid(name):
+    params = YAML(typ="safe").load(compose(name))["train_pacmo"]
+    uno = UnoConfig(
+        in_channels=1,
+        out_channels=1,
+        lifting=params["width"],
+        channels=u_channels(params["width"]),
+        modes=tuple(params["modes"]),
+        ratios=RATIOS,
+        n_points=params["n_points"],
+        period=params["period"],
+        skips=True,
+    )
+    assert uno.n_latent == 80
+    grids = [uno.n_latent, *uno.sizes]
+    for n_modes, pair in zip(uno.modes, pairwise(grids), strict=True):
+        assert n_modes <= resolved_modes(min(pair))

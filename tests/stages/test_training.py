@@ -1,0 +1,197 @@
+"""What is trusted: the bytes of an uninterrupted training."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from ruamel.yaml import YAML
+from safetensors import safe_open
+
+from pacmo_core.pacmo.provenance import data_hash
+from pacmo_core.store.schema import StoreError
+from pacmo_core.store.weights import read_weights, write_weights
+from stages import train_autoencoder, train_gru, train_pacmo
+from stages._checkpoints import Checkpoint
+from stages._devices import DeviceError, devices
+from stages._files import read_curve
+from stages._training import sides_of
+from tests.pacmo.problems import clips
+from tests.stages.training import SECTIONS, prepare
+
+ROOT = Path(__file__).parents[2]
+OUTS = (Path("clips"), Path("models/m"), Path("curves/m.csv"))
+MAINS: dict[str, Callable[[Path, Path, Path], None]] = {
+    "train_autoencoder": train_autoencoder.main,
+    "train_gru": train_gru.main,
+    "train_pacmo": train_pacmo.main,
+}
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path, monkeypatch):
+    """Stand in a folder with clips and parameters; undo what a stage asks of torch."""
+    prepare(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DVC_STUDIO_OFFLINE", "true")
+    threads = torch.get_num_threads()
+    yield tmp_path
+    torch.use_deterministic_algorithms(mode=False)
+    torch.set_num_threads(threads)
+
+
+def change(section: str, **values: object) -> None:
+    yaml = YAML(typ="safe")
+    params = yaml.load(Path("params.yaml"))
+    params[section].update(values)
+    yaml.dump(params, Path("params.yaml"))
+
+
+def facts_of(weights: Path) -> dict[str, object]:
+    with safe_open(weights, framework="pt") as file:
+        return json.loads(file.metadata()["config"])
+
+
+def outputs() -> list[bytes]:
+    return [(OUTS[1] / "weights.safetensors").read_bytes(), OUTS[2].read_bytes()]
+
+
+def kill_after_a_checkpoint(stage: str) -> None:
+    """Start a stage, and end it by SIGKILL once it has written a checkpoint."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", f"stages.{stage}", *map(str, OUTS)]
+    with subprocess.Popen(command, env=environment) as running:
+        while not list(Path("checkpoints").glob("*.safetensors")):
+            assert running.poll() is None, "it ended before there was a checkpoint"
+            time.sleep(0.002)
+        running.send_signal(signal.SIGKILL)
+    assert running.returncode == -signal.SIGKILL
+    assert not OUTS[1].exists()
+
+
+@pytest.mark.slow
+def test_a_stage_that_was_killed_and_started_again_writes_the_same_bytes():
+    change("train_pacmo", n_epochs=40, checkpoint_every=4)
+    kill_after_a_checkpoint("train_pacmo")
+    (checkpoint,) = Path("checkpoints").iterdir()
+    before = len(read_weights(checkpoint)[0]["curve"])
+    assert 4 <= before < 40
+    train_pacmo.main(*OUTS)
+    resumed = outputs()
+    assert not list(Path("checkpoints").iterdir())
+    train_pacmo.main(*OUTS)
+    assert resumed == outputs()
+
+
+@pytest.mark.parametrize("stage", MAINS)
+def test_weights_say_what_they_are_and_what_made_them(stage):
+    MAINS[stage](*OUTS)
+    facts = facts_of(OUTS[1] / "weights.safetensors")
+    sides = sides_of(OUTS[0])
+    assert facts["kind"] == stage.removeprefix("train_")
+    assert facts["settings"]["n_epochs"] == SECTIONS[stage].n_epochs
+    assert facts["data"] == {
+        "train": data_hash(sides.train),
+        "validation": data_hash(sides.validation),
+    }
+    assert facts["torch"] == torch.__version__.partition("+")[0]
+    curve = read_curve(OUTS[2])
+    assert curve["step"] == [1, 2, 3, 4, 5, 6]
+    chosen = facts["chosen"]
+    assert chosen["score"] == pytest.approx(curve["validation"][chosen["epoch"] - 1], rel=1e-5)
+    assert chosen["score"] == pytest.approx(
+        min(value for value in curve["validation"] if value == value), rel=1e-5
+    )
+
+
+def test_live_curves_hold_every_epoch_and_touch_nothing_else(project):
+    train_gru.main(*OUTS)
+    rows = (project / "live/models/m/plots/metrics/loss.tsv").read_text().splitlines()
+    assert [row.split("\t")[0] for row in rows] == ["step", "1", "2", "3", "4", "5", "6"]
+    assert json.loads((project / "live/models/m/metrics.json").read_text())["step"] == 6
+    assert not list(project.rglob("dvc.yaml"))
+
+
+def test_a_training_that_goes_on_draws_its_live_curve_whole(project, monkeypatch):
+    change("train_gru", checkpoint_every=4)
+    written = Checkpoint.write
+    killed = lambda self, fit: (written(self, fit), (_ for _ in ()).throw(KeyboardInterrupt))  # noqa: E731
+    monkeypatch.setattr(Checkpoint, "write", killed)
+    with pytest.raises(KeyboardInterrupt):
+        train_gru.main(*OUTS)
+    monkeypatch.setattr(Checkpoint, "write", written)
+    train_gru.main(*OUTS)
+    rows = (project / "live/models/m/plots/metrics/loss.tsv").read_text().splitlines()
+    assert [row.split("\t")[0] for row in rows] == ["step", "1", "2", "3", "4", "5", "6"]
+    assert read_curve(OUTS[2])["step"] == [1, 2, 3, 4, 5, 6]
+
+
+def test_other_settings_data_or_code_do_not_go_on_from_a_checkpoint(monkeypatch):
+    facts = {"settings": {"width": 8}, "data": "a"}
+    names = {
+        Checkpoint("train_gru", facts).path,
+        Checkpoint("train_pacmo", facts).path,
+        Checkpoint("train_gru", {**facts, "data": "b"}).path,
+        Checkpoint("train_gru", {"settings": {"width": 9}, "data": "a"}).path,
+    }
+    assert Checkpoint("train_gru", facts).path in names
+    monkeypatch.setattr("stages._checkpoints.code_hash", lambda: "other")
+    names.add(Checkpoint("train_gru", facts).path)
+    assert len(names) == 5
+
+
+def test_a_pickle_in_a_checkpoints_place_is_refused(tmp_path):
+    torch.save({"weight": torch.zeros(1)}, tmp_path / "w.safetensors")
+    with pytest.raises(StoreError, match="not a whole file of weights"):
+        read_weights(tmp_path / "w.safetensors")
+
+
+def test_a_loss_that_is_no_number_stops_the_stage_by_its_name_and_writes_no_weights():
+    change("train_pacmo", learning_rate=1e12, n_epochs=50)
+    with pytest.raises(FloatingPointError, match=r"adversarial: .*not finite; terms"):
+        train_pacmo.main(*OUTS)
+    assert not OUTS[1].exists()
+
+
+def test_data_hashes_tell_clips_orders_and_sides_apart():
+    one, other = clips(2)
+    hashes = {data_hash(c) for c in ([one], [other], [one, other], [other, one], [one.swapped()])}
+    assert len(hashes) == 5
+    assert data_hash([one, other]) == data_hash(iter(clips(2)))
+
+
+def test_tensors_that_a_checkpoint_holds_come_back_bit_for_bit(tmp_path):
+    state = torch.Generator().manual_seed(3).get_state()
+    values = {"random/state": state, "half": torch.rand(3, 5).half(), "n": torch.tensor(7.0)}
+    write_weights(tmp_path / "c", {"curve": [{"loss": 0.1 + 0.2}]}, values)
+    facts, read = read_weights(tmp_path / "c")
+    assert facts["curve"][0]["loss"] == 0.1 + 0.2
+    assert all(torch.equal(read[name], value) for name, value in values.items())
+    assert all(read[name].dtype == value.dtype for name, value in values.items())
+
+
+@pytest.mark.parametrize(
+    ("device", "processes", "said"),
+    [("tpu", 1, "must be auto, cpu or cuda; got tpu"), ("cpu", 2, "torchrun started 2")],
+)
+def test_a_device_that_cannot_be_is_refused(device, processes, said, monkeypatch):
+    monkeypatch.setenv("WORLD_SIZE", str(processes))
+    with pytest.raises(DeviceError, match=said), devices(device, threads=1, shares=False):
+        pass
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
+def test_a_gpu_that_is_not_there_is_refused_and_auto_does_without():
+    with (
+        pytest.raises(DeviceError, match="torch finds none"),
+        devices("cuda", threads=1, shares=True),
+    ):
+        pass
+    with devices("auto", threads=1, shares=True) as found:
+        assert found == "cpu"
