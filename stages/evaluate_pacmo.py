@@ -1,9 +1,12 @@
 """Measure every row of the table: real motion, oracle, models, real reactions to wrong partners.
 
-Usage: python -m stages.evaluate_pacmo AUTOENCODER CLIPS METRICS.json ROW=REACTIONS ...
+Usage: python -m stages.evaluate_pacmo --autoencoder DIR --clips DIR --sides FILE --reactions DIR
+           --scores FILE
+
+One seed of each row.
 """
 
-import sys
+import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,19 +49,19 @@ class Seen:
     interactions: list[Interaction]
 
 
-def main(autoencoder_folder: Path, clips: Path, metrics: Path, *rows: str) -> None:
+def main(autoencoder_folder: Path, clips: Path, sides: Path, folder: Path, scores: Path) -> None:
     params = read_params("evaluate_pacmo", Params)
     torch.set_num_threads(1)
     weights = autoencoder_folder / WEIGHTS
     config, state = read_weights(weights)
     extractor = autoencoder.from_state(config["model"], state)
 
-    test, train = (real_side(clips, side) for side in ("test", "train"))
+    test, train = (real_side(clips, sides, side) for side in ("test", "train"))
     candidates = {"wrong_partner": with_wrong_partners(test, params.random_seed)}
-    for row, folder in (word.split("=") for word in rows):
-        generated = reactions_in(Path(folder))
+    for row in sorted(folder.iterdir()):
+        generated = reactions_in(min(row.iterdir()))
         if generated.clips:
-            candidates[row] = generated
+            candidates[row.name] = generated
 
     real = reactions(extractor, test)
     n_points = real.features.shape[-1]
@@ -71,7 +74,7 @@ def main(autoencoder_folder: Path, clips: Path, metrics: Path, *rows: str) -> No
     )
     differences = compare_rows(estimates, "pacmo", "gru", params.confidence)
     write_json(
-        metrics,
+        scores,
         {
             "extractor_sha256": file_hash(weights),
             "test_reactions": len(real),
@@ -81,16 +84,18 @@ def main(autoencoder_folder: Path, clips: Path, metrics: Path, *rows: str) -> No
     )
 
 
-def real_side(clips: Path, side: str) -> Seen:
+def real_side(clips: Path, sides: Path, side: str) -> Seen:
     """See the recorded clips of a side from either person."""
-    found = [(facts.clip, seen_from_partner(i)) for _, facts, i in directed_clips(clips, side)]
+    found = [
+        (facts.clip, seen_from_partner(i)) for _, facts, i in directed_clips(clips, sides, side)
+    ]
     return Seen([clip for clip, _ in found], [interaction for _, interaction in found])
 
 
 def reactions_in(folder: Path) -> Seen:
     """See the generated reactions of a folder; none if the folder's model makes none here."""
-    found = dict(stream_motions(folder / MOTIONS))
-    clips = [name.rpartition("#")[0] for name in found]
+    found = {n: i for n, i in stream_motions(folder / MOTIONS) if n.endswith("#0")}
+    clips = [name.rsplit("#", 2)[0] for name in found]
     return Seen(clips, [seen_from_partner(interaction) for interaction in found.values()])
 
 
@@ -121,5 +126,8 @@ def as_json(metrics: dict[str, Interval]) -> dict[str, dict[str, float]]:
 
 
 if __name__ == "__main__":
-    autoencoder_path, clips_path, metrics_path, *row_words = sys.argv[1:]
-    main(Path(autoencoder_path), Path(clips_path), Path(metrics_path), *row_words)
+    parser = argparse.ArgumentParser()
+    for argument in ("autoencoder", "clips", "sides", "reactions", "scores"):
+        parser.add_argument(f"--{argument}", type=Path, required=True)
+    paths = parser.parse_args()
+    main(paths.autoencoder, paths.clips, paths.sides, paths.reactions, paths.scores)
