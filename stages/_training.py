@@ -16,9 +16,9 @@ from stages._clips import stream_side
 from stages._files import WEIGHTS, write_curve
 
 
-def clips_of(folder: Path, side: str) -> list[Interaction]:
+def clips_of(clips: Path, sides: Path, side: str) -> list[Interaction]:
     """Hold the clips of one side in memory."""
-    return [interaction for _, interaction in stream_side(folder, side)]
+    return [interaction for _, interaction in stream_side(clips, sides, side)]
 
 
 def use_threads(threads: int) -> None:
@@ -29,7 +29,7 @@ def use_threads(threads: int) -> None:
 
 def train(rounds: Iterable[Mapping[str, float]], n_rounds: int, curve: Path) -> None:
     """Train to the end before a progress bar, and write the curve."""
-    write_curve(curve, list(_counted(rounds, n_rounds, curve.stem)))
+    write_curve(curve, list(_counted(rounds, n_rounds, curve.with_suffix("").as_posix())))
 
 
 def write_model(folder: Path, kind: str, model: nn.Module, config: Mapping[str, Any]) -> None:

@@ -1,7 +1,9 @@
 """Put everything on one page, and its data beside it.
 
-Usage: python -m stages.report --sequences DIR --clips DIR --ingest JSON --split JSON --pacmo JSON
-           --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
+Usage: python -m stages.report --sequences DIR --clips DIR --sides FILE --ingest JSON --splits DIR
+           --pacmo JSON --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
+
+Curves and clips are of the first fold and seed, tables of all.
 """
 
 import argparse
@@ -48,10 +50,20 @@ class Params:
     played_clips: int  # at most, one an action before a second of any
 
 
+@dataclass(frozen=True)
+class Runs:
+    """The ``runs`` section of ``params.yaml``."""
+
+    folds: list[int]
+    seeds: list[int]
+
+
 def main(paths: argparse.Namespace) -> None:
     params = read_params("report", Params)
     experiment = read_params("experiment", str)
-    ingest, split, pacmo = map(read_json, (paths.ingest, paths.split, paths.pacmo))
+    runs = read_params("runs", Runs)
+    ingest, pacmo = map(read_json, (paths.ingest, paths.pacmo))
+    splits = {fold: read_json(paths.splits / f"{fold}.json") for fold in runs.folds}
     rows = {row: pacmo["rows"][row] for row in ORDER if row in pacmo["rows"]}
     reactions = dict(word.split("=") for word in paths.reactions)
     page = Report(
@@ -63,20 +75,23 @@ def main(paths: argparse.Namespace) -> None:
             "Features": f"auto-encoder {pacmo['extractor_sha256'][:16]}",
             "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip",
         },
-        data=summarise(ingest, split, paths.sequences),
+        data=summarise(ingest, splits, paths.sequences),
         tables={"pacmo": shown(rows, MAIN_COLUMNS), "pacmo_published": shown(rows, PUBLISHED)},
         notes=(*NOTES, halves_note(rows)),
-        curves={path.stem: curve(path) for path in paths.curve},
-        clips=tuple(played(paths.clips, reactions, params.played_clips)),
+        curves={model_of(path): curve(path) for path in paths.curve},
+        clips=tuple(played((paths.clips, paths.sides), reactions, params.played_clips)),
     )
     write_text(paths.page, render_report(page))
-    data = {**ingest, "split": split}
+    data = {**ingest, "runs": vars(runs), "folds": splits}
     write_json(paths.metrics, {"experiment": experiment, "data": data, "pacmo": rows})
 
 
-def summarise(ingest: dict[str, Any], split: dict[str, Any], sequences: Path) -> DataSummary:
+def summarise(
+    ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path
+) -> DataSummary:
     """Say what was read, what was put aside and why, and how clips were put on sides."""
     aside = read_rows(sequences / QUARANTINE, QuarantineFacts)
+    split = splits[min(splits)]
     actions = ", ".join(f"{name or 'unnamed'} ({n})" for name, n in ingest["actions"].items())
     return DataSummary(
         files_read=ingest["files_read"],
@@ -91,7 +106,13 @@ def summarise(ingest: dict[str, Any], split: dict[str, Any], sequences: Path) ->
             "People": str(split["people"]),
             "Actions": actions,
         },
-        split={name: str(value) for name, value in split.items()},
+        split={
+            name: ", ".join(dict.fromkeys(str(fold[name]) for fold in splits.values()))
+            if name == "method"
+            else ", ".join(str(fold[name]) for fold in splits.values())
+            for name in split
+            if name not in ("clips", "people")
+        },
     )
 
 
@@ -110,17 +131,22 @@ def halves_note(rows: dict[str, Any]) -> str:
     )
 
 
+def model_of(path: Path) -> str:
+    """Name the model of a curve ``FOLD/MODEL.csv`` or ``FOLD/MODEL/SEED.csv``."""
+    return path.parent.name if path.stem.isdigit() else path.stem
+
+
 def curve(path: Path) -> Curve:
     """Read a training curve."""
     terms = read_curve(path)
     return Curve(steps=terms.pop("step"), terms=terms, x_label="round")
 
 
-def played(clips: Path, reactions: dict[str, str], n_clips: int) -> list[PlayedClip]:
+def played(folders: tuple[Path, Path], reactions: dict[str, str], n_clips: int) -> list[PlayedClip]:
     """Choose test clips, one an action before a second of any, and set what answered beside."""
     turn: dict[str, int] = {}
     candidates = []
-    for name, facts, seen in directed_clips(clips, "test"):
+    for name, facts, seen in directed_clips(*folders, "test"):
         if name.endswith("#b"):
             turn[facts.action] = turn.get(facts.action, -1) + 1
             candidates.append((turn[facts.action], name, facts.action, seen))
@@ -140,14 +166,15 @@ def played(clips: Path, reactions: dict[str, str], n_clips: int) -> list[PlayedC
 
 
 def answers_in(folder: Path) -> dict[str, Interaction]:
-    """Hold the reactions of one row by name."""
-    return dict(stream_motions(folder / MOTIONS))
+    """Hold the first reactions of one row, by clip and person."""
+    found = ((n.rsplit("#", 1), i) for n, i in stream_motions(folder / MOTIONS))
+    return {name: interaction for (name, number), interaction in found if number == "0"}
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("sequences", "clips", "ingest", "split", "pacmo", "page", "metrics"):
+    for name in ("sequences", "clips", "sides", "ingest", "splits", "pacmo", "page", "metrics"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--curve", type=Path, action="append", required=True)
     parser.add_argument("--reactions", action="append", required=True)

@@ -15,6 +15,7 @@ RULE = SideRule(
     validation_share=0.1,
     min_people=6,
     test_pairs=(),
+    test_people=(),
     random_seed=0,
 )
 
