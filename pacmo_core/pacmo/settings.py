@@ -59,3 +59,24 @@ class PacmoSettings:
     symmetry_weight: float  # of the squared difference of mirror bones, 1 / m^2
     ema: float  # share of the running mean that stays each step
     swap: bool
+
+
+@dataclass(frozen=True)
+class MatcherSettings:
+    """The ``train_matcher`` section."""
+
+    random_seed: int
+    n_points: int  # grid on [0, 1]
+    period: float
+    width: int
+    modes: list[int]  # of the three layers
+    embedding: int  # channels of the functions that are compared
+    n_instants: int  # at which they are
+    temperature: float  # of the choice: small is sharp
+    noise: float  # metres, whole bodies moved at random while training
+    weight_decay: float
+    learning_rate: float
+    halve_every: int  # epochs
+    batch_size: int
+    n_epochs: int
+    mirror: bool  # show each interaction mirrored too
