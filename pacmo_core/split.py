@@ -2,6 +2,9 @@
 
 Sides come from a hash of what must stay together, never from a shuffled list: adding a capture
 moves no other clip. The price is that shares are met on average, not exactly.
+
+Fold k of a hashed split tests the k-th slice of ``[0, 1)``, each of width ``test_share``: what one
+fold tests, no other does.
 """
 
 import hashlib
@@ -12,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-METHODS = ("auto", "clip", "recording", "pair", "person", "listed")
+METHODS = ("auto", "clip", "recording", "pair", "person", "listed", "listed_people")
 
 
 @dataclass(frozen=True)
@@ -42,11 +45,14 @@ class SideRule:
     Parameters
     ----------
     method : ``clip`` (the papers' random split; it leaks people), ``recording``, ``pair``,
-        ``person`` (nobody stands on both sides), ``listed`` (pairs named in ``test_pairs``), or
+        ``person`` (nobody stands on both sides), ``listed`` (pairs named in ``test_pairs``),
+        ``listed_people`` (people named in ``test_people``; nobody stands on both sides), or
         ``auto``: ``person`` where at least ``min_people`` people are known, else ``recording``
     test_share, validation_share : expected shares of what is hashed
     min_people : for ``auto``
-    test_pairs : for ``listed``, such as a published fold: ``s01+s02``
+    test_pairs : for ``listed``, the pairs that each fold tests, such as the published folds:
+        ``s01+s02``, the people in the order of their data set
+    test_people : for ``listed_people``, the people that each fold tests
     random_seed : another seed, another split
     """
 
@@ -54,7 +60,8 @@ class SideRule:
     test_share: float
     validation_share: float
     min_people: int
-    test_pairs: tuple[str, ...]
+    test_pairs: tuple[tuple[str, ...], ...]
+    test_people: tuple[tuple[str, ...], ...]
     random_seed: int
 
     def __post_init__(self) -> None:
@@ -66,8 +73,28 @@ class SideRule:
                 f"validation {self.validation_share}"
             )
 
+    @property
+    def listed(self) -> tuple[tuple[str, ...], ...]:
+        """What each fold tests, for a method that says so by name."""
+        return {"listed": self.test_pairs, "listed_people": self.test_people}.get(self.method, ())
+
+    def check_fold(self, fold: int) -> None:
+        """Refuse a fold that the rule does not have.
+
+        Raises
+        ------
+        ValueError
+            If the fold is not listed, or does not fit into what is hashed.
+        """
+        listed = self.method.startswith("listed")
+        n_folds = len(self.listed) if listed else int(1 / self.test_share + ROUNDING)
+        if not 1 <= fold <= n_folds:
+            why = "are listed" if listed else f"of test_share {self.test_share} fit into 1"
+            raise ValueError(f"fold must be 1 to {n_folds}, as many as {why}; got {fold}")
+
 
 Side = Literal["train", "validation", "test", "dropped"]
+ROUNDING = 1e-9  # five folds of a share of 0.2 fit, whatever 5 x 0.2 rounds to
 
 
 def window_edges(n_frames: int, fps: float, seconds: float) -> list[tuple[int, int]]:
@@ -93,12 +120,18 @@ def resolve_method(origins: Sequence[Origin], rule: SideRule) -> str:
     return "person" if everywhere and len(people) >= rule.min_people else "recording"
 
 
-def assign_sides(origins: Sequence[Origin], rule: SideRule) -> dict[str, Side]:
+def assign_sides(origins: Sequence[Origin], rule: SideRule, fold: int) -> dict[str, Side]:
     """Put every clip on a side.
 
     Validation clips are taken from training by recording, whatever the method: they choose
     checkpoints and are no claim about new people. Split by person, a clip whose two people
     stand on different sides is ``dropped``.
+
+    Parameters
+    ----------
+    origins : of all clips
+    rule : how
+    fold : which part is tested, counted from 1
 
     Returns
     -------
@@ -107,21 +140,40 @@ def assign_sides(origins: Sequence[Origin], rule: SideRule) -> dict[str, Side]:
     Raises
     ------
     ValueError
-        If nothing is left to train on or to test on.
+        If the rule has no such fold, it names a pair or a person that no clip has, it is by
+        person and a clip names none, or nothing is left to train on or to test on.
     """
+    rule.check_fold(fold)
     method = resolve_method(origins, rule)
-    sides = {origin.clip: _side(origin, method, rule) for origin in origins}
+    _check_units(origins, method, rule, fold)
+    sides = {origin.clip: _side(origin, method, rule, fold) for origin in origins}
     for wanted in ("train", "test"):
         if wanted not in sides.values():
             raise ValueError(
                 f"split by {method} with random_seed {rule.random_seed} leaves no {wanted} clip "
-                f"of {len(sides)}; take another seed, share or method"
+                f"of {len(sides)} in fold {fold}; take another seed, share or method"
             )
     return sides
 
 
-def _side(origin: Origin, method: str, rule: SideRule) -> Side:
-    tests = {_tests(method, unit, rule) for unit in _units(origin, method)}
+def _check_units(origins: Sequence[Origin], method: str, rule: SideRule, fold: int) -> None:
+    units = {origin.clip: _units(origin, method) for origin in origins}
+    nameless = [clip for clip, names in units.items() if not names]
+    if nameless:
+        raise ValueError(
+            f"split by {method} wants the people of every clip; {nameless[0]} has none"
+        )
+    known = {unit for names in units.values() for unit in names}
+    unknown = set(rule.listed[fold - 1]) - known if rule.listed else set()
+    if unknown:
+        raise ValueError(
+            f"fold {fold} lists {', '.join(sorted(unknown))}, of whom there is no clip; "
+            f"there are {', '.join(sorted(known))}"
+        )
+
+
+def _side(origin: Origin, method: str, rule: SideRule, fold: int) -> Side:
+    tests = {_tests(method, unit, rule, fold) for unit in _units(origin, method)}
     if tests == {True, False}:
         return "dropped"
     if tests == {True}:
@@ -131,15 +183,17 @@ def _side(origin: Origin, method: str, rule: SideRule) -> Side:
 
 
 def _units(origin: Origin, method: str) -> tuple[str, ...]:
-    if method == "person":
+    if method in ("person", "listed_people"):
         return origin.people
-    return ({"clip": origin.clip, "recording": origin.recording}.get(method, origin.pair),)
+    # A published list of pairs may part (a, b) from (b, a).
+    named = {"clip": origin.clip, "recording": origin.recording, "listed": "+".join(origin.people)}
+    return (named.get(method, origin.pair),)
 
 
-def _tests(method: str, unit: str, rule: SideRule) -> bool:
-    if method == "listed":
-        return unit in rule.test_pairs
-    return _fraction(method, unit, rule) < rule.test_share
+def _tests(method: str, unit: str, rule: SideRule, fold: int) -> bool:
+    if rule.listed:
+        return unit in rule.listed[fold - 1]
+    return (fold - 1) * rule.test_share <= _fraction(method, unit, rule) < fold * rule.test_share
 
 
 def _fraction(purpose: str, unit: str, rule: SideRule) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
@@ -16,23 +17,35 @@ class ParamsError(ValueError):
     """A section of ``params.yaml`` that is not what its stage wants."""
 
 
-def read_params(section: str, kind: type[Params], path: Path = PARAMS) -> Params:
+def read_params(
+    section: str,
+    kind: type[Params],
+    path: Path = PARAMS,
+    given: Mapping[str, object] = MappingProxyType({}),
+) -> Params:
     """Read one section, key for key.
 
     Parameters
     ----------
     section : the stage's name
-    kind : a dataclass; its fields are the section's keys
+    kind : a dataclass; its fields are the section's keys, and those of ``given``
+    path : the file
+    given : what the command line says instead, such as the seed of a run
 
     Raises
     ------
     ParamsError
-        If the section, a key or a value is missing, unknown or of the wrong type.
+        If the section, a key or a value is missing, unknown or of the wrong type, or a key is
+        given that the section has too.
     """
     everything = YAML(typ="safe").load(path)
     if not isinstance(everything, Mapping) or section not in everything:
         raise ParamsError(f"{path}: no section {section}")
     values = everything[section]
+    twice = sorted(given.keys() & set(values)) if given else []
+    if twice:
+        raise ParamsError(f"{path}, {section}: {', '.join(twice)} comes from the command line")
+    values = {**values, **given} if given else values
     unknown = unknown_keys(values, kind)
     if unknown:
         raise ParamsError(f"{path}, {section}: unknown {', '.join(unknown)}")

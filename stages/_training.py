@@ -44,10 +44,12 @@ class TrainingParams(Protocol):
 
 @dataclass(frozen=True)
 class Sides:
-    """The clips that a model learns from, and those its weights are chosen on, in memory."""
+    """The clips that a model learns from, those its weights are chosen on, and their actions."""
 
     train: list[Interaction]
     validation: list[Interaction]
+    train_actions: list[str]
+    validation_actions: list[str]
 
 
 @dataclass(frozen=True)
@@ -72,13 +74,17 @@ class Task(Generic[Model]):
     shares: bool
 
 
-def sides_of(folder: Path) -> Sides:
-    """Hold a folder's training and validation clips in memory."""
+def sides_of(clips: Path, sides: Path) -> Sides:
+    """Hold a fold's training and validation clips in memory."""
     train, validation = (
-        [interaction for _, interaction in stream_side(folder, side)]
-        for side in ("train", "validation")
+        list(stream_side(clips, sides, side)) for side in ("train", "validation")
     )
-    return Sides(train, validation)
+    return Sides(
+        [interaction for _, interaction in train],
+        [interaction for _, interaction in validation],
+        [facts.action for facts, _ in train],
+        [facts.action for facts, _ in validation],
+    )
 
 
 def train(task: Task[Any], model: Path, curve: Path) -> None:

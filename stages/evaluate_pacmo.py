@@ -1,29 +1,36 @@
-"""Measure every row of the table: real motion, oracle, models, real reactions to wrong partners.
+"""Measure every row of one fold: real motion, models, reactions dealt to wrong partners.
 
-Usage: python -m stages.evaluate_pacmo AUTOENCODER CLIPS METRICS.json ROW=REACTIONS ...
+Usage: python -m stages.evaluate_pacmo --autoencoder DIR --matcher DIR --clips DIR --sides FILE
+           --reactions DIR --scores FILE.parquet
+
+Below the folder of reactions stands ROW/SEED/motions.parquet. The scores are those of every draw
+of clips, for ``pool_pacmo`` to pool.
 """
 
-import sys
+import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.metrics.intervals import Interval
+from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.partners import wrong_partners
-from pacmo_core.metrics.reactions import Reactions
-from pacmo_core.metrics.table import compare_rows, measure_rows
+from pacmo_core.metrics.table import REAL, REAL_PAIRS, Measured, Table
 from pacmo_core.metrics.yardstick import Settings
-from pacmo_core.pacmo import autoencoder
-from pacmo_core.pacmo.autoencoder import Autoencoder
-from pacmo_core.pacmo.facing import dealt_to, seen_from_partner
-from pacmo_core.store.motions import stream_motions
+from pacmo_core.pacmo import autoencoder, matching
+from pacmo_core.store.scores import Score, write_scores
 from pacmo_core.store.weights import file_hash, read_weights
-from stages._files import MOTIONS, WEIGHTS, write_json
+from stages._files import WEIGHTS
 from stages._params import read_params
-from stages._reactions import directed_clips
+from stages._rows import Extractors, Indices, Seen, exchangeable, real_side, runs
+
+# The model whose reactions are dealt to other partners, to learn whether it answers its own.
+PERMUTED = "pacmo"
+SAME_ACT = "_same_act"
+
+Row = tuple[str, int, Seen]
+Scored = tuple[str, int, Measured]
 
 
 @dataclass(frozen=True)
@@ -33,93 +40,122 @@ class Params:
     n_samples: int  # the paper's protocol: so many with replacement,
     repeats: int  # so often
     bootstrap: int  # draws of clips for the intervals
-    confidence: float
+    second_draws: int  # of real motion, to hold rows against
     n_frames: int  # common length of motions for MMD
+    n_instants: int  # of the distances between bodies, as functions of time
+    n_components: int  # principal components of these
+    candidates: int  # partners to pick the true one among
+    foot_height: float  # metres above the ground; a foot below it stands
+    body_radius: float  # metres between points of two bodies that merge
+    contact_distance: float  # metres between joints that touch
     random_seed: int
 
 
-@dataclass(frozen=True)
-class Seen:
-    """Interactions seen from their partners, and the clip of each."""
-
-    clips: list[str]
-    interactions: list[Interaction]
-
-
-def main(autoencoder_folder: Path, clips: Path, metrics: Path, *rows: str) -> None:
+def main(paths: argparse.Namespace) -> None:
     params = read_params("evaluate_pacmo", Params)
     torch.set_num_threads(1)
-    weights = autoencoder_folder / WEIGHTS
-    config, state = read_weights(weights)
-    extractor = autoencoder.from_state(config["model"], state)
+    extractors = read_extractors(paths.autoencoder, paths.matcher)
+    real, train = (real_side(paths.clips, paths.sides, side) for side in ("test", "train"))
+    made = list(runs(paths.reactions, real))
+    asked = [(row, seed, seen) for row, seed, seen in made if row == PERMUTED]
 
-    test, train = (real_side(clips, side) for side in ("test", "train"))
-    candidates = {"wrong_partner": with_wrong_partners(test, params.random_seed)}
-    for row, folder in (word.split("=") for word in rows):
-        generated = reactions_in(Path(folder))
-        if generated.clips:
-            candidates[row] = generated
+    table = table_of(extractors, real, train, params)
+    measured = [*real_rows(table, ""), *measure(table, extractors, made)]
+    order = wrong_partners(real.clips, None, np.random.default_rng((params.random_seed, 0)))
+    measured += measure(table, extractors, dealt(real, asked, order, ""))
 
-    real = reactions(extractor, test)
-    n_points = real.features.shape[-1]
-    table, estimates = measure_rows(
-        real,
-        {row: reactions(extractor, seen) for row, seen in candidates.items()},
-        train=reactions(extractor, train),
+    within = exchangeable(real)
+    if len(within):
+        some, asked = real.take(within), [(row, k, seen.take(within)) for row, k, seen in asked]
+        own = table if len(within) == len(real.names) else table_of(extractors, some, train, params)
+        generator = np.random.default_rng((params.random_seed, 1))
+        order = wrong_partners(some.clips, some.acts, generator)
+        measured += real_rows(own, SAME_ACT)[1:]
+        measured += measure(own, extractors, [(row + SAME_ACT, k, seen) for row, k, seen in asked])
+        measured += measure(own, extractors, dealt(some, asked, order, SAME_ACT))
+
+    facts = {
+        "autoencoder_sha256": file_hash(paths.autoencoder / WEIGHTS),
+        "matcher_sha256": file_hash(paths.matcher / WEIGHTS),
+        "n": counted(table, real, within),
+        "absent": absences(measured),
+    }
+    write_scores(paths.scores, scores(measured), facts)
+
+
+def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractors:
+    """Read the two frozen networks."""
+    encoder, encoder_state = read_weights(autoencoder_folder / WEIGHTS)
+    matcher, matcher_state = read_weights(matcher_folder / WEIGHTS)
+    return Extractors(
+        autoencoder.from_state(encoder["model"], encoder_state),
+        matching.from_state(matcher["model"], matcher_state),
+    )
+
+
+def table_of(extractors: Extractors, real: Seen, train: Seen, params: Params) -> Table:
+    """Prepare what all rows are measured with."""
+    features = extractors.reactions(real)
+    n_points = features.features.shape[-1]
+    return Table(
+        real=features,
+        train=extractors.reactions(train),
         weights=np.full(n_points, 1 / n_points),  # midpoints of equal cells
-        settings=Settings(root=test.interactions[0].skeleton.root, **vars(params)),
-    )
-    differences = compare_rows(estimates, "pacmo", "gru", params.confidence)
-    write_json(
-        metrics,
-        {
-            "extractor_sha256": file_hash(weights),
-            "test_reactions": len(real),
-            "rows": {row: as_json(found) for row, found in table.items()},
-            "pacmo_minus_gru": as_json(differences),
-        },
+        settings=Settings(body=body_of(real.interactions[0].skeleton), **vars(params)),
     )
 
 
-def real_side(clips: Path, side: str) -> Seen:
-    """See the recorded clips of a side from either person."""
-    found = [(facts.clip, seen_from_partner(i)) for _, facts, i in directed_clips(clips, side)]
-    return Seen([clip for clip, _ in found], [interaction for _, interaction in found])
+def real_rows(table: Table, suffix: str) -> list[Scored]:
+    """Measure real motion: as a second draw, and the pairs tested."""
+    pairs = table.measure(table.yardstick.real)
+    return [(REAL, 0, table.real(pairs)), (REAL_PAIRS + suffix, 0, pairs)]
 
 
-def reactions_in(folder: Path) -> Seen:
-    """See the generated reactions of a folder; none if the folder's model makes none here."""
-    found = dict(stream_motions(folder / MOTIONS))
-    clips = [name.rpartition("#")[0] for name in found]
-    return Seen(clips, [seen_from_partner(interaction) for interaction in found.values()])
+def dealt(real: Seen, asked: list[Row], order: Indices, suffix: str) -> list[Row]:
+    """Deal reactions to wrong partners: real ones, and those of a model."""
+    rows = [(f"wrong_partner{suffix}", 0, real.dealt(order))]
+    return rows + [(f"{row}_permuted{suffix}", k, seen.dealt(order)) for row, k, seen in asked]
 
 
-def with_wrong_partners(seen: Seen, random_seed: int) -> Seen:
-    """Deal the real reactions among the partners so that none keeps its own."""
-    order = wrong_partners(seen.clips, None, np.random.default_rng(random_seed))
-    dealt = zip(seen.interactions, (seen.interactions[i] for i in order), strict=True)
-    return Seen([seen.clips[i] for i in order], [dealt_to(own, other) for own, other in dealt])
+def measure(table: Table, extractors: Extractors, rows: list[Row]) -> list[Scored]:
+    """Measure rows one by one."""
+    return [(row, k, table.measure(extractors.reactions(seen))) for row, k, seen in rows]
 
 
-def reactions(extractor: Autoencoder, seen: Seen) -> Reactions:
-    """Add the features, as the metrics want a row."""
-    return Reactions(
-        features=autoencoder.features(extractor, seen.interactions),
-        motions=[interaction.person_b for interaction in seen.interactions],
-        partners=[interaction.person_a for interaction in seen.interactions],
-        times=[interaction.times for interaction in seen.interactions],
-        clips=seen.clips,
-    )
+def scores(measured: list[Scored]) -> list[Score]:
+    """Lay out every draw."""
+    return [
+        Score(row, seed, metric, np.array([estimate.plain, *estimate.resampled]))
+        for row, seed, found in measured
+        for metric, estimate in found.estimates.items()
+    ]
 
 
-def as_json(metrics: dict[str, Interval]) -> dict[str, dict[str, float]]:
-    """Round to what the intervals support, so that equal figures read equal."""
+def absences(measured: list[Scored]) -> dict[str, dict[str, str]]:
+    """Say of each row which metrics are missing, and why."""
+    return {row: found.absent for row, _, found in measured if found.absent}
+
+
+def counted(table: Table, real: Seen, within: Indices) -> dict[str, int]:
+    """Count what the figures rest on."""
+    seconds = table.yardstick.seconds
     return {
-        name: {part: float(f"{value:.6g}") for part, value in vars(interval).items()}
-        for name, interval in metrics.items()
+        "test_reactions": len(real.names),
+        "test_clips": len({*real.clips}),
+        "same_act_reactions": len(within),
+        "second_draws": len(seconds),
+        "second_reactions": len(seconds[0]),
+        "matching_candidates": table.yardstick.candidates,
     }
 
 
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    for name in ("autoencoder", "matcher", "clips", "sides", "reactions", "scores"):
+        parser.add_argument(f"--{name}", type=Path, required=True)
+    return parser.parse_args()
+
+
 if __name__ == "__main__":
-    autoencoder_path, clips_path, metrics_path, *row_words = sys.argv[1:]
-    main(Path(autoencoder_path), Path(clips_path), Path(metrics_path), *row_words)
+    main(arguments())

@@ -1,9 +1,11 @@
-"""Let a trained model react to the partner of every test clip, once, at the clip's own frames.
+"""Let a trained model react to the partner of every test clip at the clip's own frames.
 
-Usage: python -m stages.react MODEL CLIPS REACTIONS
+Usage: python -m stages.react --seed=S MODEL CLIPS SIDES.parquet REACTIONS
+
+A model that draws its reactions gives several, one that computes them gives one.
 """
 
-import sys
+import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +27,7 @@ BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], Reactor]
     "pacmo": adversarial.from_state,
     "gru": gru.from_state,
 }
+DETERMINISTIC = ("gru",)
 
 
 @dataclass(frozen=True)
@@ -32,25 +35,35 @@ class Params:
     """The ``react`` section of ``params.yaml``."""
 
     random_seed: int
+    n_samples: int  # reactions to each partner, of a model that draws them
 
 
-def main(model: Path, clips: Path, reactions: Path) -> None:
+def main(model: Path, clips: Path, sides: Path, reactions: Path, *, seed: int) -> None:
     params = read_params("react", Params)
     torch.set_num_threads(1)
     config, state = read_weights(model / WEIGHTS)
     reactor = BUILDERS[config["kind"]](config["model"], state)
+    n_samples = 1 if config["kind"] in DETERMINISTIC else params.n_samples
 
     def answer(name: str, _facts: ClipFacts, seen: Interaction) -> Motion:
-        random = torch.Generator().manual_seed(seed_of(name, params.random_seed))
+        own = seed_of(f"{seed}\0{name}", params.random_seed)
+        random = torch.Generator().manual_seed(own)
         times = seen.times
-        (motion,) = react(
-            reactor, seen.person_a, times, out_times=times, n_samples=1, random=random
+        return react(
+            reactor, seen.person_a, times, out_times=times, n_samples=n_samples, random=random
         )
-        reaction: Motion = motion
-        return reaction
 
-    write_reactions(clips, reactions, answer)
+    write_reactions(clips, sides, reactions, answer)
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    for name in ("model", "clips", "sides", "reactions"):
+        parser.add_argument(name, type=Path)
+    parser.add_argument("--seed", type=int, required=True, help="of the training run")
+    return parser.parse_args()
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    main(**vars(arguments()))

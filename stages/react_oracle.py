@@ -1,6 +1,6 @@
 """Draw every test clip's reactions once more from the true law, where the captures came with one.
 
-Usage: python -m stages.react_oracle RAW CLIPS REACTIONS
+Usage: python -m stages.react_oracle RAW CLIPS SIDES.parquet REACTIONS
 
 The embedded default does; recorded captures do not, and have no oracle: no reaction is written.
 """
@@ -29,21 +29,21 @@ class Params:
     random_seed: int
 
 
-def main(raw: Path, clips: Path, reactions: Path) -> None:
+def main(raw: Path, clips: Path, sides: Path, reactions: Path) -> None:
     params = read_params("react_oracle", Params)
     if not (raw / LAW).exists():
         with write_motions(reactions / MOTIONS, read_skeleton(clips / MOTIONS)):
             return
     law = read_json(raw / LAW)
 
-    def answer(name: str, facts: ClipFacts, seen: Interaction) -> Motion:
+    def answer(name: str, facts: ClipFacts, seen: Interaction) -> list[Motion]:
         script = Script.from_json(law[facts.sequence])
         random = np.random.default_rng(seed_of(name, params.random_seed))
         motion = react_oracle(script, "a" if name.endswith("#a") else "b", random)
         window = slice(facts.start_frame, facts.start_frame + facts.frames)
-        return motion[window][:, NTU25.indices(seen.skeleton.joints)]
+        return [motion[window][:, NTU25.indices(seen.skeleton.joints)]]
 
-    write_reactions(clips, reactions, answer)
+    write_reactions(clips, sides, reactions, answer)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
 """Put everything on one page, and its data beside it.
 
-Usage: python -m stages.report --sequences DIR --clips DIR --ingest JSON --split JSON --pacmo JSON
-           --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
+Usage: python -m stages.report --sequences DIR --clips DIR --sides FILE --ingest JSON --splits DIR
+           --pacmo JSON --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
+
+Curves and clips are of the first fold and seed, tables of all.
 """
 
 import argparse
@@ -12,7 +14,6 @@ from typing import Any
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
-from pacmo_core.figures.tables import MAIN_COLUMNS
 from pacmo_core.interaction import Interaction
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.clips import QuarantineFacts, read_rows
@@ -20,25 +21,9 @@ from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._params import PARAMS, read_params
 from stages._reactions import directed_clips
+from stages._tables import NOTES, main_tables, sections
 
-PUBLISHED = tuple(f"{name}_published" for name in MAIN_COLUMNS[:4])
-ORDER = ("real", "oracle", "pacmo", "gru", "wrong_partner")
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
-NO_LAW = "recorded captures have no known law of reaction"
-NOTES = (
-    "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
-    "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
-    "this size. Features depend on the auto-encoder, whose hash stands below: figures compare only "
-    "under the same one.",
-    "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
-    "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables; "
-    "reports/metrics.json has them of all joints too. In the second table low and high are the "
-    "smallest and largest repeat.",
-    "A metric of reactions alone cannot see the partner: dealing the real reactions to wrong "
-    "partners leaves MMD at zero. F²ID and diversity are of both people's features.",
-    "Intervals resample clips; two models differ where the interval of their paired difference, "
-    "in reports/pacmo.json, excludes zero.",
-)
 
 
 @dataclass(frozen=True)
@@ -48,35 +33,66 @@ class Params:
     played_clips: int  # at most, one an action before a second of any
 
 
+@dataclass(frozen=True)
+class Runs:
+    """The ``runs`` section of ``params.yaml``."""
+
+    folds: list[int]
+    seeds: list[int]
+
+
 def main(paths: argparse.Namespace) -> None:
     params = read_params("report", Params)
     experiment = read_params("experiment", str)
-    ingest, split, pacmo = map(read_json, (paths.ingest, paths.split, paths.pacmo))
-    rows = {row: pacmo["rows"][row] for row in ORDER if row in pacmo["rows"]}
+    runs = read_params("runs", Runs)
+    ingest, pacmo = map(read_json, (paths.ingest, paths.pacmo))
+    splits = {fold: read_json(paths.splits / f"{fold}.json") for fold in runs.folds}
     reactions = dict(word.split("=") for word in paths.reactions)
     page = Report(
         title=experiment,
         summary=SUMMARY,
-        facts={
-            "Made by": f"dvc repro, after pacmo use {experiment}",
-            "Parameters": f"{PARAMS}, with whatever was edited there since",
-            "Features": f"auto-encoder {pacmo['extractor_sha256'][:16]}",
-            "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip",
-        },
-        data=summarise(ingest, split, paths.sequences),
-        tables={"pacmo": shown(rows, MAIN_COLUMNS), "pacmo_published": shown(rows, PUBLISHED)},
-        notes=(*NOTES, halves_note(rows)),
-        curves={path.stem: curve(path) for path in paths.curve},
-        clips=tuple(played(paths.clips, reactions, params.played_clips)),
+        facts=made_by(experiment, runs, pacmo),
+        data=summarise(ingest, splits, paths.sequences),
+        tables=main_tables(pacmo),
+        notes=(*NOTES, halves_note(pacmo["rows"])),
+        sections=tuple(sections(pacmo, ingest["dataset"])),
+        curves={model_of(path): curve(path) for path in paths.curve},
+        clips=tuple(played((paths.clips, paths.sides), reactions, params.played_clips)),
     )
     write_text(paths.page, render_report(page))
-    data = {**ingest, "split": split}
-    write_json(paths.metrics, {"experiment": experiment, "data": data, "pacmo": rows})
+    data = {**ingest, "runs": vars(runs), "folds": splits}
+    tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
+    seen = {"pacmo_sensitivity": pacmo["sensitivity"]}
+    write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **seen})
 
 
-def summarise(ingest: dict[str, Any], split: dict[str, Any], sequences: Path) -> DataSummary:
+def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str]:
+    """Say what made the page."""
+    hashes = {
+        kind: ", ".join(digest[:16] for digest in pacmo[f"{kind}_sha256"].values())
+        for kind in ("extractor", "matcher")
+    }
+    return {
+        "Made by": f"dvc repro, after pacmo use {experiment}",
+        "Parameters": f"{PARAMS}, with whatever was edited there since",
+        "Runs": f"{counted(runs.folds, 'fold')}, {counted(runs.seeds, 'seed')} of each model",
+        "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip",
+        "Features": f"auto-encoder {hashes['extractor']}, a fold each",
+        "Matching": f"matcher {hashes['matcher']}, a fold each",
+    }
+
+
+def counted(things: list[int], name: str) -> str:
+    """Say how many there are."""
+    return f"{len(things)} {name}" + ("s" if len(things) > 1 else "")
+
+
+def summarise(
+    ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path
+) -> DataSummary:
     """Say what was read, what was put aside and why, and how clips were put on sides."""
     aside = read_rows(sequences / QUARANTINE, QuarantineFacts)
+    split = splits[min(splits)]
     actions = ", ".join(f"{name or 'unnamed'} ({n})" for name, n in ingest["actions"].items())
     return DataSummary(
         files_read=ingest["files_read"],
@@ -91,14 +107,14 @@ def summarise(ingest: dict[str, Any], split: dict[str, Any], sequences: Path) ->
             "People": str(split["people"]),
             "Actions": actions,
         },
-        split={name: str(value) for name, value in split.items()},
+        split={
+            name: ", ".join(dict.fromkeys(str(fold[name]) for fold in splits.values()))
+            if name == "method"
+            else ", ".join(str(fold[name]) for fold in splits.values())
+            for name in split
+            if name not in ("clips", "people")
+        },
     )
-
-
-def shown(rows: dict[str, Any], columns: tuple[str, ...]) -> dict[str, Any]:
-    """Choose columns, and add the rows that cannot be had here, with the reason."""
-    gap = {column: {"missing": NO_LAW} for column in columns}
-    return {row: {c: rows[row][c] for c in columns} if row in rows else gap for row in ORDER}
 
 
 def halves_note(rows: dict[str, Any]) -> str:
@@ -110,17 +126,22 @@ def halves_note(rows: dict[str, Any]) -> str:
     )
 
 
+def model_of(path: Path) -> str:
+    """Name the model of a curve ``FOLD/MODEL.csv`` or ``FOLD/MODEL/SEED.csv``."""
+    return path.parent.name if path.stem.isdigit() else path.stem
+
+
 def curve(path: Path) -> Curve:
     """Read a training curve."""
     terms = read_curve(path)
     return Curve(steps=terms.pop("step"), terms=terms, x_label="round")
 
 
-def played(clips: Path, reactions: dict[str, str], n_clips: int) -> list[PlayedClip]:
+def played(folders: tuple[Path, Path], reactions: dict[str, str], n_clips: int) -> list[PlayedClip]:
     """Choose test clips, one an action before a second of any, and set what answered beside."""
     turn: dict[str, int] = {}
     candidates = []
-    for name, facts, seen in directed_clips(clips, "test"):
+    for name, facts, seen in directed_clips(*folders, "test"):
         if name.endswith("#b"):
             turn[facts.action] = turn.get(facts.action, -1) + 1
             candidates.append((turn[facts.action], name, facts.action, seen))
@@ -140,14 +161,15 @@ def played(clips: Path, reactions: dict[str, str], n_clips: int) -> list[PlayedC
 
 
 def answers_in(folder: Path) -> dict[str, Interaction]:
-    """Hold the reactions of one row by name."""
-    return dict(stream_motions(folder / MOTIONS))
+    """Hold the first reactions of one row, by clip and person."""
+    found = ((n.rsplit("#", 1), i) for n, i in stream_motions(folder / MOTIONS))
+    return {name: interaction for (name, number), interaction in found if number == "0"}
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("sequences", "clips", "ingest", "split", "pacmo", "page", "metrics"):
+    for name in ("sequences", "clips", "sides", "ingest", "splits", "pacmo", "page", "metrics"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--curve", type=Path, action="append", required=True)
     parser.add_argument("--reactions", action="append", required=True)

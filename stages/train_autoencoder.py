@@ -1,15 +1,15 @@
 """Train the auto-encoder whose bottleneck gives the features of the metrics.
 
-Usage: python -m stages.train_autoencoder CLIPS MODEL CURVE.csv
+Usage: python -m stages.train_autoencoder CLIPS SIDES.parquet MODEL CURVE.csv
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from pacmo_core.pacmo import autoencoder
 from pacmo_core.pacmo.settings import AutoencoderSettings
 from stages._params import read_params
+from stages._runs import fold_arguments
 from stages._training import Task, sides_of, train
 
 
@@ -20,16 +20,14 @@ class Params(AutoencoderSettings):
     threads: int
 
 
-def main(clips: Path, model: Path, curve: Path) -> None:
+def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
     params = read_params("train_autoencoder", Params)
-    sides = sides_of(clips)
+    found = sides_of(clips, sides)
     task = Task(
         "autoencoder",
         params,
-        sides,
-        lambda device: autoencoder.fit(
-            sides.train, params, validation=sides.validation, device=device
-        ),
+        found,
+        lambda device: autoencoder.fit(found.train, params, validation=found.validation, device=device),
         autoencoder.config,
         shares=False,
     )
@@ -37,4 +35,4 @@ def main(clips: Path, model: Path, curve: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    main(**fold_arguments())

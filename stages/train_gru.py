@@ -1,15 +1,15 @@
 """Train the GRU baseline.
 
-Usage: python -m stages.train_gru CLIPS MODEL CURVE.csv
+Usage: python -m stages.train_gru --seed=S CLIPS SIDES.parquet MODEL CURVE.csv
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from pacmo_core.pacmo import gru
 from pacmo_core.pacmo.settings import GruSettings
 from stages._params import read_params
+from stages._runs import run_arguments
 from stages._training import Task, sides_of, train
 
 
@@ -20,14 +20,14 @@ class Params(GruSettings):
     threads: int
 
 
-def main(clips: Path, model: Path, curve: Path) -> None:
-    params = read_params("train_gru", Params)
-    sides = sides_of(clips)
+def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, seed: int) -> None:
+    params = read_params(section, Params, given={"random_seed": seed})
+    found = sides_of(clips, sides)
     task = Task(
         "gru",
         params,
-        sides,
-        lambda device: gru.fit(sides.train, params, validation=sides.validation, device=device),
+        found,
+        lambda device: gru.fit(found.train, params, validation=found.validation, device=device),
         gru.config,
         shares=False,
     )
@@ -35,4 +35,4 @@ def main(clips: Path, model: Path, curve: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    main(**vars(run_arguments("train_gru")))

@@ -15,6 +15,7 @@ RULE = SideRule(
     validation_share=0.1,
     min_people=6,
     test_pairs=(),
+    test_people=(),
     random_seed=0,
 )
 
@@ -32,8 +33,8 @@ def circle(n_people, clips_a_pair=4):
 @pytest.mark.parametrize("method", ["clip", "recording", "pair", "person"])
 def test_adding_captures_moves_no_other_clip(method):
     rule = replace(RULE, method=method)
-    before = assign_sides(circle(40)[:-50], rule)
-    after = assign_sides(circle(40), rule)
+    before = assign_sides(circle(40)[:-50], rule, 1)
+    after = assign_sides(circle(40), rule, 1)
     assert all(after[clip] == side for clip, side in before.items())
 
 
@@ -47,7 +48,7 @@ def test_adding_captures_moves_no_other_clip(method):
 )
 def test_nothing_that_must_stay_together_stands_on_both_sides(method, unit):
     origins = circle(40)
-    sides = assign_sides(origins, replace(RULE, method=method))
+    sides = assign_sides(origins, replace(RULE, method=method), 1)
     trained = {u for o in origins if sides[o.clip] in ("train", "validation") for u in unit(o)}
     tested = {u for o in origins if sides[o.clip] == "test" for u in unit(o)}
     assert trained and tested and not trained & tested
@@ -56,8 +57,8 @@ def test_nothing_that_must_stay_together_stands_on_both_sides(method, unit):
 def test_only_a_split_by_person_drops_clips_and_only_mixed_ones():
     origins = circle(40)
     for method in ("clip", "recording", "pair"):
-        assert "dropped" not in assign_sides(origins, replace(RULE, method=method)).values()
-    sides = assign_sides(origins, replace(RULE, method="person"))
+        assert "dropped" not in assign_sides(origins, replace(RULE, method=method), 1).values()
+    sides = assign_sides(origins, replace(RULE, method="person"), 1)
     tested = {p for o in origins if sides[o.clip] == "test" for p in o.people}
     for origin in origins:
         if sides[origin.clip] == "dropped":
@@ -66,20 +67,20 @@ def test_only_a_split_by_person_drops_clips_and_only_mixed_ones():
 
 def test_shares_are_met_on_average():
     origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(5000)]
-    sides = list(assign_sides(origins, RULE).values())
+    sides = list(assign_sides(origins, RULE, 1).values())
     assert sides.count("test") / 5000 == pytest.approx(0.2, abs=0.02)
     assert sides.count("validation") / 5000 == pytest.approx(0.08, abs=0.015)
 
 
 def test_what_is_validation_does_not_hang_on_what_is_test():
     origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(5000)]
-    sides = list(assign_sides(origins, replace(RULE, method="recording")).values())
+    sides = list(assign_sides(origins, replace(RULE, method="recording"), 1).values())
     assert sides.count("validation") / sides.count("train") == pytest.approx(0.1 / 0.9, abs=0.02)
 
 
 def test_another_seed_gives_another_split():
     origins = circle(40)
-    assert assign_sides(origins, RULE) != assign_sides(origins, replace(RULE, random_seed=1))
+    assert assign_sides(origins, RULE, 1) != assign_sides(origins, replace(RULE, random_seed=1), 1)
 
 
 def test_auto_means_person_only_where_enough_people_are_known():
@@ -92,12 +93,15 @@ def test_auto_means_person_only_where_enough_people_are_known():
 def test_listed_pairs_are_the_test_side_in_either_order():
     rule = replace(RULE, method="listed", test_pairs=("p0+p1",))
     origins = [Origin("x", "x", ("p1", "p0")), Origin("y", "y", ("p0", "p2"))]
-    assert assign_sides(origins, replace(rule, validation_share=0)) == {"x": "test", "y": "train"}
+    assert assign_sides(origins, replace(rule, validation_share=0), 1) == {
+        "x": "test",
+        "y": "train",
+    }
 
 
 def test_an_empty_side_is_refused_with_the_seed():
     with pytest.raises(ValueError, match="random_seed 0 leaves no"):
-        assign_sides([Origin("x", "x", ("p", "q"))], RULE)
+        assign_sides([Origin("x", "x", ("p", "q"))], RULE, 1)
 
 
 @pytest.mark.parametrize("fault", [{"method": "luck"}, {"test_share": 1.5}])

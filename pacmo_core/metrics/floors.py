@@ -8,19 +8,24 @@ from numpy.typing import NDArray
 Indices = NDArray[np.intp]
 
 
-def draw_by_clip(clips: Sequence[str], n: int, generator: np.random.Generator) -> Indices:
-    """Draw n samples clip by clip, without replacement; the last clip may be cut short.
+def second_draws(
+    clips: Sequence[str], n: int, n_draws: int, generator: np.random.Generator
+) -> list[Indices]:
+    """Draw n samples clip by clip, without replacement, so many times; last clips may be cut short.
 
-    Raises
-    ------
-    ValueError
-        If there are fewer than n samples.
+    Parameters
+    ----------
+    clips : the clip of each sample
+    n : samples a draw
+    n_draws : draws, each from all samples
+
+    Returns
+    -------
+    ``n_draws`` times (n,) int; where there are no more than n samples, one draw of all of them
     """
-    if len(clips) < n:
-        raise ValueError(
-            f"the floor wants as many other real reactions as were tested: {n}; got {len(clips)}"
-        )
-    return _shuffled_by_clip(clips, generator)[:n]
+    if len(clips) <= n:
+        return [np.arange(len(clips))]
+    return [_shuffled_by_clip(clips, generator)[:n] for _ in range(n_draws)]
 
 
 def halves_by_clip(clips: Sequence[str], generator: np.random.Generator) -> tuple[Indices, Indices]:

@@ -4,11 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Codes = NDArray[np.intp]
 
 
-def pair_means(
-    values: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], counts: Array
-) -> Array:
+def pair_means(values: Array, rows: Codes, columns: Codes, counts: Array) -> Array:
     """Average a function of two samples over all pairs from different clips.
 
     A clip that a bootstrap drew c times counts c times, but never against its own copies: so the
@@ -38,9 +37,7 @@ def pair_means(
     return np.asarray(total / number)
 
 
-def _clip_sums(
-    values: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], n_clips: int
-) -> Array:
+def _clip_sums(values: Array, rows: Codes, columns: Codes, n_clips: int) -> Array:
     """Sum values over the samples of each pair of clips, (G, G), zero within a clip."""
     clips = np.arange(n_clips)
     sums = (rows == clips[:, None]).astype(float) @ values @ (columns[:, None] == clips)

@@ -18,6 +18,8 @@ class Reactions:
     partners : n motions given, (T_i, J, 3), metres, at the same times
     times : n times (T_i,), seconds, strictly increasing
     clips : the clip that each reaction was recorded in, or generated for
+    embedded : (2, n, E) unit vectors of a matcher, of the partners and of the reactions
+    further : (S, n, C, r), features of S further reactions to each partner; S may be 0
 
     Raises
     ------
@@ -30,6 +32,8 @@ class Reactions:
     partners: Sequence[NDArray[np.float32]]
     times: Sequence[NDArray[np.float64]]
     clips: Sequence[str]
+    embedded: NDArray[np.float64]
+    further: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         numbers = [len(part) for part in (self.motions, self.partners, self.times, self.clips)]
@@ -37,6 +41,13 @@ class Reactions:
             raise ValueError(
                 f"wanted features (n, C, r) and n > 0 motions, partners, times, clips; "
                 f"got {self.features.shape}, {numbers}"
+            )
+        if self.embedded.ndim != 3 or self.embedded.shape[:2] != (2, len(self)):
+            raise ValueError(f"embedded must be (2, {len(self)}, E); got {self.embedded.shape}")
+        if self.further.ndim != 4 or self.further.shape[1:] != self.features.shape:
+            raise ValueError(
+                f"further features must be (S, {', '.join(map(str, self.features.shape))}); "
+                f"got {self.further.shape}"
             )
         if not np.isfinite(self.features).all():
             bad = int(np.argwhere(~np.isfinite(self.features))[0, 0])
@@ -56,6 +67,8 @@ class Reactions:
             partners=[self.partners[i] for i in indices],
             times=[self.times[i] for i in indices],
             clips=[self.clips[i] for i in indices],
+            embedded=self.embedded[:, indices],
+            further=self.further[:, indices],
         )
 
     def _check(self, i: int) -> None:

@@ -1,132 +1,145 @@
-"""The table of metrics: every row against the real reactions, with intervals.
+"""The table of metrics: every row against the real reactions, on all samples and on every draw.
 
-Row ``real`` is a second draw of real motion: as many reactions as were tested, taken clip by clip
-from the training clips. So its F²ID, MMD and diversity are what the metrics say of two samples of
-real motion, and its F²ID stands as ``f2id_floor`` in every row; where training and test differ in
-persons or acts, that difference is in it. Its APE and AVE are those of the real reactions
-against themselves, 0. (Unlike the paper's row "Real motion", whose MMD is that of one set
-against itself.) The floor is for independent samples: a row that answers the very partners of the
-test clips shares their sampling error, and may lie below it. ``f2id_halves`` is the F²ID between
-two halves of the test clips: of one law for certain, but of half the size, and so the larger by
-bias.
+Row ``real`` is real motion. Where laws of reactions are compared with those tested (F²ID, MMD,
+diversity) it is a second draw: as many reactions as were tested, taken clip by clip from the
+training clips. So its F²ID is the floor, ``f2id_floor`` in the report: what the metric says of two
+samples of real motion of this size; where training and test differ in persons or acts, that
+difference is in it. (Unlike the paper's row "Real motion", whose MMD is that of one set against
+itself.) In all other metrics it is the real pairs tested, as they stand under ``real_pairs``.
 
-============================== ====================================================================
-``f2id``                       on all samples
-``mmd_a``, ``mmd_s``           unbiased, pairs of different clips, bandwidth by the median of real
-``diversity``, ``diversity_l2`` squared and plain distance, the mean over all pairs of different
-                               clips, which the paper's random pairs estimate
-``ape``, ``ave``               of the root joint, as in the paper's tables (m, m²)
-``ape_joints``, ``ave_joints`` mean over all joints
-``…_published``                by the paper's protocol: n drawn with replacement, the mean of the
-                               repeats; low and high are the smallest and the largest repeat
-============================== ====================================================================
+====================== ============================================================================
+``f2id``               between the row and the real reactions tested
+``f2id_excess``        F²ID to second draws of real motion, less that of the real pairs tested
+``f2id_infinity``      ``f2id`` extrapolated to infinitely many samples: see ``extrapolation``
+``f2id_halves``        between two halves of the tested clips: one law, half the size
+``mmd_a``, ``mmd_s``   unbiased, pairs of different clips, bandwidth by the median of real motion
+``diversity``          squared distance of features, the mean over all pairs of different clips,
+                       which the paper's random pairs estimate; ``diversity_l2`` is not squared
+``ape``, ``ave``       of the root joint, as in the paper's tables (m, m²); ``…_joints`` of all
+``f2id_distances``     F²ID to second draws of the distances between two bodies: see ``closeness``
+``mmd_pair``           MMD to second draws of (partner, reaction): see ``pair_kernels``
+``matching``           how often the true partner is picked: see ``matching``
+``foot_sliding``       m/s; ``penetration``, ``contact_agreement``: shares; see ``plausibility``
+``multimodality``      spread of several reactions to one partner
+``…_published``        by the paper's protocol: n drawn with replacement, the mean of the repeats;
+                       its draws are the repeats
+====================== ============================================================================
 
-All other intervals come from draws of clips, moved to the value on all samples: see
-``intervals.interval``.
+Each metric is measured on all samples and on every draw of clips: ``intervals`` says what follows.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from pacmo_core.metrics.f2id import f2id
+from pacmo_core.metrics.f2id import f2id, flatten
 from pacmo_core.metrics.floors import halves_by_clip
-from pacmo_core.metrics.intervals import (
-    Array,
-    Estimate,
-    Interval,
-    difference,
-    interval,
-    repeated,
-)
+from pacmo_core.metrics.intervals import Array, Estimate
+from pacmo_core.metrics.laws import Laws
 from pacmo_core.metrics.reactions import Reactions
-from pacmo_core.metrics.rows import measure_displacement, measure_laws
+from pacmo_core.metrics.rows import (
+    as_estimate,
+    as_repeats,
+    measure_displacement,
+    measure_diversity,
+    measure_f2id,
+    measure_mmd,
+    published_f2id,
+)
+from pacmo_core.metrics.seeing import PartnerMetrics, measure_multimodality, measure_plausibility
 from pacmo_core.metrics.yardstick import Settings, Yardstick
 
-# These cannot fall below zero; the unbiased MMD can.
-_NOT_NEGATIVE = ("f2id", "diversity", "diversity_l2", "ape", "ave", "ape_joints", "ave_joints")
-
-Estimates = dict[str, dict[str, Estimate]]
-Table = dict[str, dict[str, Interval]]
+REAL = "real"
+REAL_PAIRS = "real_pairs"
 
 
-def score_rows(
-    real: Reactions,
-    rows: Mapping[str, Reactions],
-    *,
-    train: Reactions,
-    weights: Array,
-    settings: Settings,
-) -> Table:
-    """Measure every row, and the row ``real``, against the real reactions.
+@dataclass(frozen=True)
+class Measured:
+    """The metrics of one row, and why others are missing."""
+
+    estimates: dict[str, Estimate]
+    absent: dict[str, str]
+
+
+class Table:
+    """Measures rows with one yardstick.
 
     Parameters
     ----------
     real : the n real reactions of the test clips
-    rows : n reactions each, sample i answering partner i of ``real`` at the same times; a
-        row's ``clips`` are where its motions come from, so a wrong partner's are permuted
-    train : at least n real reactions of other clips
+    train : real reactions of other clips
     weights : (r,) quadrature weights of the features' grid, sum 1
     settings : the protocol
-
-    Returns
-    -------
-    row to metric to interval
-
-    Raises
-    ------
-    ValueError
-        If a row is called ``real``, or is not of the same partners as ``real``.
     """
-    return measure_rows(real, rows, train=train, weights=weights, settings=settings)[0]
+
+    def __init__(
+        self, *, real: Reactions, train: Reactions, weights: Array, settings: Settings
+    ) -> None:
+        self.yardstick = Yardstick(real=real, train=train, weights=weights, settings=settings)
+        seconds = [flatten(second.features, weights) for second in self.yardstick.seconds]
+        self._laws = Laws(flatten(real.features, weights), seconds, self.yardstick)
+        self._partners = PartnerMetrics(self.yardstick)
+
+    def measure(self, row: Reactions) -> Measured:
+        """Measure one row.
+
+        Parameters
+        ----------
+        row : n reactions, sample i answering partner i of ``real`` at the same times; its
+            ``clips`` are where its motions come from, so a wrong partner's are permuted
+        """
+        yardstick = self.yardstick
+        if len(row) != len(yardstick.real):
+            raise ValueError(f"wanted {len(yardstick.real)} reactions; got {len(row)}")
+        codes = yardstick.codes(row)
+        plausible, reasons = measure_plausibility(row, yardstick)
+        modes, missing = measure_multimodality(row, yardstick)
+        return Measured(
+            {
+                **measure_f2id(row, self._laws, yardstick),
+                **published_f2id(row, yardstick),
+                **measure_mmd(row, codes, yardstick),
+                **measure_diversity(row, codes, yardstick),
+                **measure_displacement(row, yardstick),
+                **self._partners.measure(row),
+                **plausible,
+                **modes,
+            },
+            reasons | missing,
+        )
+
+    def real(self, pairs: Measured) -> Measured:
+        """Measure the row ``real``, given that of the real pairs tested.
+
+        Its excess is 0 by definition; its F²ID, plain and extrapolated, is the floor.
+        """
+        yardstick = self.yardstick
+        second, codes = yardstick.seconds[0], yardstick.codes(yardstick.seconds[0], 1)
+        own = {
+            "f2id": as_estimate(self._laws.floor),
+            "f2id_infinity": as_estimate(self._laws.floor_infinity),
+            "f2id_halves": _halves(yardstick),
+            **published_f2id(second, yardstick),
+            **measure_mmd(second, codes, yardstick),
+            **measure_diversity(second, codes, yardstick),
+        }
+        return Measured(pairs.estimates | own, pairs.absent)
 
 
-def measure_rows(
-    real: Reactions,
-    rows: Mapping[str, Reactions],
-    *,
-    train: Reactions,
-    weights: Array,
-    settings: Settings,
-) -> tuple[Table, Estimates]:
-    """Do as ``score_rows``, and give the draws of clips too, for ``compare_rows``."""
-    for name, row in rows.items():
-        if name == "real" or len(row) != len(real):
-            raise ValueError(f"row {name}: wanted {len(real)} reactions, not real; got {len(row)}")
-    yardstick = Yardstick(real=real, train=train, weights=weights, settings=settings)
-    table: Table = {}
-    estimates: Estimates = {}
-    for name, row in {"real": yardstick.second, **rows}.items():
-        estimates[name], published = measure_laws(row, yardstick)
-        answers = real if name == "real" else row
-        estimates[name] |= measure_displacement(answers, yardstick)
-        table[name] = _intervals(estimates[name], settings.confidence) | published
-    floors = {"f2id_floor": table["real"]["f2id"], "f2id_halves": _halves(yardstick)}
-    return {name: metrics | floors for name, metrics in table.items()}, estimates
+def measure_rows(table: Table, rows: Mapping[str, Reactions]) -> dict[str, Measured]:
+    """Measure rows, and the rows ``real_pairs`` and ``real`` before them."""
+    taken = {REAL, REAL_PAIRS} & {*rows}
+    if taken:
+        raise ValueError(f"row {min(taken)} is that of real motion; name the other otherwise")
+    pairs = table.measure(table.yardstick.real)
+    found = {REAL: table.real(pairs), REAL_PAIRS: pairs}
+    return found | {name: table.measure(row) for name, row in rows.items()}
 
 
-def compare_rows(
-    estimates: Estimates, first: str, second: str, confidence: float
-) -> dict[str, Interval]:
-    """Give the paired difference ``first`` − ``second`` of each metric, with its interval."""
-    return {
-        metric: difference(estimate, estimates[second][metric], confidence)
-        for metric, estimate in estimates[first].items()
-    }
-
-
-def _intervals(estimates: dict[str, Estimate], confidence: float) -> dict[str, Interval]:
-    return {
-        name: interval(estimate, confidence, least=0.0 if name in _NOT_NEGATIVE else -np.inf)
-        for name, estimate in estimates.items()
-    }
-
-
-def _halves(yardstick: Yardstick) -> Interval:
+def _halves(yardstick: Yardstick) -> Estimate:
     """Measure F²ID between halves of the real reactions, split by clip, several times."""
     settings, features = yardstick.settings, yardstick.real.features
     generator = np.random.default_rng((settings.random_seed, 1))
     splits = (halves_by_clip(yardstick.real.clips, generator) for _ in range(settings.repeats))
-    return repeated(
-        np.array([f2id(features[i], features[j], yardstick.weights) for i, j in splits])
-    )
+    return as_repeats([f2id(features[i], features[j], yardstick.weights) for i, j in splits])

@@ -1,13 +1,17 @@
-"""What every row of one table is measured with: real motion, draws of clips, kernels."""
+"""What every row of one table is measured with: real motion, second draws, draws of clips."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.metrics.floors import draw_by_clip
+from pacmo_core.metrics.body import Body
+from pacmo_core.metrics.extrapolation import deal_parts
+from pacmo_core.metrics.floors import second_draws
 from pacmo_core.metrics.intervals import Array, resample_clips
+from pacmo_core.metrics.matching import candidates_in
 from pacmo_core.metrics.mmd import (
     PUBLISHED_BANDWIDTHS,
     as_sequence,
@@ -16,6 +20,8 @@ from pacmo_core.metrics.mmd import (
 )
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.resampling import stack_motions
+
+Codes = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,35 +32,46 @@ class Settings:
     ----------
     n_samples, repeats : the paper's protocol, n drawn with replacement so many times
     bootstrap : draws of clips for the intervals
-    confidence : of the intervals, in (0, 1)
+    second_draws : further draws of real motion, from the training clips
     n_frames : common length of motions for MMD
-    root : index of the root joint
+    n_instants, n_components : of the functions of distances between bodies, r and their rank
+    candidates : partners to pick the true one among
+    foot_height : metres above the ground below which a foot stands
+    body_radius : metres between a point of either body below which they merge
+    contact_distance : metres between joints that touch
+    body : the joints that metrics speak of
     random_seed : for all draws
     """
 
     n_samples: int
     repeats: int
     bootstrap: int
-    confidence: float
+    second_draws: int
     n_frames: int
-    root: int
+    n_instants: int
+    n_components: int
+    candidates: int
+    foot_height: float
+    body_radius: float
+    contact_distance: float
+    body: Body
     random_seed: int
 
 
 class Yardstick:
-    """Real reactions, a second draw of real motion, and draws of clips shared by all rows.
+    """Real reactions, second draws of real motion, and draws of clips shared by all rows.
 
     Parameters
     ----------
     real : the real reactions of the test clips
-    train : real reactions of other clips, from which the second draw is taken
+    train : real reactions of other clips, from which the second draws are taken
     weights : (r,) quadrature weights of the features' grid
     settings : the protocol
 
     Raises
     ------
     ValueError
-        If the two sets share a clip, or ``train`` is the smaller.
+        If the two sets share a clip.
     """
 
     def __init__(
@@ -63,31 +80,65 @@ class Yardstick:
         shared = sorted({*real.clips} & {*train.clips})
         if shared:
             raise ValueError(f"real and train must share no clip; both hold {shared[:3]}")
-        clips, draws, paper = np.random.default_rng(settings.random_seed).spawn(3)
+        seconds, draws, paper, parts = np.random.default_rng(settings.random_seed).spawn(4)
         self.real = real
+        self.train = train
         self.weights = weights
         self.settings = settings
-        self.second = train.take(draw_by_clip(train.clips, len(real), clips))
-        names = sorted({*real.clips}) + sorted({*self.second.clips})
-        self._code = {name: i for i, name in enumerate(names)}
-        groups = np.array([name not in {*real.clips} for name in names], dtype=np.intp)
-        drawn = resample_clips(groups, settings.bootstrap, draws)
+        self.seconds = [
+            train.take(indices)
+            for indices in second_draws(train.clips, len(real), settings.second_draws, seconds)
+        ]
+        names = [(0, name) for name in sorted({*real.clips})]
+        for number, second in enumerate(self.seconds, start=1):
+            names += [(number, name) for name in sorted({*second.clips})]
+        self._column = {name: i for i, name in enumerate(names)}
+        self.groups = np.array([group for group, _ in names], dtype=np.intp)
+        drawn = resample_clips(self.groups, settings.bootstrap, draws)
         # (1 + bootstrap, G): the first row has every clip once and gives the plain value.
         self.counts = np.concatenate([np.ones((1, len(names))), drawn])
-        shape = (2, settings.repeats, settings.n_samples)
-        # The paper's draws: of the real reactions, and of any row's.
-        self.real_drawn, self.row_drawn = paper.integers(len(real), size=shape)
+        self.partners = self.codes(real)
+        # (repeats, 2, n_samples) in [0, 1): the paper's draws, of the real reactions, of a row's.
+        self._paper = paper.random((settings.repeats, 2, settings.n_samples))
+        self._parts = parts
 
-    def codes(self, row: Reactions) -> NDArray[np.intp]:
-        """Look up the column of ``counts`` of each reaction's clip, (n,)."""
-        unknown = sorted({*row.clips} - {*self._code})
+    @cached_property
+    def part_counts(self) -> Array:
+        """Parts for the extrapolation, (repeats + bootstrap, P, G): all clips ``repeats`` times."""
+        repeats = self.settings.repeats
+        rows = np.concatenate([np.repeat(self.counts[:1], repeats, axis=0), self.counts[1:]])
+        return deal_parts(rows, self.groups, self._parts)
+
+    @property
+    def candidates(self) -> int:
+        """How many partners there are to pick the true one among."""
+        return candidates_in(self.partners, self.settings.candidates)
+
+    def codes(self, row: Reactions, number: int = 0) -> Codes:
+        """Look up the column of ``counts`` of each reaction's clip, (n,).
+
+        Parameters
+        ----------
+        row : reactions of clips of ``real``, or of a second draw
+        number : 0 for those of ``real``, from 1 on for those of a second draw
+        """
+        unknown = sorted({name for name in row.clips if (number, name) not in self._column})
         if unknown:
             raise ValueError(f"clips must be those of the real reactions; {unknown[:3]} are not")
-        return np.array([self._code[name] for name in row.clips], dtype=np.intp)
+        return np.array([self._column[number, name] for name in row.clips], dtype=np.intp)
+
+    def drawn(self, row: Reactions) -> list[tuple[Codes, Codes]]:
+        """Draw by the paper's protocol, so often: samples of the real reactions, and of a row."""
+        sizes = np.array([[len(self.real)], [len(row)]])
+        return [(i, j) for i, j in (self._paper * sizes).astype(np.intp)]
 
     def stacked(self, row: Reactions) -> Array:
         """Resample a row's motions to the common length, (n, n_frames, J·3)."""
         return stack_motions(row.motions, row.times, self.settings.n_frames)
+
+    def sequences(self, motions: Sequence[NDArray[np.float32]], times: Sequence[Array]) -> Array:
+        """Resample motions to the common length, as whole sequences, (n, 1, n_frames·J·3)."""
+        return as_sequence(stack_motions(motions, times, self.settings.n_frames))
 
     @cached_property
     def real_kernels(self) -> "dict[str, RealKernels]":

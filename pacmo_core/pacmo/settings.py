@@ -128,3 +128,27 @@ class PacmoSettings:
     augment: AugmentSettings
     mixed_precision: bool  # bfloat16 in the networks, on a GPU only
     compile_generator: bool  # on a GPU only
+
+
+@dataclass(frozen=True)
+class MatcherSettings:
+    """The ``train_matcher`` section."""
+
+    random_seed: int
+    device: str  # cpu, cuda or auto: cuda where there is one
+    n_points: int  # grid on [0, 1]
+    period: float
+    width: int
+    modes: list[int]  # of the three layers
+    embedding: int  # channels of the functions that are compared
+    n_instants: int  # at which they are
+    temperature: float  # of the choice: small is sharp
+    noise: float  # metres, whole bodies moved at random while training
+    weight_decay: float
+    learning_rate: float
+    halve_every: int  # epochs
+    batch_size: int
+    n_epochs: int
+    validate_every: int  # epochs; the weights that score best are handed over
+    checkpoint_every: int  # epochs
+    mirror: bool  # show each interaction mirrored too

@@ -1,4 +1,4 @@
-"""The facts beside the motions: a row a clip, and a row a capture that could not be used."""
+"""The facts beside the motions: a row a clip, a side a clip, a row an unusable capture."""
 
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -33,7 +33,14 @@ class ClipFacts:
     max_joint_speed: float
     contact_share: float
     filled_frames: int
-    side: str = ""
+
+
+@dataclass(frozen=True)
+class SideFacts:
+    """Where one clip stands in one fold: ``train``, ``validation``, ``test`` or ``dropped``."""
+
+    clip: str
+    side: str
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,7 @@ class QuarantineFacts:
     reason: str
 
 
-Row = TypeVar("Row", ClipFacts, QuarantineFacts)
+Row = TypeVar("Row", ClipFacts, SideFacts, QuarantineFacts)
 COLUMN_TYPES: dict[object, pa.DataType] = {
     str: pa.string(),
     float: pa.float64(),

@@ -1,0 +1,31 @@
+"""The command line of a training run: clips and sides in, a model and its curve out."""
+
+import argparse
+from pathlib import Path
+
+PATHS = ("clips", "sides", "model", "curve")
+
+
+def fold_arguments() -> dict[str, Path]:
+    """Read ``CLIPS SIDES.parquet MODEL CURVE.csv``, of a model trained once a fold."""
+    return vars(_parser().parse_args())
+
+
+def run_arguments(section: str) -> argparse.Namespace:
+    """Read ``[--section=NAME] --seed=S CLIPS SIDES.parquet MODEL CURVE.csv``.
+
+    Parameters
+    ----------
+    section : of ``params.yaml``, unless another is named
+    """
+    parser = _parser()
+    parser.add_argument("--section", default=section, help="of params.yaml")
+    parser.add_argument("--seed", type=int, required=True, help="of this run")
+    return parser.parse_args()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser()
+    for name in PATHS:
+        parser.add_argument(name, type=Path)
+    return parser

@@ -1,0 +1,38 @@
+"""Train the trunk of PaCMO's generator on squared error, without noise.
+
+Usage: python -m stages.train_regression --seed=S CLIPS SIDES.parquet MODEL CURVE.csv
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pacmo_core.pacmo import adversarial, regression
+from pacmo_core.pacmo.settings import RegressionSettings
+from stages._params import read_params
+from stages._runs import run_arguments
+from stages._training import Task, sides_of, train
+
+
+@dataclass(frozen=True)
+class Params(RegressionSettings):
+    """The ``train_regression`` section of ``params.yaml``."""
+
+    threads: int
+
+
+def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, seed: int) -> None:
+    params = read_params(section, Params, given={"random_seed": seed})
+    found = sides_of(clips, sides)
+    task = Task(
+        "regression",
+        params,
+        found,
+        lambda device: regression.fit(found.train, params, validation=found.validation, device=device),
+        adversarial.config,
+        shares=False,
+    )
+    train(task, model, curve)
+
+
+if __name__ == "__main__":
+    main(**vars(run_arguments("train_regression")))
