@@ -1,4 +1,4 @@
-"""The rows of the table as interactions seen from their partners, real, generated and dealt anew."""
+"""Rows of the table, seen from their partners: real, generated, dealt to other partners."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -115,7 +115,7 @@ def generated(file: Path, real: Seen) -> Seen | None:
 
 
 def runs(reactions: Path, real: Seen) -> Iterator[tuple[str, int, Seen]]:
-    """Yield what is in ``ROW/SEED`` below a folder, in order; runs that made nothing are left out."""
+    """Yield what stands in ``ROW/SEED`` below a folder, without the runs that made nothing."""
     files = sorted(reactions.glob(f"*/*/{MOTIONS}"))
     if not files:
         raise ValueError(f"{reactions}: wanted ROW/SEED/{MOTIONS} below it, found none")
