@@ -13,7 +13,7 @@ from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.pacmo import autoencoder, matching
 from pacmo_core.pacmo.autoencoder import Autoencoder
 from pacmo_core.pacmo.facing import dealt_to, seen_from_partner
-from pacmo_core.pacmo.matching import Matcher
+from pacmo_core.pacmo.matcher import Matcher
 from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS
 from stages._reactions import directed_clips
