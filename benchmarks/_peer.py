@@ -34,7 +34,7 @@ def peer_operator(in_channels: int, out_channels: int) -> nn.Module | None:
             projection_channels=4 * WIDTH,
             n_layers=len(MODES),
             uno_out_channels=list(u_channels(WIDTH)),
-            uno_n_modes=[[modes] for modes in MODES],
+            uno_n_modes=[[2 * modes - 2] for modes in MODES],  # it keeps half of them and one
             uno_scalings=[[scaling] for scaling in scalings],
             horizontal_skips_map=dict(SKIPS),
             channel_mlp_skip="linear",  # its default refuses layers that change width

@@ -7,7 +7,8 @@ width 64, batch 16, 150 to 69 channels, the same seven grids and modes, one thre
 ``reaction_ms``: one partner of 64 frames through ``react``; ``stream_ms_per_frame``: one frame of
 a live partner; ``long_s``, ``long_mb``: one partner of 48,000 frames in one call, in a process of
 its own: seconds, and peak resident memory above that before the call. Generators have width 64.
-The weights are fresh ones: time does not depend on them. Without the peer
+The weights are fresh ones: time does not depend on them. On one thread
+times are process times, which other work on the machine disturbs least. Without the peer
 (``pip install neuraloperator==2.0.0``, the extra ``peers``) its two figures are left out.
 """
 
@@ -90,9 +91,9 @@ def stream() -> dict[str, float]:
     live = Stream(generator(), n_samples=1, random=torch.Generator().manual_seed(0))
     taken = []
     for pose, instant in zip(motion, times, strict=True):
-        start = time.perf_counter()
+        start = time.process_time()
         live.answer(pose, float(instant))
-        taken.append(1e3 * (time.perf_counter() - start))
+        taken.append(1e3 * (time.process_time() - start))
     return {"stream_ms_per_frame": statistics.median(taken[len(taken) // 2 :])}
 
 
@@ -124,14 +125,14 @@ def resident(which: str) -> float:
 
 
 def medians(runs: Sequence[Callable[[], None]]) -> list[float]:
-    """Milliseconds of each, taken in turn after two rounds to warm up."""
+    """Milliseconds of process time of each, taken in turn after two rounds to warm up."""
     taken: list[list[float]] = [[] for _ in runs]
     for number in range(N_ROUNDS + 2):
         for run, found in zip(runs, taken, strict=True):
-            start = time.perf_counter()
+            start = time.process_time()
             run()
             if number >= 2:
-                found.append(1e3 * (time.perf_counter() - start))
+                found.append(1e3 * (time.process_time() - start))
     return [statistics.median(found) for found in taken]
 
 

@@ -111,8 +111,6 @@ def react_all(
 
     Noise is drawn partner by partner, so that the first reactions do not depend on later partners.
     """
-    if isinstance(model, Gru) and n_samples != 1:
-        raise ValueError(f"the baseline is deterministic: wanted 1 sample; got {n_samples}")
     n_joints = len(model.skeleton.joints)
     found: list[Motion] = []
     for partner in partners:
@@ -121,7 +119,7 @@ def react_all(
     pieces = _pieces(model, partners, n_samples, random)
     with torch.no_grad():
         while block := list(islice(pieces, max(1, MOTIONS_AT_ONCE // n_samples))):
-            for piece, local in zip(block, _answers(model, block), strict=True):
+            for piece, local in zip(block, answers(model, block), strict=True):
                 motion = piece.frame.to_world(local.reshape(*local.shape[:2], n_joints, 3))
                 weights = piece.weights.astype(np.float32)[:, None, None]
                 found[piece.owner][:, piece.rows] += weights * motion
@@ -156,7 +154,7 @@ def _pieces(
         motion = Spline(partner.times, partner.motion)
         motion.check(partner.out_times)
         windows = cut(motion.start, motion.end, model.normalisation)
-        noise = _noise(model, n_samples, random)
+        noise = endless_noise(model, n_samples, random)
         for window, (rows, weights) in zip(
             windows, shares(windows, partner.out_times), strict=True
         ):
@@ -173,14 +171,18 @@ def _pieces(
             )
 
 
-def _noise(model: Reactor, n_samples: int, random: torch.Generator) -> EndlessNoise | None:
+def endless_noise(model: Reactor, n_samples: int, random: torch.Generator) -> EndlessNoise | None:
+    """Make the noise of so many reactions to one partner; the baseline takes none."""
+    if n_samples < 1 or (isinstance(model, Gru) and n_samples != 1):
+        wanted = "1: the baseline is deterministic" if isinstance(model, Gru) else "1 or more"
+        raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
     if isinstance(model, Gru):
         return None
     return EndlessNoise(model.config.noise, lambda: model.draw(n_samples, random))
 
 
-def _answers(model: Reactor, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
-    """Give ``(S, rows, 3 J)`` metres in the frame, piece by piece."""
+def answers(model: Reactor, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
+    """Give ``(S, rows, 3 J)`` metres in the frame, piece by piece, all of one number of samples."""
     if isinstance(model, Generator):
         return _generate(model, pieces)
     return (_predict(model, piece) for piece in pieces)
