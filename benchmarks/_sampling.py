@@ -122,6 +122,6 @@ def _inputs(
     return np.stack([_local(model, p, m) - mean for p, m in zip(partners, motions, strict=True)])
 
 
-def _local(model: Generator, partner: Sampled, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+def _local(model: Generator, partner: Sampled, motion: NDArray[np.floating]) -> NDArray[np.float64]:
     local = frame_of(partner.motion, model.skeleton).to_local(motion.astype(np.float32))
     return local.reshape(*motion.shape[:-2], -1).astype(np.float64)

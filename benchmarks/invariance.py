@@ -89,7 +89,7 @@ def captured(model: Generator) -> dict[str, float]:
         "dropped": [c.only(survivors(len(c.times), random)) for c in whole],
         "finer": [c.finer(random) for c in whole],
     }
-    figures = {}
+    figures: dict[str, float] = {}
     for kind, other in others.items():
         found = mismatch(model, whole, other)
         figures |= {f"{name}_real_{kind}": found.out, f"{name}_input_{kind}": found.into}

@@ -63,5 +63,5 @@ class RandomField:
         order = torch.arange(1, self.n_modes + 1, dtype=torch.float64)
         angle = 2 * math.pi / self.period * by * order
         cos, sin = (part.float().to(coefficients.device) for part in (angle.cos(), angle.sin()))
-        a, b = coefficients.unflatten(-1, (-1, 2)).unbind(-1)
+        a, b = coefficients[..., ::2], coefficients[..., 1::2]
         return torch.stack([a * cos + b * sin, b * cos - a * sin], dim=-1).flatten(-2)

@@ -66,7 +66,7 @@ class Piece:
 
     def local(self, instants: NDArray[np.float64]) -> NDArray[np.float32]:
         """``(N, 3 J)``: the partner at instants, seen from the frame."""
-        return self.frame.to_local(self.motion(instants)).reshape(len(instants), -1)
+        return self.frame.to_local(poses(self.motion, instants)).reshape(len(instants), -1)
 
 
 def react(
@@ -136,6 +136,12 @@ def instants(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     return at
 
 
+def poses(motion: Spline, instants: NDArray[np.float64]) -> Motion:
+    """``(N, J, 3)`` float32: a motion at instants."""
+    found: Motion = motion(instants).astype(np.float32)
+    return found
+
+
 def _check(partner: Partner, n_joints: int) -> None:
     if partner.motion.shape != (len(partner.times), n_joints, 3):
         raise ValueError(
@@ -163,7 +169,7 @@ def _pieces(
                 owner=owner,
                 motion=motion,
                 window=window,
-                frame=frame_of(motion([window.start]), model.skeleton),
+                frame=frame_of(poses(motion, np.array([window.start])), model.skeleton),
                 noise=noise.at(shift) if noise else torch.zeros(0),
                 rows=rows,
                 instants=partner.out_times[rows],

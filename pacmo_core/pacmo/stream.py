@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
-from pacmo_core.pacmo.react import Piece, Reactor, answers, endless_noise
+from pacmo_core.pacmo.react import Piece, Reactor, answers, endless_noise, poses
 from pacmo_core.pacmo.windows import Window, usual_duration
 from pacmo_core.transform import frame_of
 
@@ -57,6 +57,8 @@ class Stream:
         shape = (len(self._model.skeleton.joints), 3)
         if pose.shape != shape or not np.isfinite(pose).all():
             raise ValueError(f"a pose must be {shape} finite numbers; got {pose.shape}")
+        if not np.isfinite(time):
+            raise ValueError(f"time must be finite; got {time}")
         self._remember(pose, time)
         piece = self._piece(time)
         with torch.no_grad():
@@ -68,15 +70,15 @@ class Stream:
             self._began = time
             before = np.linspace(time - self._duration, time, STILL_POSES, endpoint=False)
             self._seen.extend((float(instant), pose) for instant in before)
-        if not time > self._seen[-1][0]:
+        if time <= self._seen[-1][0]:
             raise ValueError(f"time must go on from {self._seen[-1][0]:g} s; got {time:g}")
         self._seen.append((time, pose))
         while self._seen[1][0] <= time - self._duration:
             self._seen.popleft()
 
     def _piece(self, time: float) -> Piece:
-        times, poses = zip(*self._seen, strict=True)
-        motion = Spline(times, np.stack(poses))
+        times, seen = zip(*self._seen, strict=True)
+        motion = Spline(times, np.stack(seen))
         # A clock that counts from long ago rounds: the window must not begin before the frames.
         window = Window(max(time - self._duration, motion.start), self._duration)
         since = (time - self._began) / self._duration
@@ -84,7 +86,7 @@ class Stream:
             owner=0,
             motion=motion,
             window=window,
-            frame=frame_of(motion([window.start]), self._model.skeleton),
+            frame=frame_of(poses(motion, np.array([window.start])), self._model.skeleton),
             noise=self._noise.at(since) if self._noise else torch.zeros(0),
             rows=slice(0, 1),
             instants=np.array([time]),
