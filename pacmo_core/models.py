@@ -27,6 +27,7 @@ def load(path: Path | str) -> Reactor:
     StoreError
         If the file is not whole, or holds a model that does not react.
     """
+    Path(path).stat()  # an error of the system names the file, safetensors' does not
     config, state = read_weights(Path(path))
     kind = config.get("kind")
     if kind not in BUILDERS:
