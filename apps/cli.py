@@ -2,7 +2,7 @@
 
 import typer
 
-from apps import cli_clips, cli_fetch, cli_use
+from apps import cli_clips, cli_fetch, cli_react, cli_use
 
 app = typer.Typer(
     name="pacmo",
@@ -15,6 +15,7 @@ app = typer.Typer(
 app.add_typer(cli_fetch.app, name="fetch")
 app.command("use")(cli_use.use_experiment)
 app.command("experiments")(cli_use.list_experiments)
+app.command("react")(cli_react.react_to)
 app.command("clips")(cli_clips.list_clips)
 app.command("quarantine")(cli_clips.list_quarantine)
 

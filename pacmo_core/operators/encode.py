@@ -30,6 +30,12 @@ class Spline:
         ValueError
             If an instant lies outside the samples: a spline does not extrapolate motion.
         """
+        instants = self.check(at)
+        values: NDArray[np.float64] = self._spline(instants.clip(self.start, self.end))
+        return values
+
+    def check(self, at: ArrayLike) -> NDArray[np.float64]:
+        """Give instants back as an array, or raise as a call does."""
         instants = np.asarray(at, dtype=np.float64)
         slack = 1e-9 * max(1.0, abs(self.end), self.end - self.start)
         if instants.min() < self.start - slack or instants.max() > self.end + slack:
@@ -37,8 +43,7 @@ class Spline:
                 f"instants must lie in [{self.start:g}, {self.end:g}] s; "
                 f"got [{instants.min():g}, {instants.max():g}]"
             )
-        values: NDArray[np.float64] = self._spline(instants.clip(self.start, self.end))
-        return values
+        return instants
 
     def on_grid(self, n_points: int) -> NDArray[np.float64]:
         """Evaluate on ``n_points`` evenly spaced instants, both ends among them."""

@@ -54,3 +54,14 @@ class RandomField:
     def evaluate(self, coefficients: Tensor, times: Tensor) -> Tensor:
         """Evaluate ``(B, C, 2 K)`` coefficients at ``(T,)`` instants: ``(B, T, C)``."""
         return (coefficients @ self.basis(times).T).transpose(1, 2)
+
+    def shifted(self, coefficients: Tensor, by: float) -> Tensor:
+        """Move the origin of time: the new field at ``t`` is the old one at ``t + by``.
+
+        Exact, and it does not change the law, for the field is stationary.
+        """
+        order = torch.arange(1, self.n_modes + 1, dtype=torch.float64)
+        angle = 2 * math.pi / self.period * by * order
+        cos, sin = (part.float().to(coefficients.device) for part in (angle.cos(), angle.sin()))
+        a, b = coefficients[..., ::2], coefficients[..., 1::2]
+        return torch.stack([a * cos + b * sin, b * cos - a * sin], dim=-1).flatten(-2)

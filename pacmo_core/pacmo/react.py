@@ -1,7 +1,8 @@
-"""Reactions in the world to a partner's motion, at any instants."""
+"""Reactions in the world to a partner's motion of any length, at any instants."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import torch
@@ -12,10 +13,14 @@ from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.gru import Gru, frame_times
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.pacmo.windows import EndlessNoise, Window, cut, shares
 from pacmo_core.transform import Frame, frame_of
 
 Reactor = Generator | Gru
+
+# What bounds memory: motions that go through the layers, and instants through the head, at once.
+MOTIONS_AT_ONCE = 64
+INSTANTS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -26,25 +31,42 @@ class Partner:
     ----------
     motion : (T, J, 3) float32, metres, in the world
     times : (T,) float64, seconds, strictly increasing
-    out_times : (T_out,) float64, seconds, within ``times``
+    out_times : (T_out,) float64, seconds, ascending, within ``times``
     """
 
     motion: Motion
     times: NDArray[np.float64]
     out_times: NDArray[np.float64]
 
-    def frame(self, skeleton: Skeleton) -> Frame:
-        """Find the frame of the first pose."""
-        return frame_of(self.motion, skeleton)
 
-    def spline(self, frame: Frame) -> Spline:
-        """Pass a cubic spline through the local motion, ``3 J`` channels."""
-        return Spline(self.times, frame.to_local(self.motion).reshape(len(self.motion), -1))
+@dataclass(frozen=True)
+class Piece:
+    """One window of a partner's motion, and what of the reaction it answers for.
 
-    @property
-    def duration(self) -> float:
-        """Seconds from the first frame to the last."""
-        return float(self.times[-1] - self.times[0])
+    Parameters
+    ----------
+    owner : which partner
+    motion : spline of the partner in the world
+    window : Window
+    frame : of the partner at the window's start
+    noise : (S, k, 2 K) coefficients; none for the baseline
+    rows : of the reaction
+    instants : (rows,) float64, seconds
+    weights : (rows,) float64, the window's share at each
+    """
+
+    owner: int
+    motion: Spline
+    window: Window
+    frame: Frame
+    noise: Tensor
+    rows: slice
+    instants: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+    def local(self, instants: NDArray[np.float64]) -> NDArray[np.float32]:
+        """``(N, 3 J)``: the partner at instants, seen from the frame."""
+        return self.frame.to_local(poses(self.motion, instants)).reshape(len(instants), -1)
 
 
 def react(
@@ -58,11 +80,14 @@ def react(
 ) -> Motion:
     """React to one partner.
 
+    A motion longer than the model's training clips is taken in overlapping windows; time and
+    memory grow linearly with its length.
+
     Parameters
     ----------
     model : a generator, or the deterministic baseline
     partner : (T, J, 3) float32, metres, in the world
-    times, out_times : (T,), (T_out,) float64, seconds; the latter within the former
+    times, out_times : (T,), (T_out,) float64, seconds; the latter ascending, within the former
     n_samples : S; 1 for the baseline
     random : CPU generator of the noise
 
@@ -82,63 +107,128 @@ def react(
 def react_all(
     model: Reactor, partners: Sequence[Partner], *, n_samples: int, random: torch.Generator
 ) -> list[Motion]:
-    """React to many partners of any lengths and rates in one batch: ``(S, T_out_i, J, 3)`` each.
+    """React to many partners of any lengths and rates, in batches: ``(S, T_out_i, J, 3)`` each.
 
     Noise is drawn partner by partner, so that the first reactions do not depend on later partners.
     """
     n_joints = len(model.skeleton.joints)
+    found: list[Motion] = []
     for partner in partners:
-        if partner.motion.shape != (len(partner.times), n_joints, 3):
-            raise ValueError(
-                f"partner must be ({len(partner.times)}, {n_joints}, 3); got {partner.motion.shape}"
-            )
-    frames = [partner.frame(model.skeleton) for partner in partners]
+        _check(partner, n_joints)
+        found.append(np.zeros((n_samples, len(partner.out_times), n_joints, 3), np.float32))
+    pieces = _pieces(model, partners, n_samples, random)
     with torch.no_grad():
-        if isinstance(model, Generator):
-            local = _generate(model, partners, frames, n_samples, random)
-        elif n_samples == 1:
-            local = [_predict(model, *pair)[None] for pair in zip(partners, frames, strict=True)]
-        else:
-            raise ValueError(f"the baseline is deterministic: wanted 1 sample; got {n_samples}")
-    return [
-        frame.to_world(motion.reshape(*motion.shape[:2], n_joints, 3))
-        for frame, motion in zip(frames, local, strict=True)
-    ]
+        while block := list(islice(pieces, max(1, MOTIONS_AT_ONCE // n_samples))):
+            for piece, local in zip(block, answers(model, block), strict=True):
+                motion = piece.frame.to_world(local.reshape(*local.shape[:2], n_joints, 3))
+                weights = piece.weights.astype(np.float32)[:, None, None]
+                found[piece.owner][:, piece.rows] += weights * motion
+    return found
 
 
-def _generate(
-    model: Generator,
-    partners: Sequence[Partner],
-    frames: Sequence[Frame],
-    n_samples: int,
-    random: torch.Generator,
-) -> list[NDArray[np.float32]]:
-    device, n_points = model.points.device, model.config.uno.n_points
-    splines = [partner.spline(frame) for partner, frame in zip(partners, frames, strict=True)]
-    noise = torch.stack([model.draw(n_samples, random) for _ in partners]).to(device)
-    grid = _tensor(np.stack([spline.on_grid(n_points) for spline in splines]), device)
-    log_duration = _tensor(np.log([partner.duration for partner in partners]), device)
+def instants(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
+    """List the instants of a steady rate, from the first of ``times`` to the last at most."""
+    if not fps > 0:
+        raise ValueError(f"fps must be > 0; got {fps}")
+    # A rounding error must not cost the last frame.
+    count = int(np.floor((times[-1] - times[0]) * fps + 1e-6)) + 1
+    at: NDArray[np.float64] = np.minimum(times[0] + np.arange(count) / fps, times[-1])
+    return at
+
+
+def poses(motion: Spline, instants: NDArray[np.float64]) -> Motion:
+    """``(N, J, 3)`` float32: a motion at instants."""
+    found: Motion = motion(instants).astype(np.float32)
+    return found
+
+
+def _check(partner: Partner, n_joints: int) -> None:
+    if partner.motion.shape != (len(partner.times), n_joints, 3):
+        raise ValueError(
+            f"partner must be ({len(partner.times)}, {n_joints}, 3); got {partner.motion.shape}"
+        )
+    steps = np.diff(partner.out_times)
+    if not len(partner.out_times) or (steps < 0).any():
+        raise ValueError("out_times must ascend and not be empty")
+
+
+def _pieces(
+    model: Reactor, partners: Sequence[Partner], n_samples: int, random: torch.Generator
+) -> Iterator[Piece]:
+    """Cut every partner into windows, when their turn comes."""
+    for owner, partner in enumerate(partners):
+        motion = Spline(partner.times, partner.motion)
+        motion.check(partner.out_times)
+        windows = cut(motion.start, motion.end, model.normalisation)
+        noise = endless_noise(model, n_samples, random)
+        for window, (rows, weights) in zip(
+            windows, shares(windows, partner.out_times), strict=True
+        ):
+            shift = (window.start - motion.start) / window.duration
+            yield Piece(
+                owner=owner,
+                motion=motion,
+                window=window,
+                frame=frame_of(poses(motion, np.array([window.start])), model.skeleton),
+                noise=noise.at(shift) if noise else torch.zeros(0),
+                rows=rows,
+                instants=partner.out_times[rows],
+                weights=weights,
+            )
+
+
+def endless_noise(model: Reactor, n_samples: int, random: torch.Generator) -> EndlessNoise | None:
+    """Make the noise of so many reactions to one partner; the baseline takes none."""
+    if n_samples < 1 or (isinstance(model, Gru) and n_samples != 1):
+        wanted = "1: the baseline is deterministic" if isinstance(model, Gru) else "1 or more"
+        raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
+    if isinstance(model, Gru):
+        return None
+    return EndlessNoise(model.config.noise, lambda: model.draw(n_samples, random))
+
+
+def answers(model: Reactor, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
+    """Give ``(S, rows, 3 J)`` metres in the frame, piece by piece, all of one number of samples."""
+    if isinstance(model, Generator):
+        return _generate(model, pieces)
+    return (_predict(model, piece) for piece in pieces)
+
+
+def _generate(model: Generator, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
+    device = model.points.device
+    n_samples = len(pieces[0].noise)
+    noise = torch.stack([piece.noise for piece in pieces]).to(device)
+    grid = torch.stack([_on_grid(piece, model.config.uno.n_points) for piece in pieces]).to(device)
+    durations = np.array([piece.window.duration for piece in pieces])
+    log_duration = torch.tensor(np.log(durations).astype(np.float32), device=device)
     latent = model.latent(
         noise.flatten(0, 1),
         grid.repeat_interleave(n_samples, dim=0),
         log_duration.repeat_interleave(n_samples),
     )
-    latent = latent.view(len(latent), len(partners), n_samples, -1)
-    found = []
-    for i, (partner, spline) in enumerate(zip(partners, splines, strict=True)):
-        at = torch.from_numpy((partner.out_times - partner.times[0]) / partner.duration).to(device)
-        motion = _tensor(spline(partner.out_times), device).expand(n_samples, -1, -1)
-        reaction = model.at(latent[:, i], noise[i], motion, log_duration[i].expand(n_samples), at)
-        found.append(reaction.cpu().numpy())
-    return found
+    latent = latent.view(len(latent), len(pieces), n_samples, -1)
+    for i, piece in enumerate(pieces):
+        parts = []
+        for first in range(0, len(piece.instants), INSTANTS_AT_ONCE):
+            at = piece.instants[first : first + INSTANTS_AT_ONCE]
+            motion = torch.tensor(piece.local(at), device=device).expand(n_samples, -1, -1)
+            shares_of = torch.from_numpy(piece.window.inside(at)).to(device)
+            parts.append(
+                model.at(
+                    latent[:, i], noise[i], motion, log_duration[i].expand(n_samples), shares_of
+                )
+            )
+        yield torch.cat(parts, dim=1).cpu().numpy()
 
 
-def _predict(model: Gru, partner: Partner, frame: Frame) -> NDArray[np.float32]:
-    device = model.normalisation.scale.device
-    at = frame_times(partner.times[0], partner.times[-1], model.config.fps)
-    reaction = model(_tensor(partner.spline(frame)(at), device)[None])[0].cpu().numpy()
-    return Spline(at, reaction)(partner.out_times).astype(np.float32)
+def _on_grid(piece: Piece, n_points: int) -> Tensor:
+    window = piece.window
+    return torch.tensor(piece.local(np.linspace(window.start, window.end, n_points)))
 
 
-def _tensor(values: NDArray[np.float64], device: torch.device) -> Tensor:
-    return torch.tensor(values.astype(np.float32), device=device)
+def _predict(model: Gru, piece: Piece) -> NDArray[np.float32]:
+    at = frame_times(piece.window.start, piece.window.end, model.config.fps)
+    partner = torch.tensor(piece.local(at), device=model.normalisation.scale.device)
+    reaction = model(partner[None]).cpu().numpy()
+    motion: NDArray[np.float32] = Spline(at, reaction[0])(piece.instants)[None].astype(np.float32)
+    return motion

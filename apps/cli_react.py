@@ -1,0 +1,145 @@
+"""``pacmo react``: the reaction to a partner's motion, from a capture or live."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+import typer
+
+from apps.failure import CommandError, told_in_one_line
+from apps.live import answered
+from apps.reactions import Reactions, check_out, write
+from pacmo_core.formats.partner import Capture, format_of, one_of, read_partner
+from pacmo_core.formats.raw import FormatError
+from pacmo_core.models import load
+from pacmo_core.operators.encode import Spline
+from pacmo_core.pacmo.react import Reactor, instants, poses, react
+from pacmo_core.pacmo.stream import Stream
+from pacmo_core.store.motions import read_motion
+from pacmo_core.store.schema import StoreError
+
+WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
+FEWEST = 4  # frames: a cubic has no fewer
+
+PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
+Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
+Weights = Annotated[Path, typer.Option(help="a trained model")]
+Fps = Annotated[float | None, typer.Option(help="of the reaction; the partner's own if not given")]
+Samples = Annotated[int, typer.Option(min=1, help="reactions to draw")]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed draws the same reactions")]
+PersonName = Annotated[
+    str | None, typer.Option(help="who is the partner, where there are two: a, b")
+]
+Clip = Annotated[str, typer.Option(help="of a .parquet or .mat file")]
+FormatName = Annotated[str | None, typer.Option("--format", help="if the ending does not tell")]
+Preset = Annotated[str | None, typer.Option(help="of a BVH file: duo_mocap, cmu_18_19, ...")]
+Unit = Annotated[float | None, typer.Option(help="metres a unit of a BVH file")]
+Up = Annotated[str | None, typer.Option(help="the capture's upward axis, y or z")]
+PartnerFps = Annotated[
+    float | None, typer.Option(help="where the capture states none, or a wrong one")
+]
+Live = Annotated[bool, typer.Option("--stream", help="answer frames on standard input")]
+
+
+def react_to(  # noqa: PLR0913  # typer reads the options off the signature
+    partner: PartnerFile = None,
+    out: Out = None,
+    weights: Weights = WEIGHTS,
+    fps: Fps = None,
+    samples: Samples = 1,
+    seed: Seed = 0,
+    person: PersonName = None,
+    clip: Clip = "",
+    form: FormatName = None,
+    preset: Preset = None,
+    unit: Unit = None,
+    up: Up = None,
+    partner_fps: PartnerFps = None,
+    stream: Live = False,
+) -> None:
+    """Generate reactions to a partner's motion.
+
+    pacmo react walk.bvh --unit 0.01 --up y --fps 120 --samples 8 --out reactions.parquet
+
+    pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
+
+    Read are BVH, ASF/AMC, NTU .skeleton, ExPI .tsv, InterHuman .npy, DuetDance .mat and .txt
+    (--format duetdance), SBU .txt (--format sbu) and this project's Parquet. The capture must have
+    the model's joints, by name; others are left out. Parquet holds an interaction a sample:
+    person_a is the partner, person_b the reaction. BVH holds a file a person a sample, NAME_0_A.bvh
+    the partner and NAME_0_B.bvh the reaction, metres, y up, bones made constant.
+
+    --stream answers frame by frame. A frame is a line: the time in seconds, then x y z of every
+    joint in the model's order, metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z], ...]}. The
+    answer is a line of the same form, {"time": 0.1, "reactions": [[[x, y, z], ...], ...]} or the
+    numbers of all samples in turn. Joints are listed on standard error. ``python -m
+    benchmarks.operator`` measures how long an answer takes on a machine: a few milliseconds.
+    """
+    options = {"preset": preset, "unit": unit, "up": up, "fps": partner_fps}
+    settings = {name: value for name, value in options.items() if value is not None}
+    torch.set_num_threads(1)
+    with _told():
+        if stream:
+            _live(load(weights), samples, seed)
+            return
+        if partner is None or out is None:
+            raise CommandError("give a PARTNER and --out, or --stream")
+        check_out(out)
+        model = load(weights)
+        capture = _capture(partner, form, settings, person, clip).of(model.skeleton)
+        _answer(model, capture, (clip or partner.stem, out), fps, samples, seed)
+
+
+def _capture(
+    file: Path, form: str | None, settings: dict[str, Any], person: str | None, clip: str
+) -> Capture:
+    if file.suffix.lower() == ".parquet":
+        if not clip or settings or form:
+            raise CommandError(f"{file}: wanted --clip, and no option of other formats")
+        return one_of(read_motion(file, clip), person, clip)
+    return read_partner(file, form or format_of(file), settings, person=person, clip=clip)
+
+
+def _answer(
+    model: Reactor,
+    capture: Capture,
+    place: tuple[str, Path],
+    fps: float | None,
+    samples: int,
+    seed: int,
+) -> None:
+    if len(capture.times) < FEWEST:
+        raise CommandError(f"{place[0]}: wanted {FEWEST} frames or more; got {len(capture.times)}")
+    at = capture.times if fps is None else instants(capture.times, fps)
+    if len(at) < 2:
+        raise CommandError(f"{place[0]} is too short for two frames at {fps:g} a second")
+    random = torch.Generator().manual_seed(seed)
+    motions = react(
+        model, capture.motion, capture.times, out_times=at, n_samples=samples, random=random
+    )
+    partner = poses(Spline(capture.times, capture.motion), at)
+    files = write(Reactions(place[0], model.skeleton, at - at[0], partner, motions), place[1])
+    typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
+
+
+def _live(model: Reactor, samples: int, seed: int) -> None:
+    random = torch.Generator().manual_seed(seed)
+    live = Stream(model, n_samples=samples, random=random)
+    typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
+    for answer in answered(sys.stdin, live, len(model.skeleton.joints)):
+        sys.stdout.write(f"{answer}\n")
+        sys.stdout.flush()
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    with told_in_one_line():
+        try:
+            yield
+        except (StoreError, FormatError) as fault:
+            raise CommandError(str(fault)) from fault
+        except (ValueError, KeyError) as fault:
+            raise CommandError(str(fault.args[0])) from fault

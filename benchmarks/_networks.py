@@ -1,0 +1,66 @@
+"""The operator, the generator and the partner that the benchmark of speed runs."""
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pacmo_core.interaction import Motion
+from pacmo_core.operators.initialise import initialise
+from pacmo_core.operators.random_field import RandomField
+from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
+from pacmo_core.pacmo.config import RATIOS
+from pacmo_core.pacmo.generator import Generator, GeneratorConfig
+from pacmo_core.skeleton import NTU25
+
+WIDTH = 64
+N_POINTS = 65
+MODES = (24, 16, 8, 8, 8, 16, 24)
+FPS, SECONDS = 30.0, 4.0
+SKELETON = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
+NOISE = RandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
+NOISE_CHANNELS = 4
+
+
+def our_operator(in_channels: int, out_channels: int) -> Uno:
+    """Build ours with fresh weights."""
+    uno = Uno(_config(in_channels, out_channels))
+    initialise(uno, torch.Generator().manual_seed(0))
+    return uno
+
+
+def generator() -> Generator:
+    """Build a generator that believes to have been trained on clips of four seconds."""
+    channels = 3 * len(SKELETON.joints)
+    config = GeneratorConfig(
+        SKELETON, _config(NOISE_CHANNELS + channels + 3, channels), NOISE, NOISE_CHANNELS
+    )
+    model = Generator(config)
+    initialise(model, torch.Generator().manual_seed(0))
+    model.normalisation.log_duration.copy_(torch.tensor([math.log(SECONDS), 0.1]))
+    return model.requires_grad_(False)
+
+
+def partner(n_frames: int) -> tuple[Motion, NDArray[np.float64]]:
+    """Let a body of random build sway: poses (T, J, 3) and instants (T,)."""
+    random = np.random.default_rng(0)
+    times = np.arange(n_frames) / FPS
+    build = random.normal(scale=0.4, size=(len(SKELETON.joints), 3))
+    phase = np.outer(times, random.uniform(1, 4, size=build.size)).reshape(-1, *build.shape)
+    motion: Motion = (build + 0.05 * np.sin(phase)).astype(np.float32)
+    return motion, times
+
+
+def _config(in_channels: int, out_channels: int) -> UnoConfig:
+    return UnoConfig(
+        in_channels=in_channels,
+        out_channels=out_channels,
+        lifting=WIDTH,
+        channels=u_channels(WIDTH),
+        modes=MODES,
+        ratios=RATIOS,
+        n_points=N_POINTS,
+        period=1.25,
+        skips=True,
+    )

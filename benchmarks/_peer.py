@@ -1,0 +1,42 @@
+"""The peer: neuraloperator's UNO, of our width, depth, grids, modes and skips."""
+
+import contextlib
+import importlib
+import importlib.util
+import sys
+from itertools import pairwise
+
+from torch import nn
+
+from benchmarks._networks import MODES, WIDTH
+from pacmo_core.operators.uno import SKIPS, u_channels
+from pacmo_core.pacmo.config import RATIOS
+
+PEER = "neuralop"
+
+
+def peer_operator(in_channels: int, out_channels: int) -> nn.Module | None:
+    """Build the peer with its own fresh weights, or say how to get it.
+
+    It has no last skip from the lifted function to the head, no GELU after the sum of its
+    branches, and works on the grid of the data without padding: in all three it does less.
+    """
+    if importlib.util.find_spec(PEER) is None:
+        print("no peer here: pip install neuraloperator==2.0.0", file=sys.stderr)
+        return None
+    scalings = [after / before for before, after in pairwise((1.0, *RATIOS))]
+    with contextlib.redirect_stdout(sys.stderr):  # its constructor prints
+        network: nn.Module = importlib.import_module(f"{PEER}.models").UNO(
+            in_channels=in_channels,
+            out_channels=out_channels,
+            hidden_channels=WIDTH,
+            lifting_channels=WIDTH,
+            projection_channels=4 * WIDTH,
+            n_layers=len(MODES),
+            uno_out_channels=list(u_channels(WIDTH)),
+            uno_n_modes=[[2 * modes - 2] for modes in MODES],  # it keeps half of them and one
+            uno_scalings=[[scaling] for scaling in scalings],
+            horizontal_skips_map=dict(SKIPS),
+            channel_mlp_skip="linear",  # its default refuses layers that change width
+        )
+    return network

@@ -1,0 +1,127 @@
+"""One partner sampled in several ways, and how far a model's reactions then differ."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pacmo_core.interaction import Motion
+from pacmo_core.operators.encode import Spline
+from pacmo_core.operators.random_field import RandomField
+from pacmo_core.pacmo.generator import Generator
+from pacmo_core.pacmo.react import Partner, react_all
+from pacmo_core.pacmo.windows import usual_duration
+from pacmo_core.transform import frame_of
+
+Times = NDArray[np.float64]
+
+FIELD = RandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
+SWAY = 0.1  # metres, standard deviation of each coordinate of each joint
+N_INSTANTS = 101
+N_NOISES = 2
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A partner's frames: ``motion`` (T, J, 3) metres at ``times`` (T,) seconds."""
+
+    motion: Motion
+    times: Times
+
+    def first(self, count: int) -> "Sampled":
+        """Keep the first frames."""
+        return Sampled(self.motion[:count], self.times[:count])
+
+    def finer(self, random: np.random.Generator) -> "Sampled":
+        """Sample the spline through the frames at 2 T - 1 instants, jittered."""
+        even = np.linspace(self.times[0], self.times[-1], 2 * len(self.times) - 1)
+        times = jittered(even, random)
+        return Sampled(Spline(self.times, self.motion)(times).astype(np.float32), times)
+
+    def only(self, rows: NDArray[np.intp]) -> "Sampled":
+        """Keep some frames."""
+        return Sampled(self.motion[rows], self.times[rows])
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A partner who is known at every instant: a pose, and a field that moves its joints."""
+
+    pose: Motion
+    coefficients: torch.Tensor
+    duration: float
+
+    def at(self, shares: Times) -> Sampled:
+        """Sample at shares of the duration."""
+        field = FIELD.evaluate(self.coefficients[None], torch.from_numpy(shares))[0].numpy()
+        motion = self.pose + SWAY * field.reshape(-1, *self.pose.shape)
+        return Sampled(motion.astype(np.float32), shares * self.duration)
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Relative L2 distances of reactions (``out``) and of the inputs themselves (``into``)."""
+
+    out: float
+    into: float
+
+
+def smooth_partners(model: Generator, count: int) -> list[Smooth]:
+    """Move the model's mean partner by as many fields."""
+    pose = model.normalisation.partner_mean.numpy().reshape(-1, 3)
+    random = torch.Generator().manual_seed(0)
+    duration = usual_duration(model.normalisation)
+    return [Smooth(pose, FIELD.draw(pose.size, random=random), duration) for _ in range(count)]
+
+
+def jittered(times: Times, random: np.random.Generator) -> Times:
+    """Move inner instants by up to 40 % of a step."""
+    moved = times.copy()
+    moved[1:-1] += random.uniform(-0.4, 0.4, len(times) - 2) * (times[1] - times[0])
+    return moved
+
+
+def survivors(count: int, random: np.random.Generator) -> NDArray[np.intp]:
+    """List the frames that are left when 30 % of the inner ones are dropped."""
+    inner = 1 + random.permutation(count - 2)[: round(0.7 * (count - 2))]
+    return np.concatenate([[0], np.sort(inner), [count - 1]])
+
+
+def mismatch(model: Generator, base: Sequence[Sampled], other: Sequence[Sampled]) -> Mismatch:
+    """Compare reactions, and inputs, of the same partners sampled in two ways."""
+    shares = np.linspace(0, 1, N_INSTANTS)
+    instants = [b.times[0] + shares * (b.times[-1] - b.times[0]) for b in base]
+    out = _distance(*(_reactions(model, side, instants) for side in (base, other)))
+    into = _distance(*(_inputs(model, side, instants) for side in (base, other)))
+    return Mismatch(out, into)
+
+
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(a - b) / np.linalg.norm(a))
+
+
+def _reactions(
+    model: Generator, partners: Sequence[Sampled], instants: Sequence[Times]
+) -> NDArray[np.float64]:
+    """``(P, S, N, 3 J)`` about the model's mean reaction, in the partners' frames."""
+    asked = [Partner(p.motion, p.times, at) for p, at in zip(partners, instants, strict=True)]
+    random = torch.Generator().manual_seed(0)
+    motions = react_all(model, asked, n_samples=N_NOISES, random=random)
+    mean = model.normalisation.reaction_mean.numpy()
+    return np.stack([_local(model, p, m) - mean for p, m in zip(partners, motions, strict=True)])
+
+
+def _inputs(
+    model: Generator, partners: Sequence[Sampled], instants: Sequence[Times]
+) -> NDArray[np.float64]:
+    """``(P, N, 3 J)`` about the model's mean partner, in the partners' frames."""
+    mean = model.normalisation.partner_mean.numpy()
+    motions = [Spline(p.times, p.motion)(at) for p, at in zip(partners, instants, strict=True)]
+    return np.stack([_local(model, p, m) - mean for p, m in zip(partners, motions, strict=True)])
+
+
+def _local(model: Generator, partner: Sampled, motion: NDArray[np.floating]) -> NDArray[np.float64]:
+    local = frame_of(partner.motion, model.skeleton).to_local(motion.astype(np.float32))
+    return local.reshape(*motion.shape[:-2], -1).astype(np.float64)

@@ -1,0 +1,100 @@
+"""How far reactions depend on the frames that showed the partner.
+
+Usage: python -m benchmarks.invariance [--weights FILE] [--real FILE ...] [--json]
+
+The same noise and the same partner are sampled in two ways; a mismatch is the relative L2 distance
+of the reactions at common instants, about the model's mean reaction (so that standing a metre away
+does not flatter it).
+
+Band-limited partners are the mean partner that the model was trained on, moved by a Gaussian field
+of 16 modes on 1.25 of the model's usual duration: at most 12.8 cycles. 129 frames resolve 64.
+``mismatch_2x``, ``_4x``, ``_jitter`` (by up to 40 % of a step), ``_dropped`` (30 % of frames) and
+``_half`` (every second frame, 65) are against these.
+
+Real partners are captures under PACMO_REAL_DATA of the joints that a model has: SBU at 15 frames
+a second, salsa at 120. For each model of ``--real`` (or ``--weights``): ``SET_half``, ``_quarter``
+and ``_dropped`` against all frames; ``_finer``, the spline through all frames at 2 T - 1 jittered
+instants, against them; and ``SET_input_...``, how far the splines of the two inputs differ
+themselves: frames that are noisy or few leave out what the others show, and a model that listens
+must differ too. ``mismatch_real`` is the worst of half and dropped.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from benchmarks._captures import captures_of
+from benchmarks._figures import arguments, show
+from benchmarks._sampling import jittered, mismatch, smooth_partners, survivors
+from pacmo_core.models import load
+from pacmo_core.pacmo.generator import Generator
+
+WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
+N_FRAMES = 129
+N_PARTNERS = 8
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = arguments(__doc__ or "")
+    parser.add_argument("--weights", type=Path, default=WEIGHTS)
+    parser.add_argument("--real", type=Path, nargs="+", default=[], help="weights for captures")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    figures = band_limited(model_of(options.weights))
+    for path in options.real or [options.weights]:
+        figures |= captured(model_of(path))
+    gated = ("_real_half", "_real_dropped")
+    real = [value for name, value in figures.items() if name.endswith(gated)]
+    show(figures | ({"mismatch_real": max(real)} if real else {}), as_json=options.json)
+
+
+def model_of(path: Path) -> Generator:
+    """Load a generator."""
+    model = load(path)
+    if not isinstance(model, Generator):
+        raise TypeError(f"{path}: wanted a generator; got {type(model).__name__}")
+    return model
+
+
+def band_limited(model: Generator) -> dict[str, float]:
+    """Compare samplings of functions that all of them resolve."""
+    random = np.random.default_rng(0)
+    times = np.linspace(0, 1, N_FRAMES)
+    others = {
+        "2x": np.linspace(0, 1, 2 * N_FRAMES - 1),
+        "4x": np.linspace(0, 1, 4 * N_FRAMES - 3),
+        "jitter": jittered(times, random),
+        "dropped": times[survivors(N_FRAMES, random)],
+        "half": times[::2],
+    }
+    partners = smooth_partners(model, N_PARTNERS)
+    base = [partner.at(times) for partner in partners]
+    return {
+        f"mismatch_{name}": mismatch(model, base, [partner.at(other) for partner in partners]).out
+        for name, other in others.items()
+    }
+
+
+def captured(model: Generator) -> dict[str, float]:
+    """Compare thinned captures with whole ones."""
+    random = np.random.default_rng(0)
+    name, whole = captures_of(model)
+    if not whole:
+        return {}
+    others = {
+        "half": [c.only(np.arange(0, len(c.times), 2)) for c in whole],
+        "quarter": [c.only(np.arange(0, len(c.times), 4)) for c in whole],
+        "dropped": [c.only(survivors(len(c.times), random)) for c in whole],
+        "finer": [c.finer(random) for c in whole],
+    }
+    figures: dict[str, float] = {}
+    for kind, other in others.items():
+        found = mismatch(model, whole, other)
+        figures |= {f"{name}_real_{kind}": found.out, f"{name}_input_{kind}": found.into}
+    return figures
+
+
+if __name__ == "__main__":
+    main()

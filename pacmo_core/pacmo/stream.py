@@ -1,0 +1,94 @@
+"""Reactions to a live partner, frame by frame."""
+
+from collections import deque
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pacmo_core.interaction import Motion
+from pacmo_core.operators.encode import Spline
+from pacmo_core.pacmo.react import Piece, Reactor, answers, endless_noise, poses
+from pacmo_core.pacmo.windows import Window, usual_duration
+from pacmo_core.transform import frame_of
+
+# Poses that stand for the window before the first frame, when the partner is taken to stand still.
+STILL_POSES = 32
+
+
+class Stream:
+    """Answers each frame of a partner from the last window of usual length, at its end.
+
+    The window slides with the clock. Its frame of reference is that of its first pose, which moves
+    as smoothly as the partner did, and its noise is one field of absolute time: so an answer
+    follows on the last one. Before the first frame the partner is taken to have stood still.
+
+    Parameters
+    ----------
+    model : a generator, or the deterministic baseline
+    n_samples : S; 1 for the baseline
+    random : CPU generator of the noise
+    """
+
+    def __init__(self, model: Reactor, *, n_samples: int, random: torch.Generator) -> None:
+        self._model = model
+        self._noise = endless_noise(model, n_samples, random)
+        self._duration = usual_duration(model.normalisation)
+        self._seen = deque[tuple[float, Motion]]()
+        self._began = 0.0
+
+    def answer(self, pose: NDArray[np.float32], time: float) -> Motion:
+        """React to one more frame.
+
+        Parameters
+        ----------
+        pose : (J, 3) float32, metres, in the world
+        time : seconds, later than the last frame's
+
+        Returns
+        -------
+        (S, J, 3) float32, metres, in the world
+
+        Raises
+        ------
+        ValueError
+            If the pose has another shape or is not finite, or time does not go on.
+        """
+        shape = (len(self._model.skeleton.joints), 3)
+        if pose.shape != shape or not np.isfinite(pose).all():
+            raise ValueError(f"a pose must be {shape} finite numbers; got {pose.shape}")
+        if not np.isfinite(time):
+            raise ValueError(f"time must be finite; got {time}")
+        self._remember(pose, time)
+        piece = self._piece(time)
+        with torch.no_grad():
+            (local,) = answers(self._model, [piece])
+        return piece.frame.to_world(local.reshape(-1, *shape))
+
+    def _remember(self, pose: NDArray[np.float32], time: float) -> None:
+        if not self._seen:
+            self._began = time
+            before = np.linspace(time - self._duration, time, STILL_POSES, endpoint=False)
+            self._seen.extend((float(instant), pose) for instant in before)
+        if time <= self._seen[-1][0]:
+            raise ValueError(f"time must go on from {self._seen[-1][0]:g} s; got {time:g}")
+        self._seen.append((time, pose))
+        while self._seen[1][0] <= time - self._duration:
+            self._seen.popleft()
+
+    def _piece(self, time: float) -> Piece:
+        times, seen = zip(*self._seen, strict=True)
+        motion = Spline(times, np.stack(seen))
+        # A clock that counts from long ago rounds: the window must not begin before the frames.
+        window = Window(max(time - self._duration, motion.start), self._duration)
+        since = (time - self._began) / self._duration
+        return Piece(
+            owner=0,
+            motion=motion,
+            window=window,
+            frame=frame_of(poses(motion, np.array([window.start])), self._model.skeleton),
+            noise=self._noise.at(since) if self._noise else torch.zeros(0),
+            rows=slice(0, 1),
+            instants=np.array([time]),
+            weights=np.ones(1),
+        )
