@@ -6,8 +6,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import torch
 import typer
+from numpy.typing import NDArray
 
 from apps.failure import CommandError, told_in_one_line
 from apps.live import answered
@@ -16,7 +18,7 @@ from pacmo_core.formats.partner import Capture, format_of, one_of, read_partner
 from pacmo_core.formats.raw import FormatError
 from pacmo_core.models import load
 from pacmo_core.operators.encode import Spline
-from pacmo_core.pacmo.react import Reactor, instants, poses, react
+from pacmo_core.pacmo.react import Partner, Reactor, instants, poses, react_all
 from pacmo_core.pacmo.stream import Stream
 from pacmo_core.store.motions import read_motion
 from pacmo_core.store.schema import StoreError
@@ -33,6 +35,7 @@ Seed = Annotated[int, typer.Option(min=0, help="the same seed draws the same rea
 PersonName = Annotated[
     str | None, typer.Option(help="who is the partner, where there are two: a, b")
 ]
+Action = Annotated[str, typer.Option(help="its label, for a model trained on labels")]
 Clip = Annotated[str, typer.Option(help="of a .parquet or .mat file")]
 FormatName = Annotated[str | None, typer.Option("--format", help="if the ending does not tell")]
 Preset = Annotated[str | None, typer.Option(help="of a BVH file: duo_mocap, cmu_18_19, ...")]
@@ -53,6 +56,7 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
     seed: Seed = 0,
     person: PersonName = None,
     clip: Clip = "",
+    action: Action = "",
     form: FormatName = None,
     preset: Preset = None,
     unit: Unit = None,
@@ -83,14 +87,21 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
     torch.set_num_threads(1)
     with _told():
         if stream:
-            _live(load(weights), samples, seed)
+            _live(load(weights), samples, seed, action)
             return
         if partner is None or out is None:
             raise CommandError("give a PARTNER and --out, or --stream")
         check_out(out)
         model = load(weights)
         capture = _capture(partner, form, settings, person, clip).of(model.skeleton)
-        _answer(model, capture, (clip or partner.stem, out), fps, samples, seed)
+        name = clip or partner.stem
+        at = _instants(capture, fps, name)
+        random = torch.Generator().manual_seed(seed)
+        seen = Partner(capture.motion, capture.times, at, action)
+        (motions,) = react_all(model, [seen], n_samples=samples, random=random)
+        shown = poses(Spline(capture.times, capture.motion), at)
+        files = write(Reactions(name, model.skeleton, at - at[0], shown, motions), out)
+        typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
 
 
 def _capture(
@@ -103,31 +114,19 @@ def _capture(
     return read_partner(file, form or format_of(file), settings, person=person, clip=clip)
 
 
-def _answer(
-    model: Reactor,
-    capture: Capture,
-    place: tuple[str, Path],
-    fps: float | None,
-    samples: int,
-    seed: int,
-) -> None:
+def _instants(capture: Capture, fps: float | None, name: str) -> NDArray[np.float64]:
+    """List the instants to react at."""
     if len(capture.times) < FEWEST:
-        raise CommandError(f"{place[0]}: wanted {FEWEST} frames or more; got {len(capture.times)}")
+        raise CommandError(f"{name}: wanted {FEWEST} frames or more; got {len(capture.times)}")
     at = capture.times if fps is None else instants(capture.times, fps)
     if len(at) < 2:
-        raise CommandError(f"{place[0]} is too short for two frames at {fps:g} a second")
-    random = torch.Generator().manual_seed(seed)
-    motions = react(
-        model, capture.motion, capture.times, out_times=at, n_samples=samples, random=random
-    )
-    partner = poses(Spline(capture.times, capture.motion), at)
-    files = write(Reactions(place[0], model.skeleton, at - at[0], partner, motions), place[1])
-    typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
+        raise CommandError(f"{name} is too short for two frames at {fps:g} a second")
+    return at
 
 
-def _live(model: Reactor, samples: int, seed: int) -> None:
+def _live(model: Reactor, samples: int, seed: int, action: str) -> None:
     random = torch.Generator().manual_seed(seed)
-    live = Stream(model, n_samples=samples, random=random)
+    live = Stream(model, n_samples=samples, random=random, action=action)
     typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
     for answer in answered(sys.stdin, live, len(model.skeleton.joints)):
         sys.stdout.write(f"{answer}\n")

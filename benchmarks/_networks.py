@@ -34,7 +34,12 @@ def generator() -> Generator:
     """Build a generator that believes to have been trained on clips of four seconds."""
     channels = 3 * len(SKELETON.joints)
     config = GeneratorConfig(
-        SKELETON, _config(NOISE_CHANNELS + channels + 3, channels), NOISE, NOISE_CHANNELS
+        SKELETON,
+        _config(NOISE_CHANNELS + channels + 3, channels),
+        NOISE,
+        NOISE_CHANNELS,
+        actions=(),
+        action_channels=0,
     )
     model = Generator(config)
     initialise(model, torch.Generator().manual_seed(0))

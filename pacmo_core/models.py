@@ -13,6 +13,7 @@ from pacmo_core.store.weights import read_weights
 
 BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], Reactor]] = {
     "pacmo": adversarial.from_state,
+    "regression": adversarial.from_state,
     "gru": gru.from_state,
 }
 

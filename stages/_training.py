@@ -76,9 +76,7 @@ class Task(Generic[Model]):
 
 def sides_of(clips: Path, sides: Path) -> Sides:
     """Hold a fold's training and validation clips in memory."""
-    train, validation = (
-        list(stream_side(clips, sides, side)) for side in ("train", "validation")
-    )
+    train, validation = (list(stream_side(clips, sides, side)) for side in ("train", "validation"))
     return Sides(
         [interaction for _, interaction in train],
         [interaction for _, interaction in validation],

@@ -6,28 +6,19 @@ A model that draws its reactions gives several, one that computes them gives one
 """
 
 import argparse
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
-from torch import Tensor
 
 from pacmo_core.interaction import Interaction, Motion
-from pacmo_core.pacmo import adversarial, gru
-from pacmo_core.pacmo.react import Reactor, react
+from pacmo_core.models import load
+from pacmo_core.pacmo.generator import Generator
+from pacmo_core.pacmo.react import Partner, is_deterministic, react_all
 from pacmo_core.store.clips import ClipFacts
-from pacmo_core.store.weights import read_weights
 from stages._files import WEIGHTS
 from stages._params import read_params
 from stages._reactions import seed_of, write_reactions
-
-BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], Reactor]] = {
-    "pacmo": adversarial.from_state,
-    "gru": gru.from_state,
-}
-DETERMINISTIC = ("gru",)
 
 
 @dataclass(frozen=True)
@@ -41,17 +32,17 @@ class Params:
 def main(model: Path, clips: Path, sides: Path, reactions: Path, *, seed: int) -> None:
     params = read_params("react", Params)
     torch.set_num_threads(1)
-    config, state = read_weights(model / WEIGHTS)
-    reactor = BUILDERS[config["kind"]](config["model"], state)
-    n_samples = 1 if config["kind"] in DETERMINISTIC else params.n_samples
+    reactor = load(model / WEIGHTS)
+    n_samples = 1 if is_deterministic(reactor) else params.n_samples
+    labelled = isinstance(reactor, Generator) and reactor.config.actions
 
-    def answer(name: str, _facts: ClipFacts, seen: Interaction) -> Motion:
+    def answer(name: str, facts: ClipFacts, seen: Interaction) -> Motion:
         own = seed_of(f"{seed}\0{name}", params.random_seed)
         random = torch.Generator().manual_seed(own)
-        times = seen.times
-        return react(
-            reactor, seen.person_a, times, out_times=times, n_samples=n_samples, random=random
-        )
+        action = facts.action if labelled else ""
+        partner = Partner(seen.person_a, seen.times, seen.times, action)
+        (motion,) = react_all(reactor, [partner], n_samples=n_samples, random=random)
+        return motion
 
     write_reactions(clips, sides, reactions, answer)
 

@@ -27,7 +27,9 @@ def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
         "autoencoder",
         params,
         found,
-        lambda device: autoencoder.fit(found.train, params, validation=found.validation, device=device),
+        lambda device: autoencoder.fit(
+            found.train, params, validation=found.validation, device=device
+        ),
         autoencoder.config,
         shares=False,
     )

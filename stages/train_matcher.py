@@ -27,7 +27,9 @@ def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
         "matcher",
         params,
         found,
-        lambda device: matching.fit(found.train, params, validation=found.validation, device=device),
+        lambda device: matching.fit(
+            found.train, params, validation=found.validation, device=device
+        ),
         matching.config,
         shares=False,
     )

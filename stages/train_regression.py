@@ -27,7 +27,9 @@ def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, se
         "regression",
         params,
         found,
-        lambda device: regression.fit(found.train, params, validation=found.validation, device=device),
+        lambda device: regression.fit(
+            found.train, params, validation=found.validation, device=device
+        ),
         adversarial.config,
         shares=False,
     )

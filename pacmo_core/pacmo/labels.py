@@ -45,5 +45,6 @@ def numbers_of(labels: Sequence[str], known: Sequence[str]) -> Tensor:
     """
     strange = sorted(set(labels) - set(known))
     if strange:
-        raise ValueError(f"actions must be among {', '.join(known)}; got {', '.join(strange)}")
+        wanted = f"one of {', '.join(known)}" if known else "none: the model knows no labels"
+        raise ValueError(f"action must be {wanted}; got {', '.join(map(repr, strange))}")
     return torch.tensor([known.index(label) for label in labels], dtype=torch.long)

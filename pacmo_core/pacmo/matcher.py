@@ -68,9 +68,9 @@ class Matcher(nn.Module):
         """
         partner, reaction = self(pairs)
         fit = partner @ reaction.T / self.config.temperature
-        alike = (clips[:, None] == clips) & ~torch.eye(len(clips), dtype=torch.bool)
+        true = torch.arange(len(clips), device=clips.device)
+        alike = (clips[:, None] == clips) & (true[:, None] != true)
         fit = fit.masked_fill(alike, -torch.inf)
-        true = torch.arange(len(clips))
         return (functional.cross_entropy(fit, true) + functional.cross_entropy(fit.T, true)) / 2
 
     def _embedded(self, operator: Uno, motion: Tensor, context: Tensor) -> Tensor:

@@ -11,8 +11,10 @@ from torch import Tensor
 
 from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
+from pacmo_core.pacmo.functions import Condition
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.gru import Gru, frame_times
+from pacmo_core.pacmo.labels import numbers_of
 from pacmo_core.pacmo.windows import EndlessNoise, Window, cut, shares
 from pacmo_core.transform import Frame, frame_of
 
@@ -32,11 +34,13 @@ class Partner:
     motion : (T, J, 3) float32, metres, in the world
     times : (T,) float64, seconds, strictly increasing
     out_times : (T_out,) float64, seconds, ascending, within ``times``
+    action : the interaction's label, for a model that was trained on labels; else empty
     """
 
     motion: Motion
     times: NDArray[np.float64]
     out_times: NDArray[np.float64]
+    action: str = ""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,7 @@ class Piece:
     window : Window
     frame : of the partner at the window's start
     noise : (S, k, 2 K) coefficients; none for the baseline
+    action : number of the label; 0 where labels are no condition
     rows : of the reaction
     instants : (rows,) float64, seconds
     weights : (rows,) float64, the window's share at each
@@ -60,6 +65,7 @@ class Piece:
     window: Window
     frame: Frame
     noise: Tensor
+    action: int
     rows: slice
     instants: NDArray[np.float64]
     weights: NDArray[np.float64]
@@ -78,7 +84,7 @@ def react(
     n_samples: int,
     random: torch.Generator,
 ) -> Motion:
-    """React to one partner.
+    """React to one partner, without a label; with one, ``react_all``.
 
     A motion longer than the model's training clips is taken in overlapping windows; time and
     memory grow linearly with its length.
@@ -98,7 +104,8 @@ def react(
     Raises
     ------
     ValueError
-        If a shape is wrong, an instant is outside ``times``, or the baseline is asked for many.
+        If a shape is wrong, an instant is outside ``times``, a model without noise is asked for
+        many, or the model wants a label.
     """
     partners = [Partner(partner, times, out_times)]
     return react_all(model, partners, n_samples=n_samples, random=random)[0]
@@ -161,6 +168,7 @@ def _pieces(
         motion.check(partner.out_times)
         windows = cut(motion.start, motion.end, model.normalisation)
         noise = endless_noise(model, n_samples, random)
+        action = action_number(model, partner.action)
         for window, (rows, weights) in zip(
             windows, shares(windows, partner.out_times), strict=True
         ):
@@ -171,6 +179,7 @@ def _pieces(
                 window=window,
                 frame=frame_of(poses(motion, np.array([window.start])), model.skeleton),
                 noise=noise.at(shift) if noise else torch.zeros(0),
+                action=action,
                 rows=rows,
                 instants=partner.out_times[rows],
                 weights=weights,
@@ -179,12 +188,25 @@ def _pieces(
 
 def endless_noise(model: Reactor, n_samples: int, random: torch.Generator) -> EndlessNoise | None:
     """Make the noise of so many reactions to one partner; the baseline takes none."""
-    if n_samples < 1 or (isinstance(model, Gru) and n_samples != 1):
-        wanted = "1: the baseline is deterministic" if isinstance(model, Gru) else "1 or more"
+    if n_samples < 1 or (is_deterministic(model) and n_samples != 1):
+        wanted = "1: the model is deterministic" if is_deterministic(model) else "1 or more"
         raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
     if isinstance(model, Gru):
         return None
     return EndlessNoise(model.config.noise, lambda: model.draw(n_samples, random))
+
+
+def is_deterministic(model: Reactor) -> bool:
+    """Say whether a model has one reaction to a partner and no noise."""
+    return isinstance(model, Gru) or not model.config.noise_channels
+
+
+def action_number(model: Reactor, action: str) -> int:
+    """Look up a label; a model without labels takes none."""
+    known = () if isinstance(model, Gru) else model.config.actions
+    if not known and not action:
+        return 0
+    return int(numbers_of([action], known))
 
 
 def answers(model: Reactor, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
@@ -201,23 +223,25 @@ def _generate(model: Generator, pieces: Sequence[Piece]) -> Iterator[NDArray[np.
     grid = torch.stack([_on_grid(piece, model.config.uno.n_points) for piece in pieces]).to(device)
     durations = np.array([piece.window.duration for piece in pieces])
     log_duration = torch.tensor(np.log(durations).astype(np.float32), device=device)
-    latent = model.latent(
-        noise.flatten(0, 1),
+    action = torch.tensor([piece.action for piece in pieces], device=device)
+    condition = Condition(
         grid.repeat_interleave(n_samples, dim=0),
         log_duration.repeat_interleave(n_samples),
+        action.repeat_interleave(n_samples),
     )
+    latent = model.latent(noise.flatten(0, 1), condition)
     latent = latent.view(len(latent), len(pieces), n_samples, -1)
     for i, piece in enumerate(pieces):
         parts = []
         for first in range(0, len(piece.instants), INSTANTS_AT_ONCE):
             at = piece.instants[first : first + INSTANTS_AT_ONCE]
-            motion = torch.tensor(piece.local(at), device=device).expand(n_samples, -1, -1)
-            shares_of = torch.from_numpy(piece.window.inside(at)).to(device)
-            parts.append(
-                model.at(
-                    latent[:, i], noise[i], motion, log_duration[i].expand(n_samples), shares_of
-                )
+            condition = Condition(
+                torch.tensor(piece.local(at), device=device).expand(n_samples, -1, -1),
+                log_duration[i].expand(n_samples),
+                action[i].expand(n_samples),
             )
+            shares_of = torch.from_numpy(piece.window.inside(at)).to(device)
+            parts.append(model.at(latent[:, i], noise[i], condition, shares_of))
         yield torch.cat(parts, dim=1).cpu().numpy()
 
 

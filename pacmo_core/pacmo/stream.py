@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
-from pacmo_core.pacmo.react import Piece, Reactor, answers, endless_noise, poses
+from pacmo_core.pacmo.react import Piece, Reactor, action_number, answers, endless_noise, poses
 from pacmo_core.pacmo.windows import Window, usual_duration
 from pacmo_core.transform import frame_of
 
@@ -28,10 +28,14 @@ class Stream:
     model : a generator, or the deterministic baseline
     n_samples : S; 1 for the baseline
     random : CPU generator of the noise
+    action : the interaction's label, for a model that was trained on labels
     """
 
-    def __init__(self, model: Reactor, *, n_samples: int, random: torch.Generator) -> None:
+    def __init__(
+        self, model: Reactor, *, n_samples: int, random: torch.Generator, action: str = ""
+    ) -> None:
         self._model = model
+        self._action = action_number(model, action)
         self._noise = endless_noise(model, n_samples, random)
         self._duration = usual_duration(model.normalisation)
         self._seen = deque[tuple[float, Motion]]()
@@ -88,6 +92,7 @@ class Stream:
             window=window,
             frame=frame_of(poses(motion, np.array([window.start])), self._model.skeleton),
             noise=self._noise.at(since) if self._noise else torch.zeros(0),
+            action=self._action,
             rows=slice(0, 1),
             instants=np.array([time]),
             weights=np.ones(1),

@@ -76,7 +76,7 @@ def test_without_actions_a_label_changes_nothing() -> None:
 
 
 def test_a_label_that_was_not_trained_on_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="among hug, push; got wave"):
+    with pytest.raises(ValueError, match="one of hug, push; got 'wave'"):
         numbers_of(["push", "wave"], ["hug", "push"])
 
 
