@@ -57,6 +57,7 @@ class Adversaries:
             network.to(pairs.partner.device)
         generator.normalisation.measure(pairs)
         self.mean = running_mean(generator)
+        self.warm = not settings.warmup_epochs
         self.objectives = Objectives(generator, critic, settings)
         self.augment = Augment(settings.augment, generator.skeleton, settings.n_points)
         self.adam_generator = _adam(generator, settings.generator)
@@ -73,11 +74,17 @@ class Adversaries:
         return math.ceil(len(self.pairs) / (self.settings.batch_size * self.settings.n_critic))
 
     def epoch(self, number: int) -> dict[str, float]:
-        """Take an epoch's steps; the terms are means over them."""
+        """Take an epoch's steps; the terms are means over them.
+
+        In the first ``warmup_epochs`` the generator follows its score and penalties alone: it is
+        then near enough to the data for a fresh critic to tell it something.
+        """
         settings, every = self.settings, self.settings.halve_every
         halve(self.adam_generator, settings.generator.learning_rate, epoch=number, every=every)
         halve(self.adam_critic, settings.critic.learning_rate, epoch=number, every=every)
-        return means([self.step() for _ in range(self.steps_an_epoch)])
+        self.warm = number >= settings.warmup_epochs
+        step = self.step if self.warm else self.warm_up
+        return means([step() for _ in range(self.steps_an_epoch)])
 
     def step(self) -> dict[str, float]:
         """Move the critic ``n_critic`` times and the generator once."""
@@ -85,15 +92,26 @@ class Adversaries:
             self._descend(self.adam_critic, self.objectives.of_critic(self._draw(mixed=True)))
             for _ in range(self.settings.n_critic)
         ]
+        return means(moves) | self._move_generator(judged=True)
+
+    def warm_up(self) -> dict[str, float]:
+        """Move the generator once, the critic not being asked."""
+        return self._move_generator(judged=False)
+
+    def _move_generator(self, *, judged: bool) -> dict[str, float]:
+        batch = self._draw(mixed=False)
         moved = self._descend(
-            self.adam_generator, self.objectives.of_generator(self._draw(mixed=False))
+            self.adam_generator, self.objectives.of_generator(batch, judged=judged)
         )
         update_mean(self.mean, self.generator, self.settings.ema)
-        return means(moves) | moved
+        return moved
 
     def score(self) -> Tensor | None:
-        """Take the running mean's energy score on held-out pairs, on the same noise every time."""
-        if self.held_out is None:
+        """Take the running mean's energy score on held-out pairs, on the same noise every time.
+
+        Weights that no critic has judged are not looked at: they are not to be handed over.
+        """
+        if self.held_out is None or not self.warm:
             return None
         return mean_energy_score(
             self.mean,

@@ -36,7 +36,9 @@ class EnergyScore:
         self.root = skeleton.root
         self.parents, self.children = torch.from_numpy(skeleton.bones).long().unbind(-1)
 
-    def __call__(self, samples: Tensor, truth: Tensor, weights: Tensor) -> Tensor:
+    def __call__(
+        self, samples: Tensor, truth: Tensor, weights: Tensor, spread: float = 1.0
+    ) -> Tensor:
         """Score normalised motions, smaller is better.
 
         Parameters
@@ -44,13 +46,14 @@ class EnergyScore:
         samples : (K, B, T, 3 J), K at least 2 for each partner, T evenly spaced instants
         truth : (B, T, 3 J)
         weights : (T,), of the quadrature on [0, 1]
+        spread : 1 is the proper score; less of it rewards draws that lie closer together
 
         Returns
         -------
         (B,)
         """
         views = zip(self._views(samples), self._views(truth), strict=True)
-        return torch.stack([energy_score(*view, weights) for view in views]).mean(dim=0)
+        return torch.stack([energy_score(*view, weights, spread) for view in views]).mean(dim=0)
 
     def _views(self, motion: Tensor) -> list[Tensor]:
         joints = motion.view(*motion.shape[:-1], -1, 3)
@@ -62,14 +65,17 @@ class EnergyScore:
         return [motion, path, pose, BONES * bones, SPEED * speed]
 
 
-def energy_score(samples: Tensor, truth: Tensor, weights: Tensor) -> Tensor:
-    """Take ``E |X - u| - E |X - X'| / 2``, without bias, in a norm of L2 over time.
+def energy_score(
+    samples: Tensor, truth: Tensor, weights: Tensor, spread: float = 1.0
+) -> Tensor:
+    """Take ``E |X - u| - spread E |X - X'| / 2``, without bias, in a norm of L2 over time.
 
     Parameters
     ----------
     samples : (K, B, T, C), K at least 2
     truth : (B, T, C)
     weights : (T,), of the quadrature
+    spread : 1 for the proper score
 
     Returns
     -------
@@ -86,7 +92,7 @@ def energy_score(samples: Tensor, truth: Tensor, weights: Tensor) -> Tensor:
     error = _norm(samples - truth, weights).mean(dim=0)
     # Every pair once: those k apart, for each k.
     apart = [_norm(samples[k:] - samples[:-k], weights).sum(dim=0) for k in range(1, n_samples)]
-    return error - torch.stack(apart).sum(dim=0) / (n_samples * (n_samples - 1))
+    return error - spread * torch.stack(apart).sum(dim=0) / (n_samples * (n_samples - 1))
 
 
 @torch.no_grad()

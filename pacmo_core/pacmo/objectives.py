@@ -74,17 +74,19 @@ class Objectives:
         loss = self.settings.penalty_weight * penalty - distance
         return loss, {"distance": distance, "penalty": penalty, "gradient_norm": norms.mean()}
 
-    def of_generator(self, batch: Batch) -> Loss:
+    def of_generator(self, batch: Batch, *, judged: bool) -> Loss:
         """Weigh the energy score and the penalties on bones against the critic's judgement."""
         settings = self.settings
         reactions = self.reactions(batch)
         made, every = self.generator.normalisation.reaction(reactions), reactions.flatten(0, 1)
-        judged = self._judge(made, batch.real).mean()
-        terms = {"judged": judged, "symmetry": self.symmetry(every, self.weights)}
-        loss = settings.symmetry_weight * terms["symmetry"] - judged
+        terms = {"symmetry": self.symmetry(every, self.weights)}
+        loss = settings.symmetry_weight * terms["symmetry"]
+        if judged:
+            terms["judged"] = self._judge(made, batch.real).mean()
+            loss = loss - terms["judged"]
         if settings.score_weight:
             u, _ = self._normalised(batch.real)
-            terms["score"] = self.energy_score(made, u, self.weights).mean()
+            terms["score"] = self.energy_score(made, u, self.weights, settings.score_spread).mean()
             loss = loss + settings.score_weight * terms["score"]
         if settings.bone_weight:
             terms["bones"] = self.constant_bones(every, self.weights)

@@ -120,7 +120,9 @@ class PacmoSettings:
     validation_samples: int  # reactions to a held-out partner, for the energy score
     n_critic: int  # steps of the critic for each of the generator's
     penalty_weight: float  # of the gradient penalty (PaCMO, eq. 2)
+    warmup_epochs: int  # in which the generator follows the energy score alone
     score_weight: float  # of the energy score; 0 is the paper's plain form
+    score_spread: float  # share of its term for spread; below 1 reactions are truer, less varied
     symmetry_weight: float  # of the squared difference of mirror bones, 1 / m^2
     bone_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off
     ema: float  # share of the running mean that stays each step
@@ -128,6 +130,17 @@ class PacmoSettings:
     augment: AugmentSettings
     mixed_precision: bool  # bfloat16 in the networks, on a GPU only
     compile_generator: bool  # on a GPU only
+
+    def __post_init__(self) -> None:
+        if self.warmup_epochs and not self.score_weight:
+            raise ValueError(
+                f"warmup_epochs {self.warmup_epochs} want a score_weight: "
+                "without it the generator has nothing to follow"
+            )
+        if not 0 <= self.warmup_epochs < self.n_epochs:
+            raise ValueError(
+                f"warmup_epochs must lie in [0, n_epochs {self.n_epochs}); got {self.warmup_epochs}"
+            )
 
 
 @dataclass(frozen=True)
