@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from pacmo_core.pacmo import adversarial, autoencoder, gru, regression
+from pacmo_core.pacmo.adversaries import Adversaries
 from pacmo_core.pacmo.fit import Fit, batches, state
 from pacmo_core.pacmo.functions import both_sides, encode
 from pacmo_core.pacmo.generator import react_on_grid
@@ -116,6 +117,28 @@ def test_a_learning_rate_that_explodes_is_refused_by_name() -> None:
     broken = replace(PACMO, generator=DescentSettings(1e12, (0.0, 0.9)), n_epochs=20)
     with pytest.raises(FloatingPointError, match="not finite"):
         adversarial.fit(clips(8), broken).finish()
+
+
+def test_in_the_warm_up_the_critic_rests_and_no_weights_are_chosen() -> None:
+    fitted = adversarial.fit(clips(8), replace(PACMO, warmup_epochs=2), validation=clips(3, 90))
+    training = fitted.training
+    assert isinstance(training, Adversaries)
+    critic, generator = state(training.critic), state(training.generator)
+    curve = iter(fitted)
+    warm = [next(curve), next(curve)]
+    assert all(terms.keys() == {"symmetry", "score"} for terms in warm)
+    assert all(torch.equal(critic[name], value) for name, value in state(training.critic).items())
+    assert not torch.equal(generator["uno.lift.weight"], training.generator.uno.lift.weight)
+    terms = list(curve)
+    assert {"distance", "judged", "score", "validation"} <= terms[-1].keys()
+    assert not torch.equal(critic["uno.lift.weight"], training.critic.uno.lift.weight)
+
+
+def test_a_warm_up_with_nothing_to_follow_is_refused() -> None:
+    with pytest.raises(ValueError, match="want a score_weight"):
+        replace(PACMO, warmup_epochs=1, score_weight=0.0)
+    with pytest.raises(ValueError, match="n_epochs 4"):
+        replace(PACMO, warmup_epochs=4)
 
 
 @pytest.mark.slow
