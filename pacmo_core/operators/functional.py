@@ -26,5 +26,7 @@ class FunctionalLayer(nn.Module):
 
     def forward(self, v: Tensor, times: Tensor) -> Tensor:
         """Integrate ``(B, T)`` values at ``(T,)`` instants: ``(B,)``."""
-        kappa: Tensor = self.kernel(times[:, None])[:, 0]
-        return torch.mv(v, trapezoid_weights(times) * kappa)
+        # An integral is a long sum: in single precision, whatever the networks around it run in.
+        with torch.autocast(v.device.type, enabled=False):
+            kappa: Tensor = self.kernel(times[:, None])[:, 0]
+            return torch.mv(v.to(kappa.dtype), trapezoid_weights(times) * kappa)
