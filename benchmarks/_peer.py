@@ -22,7 +22,7 @@ def peer_operator(in_channels: int, out_channels: int) -> nn.Module | None:
     branches, and works on the grid of the data without padding: in all three it does less.
     """
     if importlib.util.find_spec(PEER) is None:
-        print("no peer here: pip install neuraloperator==2.0.0", file=sys.stderr)
+        print("no peer here: pip install 'neuraloperator==2.0.0'", file=sys.stderr)
         return None
     scalings = [after / before for before, after in pairwise((1.0, *RATIOS))]
     with contextlib.redirect_stdout(sys.stderr):  # its constructor prints

@@ -9,7 +9,7 @@ a live partner; ``long_s``, ``long_mb``: one partner of 48,000 frames in one cal
 its own: seconds, and peak resident memory above that before the call. Generators have width 64.
 The weights are fresh ones: time does not depend on them. On one thread
 times are process times, which other work on the machine disturbs least. Without the peer
-(``pip install neuraloperator==2.0.0``, the extra ``peers``) its two figures are left out.
+(``pip install neuraloperator==2.0.0``, or the extra ``peers``) its two figures are left out.
 """
 
 import json

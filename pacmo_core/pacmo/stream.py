@@ -14,14 +14,19 @@ from pacmo_core.transform import frame_of
 
 # Poses that stand for the window before the first frame, when the partner is taken to stand still.
 STILL_POSES = 32
+# Share of the window, before and after its start, over which the frame of reference is averaged: a
+# capture's noise in one pose's heading would swing all that is seen from it.
+STEADY = 0.1
+STEADY_POSES = 9
 
 
 class Stream:
     """Answers each frame of a partner from the last window of usual length, at its end.
 
-    The window slides with the clock. Its frame of reference is that of its first pose, which moves
-    as smoothly as the partner did, and its noise is one field of absolute time: so an answer
-    follows on the last one. Before the first frame the partner is taken to have stood still.
+    The window slides with the clock. Its frame of reference is that of the mean pose around its
+    start, which moves as smoothly as the partner did, and its noise is one field of absolute time:
+    so an answer follows on the last one. Before the first frame the partner is taken to have stood
+    still.
 
     Parameters
     ----------
@@ -38,6 +43,7 @@ class Stream:
         self._action = action_number(model, action)
         self._noise = endless_noise(model, n_samples, random)
         self._duration = usual_duration(model.normalisation)
+        self._kept = (1 + STEADY) * self._duration
         self._seen = deque[tuple[float, Motion]]()
         self._began = 0.0
 
@@ -72,25 +78,27 @@ class Stream:
     def _remember(self, pose: NDArray[np.float32], time: float) -> None:
         if not self._seen:
             self._began = time
-            before = np.linspace(time - self._duration, time, STILL_POSES, endpoint=False)
+            before = np.linspace(time - self._kept, time, STILL_POSES, endpoint=False)
             self._seen.extend((float(instant), pose) for instant in before)
         if time <= self._seen[-1][0]:
             raise ValueError(f"time must go on from {self._seen[-1][0]:g} s; got {time:g}")
         self._seen.append((time, pose))
-        while self._seen[1][0] <= time - self._duration:
+        while self._seen[1][0] <= time - self._kept:
             self._seen.popleft()
 
     def _piece(self, time: float) -> Piece:
         times, seen = zip(*self._seen, strict=True)
         motion = Spline(times, np.stack(seen))
-        # A clock that counts from long ago rounds: the window must not begin before the frames.
-        window = Window(max(time - self._duration, motion.start), self._duration)
+        window = Window(time - self._duration, self._duration)
+        around = np.linspace(-STEADY, STEADY, STEADY_POSES) * self._duration + window.start
+        # A clock that counts from long ago rounds: no instant may come before the frames.
+        steady = poses(motion, around.clip(motion.start)).mean(axis=0, keepdims=True)
         since = (time - self._began) / self._duration
         return Piece(
             owner=0,
             motion=motion,
             window=window,
-            frame=frame_of(poses(motion, np.array([window.start])), self._model.skeleton),
+            frame=frame_of(steady, self._model.skeleton),
             noise=self._noise.at(since) if self._noise else torch.zeros(0),
             action=self._action,
             rows=slice(0, 1),

@@ -30,6 +30,7 @@ def streamed(model: Generator, n_frames: int, began: float = 0.0) -> np.ndarray:
 def test_a_frame_is_answered_as_the_last_window_would_be(
     model: Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("pacmo_core.pacmo.stream.STEADY", 0.0)
     # Noise that stays: the stream moves on in it, and the single window does not.
     fixed = model.draw(2, torch.Generator().manual_seed(1))
     monkeypatch.setattr("pacmo_core.pacmo.windows.EndlessNoise.at", lambda self, start: fixed)
@@ -72,3 +73,18 @@ def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Ge
     live.answer(pose, 1.0)
     with pytest.raises(ValueError, match="go on from 1 s"):
         live.answer(pose, 1.0)
+
+
+def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generator) -> None:
+    clip = mirrored(5, np.arange(150) / 30)
+    random = np.random.default_rng(0)
+    # Shoulders and hips that tremble to and fro: no joint moves far, the heading of a pose does.
+    noisy = clip.person_a + random.normal(scale=0.01, size=clip.person_a.shape)
+    steps = []
+    for motion in (clip.person_a, noisy.astype(np.float32)):
+        live = Stream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+        pairs = zip(motion, clip.times.tolist(), strict=True)
+        answers = np.stack([live.answer(pose, time)[0] for pose, time in pairs])
+        steps.append(np.diff(answers[75:], 2, axis=0))
+    shaken = np.sqrt(np.square(steps[1] - steps[0]).sum(axis=-1).mean())
+    assert shaken < 0.03
