@@ -1,4 +1,4 @@
-"""Trusted: the metrics one by one, on all samples; the real pairs are at no distance from themselves."""
+"""Trusted: the metrics one by one, on all samples; real pairs lie at zero from themselves."""
 
 from dataclasses import replace
 
