@@ -44,4 +44,5 @@ def closest(first: Motion, second: Motion) -> NDArray[np.float64]:
     a, b = first - centre, second - centre
     squared = (a**2).sum(axis=-1)[:, :, None] + (b**2).sum(axis=-1)[:, None]
     squared = squared - 2 * a @ b.transpose(0, 2, 1)
-    return np.sqrt(squared.min(axis=(1, 2)).clip(0)).astype(np.float64)
+    least: NDArray[np.float64] = np.sqrt(squared.min(axis=(1, 2)).clip(0), dtype=np.float64)
+    return least

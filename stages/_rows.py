@@ -1,4 +1,4 @@
-"""The rows of the table as interactions seen from their partners, real, generated and dealt anew."""
+"""Rows of the table, seen from their partners: real, generated, dealt to other partners."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.pacmo import autoencoder, matching
 from pacmo_core.pacmo.autoencoder import Autoencoder
 from pacmo_core.pacmo.facing import dealt_to, seen_from_partner
-from pacmo_core.pacmo.matching import Matcher
+from pacmo_core.pacmo.matcher import Matcher
 from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS
 from stages._reactions import directed_clips
@@ -115,7 +115,7 @@ def generated(file: Path, real: Seen) -> Seen | None:
 
 
 def runs(reactions: Path, real: Seen) -> Iterator[tuple[str, int, Seen]]:
-    """Yield what is in ``ROW/SEED`` below a folder, in order; runs that made nothing are left out."""
+    """Yield what stands in ``ROW/SEED`` below a folder, without the runs that made nothing."""
     files = sorted(reactions.glob(f"*/*/{MOTIONS}"))
     if not files:
         raise ValueError(f"{reactions}: wanted ROW/SEED/{MOTIONS} below it, found none")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.metrics.intervals import Estimate, Interval, interval
+from pacmo_core.metrics.intervals import Estimate, interval
 from pacmo_core.metrics.pooling import BySeed, is_repeated, pool, pooled_interval
 from pacmo_core.metrics.sensitivity import PERFECT, sensitivity
 from pacmo_core.store.scores import read_scores

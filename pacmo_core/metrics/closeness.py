@@ -9,6 +9,7 @@ from pacmo_core.metrics.intervals import Array
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.resampling import to_length
 
+
 def distance_functions(row: Reactions, body: Body, n_instants: int) -> Array:
     """Follow the distance from each key joint of the partner to each of the reaction.
 

@@ -75,9 +75,7 @@ class Laws:
 
     @cached_property
     def _real(self) -> Gaussians:
-        return fit_gaussians(
-            self._coordinates[0], self._yardstick.partners, self._yardstick.counts
-        )
+        return fit_gaussians(self._coordinates[0], self._yardstick.partners, self._yardstick.counts)
 
     @cached_property
     def _real_parts(self) -> Gaussians:

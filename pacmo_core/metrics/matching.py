@@ -40,7 +40,7 @@ def matching(embedded: Array, codes: Codes, counts: Array, *, candidates: int) -
 
 
 def candidates_in(codes: Codes, wanted: int) -> int:
-    """Count the candidates that there are: as many as wanted, or one more than the fewest rivals."""
+    """Count the candidates: as many as wanted, or one more than the fewest rivals."""
     return min(wanted, 1 + int((codes[:, None] != codes).sum(axis=1).min()))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pacmo_core.metrics.intervals import Array
 from pacmo_core.metrics.mmd import mean_kernels, median_bandwidth
-from pacmo_core.metrics.pairs import Codes, pair_means
+from pacmo_core.metrics.pairs import pair_means
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.yardstick import Yardstick
 

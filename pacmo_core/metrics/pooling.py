@@ -37,13 +37,14 @@ def pool(folds: Sequence[BySeed], random_seed: int) -> Estimate:
     lengths = {len(estimate.resampled) for fold in folds for estimate in fold.values()}
     if len(lengths) != 1 or not all(folds):
         raise ValueError(f"wanted estimates of one number of draws in every fold; got {lengths}")
-    n_draws = lengths.pop()
     plain = np.mean([np.mean([e.plain for e in fold.values()]) for fold in folds])
-    draws = [_over_seeds(fold, n_draws, (random_seed, k)) for k, fold in enumerate(folds)]
+    draws = [_over_seeds(fold, (random_seed, k)) for k, fold in enumerate(folds)]
     return Estimate(float(plain), np.mean(draws, axis=0))
 
 
-def pooled_interval(metric: str, folds: Sequence[BySeed], random_seed: int, confidence: float) -> Interval:
+def pooled_interval(
+    metric: str, folds: Sequence[BySeed], random_seed: int, confidence: float
+) -> Interval:
     """Give a metric's interval, or of the paper's protocol the mean and the range of repeats."""
     if is_repeated(metric):
         every = [e.resampled for fold in folds for e in fold.values()]
@@ -59,7 +60,7 @@ def is_repeated(metric: str) -> bool:
     return metric.endswith("_published") or metric == "f2id_halves"
 
 
-def _over_seeds(fold: BySeed, n_draws: int, entropy: tuple[int, int]) -> Array:
+def _over_seeds(fold: BySeed, entropy: tuple[int, int]) -> Array:
     values = np.stack([fold[seed].resampled for seed in sorted(fold)])  # (S, B)
     generator = np.random.default_rng(entropy)
     chosen = generator.integers(len(values), size=values.shape)

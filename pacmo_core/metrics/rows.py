@@ -54,9 +54,7 @@ def measure_mmd(row: Reactions, codes: Codes, yardstick: Yardstick) -> Estimates
         found[name] = as_estimate(means[0] + means[1] - 2 * means[2])
         kernels = [real.kernels[1:], yy[1:], xy[1:]]
         paper = [
-            published_statistic(
-                kernels, times_drawn(a, len(i)), times_drawn(b, len(codes))
-            )
+            published_statistic(kernels, times_drawn(a, len(i)), times_drawn(b, len(codes)))
             for a, b in yardstick.drawn(row)
         ]
         found[f"{name}_published"] = as_repeats(paper)

@@ -28,7 +28,6 @@ itself.) In all other metrics it is the real pairs tested, as they stand under `
 Each metric is measured on all samples and on every draw of clips: ``intervals`` says what follows.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,16 +124,6 @@ class Table:
             **measure_diversity(second, codes, yardstick),
         }
         return Measured(pairs.estimates | own, pairs.absent)
-
-
-def measure_rows(table: Table, rows: Mapping[str, Reactions]) -> dict[str, Measured]:
-    """Measure rows, and the rows ``real_pairs`` and ``real`` before them."""
-    taken = {REAL, REAL_PAIRS} & {*rows}
-    if taken:
-        raise ValueError(f"row {min(taken)} is that of real motion; name the other otherwise")
-    pairs = table.measure(table.yardstick.real)
-    found = {REAL: table.real(pairs), REAL_PAIRS: pairs}
-    return found | {name: table.measure(row) for name, row in rows.items()}
 
 
 def _halves(yardstick: Yardstick) -> Estimate:

@@ -1,96 +1,32 @@
-"""A network that tells which partner a reaction answers, trained on real pairs.
+"""Training of the matcher on real pairs: contrastive learning of which reaction answers whom.
 
-Two operators turn the partner's and the reaction's motion into functions of time with values on a
-sphere; a reaction fits a partner as well as the two functions agree, in the mean over time:
-contrastive learning of pairs (van den Oord et al. 2018; symmetric as in CLIP, Radford et al. 2021).
+Of a batch, each partner is to pick its reaction and each reaction its partner (van den Oord et al.
+2018, *Contrastive predictive coding*; in both directions as in CLIP, Radford et al. 2021).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
-from torch.nn import functional
+from torch import Tensor
 
 from pacmo_core.interaction import Interaction
-from pacmo_core.operators.fourier import interpolation
 from pacmo_core.operators.initialise import initialise
-from pacmo_core.operators.uno import Uno, UnoConfig
+from pacmo_core.operators.uno import UnoConfig
 from pacmo_core.pacmo.config import skeleton_from, uno_from
-from pacmo_core.pacmo.fit import Fit, halving, state
-from pacmo_core.pacmo.functions import MotionPairs, common_skeleton, encode
+from pacmo_core.pacmo.fit import Fit, batches, halving, state
+from pacmo_core.pacmo.functions import MotionPairs, both_sides, common_skeleton, encode
 from pacmo_core.pacmo.losses import finite
+from pacmo_core.pacmo.matcher import Matcher, MatcherConfig
 from pacmo_core.pacmo.mirror import mirrored
-from pacmo_core.pacmo.normalisation import Normalisation
 from pacmo_core.pacmo.settings import MatcherSettings
 from pacmo_core.skeleton import Skeleton
 
+# Of the three layers' grids to the latent one.
 RATIOS = (0.75, 0.5, 0.5)
-
-
-@dataclass(frozen=True)
-class MatcherConfig:
-    """A matcher's skeleton, the operator of either side and how sharply it chooses."""
-
-    skeleton: Skeleton
-    uno: UnoConfig
-    n_instants: int
-    temperature: float
-
-
-class Matcher(nn.Module):
-    """Embed partners and reactions so that those of one interaction lie close.
-
-    Parameters
-    ----------
-    config : MatcherConfig
-    """
-
-    points: Tensor
-    evaluation: Tensor
-
-    def __init__(self, config: MatcherConfig) -> None:
-        super().__init__()
-        self.config = config
-        self.partner, self.reaction = Uno(config.uno), Uno(config.uno)
-        self.normalisation = Normalisation(channels=config.uno.in_channels - 3)
-        self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
-        r = config.n_instants
-        midpoints = (torch.arange(r) + 0.5) / r
-        evaluation = interpolation(midpoints / config.uno.period, config.uno.sizes[-1]).float()
-        self.register_buffer("evaluation", evaluation, persistent=False)
-
-    def forward(self, pairs: MotionPairs) -> tuple[Tensor, Tensor]:
-        """Embed both sides: two ``(B, r E)``, unit vectors whose product is the fit."""
-        norm, period = self.normalisation, self.config.uno.period
-        context = norm.context(self.points, pairs.log_duration, period)
-        return (
-            self._embedded(self.partner, norm.partner(pairs.partner), context),
-            self._embedded(self.reaction, norm.reaction(pairs.reaction), context),
-        )
-
-    def loss(self, pairs: MotionPairs, clips: Tensor) -> Tensor:
-        """Take the mean surprise at the true partner among those given, and at the true reaction.
-
-        Parameters
-        ----------
-        pairs : B real pairs
-        clips : (B,) the clip of each; the other person's view of a clip is no rival
-        """
-        partner, reaction = self(pairs)
-        fit = partner @ reaction.T / self.config.temperature
-        alike = (clips[:, None] == clips) & ~torch.eye(len(clips), dtype=torch.bool)
-        fit = fit.masked_fill(alike, -torch.inf)
-        true = torch.arange(len(clips))
-        return (functional.cross_entropy(fit, true) + functional.cross_entropy(fit.T, true)) / 2
-
-    def _embedded(self, operator: Uno, motion: Tensor, context: Tensor) -> Tensor:
-        inputs = torch.cat([motion, context], dim=-1)
-        values = operator.evaluate(operator.trunk(inputs), inputs, self.evaluation)
-        return functional.normalize(values.flatten(1), dim=-1)
 
 
 def fit(
@@ -110,7 +46,12 @@ def fit(
     model = Matcher(_config(clips[0].skeleton, settings))
     initialise(model, random)
     model.normalisation.measure(pairs)
-    return Fit(model, _epochs(model, (pairs, codes), held_out, settings, random))
+
+    def loss(rows: Tensor) -> Tensor:
+        return model.loss(_shaken(pairs[rows], settings.noise, random), codes[rows])
+
+    judge = None if held_out is None else lambda: model.loss(*held_out)
+    return Fit(model, _epochs(model, pairs, loss, judge, settings, random))
 
 
 def embed(
@@ -156,27 +97,41 @@ def _all_views(
 ) -> tuple[MotionPairs, Tensor]:
     """Encode each clip from either person and, if asked, mirrored; with the clip of each."""
     common_skeleton(clips)
-    views = [*clips, *(clip.swapped() for clip in clips)]
+    views = both_sides(clips, swap=True)
     if settings.mirror:
         views += [mirrored(view) for view in views]
     codes = torch.arange(len(clips)).repeat(len(views) // len(clips))
     return encode(views, settings.n_points), codes
 
 
-def _step(
+def _epochs(
     model: Matcher,
-    optimiser: torch.optim.Optimizer,
-    pairs: MotionPairs,
-    clips: Tensor,
-    noise: float,
+    train: MotionPairs,
+    loss: Callable[[Tensor], Tensor],
+    held_out: Callable[[], Tensor] | None,
+    settings: MatcherSettings,
     random: torch.Generator,
-) -> Tensor:
-    shaken = MotionPairs(
-        _shaken(pairs.partner, noise, random),
-        _shaken(pairs.reaction, noise, random),
-        pairs.log_duration,
-    )
-    loss = model.loss(shaken, clips)
+) -> Iterator[dict[str, float]]:
+    optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
+    schedule = halving(optimiser, settings.halve_every)
+    best, least = state(model), float("inf")
+    for _ in range(settings.n_epochs):
+        steps = batches(len(train), settings.batch_size, random)
+        losses = [_step(loss(rows), optimiser) for rows in steps]
+        schedule.step()
+        terms = {"loss": torch.stack(losses).mean()}
+        if held_out is not None:
+            with torch.no_grad():
+                terms["validation_loss"] = held_out()
+        found = finite(terms, "matcher")
+        if found.get("validation_loss", -1.0) < least:
+            least = found.get("validation_loss", least)
+            best = {name: value.clone() for name, value in state(model).items()}
+        yield found
+    model.load_state_dict(best)
+
+
+def _step(loss: Tensor, optimiser: torch.optim.Optimizer) -> Tensor:
     finite({"loss": loss}, "matcher")
     optimiser.zero_grad()
     loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
@@ -184,39 +139,10 @@ def _step(
     return loss.detach()
 
 
-def _shaken(motion: Tensor, noise: float, random: torch.Generator) -> Tensor:
-    """Move every joint of ``(B, N, 3 J)`` by an offset of its own, the same at all times."""
-    offsets = torch.randn(len(motion), 1, motion.shape[-1], generator=random)
-    return motion + noise * offsets
-
-
-def _epochs(
-    model: Matcher,
-    train: tuple[MotionPairs, Tensor],
-    held_out: tuple[MotionPairs, Tensor] | None,
-    settings: MatcherSettings,
-    random: torch.Generator,
-) -> Iterator[dict[str, float]]:
-    optimiser = torch.optim.AdamW(
-        model.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay
+def _shaken(pairs: MotionPairs, noise: float, random: torch.Generator) -> MotionPairs:
+    """Move every joint by an offset of its own, the same at all times: few clips, many bodies."""
+    partner, reaction = (
+        motion + noise * torch.randn(len(motion), 1, motion.shape[-1], generator=random)
+        for motion in (pairs.partner, pairs.reaction)
     )
-    schedule = halving(optimiser, settings.halve_every)
-    best, least = state(model), float("inf")
-    for _ in range(settings.n_epochs):
-        losses = [
-            _step(model, optimiser, train[0][rows], train[1][rows], settings.noise, random)
-            for rows in torch.randperm(len(train[0]), generator=random).chunk(
-                max(1, round(len(train[0]) / settings.batch_size))
-            )
-        ]
-        schedule.step()
-        terms = {"loss": torch.stack(losses).mean()}
-        if held_out is not None:
-            with torch.no_grad():
-                terms["validation_loss"] = model.loss(*held_out)
-        found = finite(terms, "matcher")
-        if found.get("validation_loss", -1.0) < least:
-            least = found.get("validation_loss", least)
-            best = {name: value.clone() for name, value in state(model).items()}
-        yield found
-    model.load_state_dict(best)
+    return MotionPairs(partner, reaction, pairs.log_duration)

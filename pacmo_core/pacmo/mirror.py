@@ -24,4 +24,4 @@ def _reflected(motion: Motion, skeleton: Skeleton) -> Motion:
     order = np.arange(motion.shape[1])
     for left, right in skeleton.left_right:
         order[left], order[right] = right, left
-    return np.ascontiguousarray(motion[:, order] * np.float32([-1, 1, 1]))
+    return np.ascontiguousarray(motion[:, order] * np.array([-1, 1, 1], dtype=np.float32))

@@ -74,7 +74,6 @@ class MatcherSettings:
     n_instants: int  # at which they are
     temperature: float  # of the choice: small is sharp
     noise: float  # metres, whole bodies moved at random while training
-    weight_decay: float
     learning_rate: float
     halve_every: int  # epochs
     batch_size: int

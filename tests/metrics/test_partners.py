@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pacmo_core.metrics.floors import draw_by_clip, halves_by_clip
+from pacmo_core.metrics.floors import halves_by_clip, second_draws
 from pacmo_core.metrics.partners import has_wrong_partner, wrong_partners
 
 
@@ -50,17 +50,22 @@ def test_an_act_of_one_clip_has_no_wrong_partner():
         wrong_partners(clips, acts, np.random.default_rng(0))
 
 
+def test_where_there_are_no_more_samples_than_tested_there_is_one_second_draw():
+    (drawn,) = second_draws(["a", "b", "b"], 22, 5, np.random.default_rng(0))
+    assert sorted(drawn) == [0, 1, 2]
+
+
 def test_a_second_draw_takes_whole_clips_and_halves_share_none():
     clips = [f"c{i % 7}" for i in range(21)]
     rng = np.random.default_rng(0)
-    drawn = draw_by_clip(clips, 9, rng)
-    assert len({*drawn}) == 9
-    assert len({clips[i] for i in drawn}) == 3
+    draws = second_draws(clips, 9, 4, rng)
+    assert len(draws) == 4 and len({tuple(sorted(drawn)) for drawn in draws}) > 1
+    for drawn in draws:
+        assert len({*drawn}) == 9
+        assert len({clips[i] for i in drawn}) == 3
     one, other = halves_by_clip(clips, rng)
     assert sorted([*one, *other]) == list(range(21))
     assert not {clips[i] for i in one} & {clips[i] for i in other}
     assert {len(one), len(other)} == {9, 12}
-    with pytest.raises(ValueError, match="22; got 21"):
-        draw_by_clip(clips, 22, rng)
     with pytest.raises(ValueError, match="2 clips"):
         halves_by_clip(["a", "a"], rng)

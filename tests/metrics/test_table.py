@@ -1,28 +1,45 @@
-"""Trusted: the metrics one by one, on all samples; a row of the real reactions is zero."""
+"""Trusted: the metrics one by one, on all samples; real pairs lie at zero from themselves."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.displacement import ape, ave
 from pacmo_core.metrics.f2id import f2id, midpoint_grid
+from pacmo_core.metrics.intervals import interval
 from pacmo_core.metrics.mmd import median_bandwidth, mmd_a, mmd_s
 from pacmo_core.metrics.partners import wrong_partners
 from pacmo_core.metrics.resampling import stack_motions, to_length
-from pacmo_core.metrics.table import compare_rows, measure_rows, score_rows
+from pacmo_core.metrics.table import Table
 from pacmo_core.metrics.yardstick import Settings
 from tests.metrics.problems import reactions
 
+BODY = Body(root=1, keys=(0, 1, 2), feet=(2,), bones=np.array([[0, 1], [1, 2]]))
 SETTINGS = Settings(
-    n_samples=60, repeats=3, bootstrap=40, confidence=0.9, n_frames=6, root=1, random_seed=7
+    n_samples=60,
+    repeats=3,
+    bootstrap=40,
+    second_draws=2,
+    n_frames=6,
+    n_instants=5,
+    n_components=4,
+    candidates=8,
+    foot_height=0.5,
+    body_radius=0.2,
+    contact_distance=0.7,
+    body=BODY,
+    random_seed=7,
 )
 _, WEIGHTS = midpoint_grid(6)
 METRICS = {
-    *("f2id", "f2id_published", "f2id_floor", "f2id_halves"),
+    *("f2id", "f2id_excess", "f2id_infinity", "f2id_published"),
     *("mmd_a", "mmd_s", "mmd_a_published", "mmd_s_published"),
     *("diversity", "diversity_l2", "diversity_published"),
     *("ape", "ave", "ape_joints", "ave_joints"),
+    *("f2id_distances", "mmd_pair", "matching"),
+    *("foot_sliding", "penetration", "contact_agreement"),
 }
 
 
@@ -40,27 +57,36 @@ def sets():
     return real, train, {"near": blurred(real, 0.1, rng), "far": blurred(real, 2.0, rng)}
 
 
+def table_of(real, train, settings=SETTINGS):
+    return Table(real=real, train=train, weights=WEIGHTS, settings=settings)
+
+
 @pytest.fixture(scope="module")
 def measured(sets):
     real, train, rows = sets
-    return measure_rows(real, rows, train=train, weights=WEIGHTS, settings=SETTINGS)
+    table = table_of(real, train)
+    pairs = table.measure(real)
+    found = {name: table.measure(row) for name, row in rows.items()}
+    return {"real": table.real(pairs), "real_pairs": pairs, **found}
 
 
-def test_every_row_has_every_metric_with_its_bounds_in_order(measured):
-    table, _ = measured
-    assert set(table) == {"real", "near", "far"}
-    for metrics in table.values():
-        assert set(metrics) == METRICS
-        for found in metrics.values():
-            assert asdict(found).keys() == {"mean", "low", "high"}
-            assert np.isfinite([found.mean, found.low, found.high]).all()
-            assert found.low <= found.high
-            assert isinstance(found.mean, float)
+def values(found):
+    return {name: estimate.plain for name, estimate in found.estimates.items()}
+
+
+def test_every_row_has_every_metric_on_every_draw(measured):
+    for row, found in measured.items():
+        assert set(found.estimates) == METRICS | ({"f2id_halves"} if row == "real" else set())
+        assert found.absent == {"multimodality": "one reaction a partner"}
+        for name, estimate in found.estimates.items():
+            repeats = name.endswith(("_published", "_halves"))
+            assert estimate.resampled.shape == ((3,) if repeats else (40,))
+            assert np.isfinite([estimate.plain, *estimate.resampled]).all()
 
 
 def test_plain_values_are_those_of_the_metrics_called_alone(sets, measured):
     real, _, rows = sets
-    table, row = measured[0]["far"], rows["far"]
+    found, row = values(measured["far"]), rows["far"]
     x, y = (stack_motions(part.motions, part.times, 6) for part in (real, row))
     clips = np.arange(24) // 2
     flat = [a.reshape(24, 1, -1) for a in (x, y)]
@@ -73,7 +99,7 @@ def test_plain_values_are_those_of_the_metrics_called_alone(sets, measured):
         "ape_joints": ape(row.motions, real.motions, weighting="sequence").mean(),
         "ave_joints": ave(row.motions, real.motions, weighting="sequence").mean(),
     }
-    assert {name: table[name].mean for name in expected} == pytest.approx(expected, abs=1e-10)
+    assert {name: found[name] for name in expected} == pytest.approx(expected, abs=1e-9)
 
 
 def test_diversity_is_the_mean_over_all_pairs_of_different_clips(sets, measured):
@@ -85,20 +111,34 @@ def test_diversity_is_the_mean_over_all_pairs_of_different_clips(sets, measured)
         for j in range(24)
         if real.clips[i] != real.clips[j]
     ]
-    table = measured[0]["near"]
-    assert table["diversity"].mean == pytest.approx(np.mean(squared))
-    assert table["diversity_l2"].mean == pytest.approx(np.mean(np.sqrt(squared)))
+    found = values(measured["near"])
+    assert found["diversity"] == pytest.approx(np.mean(squared))
+    assert found["diversity_l2"] == pytest.approx(np.mean(np.sqrt(squared)))
 
 
-def test_the_real_reactions_as_a_row_are_at_no_distance_from_themselves(sets):
-    real, train, _ = sets
-    table = score_rows(real, {"copy": real}, train=train, weights=WEIGHTS, settings=SETTINGS)
-    for name in ("f2id", "mmd_a", "mmd_s", "ape", "ave", "ape_joints", "ave_joints"):
-        for bound in asdict(table["copy"][name]).values():
-            assert bound == pytest.approx(0, abs=1e-9), name
+def test_the_real_pairs_are_at_no_distance_from_themselves(measured):
+    found = measured["real_pairs"].estimates
+    zero = ("f2id", "f2id_excess", "f2id_infinity", "mmd_a", "mmd_s", "ape", "ave", "ape_joints")
+    for name in zero:
+        np.testing.assert_allclose(found[name].resampled, 0, atol=1e-9, err_msg=name)
+        assert found[name].plain == pytest.approx(0, abs=1e-9)
+    assert found["contact_agreement"].plain == 1
 
 
-def test_reactions_dealt_to_wrong_partners_are_still_the_same_motions(sets):
+def test_excess_is_the_distance_to_second_draws_less_that_of_the_real_pairs(sets, measured):
+    real, train, rows = sets
+    seconds = table_of(real, train).yardstick.seconds
+    assert [len(second) for second in seconds] == [24, 24]
+    to_seconds = {
+        name: np.mean([f2id(row.features, second.features, WEIGHTS) for second in seconds])
+        for name, row in (("far", rows["far"]), ("real", real))
+    }
+    assert values(measured["real"])["f2id"] == pytest.approx(to_seconds["real"])
+    expected = to_seconds["far"] - to_seconds["real"]
+    assert values(measured["far"])["f2id_excess"] == pytest.approx(expected)
+
+
+def test_reactions_dealt_to_wrong_partners_are_still_the_same_motions(sets, measured):
     real, train, _ = sets
     chosen = wrong_partners(real.clips, None, np.random.default_rng(0))
     dealt = real.take(chosen)
@@ -106,55 +146,61 @@ def test_reactions_dealt_to_wrong_partners_are_still_the_same_motions(sets):
         to_length(m, t, len(n)).astype(np.float32)
         for m, t, n in zip(dealt.motions, dealt.times, real.motions, strict=True)
     ]
-    row = replace(dealt, motions=on_time, partners=real.partners, times=real.times)
-    table = score_rows(real, {"wrong": row}, train=train, weights=WEIGHTS, settings=SETTINGS)
-    assert table["wrong"]["ape"].low > 0
-    # Resampled to the partner's frames and then to the common ones, motions blur a little.
-    assert abs(table["wrong"]["mmd_s"].mean) < 0.02
-    assert table["wrong"]["diversity"].mean == pytest.approx(
-        table["real"]["diversity"].mean, rel=0.3
+    embedded = np.stack([real.embedded[0], dealt.embedded[1]])
+    row = replace(
+        dealt, motions=on_time, partners=real.partners, times=real.times, embedded=embedded
     )
+    found = table_of(real, train).measure(row).estimates
+    # Resampled to the partner's frames and then to the common ones, motions blur a little.
+    assert abs(found["mmd_s"].plain) < 0.02
+    pairs = measured["real_pairs"].estimates
+    assert found["diversity"].plain == pytest.approx(pairs["diversity"].plain, rel=0.3)
+    for name, good in (("ape", -1), ("matching", 1)):
+        gap = interval(pairs[name].minus(found[name]), 0.9)
+        assert good * gap.low > 0 and good * gap.high > 0, name
 
 
 def test_a_paired_difference_tells_a_near_row_from_a_far_one(measured):
-    table, estimates = measured
-    found = compare_rows(estimates, "far", "near", 0.9)
-    assert {"f2id", "mmd_a", "ape"} <= set(found)
-    assert found["f2id"].low > 0
-    assert found["ape"].low > 0
-    assert found["ape"].mean == pytest.approx(table["far"]["ape"].mean - table["near"]["ape"].mean)
+    near, far = (measured[row].estimates for row in ("near", "far"))
+    for name in ("f2id", "f2id_excess", "f2id_infinity", "ape"):
+        assert interval(far[name].minus(near[name]), 0.9).low > 0, name
 
 
-def test_the_floor_is_the_f2id_of_the_second_draw_and_halves_stand_higher(measured):
-    table, _ = measured
-    assert table["near"]["f2id_floor"] == table["real"]["f2id"] == table["far"]["f2id_floor"]
-    assert table["real"]["f2id_halves"].mean > table["real"]["f2id"].mean
-    assert table["real"]["ape"].high == table["real"]["ave_joints"].high == 0
+def test_halves_of_the_real_motion_stand_higher_than_the_floor(measured):
+    real = values(measured["real"])
+    assert real["f2id_halves"] > real["f2id"]
+    assert real["ape"] == real["ave_joints"] == 0
 
 
 def test_one_random_seed_gives_one_table(sets):
     real, train, rows = sets
     settings = replace(SETTINGS, bootstrap=5)
-    tables = [
-        score_rows(real, rows, train=train, weights=WEIGHTS, settings=s)
-        for s in (settings, settings, replace(settings, random_seed=8))
-    ]
-    assert tables[0] == tables[1] != tables[2]
+    found = []
+    for s in (settings, settings, replace(settings, random_seed=8)):
+        table = table_of(real, train, s)
+        far, floor = table.measure(rows["far"]), table.real(table.measure(real))
+        found.append([values(far), values(floor), far.estimates["f2id"].resampled.tolist()])
+    assert found[0] == found[1] != found[2]
+
+
+def test_fewer_training_than_test_clips_give_one_second_draw_of_what_there_is(sets):
+    real, train, rows = sets
+    table = table_of(real, train.take(np.arange(20)))
+    assert [len(second) for second in table.yardstick.seconds] == [20]
+    far = table.measure(rows["far"]).estimates
+    assert np.isfinite([estimate.plain for estimate in far.values()]).all()
+    assert table.real(table.measure(real)).estimates["f2id"].plain > 0
 
 
 def test_a_table_of_mistaken_rows_is_refused(sets):
     real, train, rows = sets
-    wanted = {"train": train, "weights": WEIGHTS, "settings": SETTINGS}
-    with pytest.raises(ValueError, match="row real"):
-        score_rows(real, {"real": real}, **wanted)
-    with pytest.raises(ValueError, match="row far: wanted 24 reactions"):
-        score_rows(real, {"far": rows["far"].take(np.arange(5))}, **wanted)
+    table = table_of(real, train)
+    with pytest.raises(ValueError, match="wanted 24 reactions"):
+        table.measure(rows["far"].take(np.arange(5)))
     with pytest.raises(ValueError, match="clips must be"):
-        score_rows(real, {"far": train.take(np.arange(24))}, **wanted)
+        table.measure(train.take(np.arange(24)))
     with pytest.raises(ValueError, match="share no clip"):
-        score_rows(real, {}, **wanted | {"train": real})
-    with pytest.raises(ValueError, match="24; got 20"):
-        score_rows(real, {}, **wanted | {"train": train.take(np.arange(20))})
+        table_of(real, real)
 
 
 def test_reactions_must_agree_in_number_shape_and_be_finite(sets):
