@@ -4,9 +4,10 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from pacmo_core.figures.columns import (
-    BODY_COLUMNS,
+    FURTHER_COLUMNS,
     MAIN_COLUMNS,
     MAIN_ROWS,
+    MODELS,
     PARTNER_COLUMNS,
     SAME_ACT_ROWS,
 )
@@ -18,10 +19,10 @@ Pooled = dict[str, Any]
 
 NO_LAW = "recorded captures have no known law of reaction"
 COMPARED = {
-    "any_act": "Real pairs − real reactions shuffled over all",
-    "same_act": "Real pairs − real reactions shuffled in each act",
-    "pacmo_any_act": "PaCMO − its reactions shuffled over all",
-    "pacmo_same_act": "PaCMO − its reactions shuffled in each act",
+    "any_act": "Real, over all acts",
+    "same_act": "Real, within each act",
+    "pacmo_any_act": "PaCMO, over all acts",
+    "pacmo_same_act": "PaCMO, within each act",
 }
 REAL_COMPARED = {"any_act": "across acts", "same_act": "within one act"}
 NOTES = (
@@ -51,7 +52,7 @@ def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
         "pacmo": (MAIN_ROWS, MAIN_COLUMNS),
         "pacmo_partner": (MAIN_ROWS, PARTNER_COLUMNS),
         "pacmo_same_act": (SAME_ACT_ROWS, PARTNER_COLUMNS),
-        "pacmo_body": (MAIN_ROWS, BODY_COLUMNS),
+        "pacmo_further": (MAIN_ROWS, FURTHER_COLUMNS),
     }
     tables = {name: shown(pooled, rows, columns) for name, (rows, columns) in chosen.items()}
     return {name: rows for name, rows in tables.items() if rows}
@@ -78,22 +79,19 @@ def cell(pooled: Pooled, row: str, metric: str) -> dict[str, Any]:
 
 def sections(pooled: Pooled, dataset: str) -> Iterator[Section]:
     """Give the further tables: differences, what sees the partner, the paper's."""
-    differences = {
-        name: cells for name, cells in pooled["differences"].items() if "_same_act" not in name
-    }
-    columns = dict.fromkeys((*MAIN_COLUMNS, *PARTNER_COLUMNS, *BODY_COLUMNS))
-    yield Section(
-        "Paired differences", difference_table(differences, tuple(columns)), DIFFERENCE_NOTES
-    )
+    models = {f"pacmo_minus_{row}" for row in (*MODELS, "oracle")}
+    differences = {name: cells for name, cells in pooled["differences"].items() if name in models}
+    yield Section("Paired differences", difference_table(differences), DIFFERENCE_NOTES)
     sensitivity = pooled["sensitivity"]
     yield Section(
-        "Which metrics see the partner",
+        "Which metrics see the partner: true pairs less shuffled ones",
         sight_table(sensitivity, COMPARED),
         sight_notes(sensitivity),
     )
     for paper in PAPER:
         title = f"Table {paper.number} of the paper, {paper.name}, and ours beside it"
-        yield Section(title, beside(paper, pooled["rows"]), (differs(paper, dataset), *CAVEATS))
+        caveats = CAVEATS if paper is PAPER[-1] else ()
+        yield Section(title, beside(paper, pooled["rows"]), (differs(paper, dataset), *caveats))
 
 
 def sight_notes(sensitivity: dict[str, Any]) -> tuple[str, ...]:
@@ -105,7 +103,7 @@ def sight_notes(sensitivity: dict[str, Any]) -> tuple[str, ...]:
             notes.append(f"Nothing is known {where}: no act is tested in two clips.")
         elif unseeing:
             notes.append(
-                f"These do not see the partner {where}, and gate nothing: {', '.join(unseeing)}."
+                f"These do not see the partner {where}, and gate nothing: {'; '.join(unseeing)}."
             )
         else:
             notes.append(f"All of these see the partner {where}.")

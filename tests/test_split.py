@@ -1,5 +1,6 @@
 """What is trusted: the definition of each split, and that windows tile the recording."""
 
+import hashlib
 import itertools
 from dataclasses import replace
 
@@ -90,13 +91,65 @@ def test_auto_means_person_only_where_enough_people_are_known():
     assert resolve_method([*circle(10), Origin("x", "x", ())], auto) == "recording"
 
 
-def test_listed_pairs_are_the_test_side_in_either_order():
-    rule = replace(RULE, method="listed", test_pairs=("p0+p1",))
-    origins = [Origin("x", "x", ("p1", "p0")), Origin("y", "y", ("p0", "p2"))]
-    assert assign_sides(origins, replace(rule, validation_share=0), 1) == {
-        "x": "test",
-        "y": "train",
-    }
+def test_listed_pairs_are_tested_in_the_order_that_their_data_set_gives_them():
+    rule = replace(RULE, method="listed", validation_share=0, test_pairs=(("p0+p1",), ("p0+p2",)))
+    origins = [
+        Origin(f"{a}{b}", "r", (a, b)) for a, b in (("p0", "p1"), ("p1", "p0"), ("p0", "p2"))
+    ]
+    first, second = (assign_sides(origins, rule, fold) for fold in (1, 2))
+    assert first == {"p0p1": "test", "p1p0": "train", "p0p2": "train"}
+    assert second == {"p0p1": "train", "p1p0": "train", "p0p2": "test"}
+
+
+def test_of_listed_people_both_are_tested_neither_is_trained_on_and_the_rest_is_dropped():
+    rule = replace(RULE, method="listed_people", test_people=(("p0",), ("p1", "p2", "p3")))
+    origins = circle(8)
+    sides = assign_sides(origins, rule, 2)
+    for origin in origins:
+        listed = len({"p1", "p2", "p3"} & {*origin.people})
+        wanted = {0: ("train", "validation"), 1: ("dropped",), 2: ("test",)}[listed]
+        assert sides[origin.clip] in wanted
+
+
+@pytest.mark.parametrize("method", ["clip", "recording", "pair"])
+def test_the_folds_of_a_hashed_split_test_everything_once(method):
+    origins = circle(40)
+    folds = [assign_sides(origins, replace(RULE, method=method), fold) for fold in range(1, 6)]
+    tested = [clip for sides in folds for clip, side in sides.items() if side == "test"]
+    assert sorted(tested) == sorted(origin.clip for origin in origins)
+
+
+def test_a_fold_tests_its_own_slice_of_the_hash():
+    """As BLAKE2b gives it, written out here anew."""
+    origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(200)]
+    sides = assign_sides(origins, RULE, 3)
+    for origin in origins:
+        digest = hashlib.blake2b(f"0\0clip\0{origin.clip}".encode(), digest_size=8).digest()
+        tested = 0.4 <= int.from_bytes(digest, "big") / 2**64 < 0.6
+        assert (sides[origin.clip] == "test") == tested
+
+
+@pytest.mark.parametrize(
+    ("fault", "fold", "said"),
+    [
+        ({}, 6, "fold must be 1 to 5, as many as of test_share 0.2 fit into 1; got 6"),
+        ({}, 0, "fold must be 1 to 5"),
+        ({"test_share": 0.3}, 4, "fold must be 1 to 3"),
+        ({"method": "listed", "test_pairs": (("p0+p1",),)}, 2, "1 to 1, as many as are listed"),
+        ({"method": "listed_people"}, 1, "1 to 0, as many as are listed"),
+        ({"method": "listed", "test_pairs": (("p0+p9",),)}, 1, "fold 1 lists p0.p9, of whom"),
+        ({"method": "listed_people", "test_people": (("p0", "px"),)}, 1, "fold 1 lists px"),
+    ],
+)
+def test_a_fold_or_a_name_that_there_is_not_is_refused(fault, fold, said):
+    with pytest.raises(ValueError, match=said):
+        assign_sides(circle(8), replace(RULE, **fault), fold)
+
+
+def test_a_clip_of_unknown_people_cannot_be_split_by_person():
+    rule = replace(RULE, method="listed_people", test_people=(("p0", "p1"),))
+    with pytest.raises(ValueError, match="clip x has none|x has none"):
+        assign_sides([*circle(8), Origin("x", "x", ())], rule, 1)
 
 
 def test_an_empty_side_is_refused_with_the_seed():

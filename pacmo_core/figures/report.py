@@ -18,7 +18,7 @@ SECTIONS = {
     "pacmo": "Reactions, generated from the partner alone",
     "pacmo_partner": "Do reactions answer their partner?",
     "pacmo_same_act": "The same within one act",
-    "pacmo_body": "Feet, bodies, variety",
+    "pacmo_further": "Feet, bodies, variety",
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
 }
