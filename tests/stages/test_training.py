@@ -17,20 +17,23 @@ from safetensors import safe_open
 from pacmo_core.pacmo.provenance import data_hash
 from pacmo_core.store.schema import StoreError
 from pacmo_core.store.weights import read_weights, write_weights
-from stages import train_autoencoder, train_gru, train_pacmo
+from stages import train_autoencoder, train_gru, train_pacmo, train_regression
 from stages._checkpoints import Checkpoint
 from stages._devices import DeviceError, devices
 from stages._files import read_curve
 from stages._training import sides_of
 from tests.pacmo.problems import clips
-from tests.stages.training import SECTIONS, prepare
+from tests.stages.training import SECTIONS, SEEDED, prepare
 
 ROOT = Path(__file__).parents[2]
-OUTS = (Path("clips"), Path("models/m"), Path("curves/m.csv"))
-MAINS: dict[str, Callable[[Path, Path, Path], None]] = {
+CLIPS, SIDES = Path("clips"), Path("sides.parquet")
+MODEL, CURVE = Path("models/m"), Path("curves/m.csv")
+PATHS = (CLIPS, SIDES, MODEL, CURVE)
+MAINS: dict[str, Callable[..., None]] = {
     "train_autoencoder": train_autoencoder.main,
     "train_gru": train_gru.main,
     "train_pacmo": train_pacmo.main,
+    "train_regression": train_regression.main,
 }
 
 
@@ -58,21 +61,25 @@ def facts_of(weights: Path) -> dict[str, object]:
         return json.loads(file.metadata()["config"])
 
 
+def run(stage: str) -> None:
+    MAINS[stage](*PATHS, **({"section": stage, "seed": 1} if stage in SEEDED else {}))
+
+
 def outputs() -> list[bytes]:
-    return [(OUTS[1] / "weights.safetensors").read_bytes(), OUTS[2].read_bytes()]
+    return [(MODEL / "weights.safetensors").read_bytes(), CURVE.read_bytes()]
 
 
 def kill_after_a_checkpoint(stage: str) -> None:
     """Start a stage, and end it by SIGKILL once it has written a checkpoint."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", f"stages.{stage}", *map(str, OUTS)]
+    command = [sys.executable, "-m", f"stages.{stage}", "--seed=1", *map(str, PATHS)]
     with subprocess.Popen(command, env=environment) as running:
         while not list(Path("checkpoints").glob("*.safetensors")):
             assert running.poll() is None, "it ended before there was a checkpoint"
             time.sleep(0.002)
         running.send_signal(signal.SIGKILL)
     assert running.returncode == -signal.SIGKILL
-    assert not OUTS[1].exists()
+    assert not MODEL.exists()
 
 
 @pytest.mark.slow
@@ -82,18 +89,18 @@ def test_a_stage_that_was_killed_and_started_again_writes_the_same_bytes():
     (checkpoint,) = Path("checkpoints").iterdir()
     before = len(read_weights(checkpoint)[0]["curve"])
     assert 4 <= before < 40
-    train_pacmo.main(*OUTS)
+    run("train_pacmo")
     resumed = outputs()
     assert not list(Path("checkpoints").iterdir())
-    train_pacmo.main(*OUTS)
+    run("train_pacmo")
     assert resumed == outputs()
 
 
 @pytest.mark.parametrize("stage", MAINS)
 def test_weights_say_what_they_are_and_what_made_them(stage):
-    MAINS[stage](*OUTS)
-    facts = facts_of(OUTS[1] / "weights.safetensors")
-    sides = sides_of(OUTS[0])
+    run(stage)
+    facts = facts_of(MODEL / "weights.safetensors")
+    sides = sides_of(CLIPS, SIDES)
     assert facts["kind"] == stage.removeprefix("train_")
     assert facts["settings"]["n_epochs"] == SECTIONS[stage].n_epochs
     assert facts["data"] == {
@@ -101,7 +108,7 @@ def test_weights_say_what_they_are_and_what_made_them(stage):
         "validation": data_hash(sides.validation),
     }
     assert facts["torch"] == torch.__version__.partition("+")[0]
-    curve = read_curve(OUTS[2])
+    curve = read_curve(CURVE)
     assert curve["step"] == [1, 2, 3, 4, 5, 6]
     chosen = facts["chosen"]
     assert chosen["score"] == pytest.approx(curve["validation"][chosen["epoch"] - 1], rel=1e-5)
@@ -111,7 +118,7 @@ def test_weights_say_what_they_are_and_what_made_them(stage):
 
 
 def test_live_curves_hold_every_epoch_and_touch_nothing_else(project):
-    train_gru.main(*OUTS)
+    run("train_gru")
     rows = (project / "live/models/m/plots/metrics/loss.tsv").read_text().splitlines()
     assert [row.split("\t")[0] for row in rows] == ["step", "1", "2", "3", "4", "5", "6"]
     assert json.loads((project / "live/models/m/metrics.json").read_text())["step"] == 6
@@ -124,12 +131,12 @@ def test_a_training_that_goes_on_draws_its_live_curve_whole(project, monkeypatch
     killed = lambda self, fit: (written(self, fit), (_ for _ in ()).throw(KeyboardInterrupt))  # noqa: E731
     monkeypatch.setattr(Checkpoint, "write", killed)
     with pytest.raises(KeyboardInterrupt):
-        train_gru.main(*OUTS)
+        run("train_gru")
     monkeypatch.setattr(Checkpoint, "write", written)
-    train_gru.main(*OUTS)
+    run("train_gru")
     rows = (project / "live/models/m/plots/metrics/loss.tsv").read_text().splitlines()
     assert [row.split("\t")[0] for row in rows] == ["step", "1", "2", "3", "4", "5", "6"]
-    assert read_curve(OUTS[2])["step"] == [1, 2, 3, 4, 5, 6]
+    assert read_curve(CURVE)["step"] == [1, 2, 3, 4, 5, 6]
 
 
 def test_other_settings_data_or_code_do_not_go_on_from_a_checkpoint(monkeypatch):
@@ -155,8 +162,8 @@ def test_a_pickle_in_a_checkpoints_place_is_refused(tmp_path):
 def test_a_loss_that_is_no_number_stops_the_stage_by_its_name_and_writes_no_weights():
     change("train_pacmo", learning_rate=1e12, n_epochs=50)
     with pytest.raises(FloatingPointError, match=r"adversarial: .*not finite; terms"):
-        train_pacmo.main(*OUTS)
-    assert not OUTS[1].exists()
+        run("train_pacmo")
+    assert not MODEL.exists()
 
 
 def test_data_hashes_tell_clips_orders_and_sides_apart():

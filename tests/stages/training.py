@@ -6,9 +6,9 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from pacmo_core.skeleton import SBU15
-from pacmo_core.store.clips import ClipFacts, write_rows
+from pacmo_core.store.clips import ClipFacts, SideFacts, write_rows
 from pacmo_core.store.motions import write_motions
-from tests.pacmo.problems import AUTOENCODER, GRU, PACMO, clips
+from tests.pacmo.problems import AUTOENCODER, GRU, PACMO, REGRESSION, clips
 
 FACTS = ClipFacts(
     clip="", sequence="", dataset="toy", action="follow", subject_a="", subject_b="",
@@ -20,18 +20,30 @@ SECTIONS = {
     "train_autoencoder": replace(AUTOENCODER, n_epochs=6),
     "train_gru": replace(GRU, n_epochs=6),
     "train_pacmo": replace(PACMO, n_epochs=6),
+    "train_regression": replace(REGRESSION, n_epochs=6),
 }
+SEEDED = ("train_gru", "train_pacmo", "train_regression")
+
+
+def plain(values: object) -> object:
+    """Turn tuples into lists, which YAML knows."""
+    if isinstance(values, dict):
+        return {key: plain(value) for key, value in values.items()}
+    return [plain(value) for value in values] if isinstance(values, list | tuple) else values
 
 
 def prepare(folder: Path) -> None:
-    """Write ``clips/`` and ``params.yaml``."""
-    rows = []
+    """Write ``clips/``, ``sides.parquet`` and ``params.yaml``."""
+    rows, sides = [], []
     with write_motions(folder / "clips/motions.parquet", SBU15) as writer:
         for number, clip in enumerate(clips(10)):
             name = f"clip{number:02d}"
-            side = "validation" if number < 2 else "train"
+            sides.append(SideFacts(name, "validation" if number < 2 else "train"))
             writer.add(name, clip)
-            rows.append(replace(FACTS, clip=name, sequence=name, side=side))
+            rows.append(replace(FACTS, clip=name, sequence=name))
     write_rows(folder / "clips/clips.parquet", ClipFacts, rows)
-    params = {name: {**asdict(section), "threads": 1} for name, section in SECTIONS.items()}
+    write_rows(folder / "sides.parquet", SideFacts, sides)
+    params = {name: {**plain(asdict(section)), "threads": 1} for name, section in SECTIONS.items()}
+    for section in SEEDED:
+        del params[section]["random_seed"]  # comes from the command line
     YAML(typ="safe").dump(params, folder / "params.yaml")
