@@ -123,7 +123,10 @@ def test_in_the_warm_up_the_critic_rests_and_no_weights_are_chosen() -> None:
     fitted = adversarial.fit(clips(8), replace(PACMO, warmup_epochs=2), validation=clips(3, 90))
     training = fitted.training
     assert isinstance(training, Adversaries)
-    critic, generator = state(training.critic), state(training.generator)
+    critic, generator = (
+        {name: value.clone() for name, value in state(network).items()}
+        for network in (training.critic, training.generator)
+    )
     curve = iter(fitted)
     warm = [next(curve), next(curve)]
     assert all(terms.keys() == {"symmetry", "score"} for terms in warm)

@@ -160,7 +160,7 @@ def test_a_pickle_in_a_checkpoints_place_is_refused(tmp_path):
 
 
 def test_a_loss_that_is_no_number_stops_the_stage_by_its_name_and_writes_no_weights():
-    change("train_pacmo", learning_rate=1e12, n_epochs=50)
+    change("train_pacmo", generator={"learning_rate": 1e12, "betas": [0.0, 0.9]}, n_epochs=50)
     with pytest.raises(FloatingPointError, match=r"adversarial: .*not finite; terms"):
         run("train_pacmo")
     assert not MODEL.exists()
