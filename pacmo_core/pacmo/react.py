@@ -172,6 +172,8 @@ def _pieces(
         for window, (rows, weights) in zip(
             windows, shares(windows, partner.out_times), strict=True
         ):
+            if not len(weights):
+                continue  # nobody asks for what this window could answer
             shift = (window.start - motion.start) / window.duration
             yield Piece(
                 owner=owner,

@@ -148,3 +148,15 @@ def test_instants_that_do_not_ascend_are_refused(model: Generator) -> None:
     random = torch.Generator()
     with pytest.raises(ValueError, match="ascend"):
         react(model, motion, times, out_times=times[::-1], n_samples=1, random=random)
+
+
+def test_a_few_instants_of_a_long_reaction_are_those_of_the_whole(model: Generator) -> None:
+    motion, times = sway(300)
+
+    def reaction(at: np.ndarray) -> Motion:
+        random = torch.Generator().manual_seed(0)
+        return react(model, motion, times, out_times=at, n_samples=1, random=random)
+
+    whole = reaction(times)
+    for rows in (slice(0, 3), slice(150, 151), slice(290, 300)):
+        np.testing.assert_allclose(reaction(times[rows]), whole[:, rows], atol=1e-5)
