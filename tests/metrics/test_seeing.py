@@ -117,3 +117,31 @@ def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_grou
     found = PairMmd(yardstick).dealt(real, groups)
     assert found[0] == pytest.approx(np.mean(expected), rel=1e-6)
     assert found.shape == (41,) and np.isfinite(found).all()
+
+
+def acting(n_clips, prefix, rng):
+    """Two acts, each with motions of its own; within an act nobody heeds the partner."""
+    row = reactions(n_clips, prefix, rng)
+    acts = np.repeat(np.arange(n_clips) % 2, 2)
+    partners, motions = (
+        [
+            (3.0 * act + rng.normal(size=3) + 0.1 * motion).astype(np.float32)
+            for act, motion in zip(acts, row.motions, strict=True)
+        ]
+        for _ in range(2)
+    )
+    return replace(row, partners=partners, motions=motions), acts
+
+
+def test_where_nobody_heeds_the_partner_dealt_pairs_of_an_act_score_as_true_ones():
+    rng, gaps, across = np.random.default_rng(7), [], []
+    for _ in range(40):
+        (real, acts), (train, _) = acting(6, "test", rng), acting(8, "train", rng)
+        settings = replace(SETTINGS, bootstrap=1, second_draws=1)
+        yardstick = Yardstick(real=real, train=train, weights=WEIGHTS, settings=settings)
+        pairs = PairMmd(yardstick)
+        true = pairs.measure(real)[0]
+        gaps.append(pairs.dealt(real, acts)[0] - true)
+        across.append(pairs.dealt(real, np.zeros(12, dtype=int))[0] - true)
+    assert abs(np.mean(gaps)) < 3 * np.std(gaps) / np.sqrt(40)
+    assert np.mean(across) > 5 * np.std(gaps) / np.sqrt(40)  # the act itself is seen
