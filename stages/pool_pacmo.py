@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.metrics.intervals import Estimate, interval
+from pacmo_core.metrics.intervals import Estimate, difference
 from pacmo_core.metrics.pooling import BySeed, is_repeated, pool, pooled_interval
 from pacmo_core.metrics.sensitivity import PERFECT, sensitivity
 from pacmo_core.store.scores import read_scores
@@ -135,7 +135,7 @@ def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> di
     return {
         f"{first}_minus_{second}": as_json(
             {
-                metric: interval(estimate.minus(pooled[second][metric]), confidence)
+                metric: difference(estimate, pooled[second][metric], confidence)
                 for metric, estimate in pooled[first].items()
                 if metric in pooled[second]
             }

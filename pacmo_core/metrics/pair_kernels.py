@@ -71,7 +71,7 @@ class PairMmd:
         sizes = drawn.sum(axis=2)
         shares = sizes / sizes.sum(axis=1, keepdims=True)
         mean = drawn / np.maximum(sizes, 1)[:, :, None]  # a group may be absent from a draw
-        within = self._dealt_within(pairs, drawn, shares)
+        within = self._dealt_within(pairs, drawn)
         found = []
         for second, codes, other in zip(self._seconds, self._codes, self._within, strict=True):
             partner, reaction = self._kernels(pairs, second)
@@ -81,7 +81,7 @@ class PairMmd:
             found.append(within + other - 2 * np.einsum("ba,bam,bm->b", shares, between, weights))
         return np.asarray(np.mean(found, axis=0))
 
-    def _dealt_within(self, pairs: tuple[Array, Array], drawn: Array, shares: Array) -> Array:
+    def _dealt_within(self, pairs: tuple[Array, Array], drawn: Array) -> Array:
         own = self._yardstick.partners
         foreign = (own[:, None] != own).astype(np.float64)
         numbers = _group_sums(drawn, foreign)
@@ -89,9 +89,9 @@ class PairMmd:
             _group_sums(drawn, kernel * foreign) / np.maximum(numbers, 1)
             for kernel in self._kernels(pairs, pairs)
         )
-        # A group of which a draw has one clip is not compared with itself.
-        weights = shares[:, :, None] * shares[:, None, :] * (numbers > 0)
-        return np.asarray((weights * partner * reaction).sum((1, 2)) / weights.sum((1, 2)))
+        # Two groups weigh as many pairs of different clips as they have, as in ``measure``: were a
+        # group's clips compared with each other more often here, dealt pairs would look more alike.
+        return np.asarray((numbers * partner * reaction).sum((1, 2)) / numbers.sum((1, 2)))
 
     def _kernel(self, first: tuple[Array, Array], second: tuple[Array, Array]) -> Array:
         partner, reaction = self._kernels(first, second)

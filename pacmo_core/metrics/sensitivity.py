@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pacmo_core.metrics.intervals import Estimate, Interval, interval
+from pacmo_core.metrics.intervals import Estimate, Interval, difference
 
 # What is good: less (−1), more (+1), or neither, where any difference counts (0).
 GOOD = {
@@ -49,11 +49,10 @@ def sensitivity(
     left_out : ``PERFECT`` where the true pairs are the real ones
     """
     names = [name for name in GOOD if name in true and name in dealt and name not in left_out]
-    return {name: _seen(name, true[name].minus(dealt[name]), confidence) for name in names}
+    return {name: _seen(name, difference(true[name], dealt[name], confidence)) for name in names}
 
 
-def _seen(name: str, gap: Estimate, confidence: float) -> Seen:
-    found = interval(gap, confidence)
+def _seen(name: str, found: Interval) -> Seen:
     below, above = found.high < 0, found.low > 0
     sees = {-1: below, 0: below or above, 1: above}[GOOD[name]]
     return Seen(found.mean, found.low, found.high, bool(sees))

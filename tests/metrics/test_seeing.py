@@ -1,20 +1,16 @@
-"""Trusted: laws in which the partner is all that matters, and bodies placed by hand."""
+"""Trusted: laws in which the partner is all that matters, and distances measured by hand."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.closeness import components_of, distance_functions
 from pacmo_core.metrics.mmd import median_bandwidth
 from pacmo_core.metrics.pair_kernels import PairMmd
 from pacmo_core.metrics.partners import wrong_partners
-from pacmo_core.metrics.plausibility import contact_agreement, foot_sliding, penetration
-from pacmo_core.metrics.seeing import measure_multimodality, measure_plausibility
 from pacmo_core.metrics.table import Table
 from pacmo_core.metrics.yardstick import Yardstick
-from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from tests.metrics.problems import reactions
 from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
 
@@ -76,91 +72,6 @@ def test_all_components_keep_every_distance_and_few_keep_the_largest():
     np.testing.assert_allclose(np.abs(few.axes.T @ full.axes[:, :3]), np.eye(3), atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("skeleton", "feet", "n_keys"),
-    [
-        (NTU25, {"left_foot", "right_foot"}, 8),
-        (SBU15, {"left_foot", "right_foot"}, 6),
-        (DUET15, {"left_ankle", "right_ankle"}, 6),
-        (EXPI18, {"left_toe", "right_toe"}, 6),
-        (INTERHUMAN22, {"left_foot", "right_foot"}, 6),
-    ],
-)
-def test_feet_hands_and_head_are_found_in_every_published_skeleton(skeleton, feet, n_keys):
-    body = body_of(skeleton)
-    assert {skeleton.joints[i] for i in body.feet} == feet
-    assert len(body.keys) == n_keys and body.root in body.keys
-
-
-def test_without_names_every_joint_is_a_key_and_no_foot_slides():
-    skeleton = Skeleton("chain", ("a", "b", "c"), (-1, 0, 1))
-    body = body_of(skeleton)
-    assert body.keys == (0, 1, 2) and body.feet == ()
-    rng = np.random.default_rng(3)
-    real, train = reactions(5, "test", rng), reactions(9, "train", rng)
-    settings = replace(SETTINGS, body=body)
-    table = Table(real=real, train=train, weights=WEIGHTS, settings=settings)
-    found, reasons = measure_plausibility(real, table.yardstick)
-    assert reasons == {"foot_sliding": "the skeleton names no feet"}
-    assert set(found) == {"penetration", "contact_agreement"}
-
-
-def standing(offset, drift, n=11):
-    """Two clips alike: a body of three joints that drifts along x, its foot on the ground."""
-    motion = np.zeros((n, 3, 3), dtype=np.float32)
-    motion[:, :, 1] = [1.0, 0.5, 0.0]
-    motion[:, :, 0] = offset + drift * np.arange(n)[:, None] / 30
-    return motion
-
-
-def standing_row(offset, drift):
-    row = reactions(2, "c", np.random.default_rng(4))
-    return replace(
-        row,
-        motions=[standing(offset, drift)] * 4,
-        partners=[standing(0.0, 0.0)] * 4,
-        times=[np.arange(11) / 30] * 4,
-    )
-
-
-def test_a_foot_on_the_ground_slides_at_its_speed_and_a_lifted_one_does_not():
-    real, sliding = standing_row(1.0, 0.0), standing_row(1.0, 0.6)
-    above, below = foot_sliding(sliding, real, BODY, height=0.05)
-    np.testing.assert_allclose(above / below, 0.6, rtol=1e-4)
-    np.testing.assert_array_equal(below, 10)
-    lifted = replace(sliding, motions=[m + np.float32([0, 0.1, 0]) for m in sliding.motions])
-    np.testing.assert_array_equal(foot_sliding(lifted, real, BODY, height=0.05), 0)
-
-
-def test_bodies_merge_where_the_middle_of_a_bone_is_within_the_radius():
-    row = standing_row(0.1, 0.0)
-    # The reaction's joints stand between the partner's: its joints meet the middles of bones.
-    shifted = [m + np.float32([0, 0.25, 0]) for m in row.motions]
-    row = replace(row, motions=shifted)
-    merged, frames = penetration(row, BODY, radius=0.11)
-    np.testing.assert_array_equal(merged, frames)
-    np.testing.assert_array_equal(penetration(row, BODY, radius=0.09)[0], 0)
-
-
-def test_contact_agrees_by_frame():
-    real, leaving = standing_row(0.1, 0.0), standing_row(0.1, 0.9)  # 3 cm a frame
-    above, below = contact_agreement(leaving, real, distance=0.17)
-    # In contact: 0.10, 0.13, 0.16 m, against all 11 frames.
-    np.testing.assert_array_equal(above, 6)
-    np.testing.assert_array_equal(below, 14)
-
-
-def test_multimodality_is_the_mean_distance_of_the_features_of_one_partners_reactions():
-    rng = np.random.default_rng(5)
-    real, train = reactions(5, "test", rng, further=2), reactions(9, "train", rng)
-    table = Table(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
-    found, _ = measure_multimodality(real, table.yardstick)
-    sets = [real.features, *real.further]
-    pairs = [(0, 1), (0, 2), (1, 2)]
-    gaps = [np.sqrt((WEIGHTS * (sets[i] - sets[j]) ** 2).sum(axis=(1, 2))) for i, j in pairs]
-    assert found["multimodality"].plain == pytest.approx(np.mean(gaps))
-
-
 @pytest.mark.parametrize("groups", [np.zeros(16, dtype=int), np.repeat([0, 1], 8)])
 def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_group(groups):
     rng = np.random.default_rng(6)
@@ -179,25 +90,14 @@ def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_grou
 
     kernels = [kernel(x, x, w) for x, w in zip((partners, motions), widths, strict=True)]
     codes, shares = yardstick.partners, np.bincount(groups) / 16
-    within = sum(
-        shares[a]
-        * shares[b]
-        * np.prod(
-            [
-                np.mean(
-                    [
-                        k[i, j]
-                        for i in np.flatnonzero(groups == a)
-                        for j in np.flatnonzero(groups == b)
-                        if codes[i] != codes[j]
-                    ]
-                )
-                for k in kernels
-            ]
-        )
-        for a in range(len(shares))
-        for b in range(len(shares))
-    )
+    within = []
+    for i in range(16):
+        for j in np.flatnonzero(codes != codes[i]):
+            # Any two partners of these groups, and any two reactions, whoever is whose.
+            both = (
+                (groups[:, None] == groups[i]) & (groups == groups[j]) & (codes[:, None] != codes)
+            )
+            within.append(kernels[0][both].mean() * kernels[1][both].mean())
     expected = []
     for second in yardstick.seconds:
         others = [
@@ -213,7 +113,35 @@ def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_grou
             share * np.mean(np.prod([b[groups == a].mean(axis=0) for b in between], axis=0))
             for a, share in enumerate(shares)
         )
-        expected.append(within + own[clips[:, None] != clips].mean() - 2 * crossed)
+        expected.append(np.mean(within) + own[clips[:, None] != clips].mean() - 2 * crossed)
     found = PairMmd(yardstick).dealt(real, groups)
     assert found[0] == pytest.approx(np.mean(expected), rel=1e-6)
     assert found.shape == (41,) and np.isfinite(found).all()
+
+
+def acting(n_clips, prefix, rng):
+    """Two acts, each with motions of its own; within an act nobody heeds the partner."""
+    row = reactions(n_clips, prefix, rng)
+    acts = np.repeat(np.arange(n_clips) % 2, 2)
+    partners, motions = (
+        [
+            (3.0 * act + rng.normal(size=3) + 0.1 * motion).astype(np.float32)
+            for act, motion in zip(acts, row.motions, strict=True)
+        ]
+        for _ in range(2)
+    )
+    return replace(row, partners=partners, motions=motions), acts
+
+
+def test_where_nobody_heeds_the_partner_dealt_pairs_of_an_act_score_as_true_ones():
+    rng, gaps, across = np.random.default_rng(7), [], []
+    for _ in range(40):
+        (real, acts), (train, _) = acting(6, "test", rng), acting(8, "train", rng)
+        settings = replace(SETTINGS, bootstrap=1, second_draws=1)
+        yardstick = Yardstick(real=real, train=train, weights=WEIGHTS, settings=settings)
+        pairs = PairMmd(yardstick)
+        true = pairs.measure(real)[0]
+        gaps.append(pairs.dealt(real, acts)[0] - true)
+        across.append(pairs.dealt(real, np.zeros(12, dtype=int))[0] - true)
+    assert abs(np.mean(gaps)) < 3 * np.std(gaps) / np.sqrt(40)
+    assert np.mean(across) > 5 * np.std(gaps) / np.sqrt(40)  # the act itself is seen

@@ -201,19 +201,3 @@ def test_a_table_of_mistaken_rows_is_refused(sets):
         table.measure(train.take(np.arange(24)))
     with pytest.raises(ValueError, match="share no clip"):
         table_of(real, real)
-
-
-def test_reactions_must_agree_in_number_shape_and_be_finite(sets):
-    real = sets[0]
-    with pytest.raises(ValueError, match=r"n > 0 motions"):
-        replace(real, clips=real.clips[1:])
-    with pytest.raises(ValueError, match="sample 0: wanted motion and partner"):
-        replace(real, partners=[real.partners[0][1:], *real.partners[1:]])
-    broken = real.motions[3].copy()
-    broken[0, 0, 0] = np.nan
-    with pytest.raises(ValueError, match="sample 3"):
-        replace(real, motions=[*real.motions[:3], broken, *real.motions[4:]])
-    features = real.features.copy()
-    features[5] = np.inf
-    with pytest.raises(ValueError, match="sample 5"):
-        replace(real, features=features)
