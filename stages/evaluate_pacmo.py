@@ -60,19 +60,17 @@ def main(paths: argparse.Namespace) -> None:
     asked = [(row, seed, seen) for row, seed, seen in made if row == PERMUTED]
 
     table = table_of(extractors, real, train, params)
-    measured = [*real_rows(table, ""), *measure(table, extractors, made)]
-    order = wrong_partners(real.clips, None, np.random.default_rng((params.random_seed, 0)))
-    measured += measure(table, extractors, dealt(real, asked, order, ""))
+    block = Block(extractors, table, real, "")
+    measured = [*block.real_rows(), *block.models(made)]
+    measured += block.dealt(asked, wrong_order(real, params.random_seed, acts=False))
 
     within = exchangeable(real)
     if len(within):
         some, asked = real.take(within), [(row, k, seen.take(within)) for row, k, seen in asked]
         own = table if len(within) == len(real.names) else table_of(extractors, some, train, params)
-        generator = np.random.default_rng((params.random_seed, 1))
-        order = wrong_partners(some.clips, some.acts, generator)
-        measured += real_rows(own, SAME_ACT)[1:]
-        measured += measure(own, extractors, [(row + SAME_ACT, k, seen) for row, k, seen in asked])
-        measured += measure(own, extractors, dealt(some, asked, order, SAME_ACT))
+        block = Block(extractors, own, some, SAME_ACT)
+        measured += [*block.real_rows()[1:], *block.models(asked)]
+        measured += block.dealt(asked, wrong_order(some, params.random_seed, acts=True))
 
     facts = {
         "autoencoder_sha256": file_hash(paths.autoencoder / WEIGHTS),
@@ -105,21 +103,51 @@ def table_of(extractors: Extractors, real: Seen, train: Seen, params: Params) ->
     )
 
 
-def real_rows(table: Table, suffix: str) -> list[Scored]:
-    """Measure real motion: as a second draw, and the pairs tested."""
-    pairs = table.measure(table.yardstick.real)
-    return [(REAL, 0, table.real(pairs)), (REAL_PAIRS + suffix, 0, pairs)]
+@dataclass(frozen=True)
+class Block:
+    """Rows that are measured against the same real reactions.
+
+    Parameters
+    ----------
+    table : of those
+    real : the same as ``table``'s
+    suffix : of the rows' names; those of the same act are dealt within acts
+    """
+
+    extractors: Extractors
+    table: Table
+    real: Seen
+    suffix: str
+
+    def real_rows(self) -> list[Scored]:
+        """Measure real motion: as a second draw, and the pairs tested."""
+        pairs = self.table.measure(self.table.yardstick.real)
+        return [(REAL, 0, self.table.real(pairs)), (REAL_PAIRS + self.suffix, 0, pairs)]
+
+    def models(self, rows: list[Row]) -> list[Scored]:
+        """Measure what models answered."""
+        return [
+            (row + self.suffix, k, self.table.measure(self.extractors.reactions(seen)))
+            for row, k, seen in rows
+        ]
+
+    def dealt(self, rows: list[Row], order: Indices) -> list[Scored]:
+        """Measure reactions dealt to wrong partners: the real ones, and those of models."""
+        acts = np.unique(self.real.acts, return_inverse=True)[1]
+        groups = acts if self.suffix else np.zeros(len(order), dtype=np.intp)
+        named = [("wrong_partner", 0, self.real)]
+        named += [(f"{row}_permuted", k, seen) for row, k, seen in rows]
+        return [(row + self.suffix, k, self._dealt(seen, order, groups)) for row, k, seen in named]
+
+    def _dealt(self, seen: Seen, order: Indices, groups: Indices) -> Measured:
+        own, dealt = (self.extractors.reactions(some) for some in (seen, seen.dealt(order)))
+        return self.table.measure_dealt(own, dealt, groups)
 
 
-def dealt(real: Seen, asked: list[Row], order: Indices, suffix: str) -> list[Row]:
-    """Deal reactions to wrong partners: real ones, and those of a model."""
-    rows = [(f"wrong_partner{suffix}", 0, real.dealt(order))]
-    return rows + [(f"{row}_permuted{suffix}", k, seen.dealt(order)) for row, k, seen in asked]
-
-
-def measure(table: Table, extractors: Extractors, rows: list[Row]) -> list[Scored]:
-    """Measure rows one by one."""
-    return [(row, k, table.measure(extractors.reactions(seen))) for row, k, seen in rows]
+def wrong_order(real: Seen, random_seed: int, *, acts: bool) -> Indices:
+    """Deal wrong partners, of any act or of the same."""
+    generator = np.random.default_rng((random_seed, int(acts)))
+    return wrong_partners(real.clips, real.acts if acts else None, generator)
 
 
 def scores(measured: list[Scored]) -> list[Score]:

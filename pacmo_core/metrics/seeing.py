@@ -8,6 +8,7 @@ from pacmo_core.metrics.intervals import Array, Estimate
 from pacmo_core.metrics.laws import Laws
 from pacmo_core.metrics.matching import matching
 from pacmo_core.metrics.pair_kernels import PairMmd
+from pacmo_core.metrics.pairs import Codes
 from pacmo_core.metrics.plausibility import contact_agreement, foot_sliding, penetration
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.rows import as_estimate
@@ -46,6 +47,10 @@ class PartnerMetrics:
             ),
         }
         return {name: as_estimate(values) for name, values in draws.items()}
+
+    def dealt(self, row: Reactions, groups: Codes) -> Estimates:
+        """Measure what can be had in the mean over all dealings of a row's reactions."""
+        return {"mmd_pair": as_estimate(self._pairs.dealt(row, groups))}
 
     def _components_of_train(self) -> Components:
         settings, train = self._yardstick.settings, self._yardstick.train

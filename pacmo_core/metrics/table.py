@@ -17,7 +17,8 @@ itself.) In all other metrics it is the real pairs tested, as they stand under `
                        which the paper's random pairs estimate; ``diversity_l2`` is not squared
 ``ape``, ``ave``       of the root joint, as in the paper's tables (m, m²); ``…_joints`` of all
 ``f2id_distances``     F²ID to second draws of the distances between two bodies: see ``closeness``
-``mmd_pair``           MMD to second draws of (partner, reaction): see ``pair_kernels``
+``mmd_pair``           MMD to second draws of (partner, reaction): see ``pair_kernels``; of wrong
+                       partners it is the mean over all dealings, not that of the one in the row
 ``matching``           how often the true partner is picked: see ``matching``
 ``foot_sliding``       m/s; ``penetration``, ``contact_agreement``: shares; see ``plausibility``
 ``multimodality``      spread of several reactions to one partner
@@ -36,6 +37,7 @@ from pacmo_core.metrics.f2id import f2id, flatten
 from pacmo_core.metrics.floors import halves_by_clip
 from pacmo_core.metrics.intervals import Array, Estimate
 from pacmo_core.metrics.laws import Laws
+from pacmo_core.metrics.pairs import Codes
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.rows import (
     as_estimate,
@@ -107,6 +109,18 @@ class Table:
             },
             reasons | missing,
         )
+
+    def measure_dealt(self, row: Reactions, dealt: Reactions, groups: Codes) -> Measured:
+        """Measure reactions dealt to wrong partners.
+
+        Parameters
+        ----------
+        row : reactions to their own partners
+        dealt : the same, dealt once
+        groups : (n,) int, within which they were dealt
+        """
+        once = self.measure(dealt)
+        return Measured(once.estimates | self._partners.dealt(row, groups), once.absent)
 
     def real(self, pairs: Measured) -> Measured:
         """Measure the row ``real``, given that of the real pairs tested.

@@ -7,10 +7,13 @@ import pytest
 
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.closeness import components_of, distance_functions
+from pacmo_core.metrics.mmd import median_bandwidth
+from pacmo_core.metrics.pair_kernels import PairMmd
 from pacmo_core.metrics.partners import wrong_partners
 from pacmo_core.metrics.plausibility import contact_agreement, foot_sliding, penetration
 from pacmo_core.metrics.seeing import measure_multimodality, measure_plausibility
 from pacmo_core.metrics.table import Table
+from pacmo_core.metrics.yardstick import Yardstick
 from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from tests.metrics.problems import reactions
 from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
@@ -156,3 +159,61 @@ def test_multimodality_is_the_mean_distance_of_the_features_of_one_partners_reac
     pairs = [(0, 1), (0, 2), (1, 2)]
     gaps = [np.sqrt((WEIGHTS * (sets[i] - sets[j]) ** 2).sum(axis=(1, 2))) for i, j in pairs]
     assert found["multimodality"].plain == pytest.approx(np.mean(gaps))
+
+
+@pytest.mark.parametrize("groups", [np.zeros(16, dtype=int), np.repeat([0, 1], 8)])
+def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_group(groups):
+    rng = np.random.default_rng(6)
+    real, train = following(8, "test", rng), following(12, "train", rng)
+    yardstick = Yardstick(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
+    partners, motions = (
+        yardstick.sequences(some, real.times)[:, 0] for some in (real.partners, real.motions)
+    )
+    widths = [
+        median_bandwidth(yardstick.sequences(some, train.times))
+        for some in (train.partners, train.motions)
+    ]
+
+    def kernel(x, y, width):
+        return np.exp(-((x[:, None] - y) ** 2).sum(axis=-1) / width)
+
+    kernels = [kernel(x, x, w) for x, w in zip((partners, motions), widths, strict=True)]
+    codes, shares = yardstick.partners, np.bincount(groups) / 16
+    within = sum(
+        shares[a]
+        * shares[b]
+        * np.prod(
+            [
+                np.mean(
+                    [
+                        k[i, j]
+                        for i in np.flatnonzero(groups == a)
+                        for j in np.flatnonzero(groups == b)
+                        if codes[i] != codes[j]
+                    ]
+                )
+                for k in kernels
+            ]
+        )
+        for a in range(len(shares))
+        for b in range(len(shares))
+    )
+    expected = []
+    for second in yardstick.seconds:
+        others = [
+            yardstick.sequences(some, second.times)[:, 0]
+            for some in (second.partners, second.motions)
+        ]
+        own = np.prod([kernel(x, x, w) for x, w in zip(others, widths, strict=True)], axis=0)
+        clips = np.unique(second.clips, return_inverse=True)[1]
+        between = [
+            kernel(x, y, w) for x, y, w in zip((partners, motions), others, widths, strict=True)
+        ]
+        crossed = sum(
+            share * np.mean(np.prod([b[groups == a].mean(axis=0) for b in between], axis=0))
+            for a, share in enumerate(shares)
+        )
+        expected.append(within + own[clips[:, None] != clips].mean() - 2 * crossed)
+    found = PairMmd(yardstick).dealt(real, groups)
+    assert found[0] == pytest.approx(np.mean(expected), rel=1e-6)
+    assert found.shape == (41,) and np.isfinite(found).all()
