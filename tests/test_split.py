@@ -146,6 +146,10 @@ def test_a_fold_or_a_name_that_there_is_not_is_refused(fault, fold, said):
         assign_sides(circle(8), replace(RULE, **fault), fold)
 
 
+def test_as_many_folds_as_fit_are_there_whatever_their_share_rounds_to():
+    replace(RULE, test_share=1 / 93).check_fold(93)
+
+
 def test_a_clip_of_unknown_people_cannot_be_split_by_person():
     rule = replace(RULE, method="listed_people", test_people=(("p0", "p1"),))
     with pytest.raises(ValueError, match="clip x has none|x has none"):
