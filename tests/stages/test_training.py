@@ -13,7 +13,9 @@ import pytest
 import torch
 from ruamel.yaml import YAML
 from safetensors import safe_open
+from torch import nn
 
+from pacmo_core.pacmo.fit import Fit
 from pacmo_core.pacmo.provenance import data_hash
 from pacmo_core.store.schema import StoreError
 from pacmo_core.store.weights import read_weights, write_weights
@@ -128,8 +130,12 @@ def test_live_curves_hold_every_epoch_and_touch_nothing_else(project):
 def test_a_training_that_goes_on_draws_its_live_curve_whole(project, monkeypatch):
     change("train_gru", checkpoint_every=4)
     written = Checkpoint.write
-    killed = lambda self, fit: (written(self, fit), (_ for _ in ()).throw(KeyboardInterrupt))  # noqa: E731
-    monkeypatch.setattr(Checkpoint, "write", killed)
+
+    def write_and_stop(checkpoint: Checkpoint, fit: Fit[nn.Module]) -> None:
+        written(checkpoint, fit)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Checkpoint, "write", write_and_stop)
     with pytest.raises(KeyboardInterrupt):
         run("train_gru")
     monkeypatch.setattr(Checkpoint, "write", written)
