@@ -11,7 +11,8 @@ from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
 from pacmo_core.operators.random_field import RandomField
 from pacmo_core.pacmo.generator import Generator
-from pacmo_core.pacmo.react import Partner, react_all
+from pacmo_core.pacmo.pieces import Partner
+from pacmo_core.pacmo.react import react_all
 from pacmo_core.pacmo.windows import usual_duration
 from pacmo_core.transform import frame_of
 

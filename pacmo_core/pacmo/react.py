@@ -1,7 +1,6 @@
 """Reactions in the world to a partner's motion of any length, at any instants."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -14,17 +13,22 @@ from pacmo_core.operators.encode import Spline
 from pacmo_core.pacmo.functions import Condition
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.gru import Gru, frame_times
+<<<<<<< HEAD
 from pacmo_core.pacmo.labels import numbers_of
 from pacmo_core.pacmo.windows import EndlessNoise, Window, cut, shares
 from pacmo_core.transform import Frame, frame_of
+=======
+from pacmo_core.pacmo.pieces import Partner, Piece, Reactor, pieces_of
+>>>>>>> use
 
-Reactor = Generator | Gru
+__all__ = ["Partner", "Reactor", "instants", "react", "react_all"]
 
 # What bounds memory: motions that go through the layers, and instants through the head, at once.
 MOTIONS_AT_ONCE = 64
 INSTANTS_AT_ONCE = 4096
 
 
+<<<<<<< HEAD
 @dataclass(frozen=True)
 class Partner:
     """A motion to react to, and when the reaction is wanted.
@@ -75,6 +79,8 @@ class Piece:
         return self.frame.to_local(poses(self.motion, instants)).reshape(len(instants), -1)
 
 
+=======
+>>>>>>> use
 def react(
     model: Reactor,
     partner: Motion,
@@ -123,7 +129,7 @@ def react_all(
     for partner in partners:
         _check(partner, n_joints)
         found.append(np.zeros((n_samples, len(partner.out_times), n_joints, 3), np.float32))
-    pieces = _pieces(model, partners, n_samples, random)
+    pieces = pieces_of(model, partners, n_samples, random)
     with torch.no_grad():
         while block := list(islice(pieces, max(1, MOTIONS_AT_ONCE // n_samples))):
             for piece, local in zip(block, answers(model, block), strict=True):
@@ -143,12 +149,6 @@ def instants(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     return at
 
 
-def poses(motion: Spline, instants: NDArray[np.float64]) -> Motion:
-    """``(N, J, 3)`` float32: a motion at instants."""
-    found: Motion = motion(instants).astype(np.float32)
-    return found
-
-
 def _check(partner: Partner, n_joints: int) -> None:
     if partner.motion.shape != (len(partner.times), n_joints, 3):
         raise ValueError(
@@ -159,6 +159,7 @@ def _check(partner: Partner, n_joints: int) -> None:
         raise ValueError("out_times must ascend and not be empty")
 
 
+<<<<<<< HEAD
 def _pieces(
     model: Reactor, partners: Sequence[Partner], n_samples: int, random: torch.Generator
 ) -> Iterator[Piece]:
@@ -211,6 +212,8 @@ def action_number(model: Reactor, action: str) -> int:
     return int(numbers_of([action], known))
 
 
+=======
+>>>>>>> use
 def answers(model: Reactor, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
     """Give ``(S, rows, 3 J)`` metres in the frame, piece by piece, all of one number of samples."""
     if isinstance(model, Generator):

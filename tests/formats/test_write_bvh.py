@@ -80,8 +80,10 @@ def test_bones_that_vary_get_their_median_length_and_joints_stay_near() -> None:
         np.tile(np.median(bone_lengths(shaken, NTU25), axis=0), (40, 1)),
         atol=1e-5,
     )
-    # Errors are not handed down: a chain of five bones ends no farther off than a bone's error.
-    assert np.linalg.norm(places - shaken, axis=-1).max() < 0.06
+    # Handed down from joint to joint, errors of a bone would double on the whole.
+    far = np.linalg.norm(places - shaken, axis=-1)
+    assert far.mean() < 0.009
+    assert far.max() < 0.06
 
 
 @settings(derandomize=True, deadline=None)

@@ -9,7 +9,8 @@ import torch
 from pacmo_core.interaction import Interaction
 from pacmo_core.pacmo import adversarial, gru
 from pacmo_core.pacmo.generator import Generator
-from pacmo_core.pacmo.react import Partner, react, react_all
+from pacmo_core.pacmo.pieces import Partner
+from pacmo_core.pacmo.react import react, react_all
 from pacmo_core.transform import Frame
 from tests.pacmo.problems import GRU, PACMO_LONG, clips, mirrored
 

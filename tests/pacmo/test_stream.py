@@ -55,6 +55,13 @@ def test_answers_do_not_depend_on_when_the_clock_began(model: Generator) -> None
     np.testing.assert_allclose(streamed(model, 70, began=1e6), streamed(model, 70), atol=1e-3)
 
 
+def test_noise_goes_on_before_a_partner_who_stands_still(model: Generator) -> None:
+    pose = mirrored(5, np.arange(5) / 30).person_a[0]
+    live = Stream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+    first, *_, last = (live.answer(pose, time) for time in np.linspace(0, 1, 31).tolist())
+    assert np.abs(last - first).max() > 1e-4
+
+
 def test_the_baseline_streams_too() -> None:
     model = gru.fit(clips(8), replace(GRU, n_epochs=1)).finish()
     live = Stream(model, n_samples=1, random=torch.Generator())

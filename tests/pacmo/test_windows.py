@@ -14,7 +14,8 @@ from pacmo_core.operators.random_field import RandomField
 from pacmo_core.pacmo import adversarial
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.normalisation import Normalisation
-from pacmo_core.pacmo.react import Partner, react, react_all
+from pacmo_core.pacmo.pieces import Partner
+from pacmo_core.pacmo.react import react, react_all
 from pacmo_core.pacmo.windows import MEMORY, EndlessNoise, cut, shares
 from tests.pacmo.problems import PACMO_LONG, clips, mirrored
 

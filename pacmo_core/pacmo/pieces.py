@@ -1,0 +1,107 @@
+"""What a model is asked at a time: a window of a partner's motion, its frame and its noise."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pacmo_core.interaction import Motion
+from pacmo_core.operators.encode import Spline
+from pacmo_core.pacmo.generator import Generator
+from pacmo_core.pacmo.gru import Gru
+from pacmo_core.pacmo.windows import EndlessNoise, Window, cut, shares
+from pacmo_core.transform import Frame, frame_of
+
+Reactor = Generator | Gru
+
+
+@dataclass(frozen=True)
+class Partner:
+    """A motion to react to, and when the reaction is wanted.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) float32, metres, in the world
+    times : (T,) float64, seconds, strictly increasing
+    out_times : (T_out,) float64, seconds, ascending, within ``times``
+    """
+
+    motion: Motion
+    times: NDArray[np.float64]
+    out_times: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One window of a partner's motion, and what of the reaction it answers for.
+
+    Parameters
+    ----------
+    owner : which partner
+    motion : spline of the partner in the world
+    window : Window
+    frame : of the partner at the window's start
+    noise : (S, k, 2 K) coefficients; none for the baseline
+    rows : of the reaction
+    instants : (rows,) float64, seconds
+    weights : (rows,) float64, the window's share at each
+    """
+
+    owner: int
+    motion: Spline
+    window: Window
+    frame: Frame
+    noise: Tensor
+    rows: slice
+    instants: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+    def local(self, instants: NDArray[np.float64]) -> NDArray[np.float32]:
+        """``(N, 3 J)``: the partner at instants, seen from the frame."""
+        return self.frame.to_local(poses(self.motion, instants)).reshape(len(instants), -1)
+
+
+def pieces_of(
+    model: Reactor, partners: Sequence[Partner], n_samples: int, random: torch.Generator
+) -> Iterator[Piece]:
+    """Cut every partner into windows, when their turn comes."""
+    for owner, partner in enumerate(partners):
+        motion = Spline(partner.times, partner.motion)
+        motion.check(partner.out_times)
+        windows = cut(motion.start, motion.end, model.normalisation)
+        noise = endless_noise(model, n_samples, random)
+        for window, (rows, weights) in zip(
+            windows, shares(windows, partner.out_times), strict=True
+        ):
+            if not len(weights):
+                continue  # nobody asks for what this window could answer
+            shift = (window.start - motion.start) / window.duration
+            yield Piece(
+                owner=owner,
+                motion=motion,
+                window=window,
+                frame=frame_of(poses(motion, np.array([window.start])), model.skeleton),
+                noise=noise.at(shift) if noise else torch.zeros(0),
+                rows=rows,
+                instants=partner.out_times[rows],
+                weights=weights,
+            )
+
+
+def endless_noise(model: Reactor, n_samples: int, random: torch.Generator) -> EndlessNoise | None:
+    """Make the noise of so many reactions to one partner; the baseline takes none."""
+    if n_samples < 1 or (isinstance(model, Gru) and n_samples != 1):
+        wanted = "1: the baseline is deterministic" if isinstance(model, Gru) else "1 or more"
+        raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
+    if isinstance(model, Gru):
+        return None
+    return EndlessNoise(model.config.noise, lambda: model.draw(n_samples, random))
+
+
+def poses(motion: Spline, instants: NDArray[np.float64]) -> Motion:
+    """``(N, J, 3)`` float32: a motion at instants."""
+    found: Motion = motion(instants).astype(np.float32)
+    return found
