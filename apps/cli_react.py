@@ -18,12 +18,8 @@ from pacmo_core.formats.partner import Capture, format_of, one_of, read_partner
 from pacmo_core.formats.raw import FormatError
 from pacmo_core.models import load
 from pacmo_core.operators.encode import Spline
-<<<<<<< HEAD
-from pacmo_core.pacmo.react import Partner, Reactor, instants, poses, react_all
-=======
-from pacmo_core.pacmo.pieces import Reactor, poses
-from pacmo_core.pacmo.react import instants, react
->>>>>>> use
+from pacmo_core.pacmo.pieces import Partner, Reactor, poses
+from pacmo_core.pacmo.react import instants, react_all
 from pacmo_core.pacmo.stream import Stream
 from pacmo_core.store.motions import read_motion
 from pacmo_core.store.schema import StoreError

@@ -65,9 +65,7 @@ class EnergyScore:
         return [motion, path, pose, BONES * bones, SPEED * speed]
 
 
-def energy_score(
-    samples: Tensor, truth: Tensor, weights: Tensor, spread: float = 1.0
-) -> Tensor:
+def energy_score(samples: Tensor, truth: Tensor, weights: Tensor, spread: float = 1.0) -> Tensor:
     """Take ``E |X - u| - spread E |X - X'| / 2``, without bias, in a norm of L2 over time.
 
     Parameters

@@ -12,6 +12,7 @@ from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.gru import Gru
+from pacmo_core.pacmo.labels import numbers_of
 from pacmo_core.pacmo.windows import EndlessNoise, Window, cut, shares
 from pacmo_core.transform import Frame, frame_of
 
@@ -27,11 +28,13 @@ class Partner:
     motion : (T, J, 3) float32, metres, in the world
     times : (T,) float64, seconds, strictly increasing
     out_times : (T_out,) float64, seconds, ascending, within ``times``
+    action : the interaction's label, for a model that was trained on labels; else empty
     """
 
     motion: Motion
     times: NDArray[np.float64]
     out_times: NDArray[np.float64]
+    action: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Piece:
     window : Window
     frame : of the partner at the window's start
     noise : (S, k, 2 K) coefficients; none for the baseline
+    action : number of the label; 0 where labels are no condition
     rows : of the reaction
     instants : (rows,) float64, seconds
     weights : (rows,) float64, the window's share at each
@@ -55,6 +59,7 @@ class Piece:
     window: Window
     frame: Frame
     noise: Tensor
+    action: int
     rows: slice
     instants: NDArray[np.float64]
     weights: NDArray[np.float64]
@@ -73,6 +78,7 @@ def pieces_of(
         motion.check(partner.out_times)
         windows = cut(motion.start, motion.end, model.normalisation)
         noise = endless_noise(model, n_samples, random)
+        action = action_number(model, partner.action)
         for window, (rows, weights) in zip(
             windows, shares(windows, partner.out_times), strict=True
         ):
@@ -85,6 +91,7 @@ def pieces_of(
                 window=window,
                 frame=frame_of(poses(motion, np.array([window.start])), model.skeleton),
                 noise=noise.at(shift) if noise else torch.zeros(0),
+                action=action,
                 rows=rows,
                 instants=partner.out_times[rows],
                 weights=weights,
@@ -93,12 +100,25 @@ def pieces_of(
 
 def endless_noise(model: Reactor, n_samples: int, random: torch.Generator) -> EndlessNoise | None:
     """Make the noise of so many reactions to one partner; the baseline takes none."""
-    if n_samples < 1 or (isinstance(model, Gru) and n_samples != 1):
-        wanted = "1: the baseline is deterministic" if isinstance(model, Gru) else "1 or more"
+    if n_samples < 1 or (is_deterministic(model) and n_samples != 1):
+        wanted = "1: the model is deterministic" if is_deterministic(model) else "1 or more"
         raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
     if isinstance(model, Gru):
         return None
     return EndlessNoise(model.config.noise, lambda: model.draw(n_samples, random))
+
+
+def is_deterministic(model: Reactor) -> bool:
+    """Say whether a model has one reaction to a partner and no noise."""
+    return isinstance(model, Gru) or not model.config.noise_channels
+
+
+def action_number(model: Reactor, action: str) -> int:
+    """Look up a label; a model without labels takes none."""
+    known = () if isinstance(model, Gru) else model.config.actions
+    if not known and not action:
+        return 0
+    return int(numbers_of([action], known))
 
 
 def poses(motion: Spline, instants: NDArray[np.float64]) -> Motion:

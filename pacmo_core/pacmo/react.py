@@ -13,13 +13,7 @@ from pacmo_core.operators.encode import Spline
 from pacmo_core.pacmo.functions import Condition
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.gru import Gru, frame_times
-<<<<<<< HEAD
-from pacmo_core.pacmo.labels import numbers_of
-from pacmo_core.pacmo.windows import EndlessNoise, Window, cut, shares
-from pacmo_core.transform import Frame, frame_of
-=======
 from pacmo_core.pacmo.pieces import Partner, Piece, Reactor, pieces_of
->>>>>>> use
 
 __all__ = ["Partner", "Reactor", "instants", "react", "react_all"]
 
@@ -28,59 +22,6 @@ MOTIONS_AT_ONCE = 64
 INSTANTS_AT_ONCE = 4096
 
 
-<<<<<<< HEAD
-@dataclass(frozen=True)
-class Partner:
-    """A motion to react to, and when the reaction is wanted.
-
-    Parameters
-    ----------
-    motion : (T, J, 3) float32, metres, in the world
-    times : (T,) float64, seconds, strictly increasing
-    out_times : (T_out,) float64, seconds, ascending, within ``times``
-    action : the interaction's label, for a model that was trained on labels; else empty
-    """
-
-    motion: Motion
-    times: NDArray[np.float64]
-    out_times: NDArray[np.float64]
-    action: str = ""
-
-
-@dataclass(frozen=True)
-class Piece:
-    """One window of a partner's motion, and what of the reaction it answers for.
-
-    Parameters
-    ----------
-    owner : which partner
-    motion : spline of the partner in the world
-    window : Window
-    frame : of the partner at the window's start
-    noise : (S, k, 2 K) coefficients; none for the baseline
-    action : number of the label; 0 where labels are no condition
-    rows : of the reaction
-    instants : (rows,) float64, seconds
-    weights : (rows,) float64, the window's share at each
-    """
-
-    owner: int
-    motion: Spline
-    window: Window
-    frame: Frame
-    noise: Tensor
-    action: int
-    rows: slice
-    instants: NDArray[np.float64]
-    weights: NDArray[np.float64]
-
-    def local(self, instants: NDArray[np.float64]) -> NDArray[np.float32]:
-        """``(N, 3 J)``: the partner at instants, seen from the frame."""
-        return self.frame.to_local(poses(self.motion, instants)).reshape(len(instants), -1)
-
-
-=======
->>>>>>> use
 def react(
     model: Reactor,
     partner: Motion,
@@ -110,8 +51,8 @@ def react(
     Raises
     ------
     ValueError
-        If a shape is wrong, an instant is outside ``times``, a model without noise is asked for
-        many, or the model wants a label.
+        If a shape is wrong, an instant is outside ``times``, a model without noise is
+        asked for many, or the model wants a label.
     """
     partners = [Partner(partner, times, out_times)]
     return react_all(model, partners, n_samples=n_samples, random=random)[0]
@@ -159,61 +100,6 @@ def _check(partner: Partner, n_joints: int) -> None:
         raise ValueError("out_times must ascend and not be empty")
 
 
-<<<<<<< HEAD
-def _pieces(
-    model: Reactor, partners: Sequence[Partner], n_samples: int, random: torch.Generator
-) -> Iterator[Piece]:
-    """Cut every partner into windows, when their turn comes."""
-    for owner, partner in enumerate(partners):
-        motion = Spline(partner.times, partner.motion)
-        motion.check(partner.out_times)
-        windows = cut(motion.start, motion.end, model.normalisation)
-        noise = endless_noise(model, n_samples, random)
-        action = action_number(model, partner.action)
-        for window, (rows, weights) in zip(
-            windows, shares(windows, partner.out_times), strict=True
-        ):
-            if not len(weights):
-                continue  # nobody asks for what this window could answer
-            shift = (window.start - motion.start) / window.duration
-            yield Piece(
-                owner=owner,
-                motion=motion,
-                window=window,
-                frame=frame_of(poses(motion, np.array([window.start])), model.skeleton),
-                noise=noise.at(shift) if noise else torch.zeros(0),
-                action=action,
-                rows=rows,
-                instants=partner.out_times[rows],
-                weights=weights,
-            )
-
-
-def endless_noise(model: Reactor, n_samples: int, random: torch.Generator) -> EndlessNoise | None:
-    """Make the noise of so many reactions to one partner; the baseline takes none."""
-    if n_samples < 1 or (is_deterministic(model) and n_samples != 1):
-        wanted = "1: the model is deterministic" if is_deterministic(model) else "1 or more"
-        raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
-    if isinstance(model, Gru):
-        return None
-    return EndlessNoise(model.config.noise, lambda: model.draw(n_samples, random))
-
-
-def is_deterministic(model: Reactor) -> bool:
-    """Say whether a model has one reaction to a partner and no noise."""
-    return isinstance(model, Gru) or not model.config.noise_channels
-
-
-def action_number(model: Reactor, action: str) -> int:
-    """Look up a label; a model without labels takes none."""
-    known = () if isinstance(model, Gru) else model.config.actions
-    if not known and not action:
-        return 0
-    return int(numbers_of([action], known))
-
-
-=======
->>>>>>> use
 def answers(model: Reactor, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
     """Give ``(S, rows, 3 J)`` metres in the frame, piece by piece, all of one number of samples."""
     if isinstance(model, Generator):

@@ -8,12 +8,8 @@ from numpy.typing import NDArray
 
 from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
-<<<<<<< HEAD
-from pacmo_core.pacmo.react import Piece, Reactor, action_number, answers, endless_noise, poses
-=======
-from pacmo_core.pacmo.pieces import Piece, Reactor, endless_noise, poses
+from pacmo_core.pacmo.pieces import Piece, Reactor, action_number, endless_noise, poses
 from pacmo_core.pacmo.react import answers
->>>>>>> use
 from pacmo_core.pacmo.windows import Window, usual_duration
 from pacmo_core.transform import frame_of
 
