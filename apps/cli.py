@@ -14,6 +14,7 @@ app = typer.Typer(
 )
 app.add_typer(cli_fetch.app, name="fetch")
 app.command("use")(cli_use.use_experiment)
+app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)
 app.command("clips")(cli_clips.list_clips)
 app.command("quarantine")(cli_clips.list_quarantine)

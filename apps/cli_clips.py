@@ -10,23 +10,33 @@ from rich.console import Console
 from rich.table import Table
 
 from apps.failure import CommandError, told_in_one_line
-from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
+from pacmo_core.store.clips import ClipFacts, QuarantineFacts, SideFacts, read_rows
 from pacmo_core.store.schema import StoreError
 
 Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequences")]
 Matching = Annotated[str, typer.Option(help="only rows that hold this text")]
 
-CLIP_COLUMNS = ("clip", "side", "action", "subject_a", "subject_b", "fps", "frames", "duration")
+Sides = Annotated[
+    Path | None, typer.Option(help="show the side of each clip, such as data/sides/1.parquet")
+]
+
+CLIP_COLUMNS = ("clip", "action", "subject_a", "subject_b", "fps", "frames", "duration")
 
 
-def list_clips(folder: Folder = Path("data/clips"), matching: Matching = "") -> None:
+def list_clips(
+    folder: Folder = Path("data/clips"), matching: Matching = "", sides: Sides = None
+) -> None:
     """List the clips of a folder.
 
-    Who, what, how long, on which side.
+    Who, what, how long; with ``--sides`` on which side in that fold.
     """
     with _told():
         rows = read_rows(folder / "clips.parquet", ClipFacts)
-    _show(rows, CLIP_COLUMNS, matching)
+        stands = {row.clip: row.side for row in read_rows(sides, SideFacts)} if sides else {}
+    cells = [[_cell(getattr(row, column)) for column in CLIP_COLUMNS] for row in rows]
+    if sides:
+        cells = [[*line, stands.get(row.clip, "")] for line, row in zip(cells, rows, strict=True)]
+    _show(cells, (*CLIP_COLUMNS, *(["side"] if sides else [])), matching)
 
 
 def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:
@@ -36,7 +46,8 @@ def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching 
     """
     with _told():
         rows = read_rows(folder / "quarantine.parquet", QuarantineFacts)
-    _show(rows, ("file", "line", "reason"), matching)
+    columns = ("file", "line", "reason")
+    _show([[_cell(getattr(row, column)) for column in columns] for row in rows], columns, matching)
 
 
 @contextmanager
@@ -48,14 +59,13 @@ def _told() -> Iterator[None]:
             raise CommandError(str(fault)) from fault
 
 
-def _show(rows: Sequence[object], columns: tuple[str, ...], matching: str) -> None:
+def _show(lines: Sequence[Sequence[str]], columns: Sequence[str], matching: str) -> None:
     table = Table(*columns, box=None)
-    for row in rows:
-        cells = [_cell(getattr(row, column)) for column in columns]
+    for cells in lines:
         if matching in " ".join(cells):
             table.add_row(*cells)
     Console().print(table)
-    typer.echo(f"{table.row_count} of {len(rows)}")
+    typer.echo(f"{table.row_count} of {len(lines)}")
 
 
 def _cell(value: object) -> str:

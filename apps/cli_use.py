@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from apps.experiments import experiment_names, use
+from apps.experiments import experiment_names, tidy, use
 from apps.failure import told_in_one_line
 
 
@@ -16,10 +16,21 @@ def use_experiment(
 ) -> None:
     """Choose the experiment that params.yaml holds.
 
-    ``dvc repro`` then reproduces it.
+    ``dvc repro`` then reproduces it. What folds and seeds of another left is removed; DVC's cache
+    keeps it.
     """
     with told_in_one_line():
         use(name, discard=discard)
+
+
+def tidy_runs() -> None:
+    """Remove what other folds and seeds left.
+
+    For after an edit of ``runs`` in params.yaml: scores are pooled from all that stand there.
+    """
+    with told_in_one_line():
+        for path in tidy():
+            typer.echo(f"removed {path}")
 
 
 def list_experiments() -> None:

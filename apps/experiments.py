@@ -9,11 +9,13 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from apps.failure import CommandError
+from apps.leftovers import remove_leftovers
 from pacmo_core.store.atomic import write_text
 
 FOLDER = Path("experiments")
 PARAMS = Path("params.yaml")
 CAPTURES = "${captures}"
+RUNS = ("folds", "seeds")
 PLACES = (Path("data/captures"), Path("../shared/data"))
 
 
@@ -72,6 +74,23 @@ def use(name: str, *, discard: bool) -> None:
                 f"{FOLDER}/NAME.yaml, or give --discard to lose them"
             )
     write_text(PARAMS, text)
+    tidy()
+
+
+def tidy() -> list[Path]:
+    """Remove the outputs of folds and seeds that ``params.yaml`` does not want.
+
+    Raises
+    ------
+    ExperimentError
+        If there is no ``params.yaml``, or it has no folds and seeds.
+    """
+    if not PARAMS.exists():
+        raise ExperimentError(f"no {PARAMS}: pacmo use NAME makes one")
+    runs = YAML(typ="safe").load(PARAMS).get("runs")
+    if not isinstance(runs, dict) or not all(isinstance(runs.get(k), list) for k in RUNS):
+        raise ExperimentError(f"{PARAMS}: wanted runs with lists of folds and seeds, got {runs}")
+    return remove_leftovers(PARAMS.parent, runs["folds"], runs["seeds"])
 
 
 def _compositions() -> Iterator[str]:

@@ -20,7 +20,8 @@ from prefect.futures import PrefectFuture
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from flows.graph import stages_below, stale_stages
-from pacmo_core.figures.tables import MAIN_COLUMNS, markdown_table
+from pacmo_core.figures.columns import MAIN_COLUMNS
+from pacmo_core.figures.tables import markdown_table
 
 METRICS = Path("reports/metrics.json")
 

@@ -14,7 +14,6 @@ from typing import Any
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
-from pacmo_core.figures.tables import MAIN_COLUMNS
 from pacmo_core.interaction import Interaction
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.clips import QuarantineFacts, read_rows
@@ -22,25 +21,9 @@ from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._params import PARAMS, read_params
 from stages._reactions import directed_clips
+from stages._tables import NOTES, main_tables, sections
 
-PUBLISHED = tuple(f"{name}_published" for name in MAIN_COLUMNS[:4])
-ORDER = ("real", "oracle", "pacmo", "gru", "wrong_partner")
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
-NO_LAW = "recorded captures have no known law of reaction"
-NOTES = (
-    "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
-    "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
-    "this size. Features depend on the auto-encoder, whose hash stands below: figures compare only "
-    "under the same one.",
-    "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
-    "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables; "
-    "reports/metrics.json has them of all joints too. In the second table low and high are the "
-    "smallest and largest repeat.",
-    "A metric of reactions alone cannot see the partner: dealing the real reactions to wrong "
-    "partners leaves MMD at zero. F²ID and diversity are of both people's features.",
-    "Intervals resample clips; two models differ where the interval of their paired difference, "
-    "in reports/pacmo.json, excludes zero.",
-)
 
 
 @dataclass(frozen=True)
@@ -64,26 +47,47 @@ def main(paths: argparse.Namespace) -> None:
     runs = read_params("runs", Runs)
     ingest, pacmo = map(read_json, (paths.ingest, paths.pacmo))
     splits = {fold: read_json(paths.splits / f"{fold}.json") for fold in runs.folds}
-    rows = {row: pacmo["rows"][row] for row in ORDER if row in pacmo["rows"]}
     reactions = dict(word.split("=") for word in paths.reactions)
     page = Report(
         title=experiment,
         summary=SUMMARY,
-        facts={
-            "Made by": f"dvc repro, after pacmo use {experiment}",
-            "Parameters": f"{PARAMS}, with whatever was edited there since",
-            "Features": f"auto-encoder {pacmo['extractor_sha256'][:16]}",
-            "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip",
-        },
+        facts=made_by(experiment, runs, pacmo),
         data=summarise(ingest, splits, paths.sequences),
-        tables={"pacmo": shown(rows, MAIN_COLUMNS), "pacmo_published": shown(rows, PUBLISHED)},
-        notes=(*NOTES, halves_note(rows)),
+        tables=main_tables(pacmo),
+        notes=(*NOTES, halves_note(pacmo["rows"])),
+        sections=tuple(sections(pacmo, ingest["dataset"])),
         curves={model_of(path): curve(path) for path in paths.curve},
         clips=tuple(played((paths.clips, paths.sides), reactions, params.played_clips)),
     )
     write_text(paths.page, render_report(page))
     data = {**ingest, "runs": vars(runs), "folds": splits}
-    write_json(paths.metrics, {"experiment": experiment, "data": data, "pacmo": rows})
+    tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
+    seen = {"pacmo_sensitivity": pacmo["sensitivity"]}
+    write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **seen})
+
+
+def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str]:
+    """Say what made the page."""
+    hashes = {
+        kind: ", ".join(digest[:16] for digest in pacmo[f"{kind}_sha256"].values())
+        for kind in ("extractor", "matcher")
+    }
+    same_act = sum(n["same_act_reactions"] for n in pacmo["n"].values())
+    candidates = min(n["matching_candidates"] for n in pacmo["n"].values())
+    return {
+        "Made by": f"dvc repro, after pacmo use {experiment}",
+        "Parameters": f"{PARAMS}, with whatever was edited there since",
+        "Runs": f"{counted(runs.folds, 'fold')}, {counted(runs.seeds, 'seed')} of each model",
+        "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip; "
+        f"{same_act} of acts that others perform too",
+        "Features": f"auto-encoder {hashes['extractor']}, a fold each",
+        "Matching": f"matcher {hashes['matcher']}, a fold each; among {candidates} partners",
+    }
+
+
+def counted(things: list[int], name: str) -> str:
+    """Say how many there are."""
+    return f"{len(things)} {name}" + ("s" if len(things) > 1 else "")
 
 
 def summarise(
@@ -114,12 +118,6 @@ def summarise(
             if name not in ("clips", "people")
         },
     )
-
-
-def shown(rows: dict[str, Any], columns: tuple[str, ...]) -> dict[str, Any]:
-    """Choose columns, and add the rows that cannot be had here, with the reason."""
-    gap = {column: {"missing": NO_LAW} for column in columns}
-    return {row: {c: rows[row][c] for c in columns} if row in rows else gap for row in ORDER}
 
 
 def halves_note(rows: dict[str, Any]) -> str:

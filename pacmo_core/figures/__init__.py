@@ -2,7 +2,7 @@
 
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.curves import Curve
-from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
+from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, Section, render_report
 from pacmo_core.figures.tables import markdown_table
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "PlayedClip",
     "QuarantineRow",
     "Report",
+    "Section",
     "markdown_table",
     "render_report",
 ]

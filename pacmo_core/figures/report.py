@@ -16,10 +16,21 @@ from pacmo_core.figures.tables import Rows, Table, table
 
 SECTIONS = {
     "pacmo": "Reactions, generated from the partner alone",
-    "pacmo_published": "The same, as the papers compute it",
+    "pacmo_partner": "Do reactions answer their partner?",
+    "pacmo_same_act": "The same within one act",
+    "pacmo_further": "Feet, bodies, variety",
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
 }
+
+
+@dataclass(frozen=True)
+class Section:
+    """A table that is laid out already, with notes of its own."""
+
+    title: str
+    table: Table
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,7 @@ class Report:
     data : what was read
     tables : section to rows to metrics to ``{mean, low, high}``, or ``{missing: reason}``
     notes : footnotes of the tables: what the floor is, which extractor
+    sections : further tables, each with notes of its own
     curves : training runs by name
     clips : clips that play
     """
@@ -73,6 +85,7 @@ class Report:
     data: DataSummary
     tables: Mapping[str, Rows]
     notes: tuple[str, ...] = ()
+    sections: tuple[Section, ...] = ()
     curves: Mapping[str, Curve] = field(default_factory=dict)
     clips: tuple[PlayedClip, ...] = ()
 

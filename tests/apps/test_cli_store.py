@@ -5,12 +5,18 @@ from typer.testing import CliRunner
 
 from apps.cli import app
 from apps.experiments import compose
-from pacmo_core.store.clips import QuarantineFacts, write_rows
+from pacmo_core.store.clips import ClipFacts, QuarantineFacts, SideFacts, write_rows
 
 ROWS = [
     QuarantineFacts("one", "one.bvh", "ab", 12, "no second person"),
     QuarantineFacts("two", "two.bvh", "cd", 0, "the same body twice"),
 ]
+
+
+CLIP = ClipFacts(
+    *("one", "one", "set", "waving", "s01", "s02", "one", "sbu15"), 15.0, 2.0, 31, 0, "f", "ab",
+    *(0.1, 2.0, 0.0, 0),
+)  # fmt: skip
 
 
 def pacmo(*words):
@@ -24,6 +30,17 @@ def test_quarantine_lists_files_lines_and_reasons(tmp_path):
     assert "one.bvh" in said.stdout and "no second person" in said.stdout and "12" in said.stdout
     assert "2 of 2" in said.stdout
     assert "1 of 2" in pacmo("quarantine", tmp_path, "--matching", "twice").stdout
+
+
+def test_clips_are_listed_with_their_side_in_a_fold_that_is_named(tmp_path):
+    write_rows(tmp_path / "clips.parquet", ClipFacts, [CLIP])
+    write_rows(tmp_path / "1.parquet", SideFacts, [SideFacts("one", "validation")])
+    plain, sided = (
+        pacmo("clips", tmp_path),
+        pacmo("clips", tmp_path, "--sides", tmp_path / "1.parquet"),
+    )
+    assert "waving" in plain.stdout and "validation" not in plain.stdout
+    assert "validation" in sided.stdout and "1 of 1" in sided.stdout
 
 
 @pytest.mark.parametrize("content", [None, b"nonsense"])

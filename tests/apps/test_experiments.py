@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from apps.experiments import ExperimentError, compose, use
+from apps.experiments import ExperimentError, compose, tidy, use
 
 DEFAULT = """\
 # whole
 experiment: default
+runs: {folds: [1], seeds: [1]}
 ingest:
   raw: data/raw   # made here
   settings: {fps: 30, gap: 2}
@@ -85,3 +86,40 @@ def test_edits_by_hand_are_not_lost_unless_asked(project):
     assert "width: 2" in params.read_text()
     use("default", discard=True)
     assert params.read_text() == compose("default")
+
+
+def outputs(root):
+    """Lay out what two folds and two seeds leave; the oracle has one run, whatever the seeds."""
+    names = ["data/sides/{}.parquet", "data/scores/{}.parquet", "reports/split/{}.json"]
+    names += ["models/{}/autoencoder/weights", "reports/curves/{}/autoencoder.csv"]
+    names += ["models/{}/gru/1/weights", "models/{}/gru/2/weights", "reports/curves/{}/gru/2.csv"]
+    names += ["data/reactions/{}/oracle/1/motions", "data/reactions/{}/gru/2/motions"]
+    found = {name.format(fold) for name in names for fold in (1, 2)} | {"data/raw/2.skeleton"}
+    for name in found:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).touch()
+    return found
+
+
+def standing(root):
+    below = [p for place in ("data", "models", "reports") for p in (root / place).rglob("*")]
+    return {str(path.relative_to(root)) for path in below if path.is_file()}
+
+
+def test_what_other_folds_and_seeds_left_goes_when_an_experiment_is_taken_up(project):
+    made = outputs(project)
+    use("default", discard=False)
+    assert standing(project) == {
+        name for name in made if "/2" not in name or name == "data/raw/2.skeleton"
+    }
+
+
+def test_tidying_goes_by_the_runs_in_the_parameters(project):
+    made = outputs(project)
+    (project / "params.yaml").write_text("runs: {folds: [2], seeds: [2]}\n")
+    gone = {name for name in made if "/1" in name.replace("oracle/1", "oracle")}
+    removed = tidy()
+    assert standing(project) == made - gone and removed
+    (project / "params.yaml").write_text("train: {}\n")
+    with pytest.raises(ExperimentError, match="wanted runs"):
+        tidy()

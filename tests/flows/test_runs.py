@@ -1,4 +1,4 @@
-"""What is trusted: the meaning of folds and seeds; the graph as DVC reads the project's own files."""
+"""What is trusted: the meaning of folds and seeds; the graph as DVC reads it."""
 
 import shutil
 import subprocess
@@ -52,7 +52,7 @@ def test_no_fold_rests_on_another_and_no_seed_either(graph):
     for name, below in graph.items():
         _, fold, seed = fold_and_seed(name)
         for other in below - {name} if fold else ():
-            stem, other_fold, other_seed = fold_and_seed(other)
+            _, other_fold, other_seed = fold_and_seed(other)
             assert other_fold in ("", fold), f"{name} rests on {other}"
             assert not seed or other_seed in ("", seed), f"{name} rests on {other}"
 

@@ -31,6 +31,16 @@ def test_a_section_becomes_its_dataclass(tmp_path):
     assert read(tmp_path, GOOD) == Section(4, Inner(0.5), ("a", "b"))
 
 
+def test_what_the_command_line_gives_completes_the_section_and_never_overrides_it(tmp_path):
+    text = GOOD.replace("width: 4, ", "")
+    (tmp_path / "params.yaml").write_text(text)
+    path = tmp_path / "params.yaml"
+    assert read_params("stage", Section, path, given={"width": 7}).width == 7
+    path.write_text(GOOD)
+    with pytest.raises(ParamsError, match="stage: width comes from the command line"):
+        read_params("stage", Section, path, given={"width": 7})
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

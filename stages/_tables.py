@@ -1,0 +1,110 @@
+"""The tables of the page, out of what ``pool_pacmo`` wrote."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from pacmo_core.figures.columns import (
+    FURTHER_COLUMNS,
+    MAIN_COLUMNS,
+    MAIN_ROWS,
+    MODELS,
+    PARTNER_COLUMNS,
+    SAME_ACT_ROWS,
+)
+from pacmo_core.figures.differences import blind, difference_table, sight_table
+from pacmo_core.figures.paper import CAVEATS, PAPER, beside, differs
+from pacmo_core.figures.report import Section
+
+Pooled = dict[str, Any]
+
+NO_LAW = "recorded captures have no known law of reaction"
+COMPARED = {
+    "any_act": "Real, over all acts",
+    "same_act": "Real, within each act",
+    "pacmo_any_act": "PaCMO, over all acts",
+    "pacmo_same_act": "PaCMO, within each act",
+}
+REAL_COMPARED = {"any_act": "across acts", "same_act": "within one act"}
+NOTES = (
+    "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
+    "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
+    "this size. A row that answers the very partners tested shares their sampling error, and may "
+    "lie below it; F²ID excess is free of that: F²ID to further real motion, less that of the real "
+    "pairs tested.",
+    "Features depend on the auto-encoder and matching on the matcher, whose hashes stand below: "
+    "figures compare only under the same ones.",
+    "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
+    "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables; "
+    "reports/metrics.json has them of all joints too.",
+    "A metric of reactions alone cannot see the partner: dealing the real reactions to wrong "
+    "partners leaves MMD at zero. F²ID and diversity are of both people's features.",
+    "Intervals resample clips, and seeds where there are several, and are pooled over folds.",
+)
+DIFFERENCE_NOTES = (
+    "Of the same draws of clips and seeds. Marked: the first is better for certain, its interval "
+    "clear of zero on the good side.",
+)
+
+
+def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
+    """Choose the rows and columns of the page's first tables."""
+    chosen = {
+        "pacmo": (MAIN_ROWS, MAIN_COLUMNS),
+        "pacmo_partner": (MAIN_ROWS, PARTNER_COLUMNS),
+        "pacmo_same_act": (SAME_ACT_ROWS, PARTNER_COLUMNS),
+        "pacmo_further": (MAIN_ROWS, FURTHER_COLUMNS),
+    }
+    tables = {name: shown(pooled, rows, columns) for name, (rows, columns) in chosen.items()}
+    return {name: rows for name, rows in tables.items() if rows}
+
+
+def shown(pooled: Pooled, rows: Iterable[str], columns: Iterable[str]) -> dict[str, Any]:
+    """Choose rows and columns, with the reason of what is missing."""
+    found = pooled["rows"]
+    kept = [column for column in columns if any(column in found.get(row, {}) for row in rows)]
+    table = {
+        row: {column: cell(pooled, row, column) for column in kept} for row in rows if row in found
+    }
+    if kept and "oracle" in rows and "oracle" not in found:
+        table["oracle"] = {column: {"missing": NO_LAW} for column in kept}
+    return table
+
+
+def cell(pooled: Pooled, row: str, metric: str) -> dict[str, Any]:
+    """Give a figure with its interval, or the reason why there is none."""
+    missing = pooled.get("absent", {}).get(row, {}).get(metric, "")
+    found: dict[str, Any] = pooled["rows"][row].get(metric, {"missing": missing})
+    return found
+
+
+def sections(pooled: Pooled, dataset: str) -> Iterator[Section]:
+    """Give the further tables: differences, what sees the partner, the paper's."""
+    models = {f"pacmo_minus_{row}" for row in (*MODELS, "oracle")}
+    differences = {name: cells for name, cells in pooled["differences"].items() if name in models}
+    yield Section("Paired differences", difference_table(differences), DIFFERENCE_NOTES)
+    sensitivity = pooled["sensitivity"]
+    yield Section(
+        "Which metrics see the partner: true pairs less shuffled ones",
+        sight_table(sensitivity, COMPARED),
+        sight_notes(sensitivity),
+    )
+    for paper in PAPER:
+        title = f"Table {paper.number} of the paper, {paper.name}, and ours beside it"
+        caveats = CAVEATS if paper is PAPER[-1] else ()
+        yield Section(title, beside(paper, pooled["rows"]), (differs(paper, dataset), *caveats))
+
+
+def sight_notes(sensitivity: dict[str, Any]) -> tuple[str, ...]:
+    """Name the metrics that real pairs and wrong ones look alike to."""
+    notes = ["Marked: the metric tells true pairs from wrong ones, its interval clear of zero."]
+    for name, where in REAL_COMPARED.items():
+        unseeing = blind(sensitivity[name]) if name in sensitivity else None
+        if unseeing is None:
+            notes.append(f"Nothing is known {where}: no act is tested in two clips.")
+        elif unseeing:
+            notes.append(
+                f"These do not see the partner {where}, and gate nothing: {'; '.join(unseeing)}."
+            )
+        else:
+            notes.append(f"All of these see the partner {where}.")
+    return tuple(notes)

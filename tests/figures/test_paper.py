@@ -1,0 +1,62 @@
+"""Truth: the paper's Tables 1 and 2, and a few differences judged by eye."""
+
+import pytest
+
+from pacmo_core.figures.columns import PUBLISHED_COLUMNS
+from pacmo_core.figures.differences import blind, difference_table, sight_table
+from pacmo_core.figures.paper import PAPER, beside, differs
+from tests.figures.samples import cell
+
+OURS = {
+    row: {column: cell(0.5) for column in PUBLISHED_COLUMNS}
+    for row in ("real", "pacmo", "pacmo_plain", "gru", "oracle")
+}
+
+
+def texts(table, label, meaning):
+    (line,) = [li for li in table.lines if (li.label, li.meaning) == (label, meaning)]
+    return [entry.value for entry in line.entries]
+
+
+def test_the_papers_figures_are_shown_as_printed_under_their_columns():
+    one, two = (beside(paper, OURS) for paper in PAPER)
+    columns = [metric.label for metric in one.metrics]
+    assert columns == ["F²ID", "Diversity", "MMD-A", "MMD-S", "APE", "AVE"]
+    assert texts(one, "PaCMO", "the paper") == ["0.002", "1.91", "5.8e−3", "3.8e−3", "0.03", "0.23"]
+    assert texts(two, "GRU baseline", "the paper")[0] == "494.9e−4"
+
+
+def test_ours_stand_under_the_papers_and_only_what_there_is():
+    def rows(ours):
+        return [(line.label, line.meaning) for line in beside(PAPER[0], ours).lines]
+
+    assert [label for label, _ in rows(OURS)] == [
+        *("Real Motion", "", "PaCMO", "", "", "GRU baseline", "")
+    ]
+    few = {row: cells for row, cells in OURS.items() if row != "pacmo_plain"}
+    assert len(rows(few)) == len(rows(OURS)) - 1
+    assert all(meaning.startswith("here") for label, meaning in rows(OURS) if not label)
+
+
+def test_another_data_set_is_said_to_be_one():
+    assert "sbu: another data set" in differs(PAPER[0], "sbu")
+    assert "another data set" not in differs(PAPER[1], "duetdance")
+
+
+@pytest.mark.parametrize(
+    ("metric", "mean", "marked"),
+    [("f2id", -1.0, True), ("f2id", 1.0, False), ("f2id", -0.005, False), ("matching", 1.0, True),
+     ("matching", -1.0, False), ("diversity", -1.0, False)],
+)  # fmt: skip
+def test_a_difference_is_marked_where_the_first_is_better_for_certain(metric, mean, marked):
+    table = difference_table({"pacmo_minus_gru": {metric: cell(mean)}})
+    assert table.metrics[0].label == "PaCMO − GRU"
+    assert (table.lines[0].entries[0].mark == "best") == marked
+
+
+def test_metrics_that_do_not_see_the_partner_are_named():
+    seen = {"f2id_excess": {**cell(-1), "sees": True}, "mmd_a": {**cell(0), "sees": False}}
+    assert blind(seen) == ["MMD-A"]
+    table = sight_table({"any_act": seen}, {"any_act": "over all"})
+    assert [line.entries[0].mark for line in table.lines] == ["best", ""]
+    assert table.metrics[0].label == "over all"
