@@ -20,7 +20,8 @@ FIRST = "pacmo"
 REAL = "real"
 FLOORS = {"f2id_floor": "f2id", "f2id_halves": "f2id_halves"}
 # Rows that are no other model's: real motion, and what is dealt to wrong partners.
-NO_MODEL = ("real", "real_pairs", "wrong_partner")
+NO_MODEL = ("real", "wrong_partner")
+SAME_ACT = "_same_act"
 SEEN = {
     "any_act": ("real_pairs", "wrong_partner"),
     "same_act": ("real_pairs_same_act", "wrong_partner_same_act"),
@@ -127,10 +128,8 @@ def with_floors(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
 
 def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> dict[str, Any]:
     """Subtract every other model from PaCMO, and wrong partners from right ones, draw by draw."""
-    others = [
-        row for row in pooled if not row.startswith(NO_MODEL) and not row.startswith(f"{FIRST}_s")
-    ]
-    pairs = [(FIRST, row) for row in others if row != FIRST and "_same_act" not in row]
+    others = [row for row in pooled if not row.startswith(NO_MODEL) and SAME_ACT not in row]
+    pairs = [(FIRST, row) for row in others if row != FIRST]
     pairs += [pair for pair in SEEN.values() if pair not in pairs]
     return {
         f"{first}_minus_{second}": as_json(

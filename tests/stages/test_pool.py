@@ -1,0 +1,82 @@
+"""Trusted: what pooling gives is the mean of the scores written, and differences of paired rows."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pacmo_core.store.scores import Score, write_scores
+from stages import pool_pacmo
+
+N = {"test_reactions": 4, "same_act_reactions": 4, "matching_candidates": 3}
+VALUES = {  # fold 1 and fold 2
+    ("real", 0, "f2id"): (0.3, 0.5),
+    ("real", 0, "f2id_halves"): (0.8, 0.8),
+    ("real_pairs", 0, "mmd_pair"): (0.1, 0.1),
+    ("wrong_partner", 0, "mmd_pair"): (0.5, 0.3),
+    ("pacmo", 1, "f2id"): (0.1, 0.2),
+    ("pacmo", 2, "f2id"): (0.3, 0.4),
+    ("pacmo_permuted", 1, "f2id"): (0.4, 0.5),
+    ("pacmo_permuted", 2, "f2id"): (0.6, 0.7),
+    ("gru", 1, "f2id"): (0.9, 1.0),
+    ("gru", 1, "multimodality"): (0.9, None),
+}
+
+
+@pytest.fixture
+def pooled(tmp_path, monkeypatch):
+    (tmp_path / "params.yaml").write_text("pool_pacmo: {confidence: 0.95, random_seed: 1}\n")
+    monkeypatch.chdir(tmp_path)
+    for fold in (1, 2):
+        noise = 0.01 * np.random.default_rng(fold).normal(size=101)
+        noise[0] = 0
+        scores = [
+            Score(row, seed, metric, values[fold - 1] + noise)
+            for (row, seed, metric), values in VALUES.items()
+            if values[fold - 1] is not None
+        ]
+        facts = {"autoencoder_sha256": f"a{fold}", "matcher_sha256": f"m{fold}", "n": N}
+        write_scores(
+            tmp_path / f"scores/{fold}.parquet",
+            scores,
+            facts | {"absent": {"gru": {"multimodality": "one reaction a partner"}}},
+        )
+    pool_pacmo.main(tmp_path / "scores", tmp_path / "pacmo.json")
+    return json.loads((tmp_path / "pacmo.json").read_text())
+
+
+def test_rows_are_means_over_seeds_and_folds_with_the_floors_beside_them(pooled):
+    assert pooled["rows"]["pacmo"]["f2id"]["mean"] == pytest.approx(0.25)
+    assert pooled["rows"]["pacmo"]["f2id_floor"]["mean"] == pytest.approx(0.4)
+    assert pooled["seeds"] == {
+        "real": [0],
+        "real_pairs": [0],
+        "wrong_partner": [0],
+        "pacmo": [1, 2],
+        "pacmo_permuted": [1, 2],
+        "gru": [1],
+    }
+    assert pooled["test_reactions"] == 8
+    assert pooled["matcher_sha256"] == {"1": "m1", "2": "m2"}
+
+
+def test_a_metric_that_one_fold_is_without_is_left_out_with_the_reason(pooled):
+    assert "multimodality" not in pooled["rows"]["gru"]
+    assert pooled["absent"]["gru"]["multimodality"] == "one reaction a partner"
+
+
+def test_differences_are_paired_where_rows_share_draws(pooled):
+    found = pooled["differences"]["pacmo_minus_pacmo_permuted"]["f2id"]
+    for bound in found.values():
+        assert bound == pytest.approx(-0.3)
+    assert set(pooled["differences"]) == {
+        "pacmo_minus_gru",
+        "pacmo_minus_pacmo_permuted",
+        "real_pairs_minus_wrong_partner",
+    }
+
+
+def test_sensitivity_says_which_metrics_see_the_partner(pooled):
+    assert set(pooled["sensitivity"]) == {"any_act", "pacmo_any_act"}
+    seen = pooled["sensitivity"]["any_act"]["mmd_pair"]
+    assert seen["mean"] == pytest.approx(-0.3) and seen["sees"] is True
