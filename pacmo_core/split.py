@@ -127,15 +127,9 @@ def assign_sides(origins: Sequence[Origin], rule: SideRule, fold: int) -> dict[s
     checkpoints and are no claim about new people. Split by person, a clip whose two people
     stand on different sides is ``dropped``.
 
-    Parameters
-    ----------
-    origins : of all clips
-    rule : how
-    fold : which part is tested, counted from 1
-
     Returns
     -------
-    side of each clip by name
+    side of each clip by name, in the fold of that number, counted from 1
 
     Raises
     ------
