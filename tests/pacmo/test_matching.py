@@ -29,6 +29,9 @@ SETTINGS = MatcherSettings(
     halve_every=20,
     batch_size=32,
     n_epochs=10,
+    validate_every=1,
+    checkpoint_every=5,
+    device="cpu",
     mirror=False,
 )
 
@@ -69,7 +72,7 @@ def test_a_model_is_rebuilt_from_its_configuration_and_state(trained):
 def test_the_weights_of_the_least_validation_loss_are_kept():
     held_out = clips(8, 500)
     fit = matching.fit(clips(10), replace(SETTINGS, n_epochs=6), validation=held_out)
-    least = min(terms["validation_loss"] for terms in fit)
+    least = min(terms["validation"] for terms in fit)
     both = [*held_out, *(clip.swapped() for clip in held_out)]
     codes = torch.arange(8).repeat(2)
     found = fit.model.loss(encode(both, SETTINGS.n_points), codes)
