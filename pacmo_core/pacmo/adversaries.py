@@ -57,7 +57,7 @@ class Adversaries:
             network.to(pairs.partner.device)
         generator.normalisation.measure(pairs)
         self.mean = running_mean(generator)
-        self.warm = not settings.warmup_epochs
+        self.looked_at = not settings.validate_from
         self.objectives = Objectives(generator, critic, settings)
         self.augment = Augment(settings.augment, generator.skeleton, settings.n_points)
         self.adam_generator = _adam(generator, settings.generator)
@@ -82,8 +82,8 @@ class Adversaries:
         settings, every = self.settings, self.settings.halve_every
         halve(self.adam_generator, settings.generator.learning_rate, epoch=number, every=every)
         halve(self.adam_critic, settings.critic.learning_rate, epoch=number, every=every)
-        self.warm = number >= settings.warmup_epochs
-        step = self.step if self.warm else self.warm_up
+        self.looked_at = number >= settings.validate_from
+        step = self.warm_up if number < settings.warmup_epochs else self.step
         return means([step() for _ in range(self.steps_an_epoch)])
 
     def step(self) -> dict[str, float]:
@@ -109,9 +109,10 @@ class Adversaries:
     def score(self) -> Tensor | None:
         """Take the running mean's energy score on held-out pairs, on the same noise every time.
 
-        Weights that no critic has judged are not looked at: they are not to be handed over.
+        Early weights are not looked at: the score is soon flat but for chance, while the critic
+        goes on to better what a score of few clips does not see.
         """
-        if self.held_out is None or not self.warm:
+        if self.held_out is None or not self.looked_at:
             return None
         return mean_energy_score(
             self.mean,

@@ -117,6 +117,7 @@ class PacmoSettings:
     n_epochs: int  # in each the critic sees about as many pairs as there are
     validate_every: int  # epochs; the weights that score best are handed over
     checkpoint_every: int  # epochs
+    validate_from: int  # epochs; earlier weights are not handed over
     validation_samples: int  # reactions to a held-out partner, for the energy score
     n_critic: int  # steps of the critic for each of the generator's
     penalty_weight: float  # of the gradient penalty (PaCMO, eq. 2)
@@ -137,9 +138,10 @@ class PacmoSettings:
                 f"warmup_epochs {self.warmup_epochs} want a score_weight: "
                 "without it the generator has nothing to follow"
             )
-        if not 0 <= self.warmup_epochs < self.n_epochs:
+        if not 0 <= self.warmup_epochs <= self.validate_from < self.n_epochs:
             raise ValueError(
-                f"warmup_epochs must lie in [0, n_epochs {self.n_epochs}); got {self.warmup_epochs}"
+                "wanted 0 <= warmup_epochs <= validate_from < n_epochs; "
+                f"got {self.warmup_epochs}, {self.validate_from}, {self.n_epochs}"
             )
 
 

@@ -108,6 +108,7 @@ PACMO = PacmoSettings(
     validation_samples=4,
     n_critic=2,
     penalty_weight=10.0,
+    validate_from=1,
     warmup_epochs=1,
     score_weight=1.0,
     score_spread=1.0,
