@@ -30,7 +30,7 @@ CLIP = mirrored(1, np.arange(40) / 15)
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    model = adversarial.fit(clips(8), replace(PACMO_LONG, n_steps=1)).finish()
+    model = adversarial.fit(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
     write_weights(path, {"kind": "pacmo", "model": adversarial.config(model)}, fit.state(model))
     return path

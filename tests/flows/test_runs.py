@@ -12,7 +12,7 @@ from flows.graph import stages_below
 
 ROOT = Path(__file__).parents[2]
 ONCE = {"synthesise", "ingest", "cut", "pool_pacmo", "report"}
-ONCE_A_FOLD = {"split", "train_autoencoder", "react_oracle", "evaluate_pacmo"}
+ONCE_A_FOLD = {"split", "train_autoencoder", "train_matcher", "react_oracle", "evaluate_pacmo"}
 
 
 @pytest.fixture(scope="module")

@@ -32,9 +32,9 @@ def test_reduced_precision_leaves_the_penalty_alone_and_hardly_moves_the_losses(
     # autocast works on a CPU too; the setting alone asks for a GPU.
     parts.objectives._reduced = True
     reduced, terms = parts.objectives.of_critic(batch)
-    made, _ = parts.objectives.of_generator(batch)
+    made, _ = parts.objectives.of_generator(parts._draw(mixed=False), judged=True)
     assert reduced.dtype == made.dtype == torch.float32
-    assert parts.objectives.reaction(batch).dtype == torch.float32
+    assert parts.objectives.reactions(batch).dtype == torch.float32
     assert reduced.item() != whole.item()
     assert reduced.item() == pytest.approx(whole.item(), rel=1e-3)
     torch.testing.assert_close(terms["penalty"], whole_terms["penalty"], rtol=1e-3, atol=0)
@@ -43,7 +43,8 @@ def test_reduced_precision_leaves_the_penalty_alone_and_hardly_moves_the_losses(
 def test_a_weight_on_constant_bones_is_a_term_and_moves_the_loss() -> None:
     plain, weighed = training(), training(bone_weight=3.0)
     (loss, _), (more, terms) = (
-        parts.objectives.of_generator(parts._draw(mixed=False)) for parts in (plain, weighed)
+        parts.objectives.of_generator(parts._draw(mixed=False), judged=True)
+        for parts in (plain, weighed)
     )
     assert more.item() == pytest.approx(loss.item() + 3 * terms["bones"].item(), rel=1e-5)
 

@@ -17,7 +17,7 @@ from tests.pacmo.problems import GRU, PACMO_LONG, clips, mirrored
 
 @pytest.fixture(scope="module")
 def model() -> Generator:
-    return adversarial.fit(clips(8), replace(PACMO_LONG, n_steps=20)).finish()
+    return adversarial.fit(clips(8), replace(PACMO_LONG, n_epochs=4)).finish()
 
 
 def streamed(model: Generator, n_frames: int, began: float = 0.0) -> np.ndarray:

@@ -24,7 +24,7 @@ FIELD = RandomField(alpha=2.0, tau=5.0, n_modes=8, period=1.25)
 
 @pytest.fixture(scope="module")
 def model() -> Generator:
-    return adversarial.fit(clips(8), replace(PACMO_LONG, n_steps=2)).finish()
+    return adversarial.fit(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
 
 
 def trained_on(seconds: float, spread: float = 0.1) -> Normalisation:
