@@ -21,6 +21,9 @@ PERFECT = frozenset(
     ("f2id", "f2id_infinity", "ape", "ave", "ape_joints", "ave_joints", "contact_agreement")
 )
 
+# Of reactions alone: dealt to other partners they stay the same motions, but for the other's clock.
+BLIND = frozenset(("mmd_a", "mmd_s"))
+
 
 @dataclass(frozen=True)
 class Seen(Interval):
@@ -55,4 +58,4 @@ def sensitivity(
 def _seen(name: str, found: Interval) -> Seen:
     below, above = found.high < 0, found.low > 0
     sees = {-1: below, 0: below or above, 1: above}[GOOD[name]]
-    return Seen(found.mean, found.low, found.high, bool(sees))
+    return Seen(found.mean, found.low, found.high, bool(sees) and name not in BLIND)
