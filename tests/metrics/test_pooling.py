@@ -79,3 +79,14 @@ def test_a_metric_sees_when_the_difference_is_clear_of_zero_on_the_good_side():
     assert sees == {"matching": True, "mmd_pair": False, "mmd_s": False, "diversity": True}
     assert found["matching"].mean == pytest.approx(0.5)
     assert found["matching"].low == pytest.approx(0.5 - 0.02 * 1.96, abs=0.01)
+
+
+def test_mmd_of_reactions_alone_never_sees_the_partner() -> None:
+    draws = np.linspace(1.0, 1.1, 50)
+    true, dealt = (
+        {name: Estimate(value, value * draws) for name in ("mmd_a", "mmd_pair")}
+        for value in (1.0, 2.0)
+    )
+    found = sensitivity(true, dealt, 0.95)
+    assert found["mmd_pair"].sees
+    assert not found["mmd_a"].sees  # better for certain, and yet by no merit
