@@ -63,9 +63,17 @@ class Smooth:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """Relative L2 distances of reactions (``out``) and of the inputs themselves (``into``)."""
+    """Relative L2 distances.
+
+    Parameters
+    ----------
+    out : of reactions, metres in the partner's frame
+    varying : the same distance, relative to how reactions vary about the model's mean one
+    into : of the inputs themselves, about the model's mean partner
+    """
 
     out: float
+    varying: float
     into: float
 
 
@@ -94,33 +102,36 @@ def mismatch(model: Generator, base: Sequence[Sampled], other: Sequence[Sampled]
     """Compare reactions, and inputs, of the same partners sampled in two ways."""
     shares = np.linspace(0, 1, N_INSTANTS)
     instants = [b.times[0] + shares * (b.times[-1] - b.times[0]) for b in base]
-    out = _distance(*(_reactions(model, side, instants) for side in (base, other)))
-    into = _distance(*(_inputs(model, side, instants) for side in (base, other)))
-    return Mismatch(out, into)
+    norm = model.normalisation
+    reactions = [_reactions(model, side, instants) for side in (base, other)]
+    inputs = [_inputs(model, side, instants) for side in (base, other)]
+    return Mismatch(
+        out=_distance(*reactions, np.zeros(())),
+        varying=_distance(*reactions, norm.reaction_mean.numpy()),
+        into=_distance(*inputs, norm.partner_mean.numpy()),
+    )
 
 
-def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    return float(np.linalg.norm(a - b) / np.linalg.norm(a))
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64], about: NDArray[np.floating]) -> float:
+    return float(np.linalg.norm(a - b) / np.linalg.norm(a - about))
 
 
 def _reactions(
     model: Generator, partners: Sequence[Sampled], instants: Sequence[Times]
 ) -> NDArray[np.float64]:
-    """``(P, S, N, 3 J)`` about the model's mean reaction, in the partners' frames."""
+    """``(P, S, N, 3 J)`` metres in the partners' frames."""
     asked = [Partner(p.motion, p.times, at) for p, at in zip(partners, instants, strict=True)]
     random = torch.Generator().manual_seed(0)
     motions = react_all(model, asked, n_samples=N_NOISES, random=random)
-    mean = model.normalisation.reaction_mean.numpy()
-    return np.stack([_local(model, p, m) - mean for p, m in zip(partners, motions, strict=True)])
+    return np.stack([_local(model, p, m) for p, m in zip(partners, motions, strict=True)])
 
 
 def _inputs(
     model: Generator, partners: Sequence[Sampled], instants: Sequence[Times]
 ) -> NDArray[np.float64]:
-    """``(P, N, 3 J)`` about the model's mean partner, in the partners' frames."""
-    mean = model.normalisation.partner_mean.numpy()
+    """``(P, N, 3 J)`` metres in the partners' frames."""
     motions = [Spline(p.times, p.motion)(at) for p, at in zip(partners, instants, strict=True)]
-    return np.stack([_local(model, p, m) - mean for p, m in zip(partners, motions, strict=True)])
+    return np.stack([_local(model, p, m) for p, m in zip(partners, motions, strict=True)])
 
 
 def _local(model: Generator, partner: Sampled, motion: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -3,8 +3,8 @@
 Usage: python -m benchmarks.invariance [--weights FILE] [--real FILE ...] [--json]
 
 The same noise and the same partner are sampled in two ways; a mismatch is the relative L2 distance
-of the reactions at common instants, about the model's mean reaction (so that standing a metre away
-does not flatter it).
+of the reactions at common instants, metres in the partner's frame; ``..._varying`` is the same
+distance relative to how reactions vary about their mean (which standing a metre away flatters not).
 
 Band-limited partners are the mean partner that the model was trained on, moved by a Gaussian field
 of 16 modes on 1.25 of the model's usual duration: at most 12.8 cycles. 129 frames resolve 64.
@@ -71,10 +71,11 @@ def band_limited(model: Generator) -> dict[str, float]:
     }
     partners = smooth_partners(model, N_PARTNERS)
     base = [partner.at(times) for partner in partners]
-    return {
-        f"mismatch_{name}": mismatch(model, base, [partner.at(other) for partner in partners]).out
-        for name, other in others.items()
-    }
+    figures: dict[str, float] = {}
+    for name, other in others.items():
+        found = mismatch(model, base, [partner.at(other) for partner in partners])
+        figures |= {f"mismatch_{name}": found.out, f"mismatch_{name}_varying": found.varying}
+    return figures
 
 
 def captured(model: Generator) -> dict[str, float]:
@@ -93,6 +94,7 @@ def captured(model: Generator) -> dict[str, float]:
     for kind, other in others.items():
         found = mismatch(model, whole, other)
         figures |= {f"{name}_real_{kind}": found.out, f"{name}_input_{kind}": found.into}
+        figures |= {f"{name}_real_{kind}_varying": found.varying}
     return figures
 
 
