@@ -106,13 +106,14 @@ def mismatch(model: Generator, base: Sequence[Sampled], other: Sequence[Sampled]
     reactions = [_reactions(model, side, instants) for side in (base, other)]
     inputs = [_inputs(model, side, instants) for side in (base, other)]
     return Mismatch(
-        out=_distance(*reactions, np.zeros(())),
-        varying=_distance(*reactions, norm.reaction_mean.numpy()),
-        into=_distance(*inputs, norm.partner_mean.numpy()),
+        out=_distance(reactions, np.zeros(())),
+        varying=_distance(reactions, norm.reaction_mean.numpy()),
+        into=_distance(inputs, norm.partner_mean.numpy()),
     )
 
 
-def _distance(a: NDArray[np.float64], b: NDArray[np.float64], about: NDArray[np.floating]) -> float:
+def _distance(pair: Sequence[NDArray[np.float64]], about: NDArray[np.floating]) -> float:
+    a, b = pair
     return float(np.linalg.norm(a - b) / np.linalg.norm(a - about))
 
 
