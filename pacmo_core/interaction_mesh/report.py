@@ -1,0 +1,114 @@
+"""How good a variation is."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from pacmo_core.interaction_mesh.distances import distances_of
+from pacmo_core.interaction_mesh.hinges import flips
+from pacmo_core.interaction_mesh.naive import naive
+from pacmo_core.interaction_mesh.scene import Array, Scene
+from pacmo_core.interaction_mesh.settings import Limits, Settings
+from pacmo_core.interaction_mesh.supports import steps_of
+
+# Frames to either side among which a frame's acceleration is judged.
+AROUND = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Figures of one variation, before the scene is scaled as a whole.
+
+    Parameters
+    ----------
+    near_error, far_error : metres, by how much distances between the bodies differ from the
+        source's, in pairs of joints near in it and in all others
+    near_error_naive, far_error_naive : the same of naive scaling
+    contacts_kept : share of touching pairs and frames
+    added_slide : metres a second that standing joints move more than in the source
+    penetration : metres that joints come closer than in the source, within the clearance, at worst
+    seam_ratio : the largest mean acceleration of a frame over the median of those around it, or
+        over the source's own such ratio where that is above 1
+    flip_share : of frames, those where an elbow or knee bends to the other side
+    rung : which try it is, from 0
+    raw_residual : share of its length by which a bone missed it before it was set, at worst
+    energy : the terms
+    """
+
+    near_error: float
+    far_error: float
+    near_error_naive: float
+    far_error_naive: float
+    contacts_kept: float
+    added_slide: float
+    penetration: float
+    seam_ratio: float
+    flip_share: float
+    rung: int = -1
+    raw_residual: float = float("inf")
+    energy: dict[str, float] = field(default_factory=dict)
+
+    def with_solver(self, *, rung: int, raw_residual: float, energy: dict[str, float]) -> "Report":
+        """Add what the solver says."""
+        return replace(self, rung=rung, raw_residual=raw_residual, energy=energy)
+
+    def badness(self, limits: Limits) -> float:
+        """Give the worst of its figures as a share of their limits: good up to 1."""
+        return max(self.raw_residual / limits.residual, self.penetration / limits.penetration)
+
+
+def report_of(
+    scene: Scene, settings: Settings, standing: NDArray[np.bool_], points: Array, scales: Array
+) -> list[Report]:
+    """Measure motions (V, T, N, 3), metres, of bodies with these scales (V, E)."""
+    ours = distances_of(scene, settings, points)
+    plain = distances_of(scene, settings, naive(scene, scales))
+    slide = _slide(points, standing, scene.fps) - _slide(scene.points[None], standing, scene.fps)
+    columns = {
+        "near_error": ours.near,
+        "far_error": ours.far,
+        "near_error_naive": plain.near,
+        "far_error_naive": plain.far,
+        "contacts_kept": ours.kept,
+        "added_slide": slide,
+        "penetration": ours.penetration,
+        "seam_ratio": _seam_ratio(scene, points),
+        "flip_share": flips(scene, points),
+    }
+    return [
+        Report(**{name: float(column[v]) for name, column in columns.items()})
+        for v in range(len(points))
+    ]
+
+
+def spikes(points: Array) -> Array:
+    """``(V, T - 2)``: mean acceleration of the joints over the median of the frames around.
+
+    Parameters
+    ----------
+    points : (V, T, N, 3), T >= 3
+    """
+    accelerations = np.linalg.norm(np.diff(points, n=2, axis=1), axis=-1).mean(axis=-1)
+    padded = np.pad(accelerations, ((0, 0), (AROUND, AROUND)), mode="reflect")
+    medians = np.median(sliding_window_view(padded, 2 * AROUND + 1, axis=1), axis=-1)
+    return accelerations / np.maximum(medians, np.finfo(np.float32).tiny)
+
+
+def _seam_ratio(scene: Scene, points: Array) -> Array:
+    if len(scene.points) < AROUND + 3:
+        return np.ones(len(points))
+    own = np.maximum(1, spikes(scene.points[None]))
+    ratio: Array = (spikes(points) / own).max(axis=1)
+    return ratio
+
+
+def _slide(points: Array, standing: NDArray[np.bool_], fps: float) -> Array:
+    """``(V,)`` metres a second: mean horizontal speed of what stands."""
+    stands = steps_of(standing)
+    if not stands.any():
+        return np.zeros(len(points))
+    steps = np.diff(points[..., [0, 2]], axis=1)[:, stands]
+    speeds: Array = np.linalg.norm(steps, axis=-1).mean(axis=1) * fps
+    return speeds
