@@ -40,6 +40,22 @@ class State:
     own: Single
 
 
+@dataclass(frozen=True)
+class Solution:
+    """What the solver gives; directions in the order of ``AXES``.
+
+    Parameters
+    ----------
+    change : (2K, N, 3, V) float32, metres
+    bones : (2K, E, 3, V) float32, metres, after the local step
+    step : (V,) metres, by how much the last iteration still moved a bone's end, root mean square
+    """
+
+    change: Single
+    bones: Single
+    step: Array
+
+
 class Solver:
     """One source, one penalty; ``solve`` for any number of bodies.
 
@@ -68,7 +84,7 @@ class Solver:
         self._least = _in_pairs(rows.least)[..., None].astype(np.float32)
         self._shape = (2, n_rows, n_points)
 
-    def solve(self, pull: Single, scales: Array, n_iterations: int) -> tuple[Single, Single]:
+    def solve(self, pull: Single, scales: Array, n_iterations: int) -> Solution:
         """Iterate from the source with its bones scaled.
 
         Parameters
@@ -77,21 +93,21 @@ class Solver:
         scales : (V, E)
         n_iterations : at least 1
 
-        Returns
-        -------
-        change : (2K, N, 3, V) float32 metres, directions in the order of ``AXES``
-        bones : (2K, E, 3, V) float32 metres, the same for the bones after the local step
         """
         n_bodies = len(scales)
         state = self._start(pull, scales)
         work = _Work(self._shape, n_bodies, np.ascontiguousarray(scales.T, dtype=np.float32))
-        for _ in range(n_iterations):
+        before = state.point
+        for number in range(n_iterations):
+            if number + 1 == n_iterations:
+                before = state.point.copy()
             self._forward(state, work)
             self._backward(state, work, pull)
         _, n_rows, n_points = self._shape
         change = state.change.reshape(-1, n_points, 3, n_bodies)
         bones = state.own.reshape(-1, n_rows, 3, n_bodies)[:, : self._n_bones]
-        return change, bones
+        step = (state.point - before).reshape(-1, n_bodies)
+        return Solution(change, bones, np.sqrt(np.square(step).mean(axis=0, dtype=np.float64)))
 
     def _start(self, pull: Single, scales: Array) -> State:
         grown = np.ones((self._shape[1], len(scales)), dtype=np.float32)
@@ -131,7 +147,7 @@ class Solver:
             np.add(right, pull[block], out=right)
 
     def _local_step(self, state: State, work: "_Work", block: int) -> None:
-        """Pull every difference to where it is allowed; leave in ``held`` what the rest must meet."""
+        """Pull every difference to where it is allowed; ``held`` gets what the rest must meet."""
         which = block if len(self._gather) > 1 else 0
         held, point, own = work.held, state.point[block], state.own[block]
         source = self._source[block]

@@ -23,7 +23,7 @@ def raw_residual(scene: Scene, points: Array, scales: Array) -> Array:
 
 
 def exact(scene: Scene, points: Array, directions: Array, scales: Array) -> Array:
-    """``(V, T, N, 3)`` metres: bones along ``directions``, each body where its points are on average.
+    """``(V, T, N, 3)`` metres: bones along ``directions``, each body where its points are.
 
     Parameters
     ----------

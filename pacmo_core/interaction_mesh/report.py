@@ -1,6 +1,6 @@
 """How good a variation is."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -34,6 +34,7 @@ class Report:
     flip_share : of frames, those where an elbow or knee bends to the other side
     rung : which try it is, from 0
     raw_residual : share of its length by which a bone missed it before it was set, at worst
+    last_step : metres, by how much the solver's last iteration still moved a bone's end
     energy : the terms
     """
 
@@ -48,11 +49,8 @@ class Report:
     flip_share: float
     rung: int = -1
     raw_residual: float = float("inf")
+    last_step: float = float("inf")
     energy: dict[str, float] = field(default_factory=dict)
-
-    def with_solver(self, *, rung: int, raw_residual: float, energy: dict[str, float]) -> "Report":
-        """Add what the solver says."""
-        return replace(self, rung=rung, raw_residual=raw_residual, energy=energy)
 
     def badness(self, limits: Limits) -> float:
         """Give the worst of its figures as a share of their limits: good up to 1."""

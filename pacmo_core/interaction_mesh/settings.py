@@ -54,11 +54,14 @@ class Rung:
     penalty : on the distance between bones and their target lengths
     iterations : of the alternating directions
     apart : penalty that keeps the bodies apart; 0 leaves that out
+    step : metres; a try goes on to the next rung if its last iteration still moved bones by more,
+        root mean square. Few need many iterations: bodies that must bend to fit
     """
 
     penalty: float
     iterations: int
     apart: float
+    step: float
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Give a two-person motion other bodies: prepare a source once, then vary it at will."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from pacmo_core.interaction_mesh.factor import factorise
 from pacmo_core.interaction_mesh.finish import exact, raw_residual
 from pacmo_core.interaction_mesh.report import Report, report_of
 from pacmo_core.interaction_mesh.rows import bone_rows, guarded_rows
-from pacmo_core.interaction_mesh.scene import Array, Scene, check_scales
-from pacmo_core.interaction_mesh.settings import Rung, Settings
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single, check_scales
+from pacmo_core.interaction_mesh.settings import Limits, Rung, Settings
 from pacmo_core.interaction_mesh.whole import scale_scene, scene_scale
 
 # Bodies at once. Every batch is filled up to it: products of matrices of another width may round
@@ -28,13 +28,13 @@ class Source:
     ----------
     scene, settings : as given to ``prepare``
     energy : its matrices
-    solvers : by rung, made when first wanted
+    solvers : by penalties, made when first wanted
     """
 
     scene: Scene
     settings: Settings
     energy: Quadratic
-    solvers: dict[Rung, Solver] = field(default_factory=dict)
+    solvers: dict[tuple[float, float], Solver] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -89,69 +89,74 @@ def _climb(source: Source, scales: Array) -> Variations:
     whole = scene_scale(source.scene, scales)
     own = scales / whole[:, None]
     points = np.zeros((len(scales), *source.scene.points.shape))
-    reports: list[Report | None] = [None] * len(scales)
+    best: dict[int, Report] = {}
     waiting = np.arange(len(scales))
     for number, rung in enumerate(source.settings.rungs):
         if not len(waiting):
             break
-        tried, found = _try(source, own[waiting], rung, number)
-        for place, motion, report in zip(waiting, tried, found, strict=True):
-            held = reports[place]
-            if held is None or report.badness(source.settings.limits) < held.badness(
-                source.settings.limits
-            ):
-                points[place], reports[place] = motion, report
+        tried, found = _try(source, own[waiting], number)
+        for place, motion, report in zip(waiting.tolist(), tried, found, strict=True):
+            if place not in best or _better(report, best[place], source.settings.limits):
+                points[place], best[place] = motion, report
         waiting = np.array(
-            [i for i in waiting if not _kept(reports[i], source.settings)], dtype=int
+            [place for place in waiting.tolist() if _goes_on(best[place], rung, source.settings)],
+            dtype=np.intp,
         )
-    return Variations(
-        scale_scene(source.scene, points, whole), tuple(r for r in reports if r is not None)
-    )
+    placed = scale_scene(source.scene, points, whole)
+    return Variations(placed, tuple(best[place] for place in range(len(scales))))
 
 
-def _kept(report: Report | None, settings: Settings) -> bool:
-    return report is not None and report.badness(settings.limits) <= 1
+def _better(report: Report, held: Report, limits: Limits) -> bool:
+    """Prefer the later of two tries within the limits: it had more iterations."""
+    return report.badness(limits) <= max(1, held.badness(limits))
 
 
-def _try(source: Source, scales: Array, rung: Rung, number: int) -> tuple[Array, list[Report]]:
-    scene, energy = source.scene, source.energy
+def _goes_on(report: Report, rung: Rung, settings: Settings) -> bool:
+    return report.badness(settings.limits) > 1 or report.last_step > rung.step
+
+
+def _try(source: Source, scales: Array, number: int) -> tuple[Array, list[Report]]:
+    scene, energy, rung = source.scene, source.energy, source.settings.rungs[number]
     filled = np.ones((BATCH, scales.shape[1]))
     filled[: len(scales)] = scales
     target = target_of(energy, scales)
     pull = np.zeros((BATCH, *target.shape[1:]))
     pull[: len(scales)] = energy.laplacians.transpose(0, 2, 1) @ target
-    change, bones = _solver(source, rung).solve(in_blocks(pull), filled, rung.iterations)
-    points = scene.points + _motions(change, scene, len(scales))
+    solution = _solver(source, rung).solve(in_blocks(pull), filled, rung.iterations)
+    points = scene.points + _motions(solution.change, scene, len(scales))
     residual = raw_residual(scene, points, scales)
-    placed = exact(scene, points, _motions(bones, scene, len(scales)), scales)
+    placed = exact(scene, points, _motions(solution.bones, scene, len(scales)), scales)
     terms = energy_terms(energy, placed - scene.points, target)
-    reports = report_of(source.scene, source.settings, energy.standing, placed, scales)
+    reports = report_of(scene, source.settings, energy.standing, placed, scales)
     return placed, [
-        report.with_solver(
+        replace(
+            report,
             rung=number,
             raw_residual=float(residual[v]),
+            last_step=float(solution.step[v]),
             energy={name: float(term[v]) for name, term in terms.items()},
         )
         for v, report in enumerate(reports)
     ]
 
 
-def _motions(rows: np.ndarray, scene: Scene, n_bodies: int) -> Array:
+def _motions(rows: Single, scene: Scene, n_bodies: int) -> Array:
     """Turn (2K, R, 3, V) into (V, T, R, 3) float64."""
     kept = rows[: len(scene.points), :, AXES, :n_bodies]
     return np.ascontiguousarray(kept.transpose(3, 0, 1, 2), dtype=np.float64)
 
 
 def _solver(source: Source, rung: Rung) -> Solver:
-    if rung not in source.solvers:
+    penalties = (rung.penalty, rung.apart)
+    if penalties not in source.solvers:
         scene, settings = source.scene, source.settings
         rows = bone_rows(scene, rung.penalty)
         if rung.apart:
             rows = guarded_rows(scene, rows, rung.apart, settings.guarded, settings.clearance)
-        source.solvers[rung] = Solver(
+        source.solvers[penalties] = Solver(
             factorise(source.energy, rows.penalty),
             rows,
             n_bones=len(scene.bones),
             relaxation=settings.relaxation,
         )
-    return source.solvers[rung]
+    return source.solvers[penalties]
