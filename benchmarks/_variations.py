@@ -15,8 +15,7 @@ from pacmo_core.contact import joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.interaction import Interaction
 from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
-from pacmo_core.skeleton import NTU25
-from pacmo_core.synthesis import capture, write_scripts
+from pacmo_core.synthesis import ACTS, capture, write_scripts
 
 N_FRAMES = 363
 N_VARIATIONS = 967
@@ -142,4 +141,7 @@ def _closest(interaction: Interaction) -> Interaction:
 
 
 def _synthetic() -> list[tuple[str, Interaction]]:
-    raise NotImplementedError(NTU25, capture, write_scripts)
+    """Perform nine synthetic clips, of their own lengths."""
+    acts = tuple(ACTS)[-9:]
+    scripts = write_scripts(0, population=0, pairs=1, acts=acts, replications=1)
+    return [(script.act, capture(script, random)) for script, random in scripts]

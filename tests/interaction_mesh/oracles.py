@@ -94,7 +94,7 @@ def banded(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 40
     source = scene.points.reshape(-1)
     lengths = np.linalg.norm(scene.vectors, axis=-1)
     width = 9 * scene.points.shape[1] - 1
-    change, multiplier, stiffness = np.zeros(len(source)), np.zeros(lengths.size), 50.0
+    change, multiplier, stiffness = np.zeros(len(source)), np.zeros(lengths.size), 300.0
     shares = np.concatenate([np.linspace(0.2, 1, 5), np.ones(n_rounds - 5)])
     for share in shares:
         morph = 1 + share * (scales - 1)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
-from pacmo_core.skeleton import NTU25, SBU15, Skeleton, mirror_by_name
+from pacmo_core.skeleton import Skeleton
 
 SETTINGS = Settings(
     graph="complete",
@@ -81,8 +81,14 @@ def scene(
     random = np.random.default_rng(seed)
     times = np.arange(n_frames) / 30
     first = body(random, skeletons[0], times, 0)
-    second = body(random, skeletons[1], times, np.pi) + [0, 0, apart]
+    second = body(random, skeletons[1], times, np.pi) + np.array([0, 0, apart])
     return Scene((first.astype(np.float32), second.astype(np.float32)), skeletons, 30.0)
 
 
-__all__ = ["ARM", "NTU25", "SBU15", "SETTINGS", "body", "mirror_by_name", "scene", "thorough"]
+def touching_scene(seed: int = 0, n_frames: int = 15) -> Scene:
+    """Draw two bodies whose left hands stay about 8 cm from each other."""
+    source = scene(seed, n_frames)
+    first, second = source.motions
+    hand = ARM.joints.index("left_hand")
+    miss = (first[:, hand] - second[:, hand]).mean(axis=0) + np.float32([0, 0, 0.05])
+    return Scene((first, second + miss), source.skeletons, source.fps)
