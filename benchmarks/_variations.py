@@ -23,7 +23,7 @@ SCALES = [scale / 100 for scale in range(75, 130, 5) if scale != 100]
 NEAR = 0.25
 TAKES = {
     "duo_mocap": (2.0, ("salsa/Easy_01", "salsa/Easy_02", "salsa/Easy_03", "acts/")),
-    "cmu_18_19": (None, ("18_08", "18_10", "18_11")),
+    "cmu_18_19": (None, ("18_10", "18_11", "18_15")),
 }
 SETTINGS = Settings(
     graph="complete",

@@ -25,12 +25,13 @@ from benchmarks._per_frame import seconds_per_frame
 from benchmarks._variations import SETTINGS, Task, tasks
 from pacmo_core.interaction_mesh import Report, Scene, prepare, vary, vary_in_batches
 from pacmo_core.interaction_mesh.energy import energy_terms, quadratic, target_of
+from pacmo_core.interaction_mesh.scene import Array
 from tests.interaction_mesh.oracles import banded
 
 N_PROCESSES = 2
-SHORT = 61  # frames on which the banded solver runs
+SHORT = 31  # frames on which the banded solver runs
 BANDED_ROUNDS = 16  # after which its bones are within 1e-3; 40 are its end
-SAMPLE = (0, 3, 5, 7)  # windows of the energy sample
+SAMPLE = (0, 3)  # windows of the energy sample
 PEER_FRAMES = 3
 
 
@@ -70,10 +71,9 @@ def run(task: Task) -> Done:
     reports: list[Report] = []
     worst = spent = 0.0
     for batch in vary_in_batches(source, task.scales):
-        first = len(reports)
         reports += batch.reports
         pause = time.process_time()
-        worst = max(worst, bone_error(task, batch.points, first))
+        worst = max(worst, bone_error(task, batch.points, task.scales[batch.rows]))
         spent += time.process_time() - pause
     seconds = time.process_time() - start - spent
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
@@ -81,12 +81,13 @@ def run(task: Task) -> Done:
     return Done(task.name, n_frames, reports, worst, seconds, peak)
 
 
-def bone_error(task: Task, points: np.ndarray, first: int) -> float:
+def bone_error(task: Task, points: Array, scales: Array) -> float:
     """Metres by which a bone misses its length, at worst."""
     parent, child = task.scene.bones.T
     lengths = np.linalg.norm(points[:, :, child] - points[:, :, parent], axis=-1)
-    scales = task.scales[first : first + len(points), None]
-    return float(np.abs(lengths - scales * np.linalg.norm(task.scene.vectors, axis=-1)).max())
+    return float(
+        np.abs(lengths - scales[:, None] * np.linalg.norm(task.scene.vectors, axis=-1)).max()
+    )
 
 
 def speed(done: list[Done], wall: float) -> dict[str, float]:
@@ -171,7 +172,7 @@ def energy_gaps(task: Task) -> Iterator[float]:
         best = banded(short.scene, source.energy, own)
         changes = np.stack([points - short.scene.points, best])
         target = target_of(source.energy, own[None])
-        ours, theirs = sum(energy_terms(source.energy, changes, target).values())
+        ours, theirs = np.sum(list(energy_terms(source.energy, changes, target).values()), axis=0)
         yield float(ours / theirs - 1)
 
 

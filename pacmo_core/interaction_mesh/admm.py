@@ -11,12 +11,15 @@ the local step runs on a block's frames while they are still in the processor's 
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from pacmo_core.interaction_mesh.factor import Factor
 from pacmo_core.interaction_mesh.rows import Rows
 from pacmo_core.interaction_mesh.scene import Array, Single
+
+Values = TypeVar("Values", Array, Single)
 
 # From x, y, z to the order of the solver. Its own inverse.
 AXES = [0, 2, 1]
@@ -216,11 +219,13 @@ def in_blocks(rows: Array) -> Single:
     turned = np.ascontiguousarray(rows[..., AXES].transpose(1, 2, 3, 0), dtype=np.float32)
     paired = _in_pairs(turned)
     n_blocks, _, n_points = paired.shape[:3]
-    return paired.reshape(n_blocks, 2 * n_points, -1)
+    blocks: Single = paired.reshape(n_blocks, 2 * n_points, -1)
+    return blocks
 
 
-def _in_pairs(rows: Array | Single) -> Array:
+def _in_pairs(rows: Values) -> Values:
     """Turn (T, ...) into (K, 2, ...); zeros fill up an odd end."""
     if len(rows) % 2:
         rows = np.concatenate([rows, np.zeros_like(rows[:1])])
-    return rows.reshape(len(rows) // 2, 2, *rows.shape[1:])
+    paired: Values = rows.reshape(len(rows) // 2, 2, *rows.shape[1:])
+    return paired

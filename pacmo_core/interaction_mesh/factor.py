@@ -60,7 +60,8 @@ def factorise(energy: Quadratic, penalty: Array) -> Factor:
 def _in_time(energy: Quadratic) -> tuple[Array, Array, Array]:
     """Take acceleration and stance: entries on the diagonal, to the next frame, to the next."""
     n_frames, n_points = energy.standing.shape
-    one, two, three = np.zeros((n_frames, n_points)), np.zeros((n_frames, n_points)), []
+    one, two = np.zeros((n_frames, n_points)), np.zeros((n_frames, n_points))
+    three = np.zeros(n_frames)
     for shift, entry in enumerate((1, 4, 1)):
         one[shift : n_frames - 2 + shift] += energy.acceleration * entry
     two[: max(0, n_frames - 2)] -= 2 * energy.acceleration
@@ -69,7 +70,6 @@ def _in_time(energy: Quadratic) -> tuple[Array, Array, Array]:
     one[:-1] += stands
     one[1:] += stands
     two[:-1] -= stands
-    three = np.zeros(n_frames)
     three[: max(0, n_frames - 2)] = energy.acceleration
     return one, two, three
 

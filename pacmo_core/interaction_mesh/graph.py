@@ -34,7 +34,8 @@ def contact_ties(scene: Scene, weights: Weights) -> Array:
 def between(scene: Scene) -> Array:
     """``(N, N)`` ones where the two joints are of different bodies."""
     owner = np.repeat([0, 1], scene.n_joints)
-    return (owner[:, None] != owner).astype(np.float64)
+    apart: Array = (owner[:, None] != owner).astype(np.float64)
+    return apart
 
 
 def complete(scene: Scene) -> Array:

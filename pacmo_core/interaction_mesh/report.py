@@ -1,6 +1,6 @@
 """How good a variation is."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -47,20 +47,20 @@ class Report:
     penetration: float
     seam_ratio: float
     flip_share: float
-    rung: int = -1
-    raw_residual: float = float("inf")
-    last_step: float = float("inf")
-    energy: dict[str, float] = field(default_factory=dict)
+    rung: int
+    raw_residual: float
+    last_step: float
+    energy: dict[str, float]
 
     def badness(self, limits: Limits) -> float:
         """Give the worst of its figures as a share of their limits: good up to 1."""
         return max(self.raw_residual / limits.residual, self.penetration / limits.penetration)
 
 
-def report_of(
+def figures_of(
     scene: Scene, settings: Settings, standing: NDArray[np.bool_], points: Array, scales: Array
-) -> list[Report]:
-    """Measure motions (V, T, N, 3), metres, of bodies with these scales (V, E)."""
+) -> list[dict[str, float]]:
+    """Measure motions (V, T, N, 3), metres, of bodies with scales (V, E), by ``Report``'s names."""
     ours = distances_of(scene, settings, points)
     plain = distances_of(scene, settings, naive(scene, scales))
     slide = _slide(points, standing, scene.fps) - _slide(scene.points[None], standing, scene.fps)
@@ -76,8 +76,7 @@ def report_of(
         "flip_share": flips(scene, points),
     }
     return [
-        Report(**{name: float(column[v]) for name, column in columns.items()})
-        for v in range(len(points))
+        {name: float(column[v]) for name, column in columns.items()} for v in range(len(points))
     ]
 
 
@@ -91,7 +90,8 @@ def spikes(points: Array) -> Array:
     accelerations = np.linalg.norm(np.diff(points, n=2, axis=1), axis=-1).mean(axis=-1)
     padded = np.pad(accelerations, ((0, 0), (AROUND, AROUND)), mode="reflect")
     medians = np.median(sliding_window_view(padded, 2 * AROUND + 1, axis=1), axis=-1)
-    return accelerations / np.maximum(medians, np.finfo(np.float32).tiny)
+    ratios: Array = accelerations / np.maximum(medians, np.finfo(np.float32).tiny)
+    return ratios
 
 
 def _seam_ratio(scene: Scene, points: Array) -> Array:

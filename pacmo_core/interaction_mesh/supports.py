@@ -30,4 +30,5 @@ def _speeds(scene: Scene) -> NDArray[np.float64]:
         return np.zeros(scene.points.shape[:2])
     before = np.concatenate([paths[:1], paths])
     after = np.concatenate([paths, paths[-1:]])
-    return np.minimum(before, after)
+    slower: NDArray[np.float64] = np.minimum(before, after)
+    return slower

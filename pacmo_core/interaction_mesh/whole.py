@@ -17,7 +17,8 @@ def scene_scale(scene: Scene, scales: Array) -> Array:
         np.average(scales[:, part], axis=1, weights=lengths[part])
         for part in (slice(None, n_a), slice(n_a, None))
     ]
-    return np.median([np.ones(len(scales)), *means], axis=0)
+    common: Array = np.median([np.ones(len(scales)), *means], axis=0)
+    return common
 
 
 def scale_scene(scene: Scene, points: Array, whole: Array) -> Array:

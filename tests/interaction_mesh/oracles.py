@@ -39,16 +39,20 @@ def matrix(energy: Quadratic) -> csc_array:
     """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
     n_frames, n_points = energy.standing.shape
     size = 3 * n_frames * n_points
-    rows, columns, values = [], [], []
     inside = np.array([lap.T @ lap + energy.anchor * np.eye(n_points) for lap in energy.laplacians])
-    for i in range(n_points):
-        for j in range(i):
-            for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
-                inside[:, a, b] += sign * energy.ties[:, i, j]
+    for one in range(n_points):
+        for other in range(one):
+            for a, b, sign in (
+                (one, one, 1),
+                (other, other, 1),
+                (one, other, -1),
+                (other, one, -1),
+            ):
+                inside[:, a, b] += sign * energy.ties[:, one, other]
     t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
-    rows, columns, values = [3 * (t * n_points + i) + c], [3 * (t * n_points + j) + c], []
-    values.append(inside[t, i, j] + ((i == j) & (c == 1)) * energy.height * energy.standing[t, i])
-    whole = csc_array((values[0], (rows[0], columns[0])), shape=(size, size))
+    rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
+    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.height * energy.standing[t, i]
+    whole = csc_array((values, (rows, columns)), shape=(size, size))
     step = 3 * n_points
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
     both = energy.standing[1:] & energy.standing[:-1]
@@ -65,7 +69,8 @@ def matrix(energy: Quadratic) -> csc_array:
 def right_side(energy: Quadratic, scales: Array) -> Array:
     """Give g for one body's scales (E,), flat."""
     target = target_of(energy, scales[None])[0]
-    return (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
+    pull: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
+    return pull
 
 
 def differences(scene: Scene) -> csc_array:
@@ -147,7 +152,8 @@ def manifold(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 
         directions = turned / np.linalg.norm(turned, axis=1, keepdims=True)
         places = places + step[2 * len(directions) :]
     positions = spread @ np.concatenate([(wanted * directions).reshape(-1), places])
-    return (positions - source).reshape(scene.points.shape)
+    change: Array = (positions - source).reshape(scene.points.shape)
+    return change
 
 
 def _along(units: Array) -> csc_array:

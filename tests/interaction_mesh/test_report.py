@@ -1,5 +1,7 @@
 """Trusted: figures that follow by hand from motions changed on purpose."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,14 +10,15 @@ from pacmo_core.interaction_mesh.distances import distances_of
 from pacmo_core.interaction_mesh.energy import quadratic
 from pacmo_core.interaction_mesh.hinges import flips, hinges
 from pacmo_core.interaction_mesh.naive import naive
-from pacmo_core.interaction_mesh.report import report_of, spikes
+from pacmo_core.interaction_mesh.report import figures_of, spikes
 from pacmo_core.skeleton import DUET15, INTERHUMAN22, NTU25, SBU15
 from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 
 def report(source, points):
     standing = quadratic(source, SETTINGS).standing
-    return report_of(source, SETTINGS, standing, points[None], np.ones((1, len(source.bones))))[0]
+    figures = figures_of(source, SETTINGS, standing, points[None], np.ones((1, len(source.bones))))
+    return SimpleNamespace(**figures[0])
 
 
 def test_distances_are_those_of_a_loop_over_pairs():
