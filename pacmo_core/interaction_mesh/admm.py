@@ -11,18 +11,13 @@ the local step runs on a block's frames while they are still in the processor's 
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
+from pacmo_core.interaction_mesh.blocks import AXES, Work, in_pairs
 from pacmo_core.interaction_mesh.factor import Factor
 from pacmo_core.interaction_mesh.rows import Rows
 from pacmo_core.interaction_mesh.scene import Array, Single
-
-Values = TypeVar("Values", Array, Single)
-
-# From x, y, z to the order of the solver. Its own inverse.
-AXES = [0, 2, 1]
 
 
 @dataclass
@@ -74,17 +69,17 @@ class Solver:
         self._factor, self._relaxation, self._n_bones = factor, relaxation, n_bones
         self._n_blocks = len(factor.across)
         n_rows, n_points = rows.matrix.shape[1:]
-        matrix = _in_pairs(rows.matrix) if len(rows.matrix) > 1 else rows.matrix[None]
+        matrix = in_pairs(rows.matrix) if len(rows.matrix) > 1 else rows.matrix[None]
         self._gather = matrix.astype(np.float32)
         spread = (rows.weights[:, None] * matrix).swapaxes(-1, -2)
         self._spread = np.ascontiguousarray(spread, dtype=np.float32)
         # A frame that only fills up the last block has no bones; any direction serves it.
-        source = _in_pairs(rows.source[..., AXES])
+        source = in_pairs(rows.source[..., AXES])
         self._source = source.astype(np.float32)[..., None]
         self._lengths = np.linalg.norm(source[:, :, :n_bones], axis=-1)[..., None].astype(
             np.float32
         )
-        self._least = _in_pairs(rows.least)[..., None].astype(np.float32)
+        self._least = in_pairs(rows.least)[..., None].astype(np.float32)
         self._shape = (2, n_rows, n_points)
 
     def solve(self, pull: Single, scales: Array, n_iterations: int) -> Solution:
@@ -99,7 +94,7 @@ class Solver:
         """
         n_bodies = len(scales)
         state = self._start(pull, scales)
-        work = _Work(self._shape, n_bodies, np.ascontiguousarray(scales.T, dtype=np.float32))
+        work = Work(self._shape, n_bodies, np.ascontiguousarray(scales.T, dtype=np.float32))
         before = state.point
         for number in range(n_iterations):
             if number + 1 == n_iterations:
@@ -122,7 +117,7 @@ class Solver:
         state.right += (self._spread @ offset).reshape(pull.shape)
         return state
 
-    def _forward(self, state: State, work: "_Work") -> None:
+    def _forward(self, state: State, work: Work) -> None:
         """Eliminate: ``w_k = S_k^-1 (b_k - C_k-1 w_k-1)``."""
         split, ties = 2 * work.n_bodies, self._factor
         for block in range(self._n_blocks):
@@ -133,7 +128,7 @@ class Solver:
             np.matmul(ties.across[block], right[:, :split], out=solved[:, :split])
             np.matmul(ties.upright[block], right[:, split:], out=solved[:, split:])
 
-    def _backward(self, state: State, work: "_Work", pull: Single) -> None:
+    def _backward(self, state: State, work: Work, pull: Single) -> None:
         """Substitute, ``U_k = w_k - S_k^-1 C_k^T U_k+1``, and take the local step."""
         split, ties = 2 * work.n_bodies, self._factor
         for block in reversed(range(self._n_blocks)):
@@ -149,7 +144,7 @@ class Solver:
             np.matmul(self._spread[which], work.held, out=right.reshape(work.halves))
             np.add(right, pull[block], out=right)
 
-    def _local_step(self, state: State, work: "_Work", block: int) -> None:
+    def _local_step(self, state: State, work: Work, block: int) -> None:
         """Pull every difference to where it is allowed; ``held`` gets what the rest must meet."""
         which = block if len(self._gather) > 1 else 0
         held, point, own = work.held, state.point[block], state.own[block]
@@ -193,39 +188,3 @@ class Solver:
         np.multiply(lower, far[frame + 1], out=out[:n_points])
         np.add(out[n_points:], out[:n_points], out=out[n_points:])
         np.multiply(upper, far[frame], out=out[:n_points])
-
-
-class _Work:
-    """Arrays of one block, made once; the scales of the bodies (E, V)."""
-
-    def __init__(self, shape: tuple[int, int, int], n_bodies: int, scales: Single) -> None:
-        n_frames, n_rows, n_points = shape
-        self.n_bodies, self.scales = n_bodies, scales
-        self.halves = (n_frames, n_points, 3 * n_bodies)
-        self._vectors = (n_frames, n_rows, 3, n_bodies)
-        self.tied = np.zeros((n_frames * n_points, 3 * n_bodies), dtype=np.float32)
-        self.moved = np.zeros_like(self.tied)
-        self.held = np.zeros((n_frames, n_rows, 3 * n_bodies), dtype=np.float32)
-        self.share = np.zeros((n_frames, n_rows, n_bodies), dtype=np.float32)
-        self.wanted = np.zeros((n_frames, len(scales), n_bodies), dtype=np.float32)
-
-    def vectors(self, rows: Single) -> Single:
-        """See rows of all directions as vectors."""
-        return rows.reshape(self._vectors)
-
-
-def in_blocks(rows: Array) -> Single:
-    """Turn (V, T, N, 3) into (K, 2N, 3V) float32, as the solver wants it."""
-    turned = np.ascontiguousarray(rows[..., AXES].transpose(1, 2, 3, 0), dtype=np.float32)
-    paired = _in_pairs(turned)
-    n_blocks, _, n_points = paired.shape[:3]
-    blocks: Single = paired.reshape(n_blocks, 2 * n_points, -1)
-    return blocks
-
-
-def _in_pairs(rows: Values) -> Values:
-    """Turn (T, ...) into (K, 2, ...); zeros fill up an odd end."""
-    if len(rows) % 2:
-        rows = np.concatenate([rows, np.zeros_like(rows[:1])])
-    paired: Values = rows.reshape(len(rows) // 2, 2, *rows.shape[1:])
-    return paired

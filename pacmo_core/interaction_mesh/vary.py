@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction_mesh.admm import AXES, Solver, in_blocks
+from pacmo_core.interaction_mesh.admm import Solver
+from pacmo_core.interaction_mesh.blocks import AXES, in_blocks
 from pacmo_core.interaction_mesh.energy import Quadratic, energy_terms, quadratic, target_of
 from pacmo_core.interaction_mesh.factor import factorise
 from pacmo_core.interaction_mesh.finish import exact, raw_residual
