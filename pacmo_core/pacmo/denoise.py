@@ -7,9 +7,11 @@ much to smooth is not chosen but estimated: clean motion capture is left as it i
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 
 from pacmo_core.interaction import Motion
+from pacmo_core.operators.encode import Spline
 
 # Power of people's accelerations per hertz, m²/s³: some 5 m/s² up to some 3 Hz.
 ACCELERATION_DENSITY = 4.0
@@ -18,28 +20,26 @@ LEAST_FRAMES = 7  # with fewer, noise can't be told from motion, and nothing is 
 Array = NDArray[np.float64]
 
 
-def denoised(times: Array, motion: Motion) -> Motion:
-    """Smooth a motion as much as its own noise calls for.
+class Denoised(Spline):
+    """A motion smoothed as much as its own noise calls for.
 
     With noise of variance s² and accelerations that are white of density q, the likeliest motion
-    given the frames is the cubic smoothing spline of weight s²/q (Wahba 1978, *Improper priors,
-    spline smoothing*).
+    given the frames is the cubic smoothing spline of weight s²/q, straight at its ends (Wahba 1978,
+    *Improper priors, spline smoothing*).
 
     Parameters
     ----------
     times : (T,) seconds, strictly increasing
-    motion : (T, J, 3) float32, metres
-
-    Returns
-    -------
-    (T, J, 3) float32, metres
+    motion : (T, J, 3), metres; of fewer than ``LEAST_FRAMES`` the spline through them
     """
-    if len(times) < LEAST_FRAMES:
-        return motion
-    values = motion.reshape(len(motion), -1).astype(np.float64)
-    weight = noise_variance(times, values) / ACCELERATION_DENSITY
-    smooth: Motion = smoothed(times, values, weight).astype(np.float32).reshape(motion.shape)
-    return smooth
+
+    def __init__(self, times: Array, motion: Motion) -> None:
+        super().__init__(times, motion)
+        if len(times) >= LEAST_FRAMES:
+            values = motion.reshape(len(motion), -1).astype(np.float64)
+            weight = noise_variance(times, values) / ACCELERATION_DENSITY
+            smooth = smoothed(times, values, weight).reshape(motion.shape)
+            self._spline = CubicSpline(times, smooth, axis=0, bc_type="natural")
 
 
 def noise_variance(times: Array, values: Array) -> float:

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import make_smoothing_spline
 
-from pacmo_core.pacmo.denoise import LEAST_FRAMES, denoised, noise_variance, smoothed
+from pacmo_core.operators.encode import Spline
+from pacmo_core.pacmo.denoise import LEAST_FRAMES, Denoised, noise_variance, smoothed
 
 
 def instants(n: int, seed: int, fps: float = 15.0) -> np.ndarray:
@@ -44,7 +45,7 @@ def test_noise_is_found_at_its_size_beside_any_cubic(sigma: float) -> None:
 def test_clean_motion_stays_as_it_is() -> None:
     times = np.arange(120) / 30
     motion = np.sin(2 * np.pi * times)[:, None, None] * np.ones((1, 4, 3))
-    kept = denoised(times, motion.astype(np.float32))
+    kept = Denoised(times, motion.astype(np.float32))(times)
     assert np.abs(kept - motion).max() < 1e-3  # of a swing of two metres
 
 
@@ -53,15 +54,19 @@ def test_noisy_frames_come_nearer_to_the_motion_and_to_each_others() -> None:
     times = np.arange(31) / 15
     truth = 0.2 * np.sin(2 * np.pi * 0.7 * times)[:, None, None] * np.ones((1, 15, 3))
     frames = (truth + 0.02 * random.normal(size=truth.shape)).astype(np.float32)
-    smooth = denoised(times, frames)
+    smooth = Denoised(times, frames)(times)
     assert np.square(smooth - truth).mean() < 0.6 * np.square(frames - truth).mean()
-    halves = [denoised(times[i::2][:15], frames[i::2][:15]) for i in (0, 1)]
-    plain = [frames[i::2][:15] for i in (0, 1)]
-    moved = truth[1::2] - truth[::2][:15]  # what the halves differ by without noise
-    apart, before = (np.square(b - a - moved).mean() for a, b in (halves, plain))
-    assert apart < 0.8 * before
+    # The splines of every second frame, both of the motion between them.
+    inner = np.linspace(times[1], times[-2], 50)
+    apart, before = (
+        np.square(spline(times[::2], frames[::2])(inner) - spline(times[1::2], frames[1::2])(inner))
+        for spline in (Denoised, Spline)
+    )
+    assert apart.mean() < 0.75 * before.mean()
 
 
 def test_too_few_frames_are_left_alone() -> None:
     motion = np.random.default_rng(3).normal(size=(LEAST_FRAMES - 1, 2, 3)).astype(np.float32)
-    assert denoised(np.arange(LEAST_FRAMES - 1) / 15, motion) is motion
+    times = np.arange(LEAST_FRAMES - 1) / 15
+    inner = np.linspace(0, times[-1], 20)
+    np.testing.assert_array_equal(Denoised(times, motion)(inner), Spline(times, motion)(inner))
