@@ -34,12 +34,14 @@ class Denoised(Spline):
     """
 
     def __init__(self, times: Array, motion: Motion) -> None:
-        super().__init__(times, motion)
-        if len(times) >= LEAST_FRAMES:
-            values = motion.reshape(len(motion), -1).astype(np.float64)
-            weight = noise_variance(times, values) / ACCELERATION_DENSITY
-            smooth = smoothed(times, values, weight).reshape(motion.shape)
-            self._spline = CubicSpline(times, smooth, axis=0, bc_type="natural")
+        if len(times) < LEAST_FRAMES:
+            super().__init__(times, motion)
+            return
+        self.start, self.end = float(times[0]), float(times[-1])
+        values = motion.reshape(len(motion), -1).astype(np.float64)
+        weight = noise_variance(times, values) / ACCELERATION_DENSITY
+        smooth = smoothed(times, values, weight).reshape(motion.shape)
+        self._spline = CubicSpline(times, smooth, axis=0, bc_type="natural")
 
 
 def noise_variance(times: Array, values: Array) -> float:
