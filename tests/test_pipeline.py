@@ -112,8 +112,9 @@ def test_another_seed_trains_just_its_own_models(twins):
     said = run(twins[1], sys.executable, "-m", "dvc", "repro")
     ran = {line.split("'")[1] for line in said.splitlines() if line.startswith("Running stage")}
     assert ran == {
-        *("train_gru@1-2", "train_pacmo@pacmo-1-2", "train_pacmo@pacmo_plain-1-2"),
-        *("react@gru-1-2", "react@pacmo-1-2", "react@pacmo_plain-1-2"),
+        *("train_gru@1-2", "train_regression@1-2"),
+        *("train_pacmo@pacmo-1-2", "train_pacmo@pacmo_plain-1-2"),
+        *("react@gru-1-2", "react@regression-1-2", "react@pacmo-1-2", "react@pacmo_plain-1-2"),
         *("evaluate_pacmo@1", "pool_pacmo", "report"),
     }
     models = twins[1] / "models" / "1" / "gru"

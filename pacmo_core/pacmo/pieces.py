@@ -10,6 +10,7 @@ from torch import Tensor
 
 from pacmo_core.interaction import Motion
 from pacmo_core.operators.encode import Spline
+from pacmo_core.pacmo.denoise import Denoised
 from pacmo_core.pacmo.generator import Generator
 from pacmo_core.pacmo.gru import Gru
 from pacmo_core.pacmo.labels import numbers_of
@@ -74,7 +75,7 @@ def pieces_of(
 ) -> Iterator[Piece]:
     """Cut every partner into windows, when their turn comes."""
     for owner, partner in enumerate(partners):
-        motion = Spline(partner.times, partner.motion)
+        motion = Denoised(partner.times, partner.motion)
         motion.check(partner.out_times)
         windows = cut(motion.start, motion.end, model.normalisation)
         noise = endless_noise(model, n_samples, random)

@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from pacmo_core.interaction import Motion
-from pacmo_core.operators.encode import Spline
+from pacmo_core.pacmo.denoise import Denoised
 from pacmo_core.pacmo.pieces import Piece, Reactor, action_number, endless_noise, poses
 from pacmo_core.pacmo.react import answers
 from pacmo_core.pacmo.windows import Window, usual_duration
@@ -89,7 +89,7 @@ class Stream:
 
     def _piece(self, time: float) -> Piece:
         times, seen = zip(*self._seen, strict=True)
-        motion = Spline(times, np.stack(seen))
+        motion = Denoised(np.array(times), np.stack(seen))
         window = Window(time - self._duration, self._duration)
         around = np.linspace(-STEADY, STEADY, STEADY_POSES) * self._duration + window.start
         # A clock that counts from long ago rounds: no instant may come before the frames.
