@@ -1,0 +1,130 @@
+"""Iterate bodies side by side until each has settled."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.interaction_mesh.admm import Solver
+from pacmo_core.interaction_mesh.scene import Array, Single
+from pacmo_core.interaction_mesh.state import State
+
+# Bodies side by side are filled up to a multiple of this. Products of matrices of odd widths round
+# otherwise, and a variation must not depend on its company.
+WIDTH = 16
+# Iterations from one look at who has settled to the next.
+EVERY = 4
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where bodies start from.
+
+    Parameters
+    ----------
+    pull : (K, 2N, 3, V) float32, the energy's own right-hand side
+    point : (K, 2, R, 3, V) float32 metres
+    scales : (E, V) float32
+    grown : (V,) square metres by which bones grow, summed over frames and bones
+    """
+
+    pull: Single
+    point: Single
+    scales: Single
+    grown: Array
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the solver gives; directions in the order of ``AXES``.
+
+    Parameters
+    ----------
+    change : (K, 2N, 3, V) float32 metres, U
+    point : (K, 2, R, 3, V) float32 metres, from which to go on
+    share : (K, 2, R, V) float32; ``share point`` is what the local step allows
+    step : (V,) by how much the last iteration still moved bones, a share of how much they grow,
+        root mean square
+    iterations : (V,)
+    """
+
+    change: Single
+    point: Single
+    share: Single
+    step: Array
+    iterations: NDArray[np.intp]
+
+
+def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solution:
+    """Iterate; a body whose ``step`` is small enough stops, whatever the others do."""
+    n_bodies = len(start.grown)
+    state = _begun(solver, start)
+    columns = np.arange(state.n_bodies)
+    found = _room(start, state)
+    work = state.work(start.point.shape[2])
+    for number in range(1, iterations + 1):
+        work.watched = number % EVERY == 0 or number == iterations
+        state.moved[:] = 0
+        solver.iterate(state, work)
+        if not work.watched:
+            continue
+        steps = np.sqrt(state.moved / start.grown[columns % n_bodies])
+        going = (columns < n_bodies) & (found.iterations[columns % n_bodies] == 0)
+        done = going & ((steps <= step) | (number == iterations))
+        _take(found, state, columns, np.flatnonzero(done), number)
+        found.step[columns[done]] = steps[done]
+        left = np.flatnonzero(going & ~done)
+        if not len(left):
+            break
+        if (width := _filled(len(left))) < state.n_bodies:
+            kept = np.resize(left, width)
+            state, columns = state.of(kept), columns[kept]
+            columns[len(left) :] += n_bodies  # they only fill up
+            work = state.work(start.point.shape[2])
+    return found
+
+
+def _begun(solver: Solver, start: Start) -> State:
+    bodies = np.resize(np.arange(len(start.grown)), _filled(len(start.grown)))
+    point = np.ascontiguousarray(start.point[..., bodies])
+    # The source's own bones are no change: what they leave goes to the right-hand side at once.
+    left = solver.spread @ solver.source[..., 0]
+    pull = start.pull[..., bodies] - left.reshape(*start.pull.shape[:3], 1)
+    pull = pull.reshape(*pull.shape[:2], -1)
+    state = State(
+        pull=pull,
+        right=np.zeros_like(pull),
+        change=np.zeros_like(pull),
+        point=point,
+        share=np.zeros((*point.shape[:3], len(bodies)), dtype=np.float32),
+        scales=np.ascontiguousarray(start.scales[:, bodies]),
+        moved=np.zeros(len(bodies)),
+    )
+    solver.settle(state)
+    return state
+
+
+def _room(start: Start, state: State) -> Solution:
+    n_bodies = len(start.grown)
+    return Solution(
+        change=np.zeros_like(start.pull),
+        point=np.zeros_like(start.point),
+        share=np.zeros((*state.share.shape[:3], n_bodies), dtype=np.float32),
+        step=np.zeros(n_bodies),
+        iterations=np.zeros(n_bodies, dtype=np.intp),
+    )
+
+
+def _take(
+    found: Solution, state: State, columns: NDArray[np.intp], done: NDArray[np.intp], number: int
+) -> None:
+    """Write down bodies that are done."""
+    rows = columns[done]
+    found.change[..., rows] = state.change.reshape(*found.change.shape[:3], -1)[..., done]
+    found.point[..., rows] = state.point[..., done]
+    found.share[..., rows] = state.share[..., done]
+    found.iterations[rows] = number
+
+
+def _filled(n_bodies: int) -> int:
+    return -(-n_bodies // WIDTH) * WIDTH
