@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from pacmo_core.interaction_mesh.graph import contact_ties, laplacian
 from pacmo_core.interaction_mesh.scene import Array, Scene
@@ -40,8 +41,7 @@ class Quadratic:
     Parameters
     ----------
     laplacians : (T, N, N), L
-    pulls : (2, T, E, 3), metres; what a bone of twice its length adds to r at parent and child
-    ends : (2, N, E), ones where a point is the bone's parent, and its child
+    pulls : (3TN, E), metres; what a bone of twice its length adds to r
     standing : (T, N), which joints stand
     held : (T, N), h
     ties : (T, N, N), contact between joints
@@ -50,8 +50,7 @@ class Quadratic:
     """
 
     laplacians: Array
-    pulls: Array
-    ends: Array
+    pulls: csr_array
     standing: NDArray[np.bool_]
     held: Array
     ties: Array
@@ -80,11 +79,9 @@ def quadratic(scene: Scene, settings: Settings) -> Quadratic:
     weights, rate = settings.weights, scene.fps / FPS
     laplacians = laplacian(scene, weights, settings.graph)
     standing = supports(scene, settings.support)
-    everyone = np.arange(scene.points.shape[1])
     return Quadratic(
         laplacians=laplacians,
         pulls=_pulls(scene, laplacians),
-        ends=(scene.bones.T[:, None] == everyone[:, None]).astype(np.float64),
         standing=standing,
         held=holds(standing, scene.fps, settings.support.fade),
         ties=contact_ties(scene, weights),
@@ -125,22 +122,21 @@ def target_of(energy: Quadratic, scales: Array) -> Array:
     ----------
     scales : (V, E)
     """
-    n_frames, n_points = energy.held.shape
-    target = np.zeros((n_frames, n_points, 3, len(scales)))
-    extra = np.ascontiguousarray(scales.T - 1)
-    for row, found in zip(energy.pulls.transpose(1, 3, 0, 2), target, strict=True):
-        # (3, 2, E) and (2, N, E): a bone's ends alone see it.
-        by_bone = np.einsum("cke,kne->nce", row, energy.ends)
-        np.matmul(by_bone, extra, out=found)
-    return target
+    target: Array = energy.pulls @ np.ascontiguousarray(scales.T - 1)
+    return target.reshape(*energy.held.shape, 3, -1)
 
 
-def _pulls(scene: Scene, laplacians: Array) -> Array:
+def _pulls(scene: Scene, laplacians: Array) -> csr_array:
     """Scale one bone: each of its ends sees the other farther away, by that share of the bone."""
     parent, child = scene.bones.T
     forth = laplacians[:, parent, child, None] * scene.vectors
     back = -laplacians[:, child, parent, None] * scene.vectors
-    return np.stack([forth, back])
+    n_frames, n_points, _ = scene.points.shape
+    frame, bone, axis = np.indices(forth.shape)
+    rows = [3 * (n_points * frame + end[bone]) + axis for end in (parent, child)]
+    values = np.concatenate([forth, back]).reshape(-1)
+    where = (np.concatenate(rows).reshape(-1), np.tile(bone.reshape(-1), 2))
+    return csr_array((values, where), shape=(3 * n_frames * n_points, len(parent)))
 
 
 def _half(values: Array, like: Array) -> Array:

@@ -49,9 +49,7 @@ def factorise(energy: Quadratic, rows: Rows) -> Factor:
     across = np.zeros((len(time.same) // 2, size, size), dtype=np.float32)
     upright = np.zeros_like(across)
     flat, same = tee(pairs_of_frames(energy, time, rows))
-    heights = energy.height * in_pairs(energy.held).reshape(len(across), -1)
-    raised = (block + np.diag(height) for block, height in zip(same, heights, strict=True))
-    both = zip(_pivots(flat, time), _pivots(raised, time), strict=True)
+    both = zip(_pivots(flat, time), _pivots(_raised(same, energy), time), strict=True)
     for number, (level, high) in enumerate(both):
         across[number], upright[number] = level, high
     return Factor(
@@ -65,33 +63,45 @@ def factorise(energy: Quadratic, rows: Rows) -> Factor:
 def stiffness(energy: Quadratic, scene: Scene) -> Array:
     """``(T, E)``: the force a metre with which the energy alone holds a bone's end to its parent.
 
-    ``1 / (a^T H^-1 a)`` with a the difference of the two points in one frame: penalties in
-    proportion to it suit hands in contact and heads in the air alike. The blocks of the inverse on
-    the diagonal follow from the pivots, last to first: Takahashi, Fagan and Chen (1973),
-    *Formation of a sparse bus impedance matrix*.
+    ``1 / (a^T H^-1 a)`` with a the difference of the two points in one frame, in the direction that
+    is held harder: penalties in proportion to it suit hands in contact, feet on the ground and
+    heads in the air alike.
     """
     time = in_time(energy)
-    blocks = pairs_of_frames(energy, time, None)
-    pivots = np.stack([pivot.astype(np.float32) for pivot in _pivots(blocks, time)])
-    n_points = energy.held.shape[1]
-    parent, child = scene.bones.T
-    found = np.zeros((len(pivots), 2, len(parent)))
-    block = np.zeros(pivots.shape[1:])
+    flat, same = tee(pairs_of_frames(energy, time, None))
+    loose = np.minimum(
+        _softness(flat, time, scene), _softness(_raised(same, energy), time, scene)
+    )
+    stiff: Array = 1 / loose[: len(energy.held)]
+    return stiff
+
+
+def _softness(blocks: Iterable[Array], time: InTime, scene: Scene) -> Array:
+    """``(2K, E)``: a^T H^-1 a.
+
+    The blocks of the inverse on the diagonal follow from the pivots, last to first: Takahashi, Fagan
+    and Chen (1973), *Formation of a sparse bus impedance matrix*.
+    """
+    pivots = [pivot.astype(np.float32) for pivot in _pivots(blocks, time)]
+    n_points = time.same.shape[1]
+    ends = np.concatenate([scene.bones, n_points + scene.bones]).T
+    found = np.zeros((len(pivots), ends.shape[1]))
+    block = pivots[-1].astype(np.float64)
     for number in reversed(range(len(pivots))):
-        pivot = pivots[number].astype(np.float64)
         if number + 1 < len(pivots):
+            pivot = pivots[number].astype(np.float64)
             half = tie_back(time, block, 2 * number)
             block = pivot + pivot @ tie_back(time, half.T, 2 * number) @ pivot
-        else:
-            block = pivot
-        for half_number in (0, 1):
-            part = slice(half_number * n_points, (half_number + 1) * n_points)
-            inverse = block[part, part]
-            found[number, half_number] = (
-                inverse[child, child] + inverse[parent, parent] - 2 * inverse[child, parent]
-            )
-    stiff: Array = 1 / found.reshape(-1, len(parent))[: len(energy.held)]
-    return stiff
+        parent, child = ends
+        found[number] = block[child, child] + block[parent, parent] - 2 * block[child, parent]
+    return found.reshape(2 * len(pivots), -1)
+
+
+def _raised(blocks: Iterable[Array], energy: Quadratic) -> Iterator[Array]:
+    """Add what the ground has on height."""
+    heights = energy.height * in_pairs(energy.held)
+    for block, height in zip(blocks, heights, strict=True):
+        yield block + np.diag(height.reshape(-1))
 
 
 def _pivots(blocks: Iterable[Array], time: InTime) -> Iterator[Array]:

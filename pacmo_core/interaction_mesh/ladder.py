@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.blocks import AXES, in_pairs
 from pacmo_core.interaction_mesh.energy import energy_terms, target_of
@@ -101,19 +102,22 @@ def _figures(
 
 def _points(source: Source, scales: Array, number: int, held: list[Try | None]) -> Single:
     """Start from the source with its bones scaled, or from where the last try ended."""
-    scene, rung = source.scene, source.settings.rungs[number]
-    bones = scene.vectors[..., None] * scales.T[:, None]
-    bearing = rung.penalty * source.stiffness[..., None]
-    motions = np.repeat(scene.points[..., None], len(held), axis=-1)
+    rung, limit = source.settings.rungs[number], source.settings.limits.residual
+    bones = source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
+    ends = source.solver(rung).guarded
+    pairs = np.repeat(_between(source.scene.points, ends)[..., None], len(held), axis=-1)
     for v, one in enumerate(held):
-        if one is not None and one.report.raw_residual <= source.settings.limits.residual:
+        if one is not None and one.report.raw_residual <= limit:
             bones[..., v] = one.bones + one.pressed / bearing
-            motions[..., v] = one.motion
-    guarded = source.solver(rung).guarded
-    first, second = (
-        np.take_along_axis(motions, guarded[..., end, None, None], axis=1) for end in (0, 1)
-    )
-    return _blocks(np.concatenate([bones, second - first], axis=1))
+            pairs[..., v] = _between(one.motion, ends)
+    return _blocks(np.concatenate([bones, pairs], axis=1))
+
+
+def _between(points: Array, ends: NDArray[np.intp]) -> Single:
+    first, second = (np.take_along_axis(points, ends[..., end, None], axis=1) for end in (0, 1))
+    vectors: Single = (second - first).astype(np.float32)
+    return vectors
 
 
 def _pull(source: Source, target: Array) -> Single:
@@ -126,7 +130,7 @@ def _pull(source: Source, target: Array) -> Single:
 
 def _blocks(columns: Array) -> Single:
     """Turn (T, R, 3, V) into (K, 2, R, 3, V) float32."""
-    return in_pairs(columns[:, :, AXES].astype(np.float32))
+    return in_pairs(columns.astype(np.float32, copy=False)[:, :, AXES])
 
 
 def _columns(source: Source, penalty: float, solution: Solution) -> tuple[Single, Single, Single]:

@@ -14,6 +14,8 @@ from pacmo_core.interaction_mesh.state import State
 WIDTH = 16
 # Iterations from one look at who has settled to the next.
 EVERY = 4
+# By how much steps are taken to shrink from the first look to the second.
+PATIENCE = 0.1
 
 
 @dataclass(frozen=True)
@@ -54,34 +56,53 @@ class Solution:
     step: Array
     iterations: NDArray[np.intp]
 
+    def take(
+        self, state: State, rows: NDArray[np.intp], columns: NDArray[np.intp], number: int
+    ) -> None:
+        """Write down bodies that are done."""
+        self.change[..., rows] = state.change.reshape(*self.change.shape[:3], -1)[..., columns]
+        self.point[..., rows] = state.point[..., columns]
+        self.share[..., rows] = state.share[..., columns]
+        self.iterations[rows] = number
+
 
 def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solution:
-    """Iterate; a body whose ``step`` is small enough stops, whatever the others do."""
+    """Iterate; a body stops whose ``step`` is small enough, or will not be in time.
+
+    Whatever the others do: what is found for a body does not depend on its company.
+    """
     n_bodies = len(start.grown)
-    state = _begun(solver, start)
-    columns = np.arange(state.n_bodies)
-    found = _room(start, state)
-    work = state.work(start.point.shape[2])
+    state, columns = _begun(solver, start), np.resize(np.arange(n_bodies), _filled(n_bodies))
+    found, work = _room(start, state), state.work(start.point.shape[2])
+    going = np.arange(len(columns)) < n_bodies  # the others only fill up
+    before = np.full(len(columns), np.inf)
     for number in range(1, iterations + 1):
         work.watched = number % EVERY == 0 or number == iterations
         state.moved[:] = 0
         solver.iterate(state, work)
         if not work.watched:
             continue
-        steps = np.sqrt(state.moved / start.grown[columns % n_bodies])
-        going = (columns < n_bodies) & (found.iterations[columns % n_bodies] == 0)
-        done = going & ((steps <= step) | (number == iterations))
-        _take(found, state, columns, np.flatnonzero(done), number)
+        steps = np.sqrt(state.moved / start.grown[columns])
+        done = going & ((steps <= step) | _hopeless(steps, before, step, iterations - number))
+        found.take(state, columns[done], np.flatnonzero(done), number)
         found.step[columns[done]] = steps[done]
-        left = np.flatnonzero(going & ~done)
-        if not len(left):
+        going, before = going & ~done, steps
+        width = _filled(int(going.sum()))
+        if not width:
             break
-        if (width := _filled(len(left))) < state.n_bodies:
-            kept = np.resize(left, width)
-            state, columns = state.of(kept), columns[kept]
-            columns[len(left) :] += n_bodies  # they only fill up
+        if width < state.n_bodies:
+            kept = np.resize(np.flatnonzero(going), width)
+            state, columns, before = state.of(kept), columns[kept], before[kept]
+            going = np.arange(width) < going.sum()
             work = state.work(start.point.shape[2])
     return found
+
+
+def _hopeless(steps: Array, before: Array, wanted: float, left: int) -> NDArray[np.bool_]:
+    """Say who will not come to small enough steps if they go on to shrink as they do."""
+    shrinks = np.where(np.isfinite(before), steps / np.maximum(before, 1e-30), PATIENCE)
+    hopeless: NDArray[np.bool_] = steps * np.minimum(shrinks, 1) ** (left / EVERY) > wanted
+    return hopeless
 
 
 def _begun(solver: Solver, start: Start) -> State:
@@ -113,17 +134,6 @@ def _room(start: Start, state: State) -> Solution:
         step=np.zeros(n_bodies),
         iterations=np.zeros(n_bodies, dtype=np.intp),
     )
-
-
-def _take(
-    found: Solution, state: State, columns: NDArray[np.intp], done: NDArray[np.intp], number: int
-) -> None:
-    """Write down bodies that are done."""
-    rows = columns[done]
-    found.change[..., rows] = state.change.reshape(*found.change.shape[:3], -1)[..., done]
-    found.point[..., rows] = state.point[..., done]
-    found.share[..., rows] = state.share[..., done]
-    found.iterations[rows] = number
 
 
 def _filled(n_bodies: int) -> int:
