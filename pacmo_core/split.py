@@ -49,7 +49,7 @@ class SideRule:
         ``listed_people`` (people named in ``test_people``; nobody stands on both sides), or
         ``auto``: ``person`` where at least ``min_people`` people are known, else ``recording``
     test_share, validation_share : expected shares of what is hashed
-    validation_by : ``recording``, or ``clip`` where recordings are too few to keep one from training
+    validation_by : ``recording``, or ``clip`` where no recording can be spared from training
     min_people : for ``auto``
     test_pairs : for ``listed``, the pairs that each fold tests, such as the published folds:
         ``s01+s02``, the people in the order of their data set
