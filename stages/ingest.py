@@ -39,8 +39,9 @@ class Params:
 
 def main(raw: Path, sequences: Path, metrics: Path) -> None:
     params = read_params("ingest", Params)
-    raw_format = open_format(params.format, params.settings)
-    found = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
+    found = sorted(
+        open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
+    )
     wanted = [sequence for sequence in found if is_included(sequence, raw, params.include)]
     if not wanted:
         raise ValueError(
@@ -48,15 +49,7 @@ def main(raw: Path, sequences: Path, metrics: Path) -> None:
             f"none of them under {', '.join(params.include)}"
         )
 
-    recipe = Recipe(
-        dataset=params.dataset,
-        root=raw,
-        format=raw_format,
-        drop_joints=params.drop_joints,
-        limits=params.limits,
-        contact_distance=params.contact_distance,
-        stated_fps=params.stated_fps,
-    )
+    recipe = recipe_of(params, raw)
     aside: list[QuarantineFacts] = []
     captures = usable(read_sequences(recipe, wanted), aside)
     first = next(captures, None)
@@ -78,6 +71,19 @@ def main(raw: Path, sequences: Path, metrics: Path) -> None:
     }
     write_json(
         metrics, {"dataset": params.dataset, "format": params.format, **counts, **facts_of(rows)}
+    )
+
+
+def recipe_of(params: Params, raw: Path) -> Recipe:
+    """Say how the captures under a folder are read."""
+    return Recipe(
+        dataset=params.dataset,
+        root=raw,
+        format=open_format(params.format, params.settings),
+        drop_joints=params.drop_joints,
+        limits=params.limits,
+        contact_distance=params.contact_distance,
+        stated_fps=params.stated_fps,
     )
 
 

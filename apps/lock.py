@@ -1,0 +1,110 @@
+"""One writer at a time, with or without a server, and no writer left over from a killed run."""
+
+import fcntl
+import json
+import os
+import signal
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from apps.failure import CommandError
+
+# Every process that a writer starts bears this in its environment, and so do all that those start.
+MARK = "PACMO_WRITER"
+_PATIENCE = 10.0  # seconds for a killed process to be gone
+
+
+class BusyError(CommandError):
+    """Another run writes in this project now."""
+
+
+@contextmanager
+def one_writer(job: str, path: Path) -> Iterator[None]:
+    """Hold the project's lock while the block runs.
+
+    The system lets go of the lock when its holder dies, however it dies. What a killed holder
+    had started may live on and still write: it is ended before the block begins.
+
+    Parameters
+    ----------
+    job : what the next one who is refused is told
+    path : the file that is locked
+
+    Raises
+    ------
+    BusyError
+        If another run holds it, with who and since when.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as held:
+            file.seek(0)
+            raise BusyError(f"busy: {file.read() or 'a run that has just begun'}") from held
+        workspace = f"{path.resolve()}:"
+        end_orphans(workspace)
+        file.truncate(0)
+        since = datetime.now(UTC).isoformat(timespec="seconds")
+        file.write(json.dumps({"job": job, "pid": os.getpid(), "since": since}))
+        file.flush()
+        os.environ[MARK] = workspace + uuid.uuid4().hex
+        try:
+            yield
+        finally:
+            del os.environ[MARK]
+            file.truncate(0)
+
+
+def is_held(path: Path) -> str:
+    """Say who holds the lock; empty if nobody does."""
+    if not path.exists():
+        return ""
+    with path.open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            return file.read() or "a run that has just begun"
+    return ""
+
+
+def end_orphans(workspace: str) -> list[int]:
+    """Kill the processes that writers of this workspace left behind.
+
+    The caller holds the lock, so whoever bears a mark of this workspace has lost its writer.
+    Where the system has no ``/proc``, none are found.
+
+    Returns
+    -------
+    their process numbers
+    """
+    found = [pid for pid in _marked(workspace) if pid != os.getpid()]
+    for pid in found:
+        try:
+            os.kill(pid, signal.SIGKILL)
+        except ProcessLookupError:
+            continue  # gone by itself meanwhile
+    deadline = time.monotonic() + _PATIENCE
+    while set(_marked(workspace)) & set(found):
+        if time.monotonic() > deadline:
+            raise BusyError(f"processes {found} of a killed run do not end")
+        time.sleep(0.02)
+    return found
+
+
+def _marked(workspace: str) -> list[int]:
+    needle = f"{MARK}={workspace}".encode()
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (folder / "environ").read_bytes().split(b"\0")
+        except OSError:
+            continue  # gone meanwhile, or another user's
+        if any(word.startswith(needle) for word in words):
+            found.append(int(folder.name))
+    return found
