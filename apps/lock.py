@@ -10,11 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TextIO
 
 from apps.failure import CommandError
 
 # Every process that a writer starts bears this in its environment, and so do all that those start.
 MARK = "PACMO_WRITER"
+_GLANCE = 0.5  # seconds; who only asks whether it is held, holds it for an instant
 _PATIENCE = 10.0  # seconds for a killed process to be gone
 
 
@@ -41,11 +43,7 @@ def one_writer(job: str, path: Path) -> Iterator[None]:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+", encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as held:
-            file.seek(0)
-            raise BusyError(f"busy: {file.read() or 'a run that has just begun'}") from held
+        _take(file)
         workspace = f"{path.resolve()}:"
         end_orphans(workspace)
         file.truncate(0)
@@ -58,6 +56,20 @@ def one_writer(job: str, path: Path) -> Iterator[None]:
         finally:
             del os.environ[MARK]
             file.truncate(0)
+
+
+def _take(file: TextIO) -> None:
+    deadline = time.monotonic() + _GLANCE
+    while True:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as held:
+            if time.monotonic() > deadline:
+                file.seek(0)
+                raise BusyError(f"busy: {file.read() or 'a run that has just begun'}") from held
+            time.sleep(0.05)
+        else:
+            return
 
 
 def is_held(path: Path) -> str:

@@ -22,13 +22,19 @@ def by_hand_or_flow(as_flow: Callable[[], object], by_hand: Callable[[], object]
     -------
     the exit code
     """
+    code = ending(as_flow if PREFECT_API_URL.value() else by_hand)
+    return code or EXIT_CODES[read_runs(RUNS)[-1].outcome]
+
+
+def ending(do: Callable[[], object]) -> int:
+    """Do it, tell in one line what went wrong, and give the exit code."""
     try:
-        (as_flow if PREFECT_API_URL.value() else by_hand)()
+        do()
     except BusyError as busy:
         return _say(busy, BUSY_CODE)
     except (CommandError, OSError) as fault:
         return _say(fault, EXIT_CODES[FAILED])
-    return EXIT_CODES[read_runs(RUNS)[-1].outcome]
+    return 0
 
 
 def _say(fault: Exception, code: int) -> int:
