@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import shorten
 from typing import Annotated, Any
 
 import typer
@@ -22,6 +23,7 @@ from pacmo_core.promotion.history import Decision, read_decisions
 
 _GOOD = (DONE, HELD, SKIPPED)
 _SHOWN = 5  # of each list
+_MOST_WORDS = 90  # characters of a reason why a stage is stale; --json has all of it
 
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Check = Annotated[bool, typer.Option("--check", help="exit code 1 if the last run failed")]
@@ -112,7 +114,7 @@ def lines_of(facts: dict[str, Any]) -> Iterable[str]:
     yield f"disk          {facts['free_gb']} GB free; DVC's cache {facts['cache_gb']} GB"
     yield from _block("runs", [_run_line(Run(**run)) for run in facts["runs"]])
     yield from _block("decisions", [_decision_line(Decision(**d)) for d in facts["decisions"]])
-    yield from _block("stale", [f"{k}: {'; '.join(v)}" for k, v in facts["stale"].items()])
+    yield from _block("stale", [_stale_line(*item) for item in facts["stale"].items()])
     yield from _block("inbox", facts["inbox"])
     aside = [f"{q['name']}: {q['reason']}" for q in facts["quarantine"]]
     yield from _block("quarantine", aside)
@@ -125,6 +127,10 @@ def lines_of(facts: dict[str, Any]) -> Iterable[str]:
 def _block(name: str, lines: list[str]) -> Iterable[str]:
     yield f"{name:13} {len(lines) or 'none'}"
     yield from (f"  {line}" for line in lines[:20])
+
+
+def _stale_line(stage: str, reasons: list[str]) -> str:
+    return f"{stage}: {'; '.join(shorten(reason, _MOST_WORDS) for reason in reasons)}"
 
 
 def _run_line(run: Run) -> str:

@@ -33,7 +33,9 @@ def start_log(path: Path) -> None:
     file.setFormatter(JsonLine())
     people = logging.StreamHandler()
     people.setFormatter(logging.Formatter("pacmo: %(message)s"))
-    log.handlers = [file, people]
+    log.addHandler(file)
+    log.addHandler(people)
+    log.propagate = False  # Prefect's console would say it twice
     log.setLevel(logging.INFO)
 
 

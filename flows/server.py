@@ -18,7 +18,11 @@ from apps.log import tell
 HOME = Path(".prefect")
 PORT = 4200
 _PATIENCE_S = 120.0
-QUIET = {"DO_NOT_TRACK": "1", "PREFECT_SERVER_ANALYTICS_ENABLED": "false"}
+QUIET = {
+    "DO_NOT_TRACK": "1",
+    "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    "PREFECT_LOGGING_EXTRA_LOGGERS": "pacmo",  # our log lines on the page too
+}
 
 
 class ServerError(CommandError):
