@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from apps.failure import FAILED, CommandError, told_in_one_line
+from apps.failure import FAILED, told_in_one_line
 from apps.intake import REASON
 from apps.lock import is_held, one_writer
 from apps.places import ASIDE, DECISIONS, DVC_CACHE, INBOX, LOCK, PLAN, RUNS, SHELF
@@ -84,17 +84,11 @@ def told(runs: list[Run], writing: str) -> list[Run]:
 
 
 def stale_reasons() -> dict[str, list[str]]:
-    """Ask DVC what is stale and why, by stage.
-
-    Raises
-    ------
-    CommandError
-        If DVC cannot tell.
-    """
+    """Ask DVC what is stale and why, by stage; it may not tell while a stage runs."""
     command = [sys.executable, "-m", "dvc", "status", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise CommandError(f"dvc status: {done.stderr.strip()}")
+        return {"unknown": [done.stderr.strip()]}
     return {name: list(_changes(found)) for name, found in json.loads(done.stdout).items()}
 
 

@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import time
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -14,7 +13,7 @@ from typing import TextIO
 
 from apps.failure import CommandError
 
-# Every process that a writer starts bears this in its environment, and so do all that those start.
+# What a writer starts to write bears this in its environment, and so does all that those start.
 MARK = "PACMO_WRITER"
 _GLANCE = 0.5  # seconds; who only asks whether it is held, holds it for an instant
 _PATIENCE = 10.0  # seconds for a killed process to be gone
@@ -44,18 +43,13 @@ def one_writer(job: str, path: Path) -> Iterator[None]:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+", encoding="utf-8") as file:
         _take(file)
-        workspace = f"{path.resolve()}:"
-        end_orphans(workspace)
+        end_orphans(path)
         file.truncate(0)
         since = datetime.now(UTC).isoformat(timespec="seconds")
         file.write(json.dumps({"job": job, "pid": os.getpid(), "since": since}))
         file.flush()
-        os.environ[MARK] = workspace + uuid.uuid4().hex
-        try:
-            yield
-        finally:
-            del os.environ[MARK]
-            file.truncate(0)
+        yield
+        file.truncate(0)
 
 
 def _take(file: TextIO) -> None:
@@ -85,38 +79,43 @@ def is_held(path: Path) -> str:
     return ""
 
 
-def end_orphans(workspace: str) -> list[int]:
+def mark_of(path: Path) -> dict[str, str]:
+    """Give the environment by which a process of a writer is known."""
+    return {MARK: str(path.resolve())}
+
+
+def end_orphans(path: Path) -> list[int]:
     """Kill the processes that writers of this workspace left behind.
 
-    The caller holds the lock, so whoever bears a mark of this workspace has lost its writer.
+    The caller holds the lock and has not begun, so whoever bears its mark has lost its writer.
     Where the system has no ``/proc``, none are found.
 
     Returns
     -------
     their process numbers
     """
-    found = [pid for pid in _marked(workspace) if pid != os.getpid()]
+    found = _marked(path)
     for pid in found:
         try:
             os.kill(pid, signal.SIGKILL)
         except ProcessLookupError:
             continue  # gone by itself meanwhile
     deadline = time.monotonic() + _PATIENCE
-    while set(_marked(workspace)) & set(found):
+    while set(_marked(path)) & set(found):
         if time.monotonic() > deadline:
             raise BusyError(f"processes {found} of a killed run do not end")
         time.sleep(0.02)
     return found
 
 
-def _marked(workspace: str) -> list[int]:
-    needle = f"{MARK}={workspace}".encode()
+def _marked(path: Path) -> list[int]:
+    needle = f"{MARK}={path.resolve()}".encode()
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             words = (folder / "environ").read_bytes().split(b"\0")
         except OSError:
             continue  # gone meanwhile, or another user's
-        if any(word.startswith(needle) for word in words):
+        if needle in words:
             found.append(int(folder.name))
     return found

@@ -8,7 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from apps.failure import CommandError
-from apps.places import STAGE_LOGS
+from apps.lock import mark_of
+from apps.places import LOCK, STAGE_LOGS
 
 _LAST_LINES = 2
 
@@ -39,7 +40,8 @@ def run_dvc(name: str, words: list[str], limit_s: float) -> str:
     log = STAGE_LOGS / f"{name}.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     bin_folder = str(Path(sys.executable).parent)
-    environment = {**os.environ, "PATH": f"{bin_folder}{os.pathsep}{os.environ.get('PATH', '')}"}
+    path = f"{bin_folder}{os.pathsep}{os.environ.get('PATH', '')}"
+    environment = {**os.environ, **mark_of(LOCK), "PATH": path}
     with log.open("wb") as out:
         process = subprocess.Popen(
             command, stdout=out, stderr=out, start_new_session=True, env=environment
