@@ -15,6 +15,7 @@ from apps.failure import CommandError
 
 # What a writer starts to write bears this in its environment, and so does all that those start.
 MARK = "PACMO_WRITER"
+PROC = Path("/proc")
 _GLANCE = 0.5  # seconds; who only asks whether it is held, holds it for an instant
 _PATIENCE = 10.0  # seconds for a killed process to be gone
 
@@ -108,10 +109,17 @@ def end_orphans(path: Path) -> list[int]:
     return found
 
 
+def lives(pid: int) -> bool:
+    """Tell whether a process lives; one that was killed and not yet waited for does not."""
+    status = PROC / str(pid) / "stat"
+    # The state is the first word after the name, which stands in brackets and may hold some.
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
+
+
 def _marked(path: Path) -> list[int]:
     needle = f"{MARK}={path.resolve()}".encode()
     found = []
-    for folder in Path("/proc").glob("[0-9]*"):
+    for folder in PROC.glob("[0-9]*"):
         try:
             words = (folder / "environ").read_bytes().split(b"\0")
         except OSError:

@@ -19,8 +19,10 @@ from apps.log import start_log, tell
 from apps.places import LOCK, LOG, METRICS, RUNS
 from apps.records import recorded
 from flows.artifacts import publish
+from flows.dvc_locks import forget_the_dead
 from flows.ending import by_hand_or_flow
 from flows.graph import stages_below, stale_stages
+from flows.litter import remove_litter
 from flows.run_dvc import run_dvc
 from flows.way import ByHand, ByPrefect, Way
 
@@ -41,6 +43,9 @@ def bring_up(way: Way, targets: list[str], *, force: bool, limit_s: float) -> li
     -------
     the stages that ran or were restored, in running order
     """
+    forget_the_dead()
+    for path in remove_litter():
+        tell("removed what a killed run had half written", path=path)
     below = stages_below(targets)
     forced = {name for name in below if force and _is_target(name, targets)}
     wanted = stale_stages() | forced

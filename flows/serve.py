@@ -19,7 +19,7 @@ from prefect.client.schemas.objects import ConcurrencyLimitConfig
 from prefect.client.schemas.schedules import CronSchedule
 from prefect.deployments import run_deployment
 from prefect.deployments.runner import RunnerDeployment
-from prefect.deployments.types import EntrypointType
+from prefect.types.entrypoint import EntrypointType
 from ruamel.yaml import YAML
 
 from apps.log import start_log, tell
