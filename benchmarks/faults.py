@@ -1,4 +1,4 @@
-"""Kill a run at random moments; does the next one end right, with the bytes of an undisturbed one?
+"""Kill a run at random moments; the next one must end right, with an undisturbed one's bytes.
 
 Usage: python -m benchmarks.faults --kills N [--seed S] [--experiment NAME] [--json] [STAGE ...]
 

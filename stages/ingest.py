@@ -1,12 +1,16 @@
 """Read raw captures into Parquet; put aside, with the reason, those that cannot be used.
 
-Usage: python -m stages.ingest RAW SEQUENCES METRICS.json
+Usage: python -m stages.ingest [--kept=DIR] RAW SEQUENCES METRICS.json
+
+What was read before is found in the folder KEPT, which DVC does not know: only what is new is read,
+and the result is the same bytes as without it.
 """
 
-import sys
+import argparse
+import json
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
 from itertools import chain
 from pathlib import Path
@@ -14,8 +18,9 @@ from typing import Any
 
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
-from pacmo_core.ingestion import Recipe, Usable, read_sequences
+from pacmo_core.ingestion import Recipe, read_sequences
 from pacmo_core.quality import Limits
+from pacmo_core.readings import Readings, Usable
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
 from pacmo_core.store.motions import write_motions
 from stages._files import CLIPS, MOTIONS, QUARANTINE, write_json
@@ -37,7 +42,7 @@ class Params:
     stated_fps: float | None  # the rate that the set claims, where its files state their own
 
 
-def main(raw: Path, sequences: Path, metrics: Path) -> None:
+def main(raw: Path, sequences: Path, metrics: Path, *, kept: Path | None = None) -> None:
     params = read_params("ingest", Params)
     found = sorted(
         open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
@@ -51,7 +56,8 @@ def main(raw: Path, sequences: Path, metrics: Path) -> None:
 
     recipe = recipe_of(params, raw)
     aside: list[QuarantineFacts] = []
-    captures = usable(read_sequences(recipe, wanted), aside)
+    known = Readings(kept, words_of(params)) if kept else None
+    captures = usable(read_sequences(recipe, wanted, known), aside)
     first = next(captures, None)
     if first is None:
         raise ValueError(f"{raw}: no capture of {len(wanted)} is usable; first: {aside[0].reason}")
@@ -114,5 +120,20 @@ def facts_of(rows: list[ClipFacts]) -> dict[str, object]:
     }
 
 
+def words_of(params: Params) -> str:
+    """Say all that a reading rests on beside its files; lists that settings name are read."""
+    lists = [Path(name).read_text("utf-8") for name in params.settings.get("skip_lists", ())]
+    return json.dumps([asdict(params), lists], sort_keys=True)
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--kept", type=Path, help="folder of what was read before")
+    for name in ("raw", "sequences", "metrics"):
+        parser.add_argument(name, type=Path)
+    return parser.parse_args()
+
+
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    main(**vars(arguments()))
