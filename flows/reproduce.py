@@ -21,7 +21,7 @@ from apps.records import recorded
 from flows.artifacts import publish
 from flows.dvc_locks import forget_the_dead
 from flows.ending import by_hand_or_flow
-from flows.graph import stages_below, stale_stages
+from flows.graph import survey
 from flows.litter import remove_litter
 from flows.run_dvc import run_dvc
 from flows.way import ByHand, ByPrefect, Way
@@ -46,9 +46,9 @@ def bring_up(way: Way, targets: list[str], *, force: bool, limit_s: float) -> li
     forget_the_dead()
     for path in remove_litter():
         tell("removed what a killed run had half written", path=path)
-    below = stages_below(targets)
+    below, stale = survey(targets)
     forced = {name for name in below if force and _is_target(name, targets)}
-    wanted = stale_stages() | forced
+    wanted = stale | forced
     # What rests on a forced stage is looked at again after it.
     for name, upstream in below.items():
         if wanted & set(upstream):
