@@ -2,7 +2,7 @@
 
 import typer
 
-from apps import cli_clips, cli_fetch, cli_react, cli_use
+from apps import cli_clips, cli_fetch, cli_react, cli_status, cli_use
 
 app = typer.Typer(
     name="pacmo",
@@ -18,6 +18,8 @@ app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)
 app.command("react")(cli_react.react_to)
 app.command("clips")(cli_clips.list_clips)
+app.command("status")(cli_status.show_status)
+app.command("rollback")(cli_status.roll_back_model)
 app.command("quarantine")(cli_clips.list_quarantine)
 
 
