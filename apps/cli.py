@@ -2,7 +2,7 @@
 
 import typer
 
-from apps import cli_clips, cli_fetch, cli_react, cli_use, cli_view
+from apps import cli_clips, cli_export, cli_fetch, cli_react, cli_use, cli_view
 
 app = typer.Typer(
     name="pacmo",
@@ -18,6 +18,7 @@ app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)
 app.command("react")(cli_react.react_to)
 app.command("view")(cli_view.view)
+app.command("export")(cli_export.export_clip)
 app.command("clips")(cli_clips.list_clips)
 app.command("quarantine")(cli_clips.list_quarantine)
 
