@@ -145,9 +145,7 @@ def _off(fitted: Fitted, motion: Motion, scene: Scene) -> NDArray[np.float64]:
 
 def _told(lost: list[NDArray[np.float64]]) -> str:
     off = 1000 * np.stack(lost)
-    return (
-        f"bones made constant: joints moved {off.mean():.1f} mm on average, {off.max():.1f} at most"
-    )
+    return f"constant bones moved joints by {off.mean():.1f} mm on average, {off.max():.1f} at most"
 
 
 WRITERS: dict[str, Callable[[Path, Scene, Form], tuple[list[Path], str]]] = {

@@ -6,7 +6,9 @@ import { AnimationMixer, Vector3 } from "three";
 import { BVHLoader } from "three/addons/loaders/BVHLoader.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
-globalThis.self = globalThis; // the loader takes a browser for granted
+// The loader takes a browser for granted.
+globalThis.self = globalThis;
+globalThis.ProgressEvent ??= class extends Event {};
 
 async function loaded(file) {
   if (file.endsWith(".bvh")) {
