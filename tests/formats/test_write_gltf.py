@@ -83,16 +83,15 @@ def test_three_js_puts_the_joints_of_a_bvh_where_they_were(tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_three_js_moves_the_skin_along_with_the_bones(tmp_path: Path) -> None:
-    # An arm of one bone: its ends are balls about its joints, in whatever way it turns.
-    arm = Skeleton("arm", ("shoulder", "hand"), (-1, 0))
+    # An arm of two bones: its ends are balls about its joints, in whatever way it turns.
+    arm = Skeleton("arm", ("shoulder", "elbow", "hand"), (-1, 0, 1))
     motion = moving(arm, 6)
     (found,) = written(tmp_path / "arm.glb", arm, [motion])
     seen = node_json("load.mjs", tmp_path / "arm.glb", *[frame / FPS for frame in FRAMES])
-    limb = body_of(arm).limbs[0]
+    (_, _, shoulder, elbow), (_, _, _, hand) = body_of(arm).limbs
     for frame, skin in zip(FRAMES, np.array(seen["skins"]), strict=True):
-        ends = motion[frame].astype(np.float64)
-        away = np.linalg.norm(skin[:, None] - ends[None], axis=-1)
-        radius = np.where(away.argmin(axis=1) == 0, limb[2], limb[3])
+        away = np.linalg.norm(skin[:, None] - motion[frame].astype(np.float64)[None], axis=-1)
+        radius = np.array([shoulder, elbow, hand])[away.argmin(axis=1)]
         np.testing.assert_allclose(away.min(axis=1), radius, atol=1e-3)
     assert len(found.skin.places) == len(seen["skins"][0])
 
