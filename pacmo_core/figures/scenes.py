@@ -14,6 +14,7 @@ from pacmo_core.skeleton import Skeleton
 
 _STEPS = np.iinfo(np.int16).max
 _SOLE = 0.04  # metres that the ground lies below the lowest joint
+_HAIR = 0.12  # metres that a head rises above its joint
 _SAME_PLACE = 0.05  # metres between first roots from which two scenes are not of one world
 _FOLLOWED_S = 0.5  # seconds to either side over which a camera that follows averages
 
@@ -73,22 +74,24 @@ def unpack(text: str, origin: NDArray[np.float64], step: float) -> NDArray[np.fl
 def packed_scenes(scenes: Sequence[Scene], *, contact: float) -> list[dict[str, Any]]:
     """Turn scenes into what the player reads, ready for JSON.
 
-    Scenes of one world, as a capture and reactions in it, are seen from one side.
+    Scenes of one world, as a capture and reactions in it, share ground and camera.
 
     Parameters
     ----------
     contact : metres between joints of two people that touch
     """
-    packed = [_packed(scene, contact) for scene in scenes]
-    first = scenes[0]
-    for scene, facts in zip(scenes[1:], packed[1:], strict=True):
-        if _one_world(first, scene):
-            facts["view"]["yaw"] = packed[0]["view"]["yaw"]
-    return packed
+    views: list[dict[str, Any]] = []
+    for at, scene in enumerate(scenes):
+        known = [k for k in range(at) if _one_world(scenes[k], scene)]
+        world = [other for other in scenes if _one_world(other, scene)]
+        views.append(views[known[0]] if known else _view(world))
+    return [
+        _packed(scene, contact) | {"view": view} for scene, view in zip(scenes, views, strict=True)
+    ]
 
 
 def _packed(scene: Scene, contact: float) -> dict[str, Any]:
-    everyone = np.concatenate(scene.people, axis=1).astype(np.float64)
+    everyone = _everyone(scene)
     low, high = everyone.min(axis=(0, 1)), everyone.max(axis=(0, 1))
     origin = (low + high) / 2
     step = max(float((high - low).max()) / 2 / _STEPS, 1e-6)
@@ -103,28 +106,39 @@ def _packed(scene: Scene, contact: float) -> dict[str, Any]:
         "origin": origin.tolist(),
         "step": step,
         "motions": [pack(motion, origin, step) for motion in scene.people],
-        "view": _view(scene, everyone),
     }
 
 
-def _view(scene: Scene, everyone: NDArray[np.float64]) -> dict[str, Any]:
+def _everyone(scene: Scene) -> NDArray[np.float64]:
+    """``(T, P J, 3)`` metres: the joints of all."""
+    return np.concatenate(scene.people, axis=1).astype(np.float64)
+
+
+def _view(world: Sequence[Scene]) -> dict[str, Any]:
     """Say where the ground is, how far people get, and from where they are seen side by side.
 
     The ground is the median over frames of the lowest joint: a depth camera that leans, or
     loses a foot, leaves single frames far below the floor.
     """
-    flat = everyone[..., [0, 2]]
-    low, high = np.percentile(flat.reshape(-1, 2), [1, 99], axis=0)
+    everyone = [_everyone(scene) for scene in world]
+    flat = [people[..., [0, 2]] for people in everyone]
+    low, high = np.percentile(np.concatenate([f.reshape(-1, 2) for f in flat]), [1, 99], axis=0)
     centre = (low + high) / 2
-    middle = _followed(scene)[:, None]
+    near = [f - _followed(scene)[:, None] for f, scene in zip(flat, world, strict=True)]
     return {
         "centre": centre.round(4).tolist(),
-        "ground": round(float(np.median(everyone[..., 1].min(axis=1))) - _SOLE, 4),
-        "top": round(float(np.percentile(everyone[..., 1].max(axis=1), 95)) + 0.12, 4),
-        "reach": _reach(flat - centre),
-        "near": _reach(flat - middle),
-        "yaw": _yaw(scene),
+        "ground": round(float(np.median(everyone[0][..., 1].min(axis=1))) - _SOLE, 4),
+        "top": round(
+            max(float(np.percentile(p[..., 1].max(axis=1), 95)) for p in everyone) + 0.12, 4
+        ),
+        "reach": max(_reach(f - centre) for f in flat),
+        "near": max(map(_reach, near)),
+        "yaw": _yaw(world[0]),
     }
+
+
+def _top(everyone: NDArray[np.float64]) -> float:
+    return float(np.percentile(everyone[..., 1].max(axis=1), 95))
 
 
 def _reach(away: NDArray[np.float64]) -> float:

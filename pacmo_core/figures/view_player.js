@@ -103,6 +103,7 @@
         this.renderer = new THREE.WebGLRenderer({ canvas: this.parts.scene, antialias: true, alpha: true });
       } catch {
         this.root.classList.add("flat");
+        this.paint();
         return;
       }
       Object.assign(this.renderer.shadowMap, { enabled: true, type: THREE.PCFShadowMap });

@@ -44,7 +44,7 @@ def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
         raise ValueError(f"a page shows 1 to {MOST} clips side by side; got {len(scenes)}")
     library, script = player_scripts()
     return (
-        _environment()
+        environment()
         .get_template("viewer.html")
         .render(
             title=" · ".join(scene.label for scene in scenes),
@@ -73,7 +73,8 @@ def part(name: str) -> str:
     return files("pacmo_core.figures").joinpath(name).read_text(encoding="utf-8")
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Read templates from beside this file; escape all that is not marked as safe."""
     return Environment(
         loader=FunctionLoader(part),
         autoescape=True,
