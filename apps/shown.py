@@ -15,8 +15,8 @@ from pacmo_core.store.motions import read_motion
 
 STORE = Path("data/clips")
 MOTIONS = "motions.parquet"
-# A reaction of person a to person b: the file has the partner first.
-_TO_B = re.compile(r".+#a#\d+")
+# Who reacts, and the number of the sample: the file has the partner first.
+_REACTION = re.compile(r".+#[ab]#\d+")
 
 
 def read_scene(word: str, form: str | None, settings: Mapping[str, Any]) -> Scene:
@@ -55,7 +55,10 @@ def _stored(store: Path, name: str) -> Scene:
     if not name:
         raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
     found = read_motion(store / MOTIONS if store.is_dir() else store, name)
-    return Scene.of(name, found.swapped() if _TO_B.fullmatch(name) else found)
+    # A reaction is told from others to the same partner by its folder, as pacmo/1.
+    folder = "/".join(store.parts[-2:]) if _REACTION.fullmatch(name) and store.is_dir() else ""
+    label = f"{folder} · {name}" if folder else name
+    return Scene.of(label, found.swapped() if name.rpartition("#")[0].endswith("#a") else found)
 
 
 def _captured(files: list[Path], form: str | None, settings: Mapping[str, Any]) -> Scene:

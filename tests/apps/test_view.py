@@ -58,7 +58,7 @@ def refused(said: Result, *texts: str) -> None:
 def test_a_clip_of_the_store_and_one_of_another_folder_stand_side_by_side(tmp_path: Path) -> None:
     assert view("one", "reactions:one#a#0", "--out", "page.html").exit_code == 0
     real, answer = packed(tmp_path / "page.html")
-    assert [real["label"], answer["label"]] == ["one", "one#a#0"]
+    assert [real["label"], answer["label"]] == ["one", "reactions · one#a#0"]
     np.testing.assert_allclose(motions(real)[0], REAL.person_a, atol=1e-4)
     # A reaction of person a: the file has the partner, person b, first.
     np.testing.assert_allclose(motions(answer)[0], ANSWER.person_b, atol=1e-4)
