@@ -51,7 +51,7 @@ def write_variations(path: Path, rows: Sequence[VariationFacts], segments: Seque
     ----------
     segments : names, in the order of the bones
     """
-    figures = sorted({name for row in rows for name in row.figures})
+    figures = list(dict.fromkeys(name for row in rows for name in row.figures))
     body = pa.struct([pa.field(name, pa.float64(), nullable=False) for name in segments])
     columns = [
         *(pa.field(name, pa.string(), nullable=False) for name in ("variation", "clip", "kind")),

@@ -1,0 +1,178 @@
+"""A BVH file again, its body and motion changed: same tree, same channels, same unit and axes.
+
+The file's own rotations are kept as far as the bones' new directions allow, so that what positions
+do not say, the twist of a limb or the way a hand is held, stays as it was captured.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.formats.bvh import Bvh
+from pacmo_core.formats.euler import angles_of, rotation_of
+from pacmo_core.formats.raw import FormatError
+
+Array = NDArray[np.float64]
+
+# Weight of keeping a joint's own rotation beside bones of unit length squared: decides only what
+# the bones leave open.
+STAY = 1e-6
+
+
+@dataclass(frozen=True)
+class Rewritten:
+    """The new text, and how far its joints are from where they were wanted.
+
+    Parameters
+    ----------
+    text : of the file
+    misses : (T, K) file units, of the joints that were given places; bones that leave one joint
+        keep their angles to each other in a BVH, so that not every pose can be met
+    """
+
+    text: str
+    misses: Array
+
+
+def rewrite_bvh(file: Path, bvh: Bvh, joints: list[int], places: Array, scales: Array) -> Rewritten:
+    """Write a file's body with other bones and another motion.
+
+    Parameters
+    ----------
+    file : named in errors
+    bvh : as it was read, of as many frames as ``places``
+    joints : the K joints that have places, the root among them
+    places : (T, K, 3) file units, in the file's world
+    scales : (J,), of the bone that ends at each joint
+
+    Raises
+    ------
+    FormatError
+        If a joint does not turn about three axes, or the root does not move.
+    """
+    _check_channels(file, bvh)
+    moved = _displacements(bvh) * scales[:, None]
+    wanted: dict[int, Array] = {joint: places[:, k] for k, joint in enumerate(joints)}
+    children = [[c for c, p in enumerate(bvh.parents) if p == j] for j in range(len(scales))]
+    local = _local_rotations(bvh)
+    turns, reached = np.zeros_like(local), np.zeros((len(places), len(scales), 3))
+    for joint, parent in enumerate(bvh.parents):
+        above = turns[:, parent] if parent >= 0 else np.eye(3)[None]
+        base = reached[:, parent] if parent >= 0 else wanted[joint]
+        step = _turned(above, moved[:, joint]) if parent >= 0 else 0
+        reached[:, joint] = base + step
+        ends = [child for child in children[joint] if child in wanted]
+        targets = [wanted[child] - reached[:, joint] for child in ends]
+        turns[:, joint] = _nearest(targets, [moved[:, c] for c in ends], above @ local[:, joint])
+        local[:, joint] = np.swapaxes(above, -1, -2) @ turns[:, joint]
+    misses = np.stack([np.linalg.norm(reached[:, j] - wanted[j], axis=-1) for j in joints], axis=1)
+    return Rewritten(_text(bvh, scales, _rows(bvh, wanted, moved, local)), misses)
+
+
+def _check_channels(file: Path, bvh: Bvh) -> None:
+    for joint, channels in enumerate(bvh.channels):
+        axes = [channel[0] for channel in channels if channel.endswith("rotation")]
+        if joint not in bvh.end_sites and len(set(axes)) != 3:
+            name = bvh.joints[joint]
+            raise FormatError(file, f"{name} turns about {len(axes)} axes; wanted three to write")
+    if sum(channel.endswith("position") for channel in bvh.channels[0]) != 3:
+        raise FormatError(file, f"{bvh.joints[0]} has no position channels to write")
+
+
+def _displacements(bvh: Bvh) -> Array:
+    """``(T, J, 3)`` from the parent in the parent's frame; a joint's own positions, or its offset.
+
+    The root's is left out: its place is given.
+    """
+    moved = np.repeat(bvh.offsets[None], len(bvh.motion), axis=0)
+    for joint, column, channel in _columns(bvh):
+        if channel.endswith("position") and bvh.parents[joint] >= 0:
+            moved[:, joint, "xyz".index(channel[0])] = bvh.motion[:, column]
+    return moved
+
+
+def _local_rotations(bvh: Bvh) -> Array:
+    """``(T, J, 3, 3)``: each joint's against its parent's."""
+    turns = np.tile(np.eye(3), (len(bvh.motion), len(bvh.joints), 1, 1))
+    for joint, column, channel in _columns(bvh):
+        if channel.endswith("rotation"):
+            axis = "xyz".index(channel[0])
+            turns[:, joint] = turns[:, joint] @ rotation_of(axis, bvh.motion[:, column])
+    return turns
+
+
+def _nearest(targets: list[Array], bones: list[Array], stay: Array) -> Array:
+    """``(T, 3, 3)``: the rotation that takes bones nearest to targets (Kabsch), else as it was."""
+    if not bones:
+        return stay
+    wanted, offsets = np.stack(targets, axis=1), np.stack(bones, axis=1)
+    size = np.maximum(np.square(offsets).sum(axis=(1, 2)), np.finfo(np.float64).tiny)
+    together = np.einsum("tni,tnj->tij", wanted, offsets) / size[:, None, None]
+    left, _, right = np.linalg.svd(together + STAY * stay)
+    left[..., -1] *= np.linalg.det(left @ right)[:, None]
+    nearest: Array = left @ right
+    return nearest
+
+
+def _turned(frames: Array, vectors: Array) -> Array:
+    turned: Array = (frames @ vectors[..., None])[..., 0]
+    return turned
+
+
+def _columns(bvh: Bvh) -> Iterator[tuple[int, int, str]]:
+    """Yield joint, column of the motion, and name of every channel."""
+    column = 0
+    for joint, channels in enumerate(bvh.channels):
+        for channel in channels:
+            yield joint, column, channel
+            column += 1
+
+
+def _rows(bvh: Bvh, wanted: dict[int, Array], moved: Array, local: Array) -> Array:
+    """``(T, C)``: the motion, in the file's channels."""
+    rows = np.zeros_like(bvh.motion)
+    orders = [
+        ["xyz".index(c[0]) for c in channels if c.endswith("rotation")] for channels in bvh.channels
+    ]
+    found = {
+        joint: angles_of(local[:, joint], order) for joint, order in enumerate(orders) if order
+    }
+    root = wanted[0] - bvh.offsets[0]
+    for joint, column, channel in _columns(bvh):
+        axis = "xyz".index(channel[0])
+        if channel.endswith("rotation"):
+            rows[:, column] = found[joint][:, orders[joint].index(axis)]
+        else:
+            rows[:, column] = (root if joint == 0 else moved[:, joint])[:, axis]
+    return rows
+
+
+def _text(bvh: Bvh, scales: Array, rows: Array) -> str:
+    lines = [
+        "HIERARCHY",
+        *_tree(bvh, bvh.offsets * scales[:, None], 0, 0),
+        "MOTION",
+        f"Frames: {len(rows)}",
+        f"Frame Time: {bvh.frame_time:.9g}",
+        *(" ".join(f"{value:.6f}" for value in row) for row in rows.tolist()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _tree(bvh: Bvh, offsets: Array, joint: int, depth: int) -> Iterator[str]:
+    """Write a joint and all below it."""
+    tab, is_end = "  " * depth, joint in bvh.end_sites
+    kind = "ROOT" if bvh.parents[joint] < 0 else "JOINT"
+    yield f"{tab}End Site" if is_end else f"{tab}{kind} {bvh.joints[joint]}"
+    yield f"{tab}{{"
+    yield f"{tab}  OFFSET {' '.join(f'{value:.6f}' for value in offsets[joint])}"
+    if not is_end:
+        channels = bvh.channels[joint]
+        yield f"{tab}  CHANNELS {len(channels)} {' '.join(c.capitalize() for c in channels)}"
+    for child, parent in enumerate(bvh.parents):
+        if parent == joint:
+            yield from _tree(bvh, offsets, child, depth + 1)
+    yield f"{tab}}}"
