@@ -1,7 +1,7 @@
 """What is varied: clips of the experiment, and captures of a second skeleton beside them."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import lru_cache
 from pathlib import Path
@@ -51,30 +51,26 @@ class Family:
     Parameters
     ----------
     name : of the data set
-    clips : names of the chosen ones, sorted
+    clips : facts of the chosen ones, by name, sorted
     read : from a name to the clip
     """
 
     name: str
-    clips: list[str]
+    clips: dict[str, ClipFacts]
     read: Callable[[str], Interaction]
 
 
 def own_family(clips: Path, choice: Choice) -> Family:
     """Choose among the experiment's clips."""
     facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipFacts)}
-    found = (
-        (name, facts[name].sequence, facts[name].action, clip)
-        for name, clip in stream_motions(clips / MOTIONS)
-        if _is_included(name, choice.include)
-    )
+    found = ((facts[name], clip) for name, clip in stream_motions(clips / MOTIONS))
     chosen = _chosen(found, choice, clips)
 
     @lru_cache(maxsize=2)
     def read(name: str) -> Interaction:
         return read_motion(clips / MOTIONS, name)
 
-    return Family(next(iter(facts.values())).dataset, chosen, read)
+    return Family(next(iter(chosen.values())).dataset, chosen, read)
 
 
 def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]:
@@ -87,15 +83,16 @@ def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]
     """
     if second.format is None:
         return
-    clips: dict[str, tuple[str, str, Interaction]] = {}
+    clips: dict[str, tuple[ClipFacts, Interaction]] = {}
     for facts, whole in _captures(second, raw):
         edges = window_edges(len(whole.times), whole.fps, second.clip_seconds)
         for number, (start, stop) in enumerate(edges):
             name = facts.sequence if len(edges) == 1 else f"{facts.sequence}#{number:04d}"
-            clips[name] = (facts.sequence, facts.action, whole.frames(start, stop))
-    found = ((name, *clip) for name, clip in clips.items() if _is_included(name, choice.include))
-    chosen = _chosen(found, choice, raw)
-    yield Family(second.dataset, chosen, lambda name: clips[name][2])
+            clip = whole.frames(start, stop)
+            own = replace(facts, clip=name, duration=clip.duration, frames=stop - start)
+            clips[name] = (replace(own, start_frame=start), clip)
+    chosen = _chosen(clips.values(), choice, raw)
+    yield Family(second.dataset, chosen, lambda name: clips[name][1])
 
 
 def _captures(second: Second, raw: Path) -> Iterator[tuple[ClipFacts, Interaction]]:
@@ -125,12 +122,16 @@ def _is_included(name: str, patterns: tuple[str, ...]) -> bool:
 
 
 def _chosen(
-    found: Iterable[tuple[str, str, str, Interaction]], choice: Choice, where: Path
-) -> list[str]:
-    candidates = [
-        Candidate(name, sequence, action, nearness_of(clip, choice.near))
-        for name, sequence, action, clip in found
-    ]
+    found: Iterable[tuple[ClipFacts, Interaction]], choice: Choice, where: Path
+) -> dict[str, ClipFacts]:
+    facts: dict[str, ClipFacts] = {}
+    candidates = []
+    for row, clip in found:
+        if _is_included(row.clip, choice.include):
+            facts[row.clip] = row
+            nearness = nearness_of(clip, choice.near)
+            candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
     if not candidates:
         raise ValueError(f"{where}: no clip fits {', '.join(choice.include)}")
-    return choose(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
+    names = choose(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
+    return {name: facts[name] for name in names}

@@ -8,29 +8,36 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 import numpy as np
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.interaction_mesh import BATCH, Settings
+from pacmo_core.skeleton import Skeleton
+from pacmo_core.store.clips import ClipFacts, write_rows
 from pacmo_core.store.kept import Kept, read_kept
 from pacmo_core.store.motions import write_motions
-from pacmo_core.store.variations import VariationFacts, write_variations
+from pacmo_core.store.variations import (
+    FAILED,
+    SOURCES,
+    VARIATIONS,
+    VariationFacts,
+    write_variations,
+)
 from pacmo_core.variations.bodies import body_of
-from pacmo_core.variations.keep import Bounds, reason_of
+from pacmo_core.variations.keep import Bounds, reason_of, worst
 from pacmo_core.variations.keys import body_key, maker_key, source_key
 from pacmo_core.variations.plan import SEPARATOR, Plan, Variation, plan_variations
 from pacmo_core.variations.segments import segments
 from pacmo_core.variations.solve import Lot, Outcome
 from pacmo_core.variations.workers import solve_on_cluster, solve_side_by_side
-from stages._files import MOTIONS
+from stages._files import CLIPS, MOTIONS
 from stages._sources import Family
 
 LOG = logging.getLogger(__name__)
 
-FAILED = "failed.parquet"
-VARIATIONS = "variations.parquet"
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 
 
@@ -98,8 +105,9 @@ def write_family(
     folder: Path, family: Family, planned: Sequence[Planned], found: Found, bounds: Bounds
 ) -> list[VariationFacts]:
     """Write motions that are within bounds, those that are not, and the facts of all."""
-    skeleton = family.read(family.clips[0]).skeleton
+    skeleton = family.read(next(iter(family.clips))).skeleton
     rows = []
+    _write_sources(folder, family, skeleton)
     with (
         write_motions(folder / MOTIONS, skeleton) as good,
         write_motions(folder / FAILED, skeleton) as failed,
@@ -107,14 +115,15 @@ def write_family(
         for one in sorted(planned, key=lambda one: one.name):
             path = found.files.get((one.source, one.body))
             if path is None:
-                rows.append(_facts(one, family, f"refused: {found.refused[one.source]}", {}))
+                reason = f"refused: {found.refused[one.source]}"
+                rows.append(_facts(one, skeleton, reason, {}, bounds))
                 continue
             made = read_kept(path, one.body)
             source = family.read(one.clip)
             motion = Interaction(skeleton, source.times, *made.motions)
             reason = reason_of(made.figures, bounds)
             (failed if reason else good).add(one.name, motion)
-            rows.append(_facts(one, family, reason, made.figures))
+            rows.append(_facts(one, skeleton, reason, made.figures, bounds))
     write_variations(folder / VARIATIONS, rows, [s.name for s in segments(skeleton)])
     return rows
 
@@ -141,8 +150,18 @@ def _lots(family: Family, new: Sequence[Planned], settings: Settings) -> Iterato
             yield Lot(key, maker_key(settings), source, settings, scales, names)
 
 
-def _facts(one: Planned, family: Family, reason: str, figures: dict[str, float]) -> VariationFacts:
-    names = [segment.name for segment in segments(family.read(one.clip).skeleton)]
+def _write_sources(folder: Path, family: Family, skeleton: Skeleton) -> None:
+    """Write the clips that are varied, beside what comes of them."""
+    with write_motions(folder / SOURCES, skeleton) as writer:
+        for name in family.clips:
+            writer.add(name, family.read(name))
+    write_rows(folder / CLIPS, ClipFacts, list(family.clips.values()))
+
+
+def _facts(
+    one: Planned, skeleton: Skeleton, reason: str, figures: dict[str, float], bounds: Bounds
+) -> VariationFacts:
+    names = [segment.name for segment in segments(skeleton)]
     a, b = (dict(zip(names, own.tolist(), strict=True)) for own in one.variation.scales)
     return VariationFacts(
         variation=one.name,
@@ -150,6 +169,7 @@ def _facts(one: Planned, family: Family, reason: str, figures: dict[str, float])
         kind=one.variation.kind,
         kept=not reason,
         reason=reason,
+        badness=worst(figures, bounds) if figures else inf,
         figures=figures,
         scales_a=a,
         scales_b=b,

@@ -15,7 +15,13 @@ import pyarrow.parquet as pq
 from pacmo_core.store.atomic import whole_file
 from pacmo_core.store.schema import VERSION, StoreError, check_version, open_parquet
 
-PLAIN = ("variation", "clip", "kind", "kept", "reason")
+# Names in a family's folder: beside the motions that are kept, the clips that were varied, the
+# variations beyond a limit, and the facts of all.
+SOURCES = "sources.parquet"
+FAILED = "failed.parquet"
+VARIATIONS = "variations.parquet"
+
+PLAIN = ("variation", "clip", "kind", "kept", "reason", "badness")
 SCALES = ("scales_a", "scales_b")
 
 
@@ -30,6 +36,8 @@ class VariationFacts:
     kind : ``uniform``, ``single``, ``profile`` or ``random``
     kept : whether it is within the limits
     reason : why it is not
+    badness : the worst figure as a share of its limit: good up to 1; infinite where it is no
+        number or the solver refused the source
     figures : the report's, by name; none where the solver refused the source
     scales_a, scales_b : of the segments of either body, by name, in the order of the bones
     """
@@ -39,6 +47,7 @@ class VariationFacts:
     kind: str
     kept: bool
     reason: str
+    badness: float
     figures: dict[str, float]
     scales_a: dict[str, float]
     scales_b: dict[str, float]
@@ -57,6 +66,7 @@ def write_variations(path: Path, rows: Sequence[VariationFacts], segments: Seque
         *(pa.field(name, pa.string(), nullable=False) for name in ("variation", "clip", "kind")),
         pa.field("kept", pa.bool_(), nullable=False),
         pa.field("reason", pa.string(), nullable=False),
+        pa.field("badness", pa.float64(), nullable=False),
         *(pa.field(name, pa.float64()) for name in figures),
         *(pa.field(name, body, nullable=False) for name in SCALES),
     ]
