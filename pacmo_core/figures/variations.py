@@ -19,6 +19,9 @@ COLUMNS = {
     "penetration": Metric("Deeper", LOWER, "m", "how much closer than in the source, at worst"),
     "seam_ratio": Metric("Seam ratio", LOWER, "", "sharpest jolt over the motion around it"),
     "flip_share": Metric("Flips", LOWER, "", "share of frames with an elbow or knee bent back"),
+    "trunk_change": Metric(
+        "Trunk bent", LOWER, "", "share by which two joints of a trunk are nearer than they should"
+    ),
 }
 KINDS = {
     "uniform": ("One body grown or shrunk", "all bones alike"),
@@ -66,5 +69,6 @@ def said(figures: Mapping[str, float]) -> str:
         f"({1e3 * figures['near_error_naive']:.0f} if scaled in place), "
         f"contacts {100 * figures['contacts_kept']:.1f} %, "
         f"sliding {100 * figures['added_slide']:+.2f} cm/s, "
-        f"{1e3 * figures['penetration']:.1f} mm deeper, seam {figures['seam_ratio']:.2f}"
+        f"{1e3 * figures['penetration']:.1f} mm deeper, seam {figures['seam_ratio']:.2f}, "
+        f"trunk bent {100 * figures['trunk_change']:.0f} %"
     )

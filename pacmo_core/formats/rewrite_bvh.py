@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 
 from pacmo_core.formats.bvh import Bvh
 from pacmo_core.formats.euler import angles_of, rotation_of
+from pacmo_core.formats.nearest_pose import aimed, forward, settled
 from pacmo_core.formats.raw import FormatError
 
 Array = NDArray[np.float64]
-
-# Weight of keeping a joint's own rotation beside bones of unit length squared: decides only what
-# the bones leave open.
-STAY = 1e-6
 
 
 @dataclass(frozen=True)
@@ -56,20 +53,11 @@ def rewrite_bvh(file: Path, bvh: Bvh, joints: list[int], places: Array, scales: 
     _check_channels(file, bvh)
     moved = _displacements(bvh) * scales[:, None]
     wanted: dict[int, Array] = {joint: places[:, k] for k, joint in enumerate(joints)}
-    children = [[c for c, p in enumerate(bvh.parents) if p == j] for j in range(len(scales))]
-    local = _local_rotations(bvh)
-    turns, reached = np.zeros_like(local), np.zeros((len(places), len(scales), 3))
-    for joint, parent in enumerate(bvh.parents):
-        above = turns[:, parent] if parent >= 0 else np.eye(3)[None]
-        base = reached[:, parent] if parent >= 0 else wanted[joint]
-        step = _turned(above, moved[:, joint]) if parent >= 0 else 0
-        reached[:, joint] = base + step
-        ends = [child for child in children[joint] if child in wanted]
-        targets = [wanted[child] - reached[:, joint] for child in ends]
-        turns[:, joint] = _nearest(targets, [moved[:, c] for c in ends], above @ local[:, joint])
-        local[:, joint] = np.swapaxes(above, -1, -2) @ turns[:, joint]
+    guess = aimed(bvh.parents, wanted, moved, _local_rotations(bvh))
+    root, local = settled(bvh.parents, wanted, moved, guess)
+    reached, _ = forward(bvh.parents, root, moved, local)
     misses = np.stack([np.linalg.norm(reached[:, j] - wanted[j], axis=-1) for j in joints], axis=1)
-    return Rewritten(_text(bvh, scales, _rows(bvh, wanted, moved, local)), misses)
+    return Rewritten(_text(bvh, scales, _rows(bvh, root, moved, local)), misses)
 
 
 def _check_channels(file: Path, bvh: Bvh) -> None:
@@ -104,24 +92,6 @@ def _local_rotations(bvh: Bvh) -> Array:
     return turns
 
 
-def _nearest(targets: list[Array], bones: list[Array], stay: Array) -> Array:
-    """``(T, 3, 3)``: the rotation that takes bones nearest to targets (Kabsch), else as it was."""
-    if not bones:
-        return stay
-    wanted, offsets = np.stack(targets, axis=1), np.stack(bones, axis=1)
-    size = np.maximum(np.square(offsets).sum(axis=(1, 2)), np.finfo(np.float64).tiny)
-    together = np.einsum("tni,tnj->tij", wanted, offsets) / size[:, None, None]
-    left, _, right = np.linalg.svd(together + STAY * stay)
-    left[..., -1] *= np.linalg.det(left @ right)[:, None]
-    nearest: Array = left @ right
-    return nearest
-
-
-def _turned(frames: Array, vectors: Array) -> Array:
-    turned: Array = (frames @ vectors[..., None])[..., 0]
-    return turned
-
-
 def _columns(bvh: Bvh) -> Iterator[tuple[int, int, str]]:
     """Yield joint, column of the motion, and name of every channel."""
     column = 0
@@ -131,7 +101,7 @@ def _columns(bvh: Bvh) -> Iterator[tuple[int, int, str]]:
             column += 1
 
 
-def _rows(bvh: Bvh, wanted: dict[int, Array], moved: Array, local: Array) -> Array:
+def _rows(bvh: Bvh, root: Array, moved: Array, local: Array) -> Array:
     """``(T, C)``: the motion, in the file's channels."""
     rows = np.zeros_like(bvh.motion)
     orders = [
@@ -140,13 +110,13 @@ def _rows(bvh: Bvh, wanted: dict[int, Array], moved: Array, local: Array) -> Arr
     found = {
         joint: angles_of(local[:, joint], order) for joint, order in enumerate(orders) if order
     }
-    root = wanted[0] - bvh.offsets[0]
+    start = root - bvh.offsets[0]
     for joint, column, channel in _columns(bvh):
         axis = "xyz".index(channel[0])
         if channel.endswith("rotation"):
             rows[:, column] = found[joint][:, orders[joint].index(axis)]
         else:
-            rows[:, column] = (root if joint == 0 else moved[:, joint])[:, axis]
+            rows[:, column] = (start if joint == 0 else moved[:, joint])[:, axis]
     return rows
 
 

@@ -17,7 +17,10 @@ from pacmo_core.interaction_mesh import Settings
 from pacmo_core.variations.bodies import Scales
 
 # What a variation runs: an edit elsewhere does not cost what is kept.
-CODE = ("skeleton.py", "interaction_mesh/*.py", "variations/solve.py")
+CODE = (
+    *("skeleton.py", "interaction_mesh/*.py"),
+    *("variations/solve.py", "variations/shape.py", "variations/segments.py"),
+)
 PACKAGES = ("numpy", "scipy")
 LENGTH = 32  # characters of a hash
 

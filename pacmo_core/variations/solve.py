@@ -1,6 +1,6 @@
 """Make some variations of one source: what a process is handed, and what it gives back."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +10,7 @@ from pacmo_core.interaction import Interaction, Motion
 from pacmo_core.interaction_mesh import Report, Scene, Settings, Source, prepare, vary
 from pacmo_core.variations.bodies import Scales
 from pacmo_core.variations.keys import maker_key
+from pacmo_core.variations.shape import trunk_change
 
 # Sums over batches of other sizes round otherwise in their last digits; figures are kept to the
 # nanometre, or billionth, so that they are the same in any company.
@@ -88,10 +89,11 @@ def solve(lot: Lot) -> Outcome:
         found = vary(_prepared(Prepared(lot)), lot.scales)
     except ValueError as fault:
         return Outcome(lot.key, {}, " ".join(str(fault).split()))
-    made = {
-        name: Made(people_of(points, lot.source), figures_of(report))
-        for name, points, report in zip(lot.names, found.points, found.reports, strict=True)
-    }
+    made = {}
+    for row, name in enumerate(lot.names):
+        motions = people_of(found.points[row], lot.source)
+        figures = figures_of(found.reports[row])
+        made[name] = Made(motions, figures | _shape(lot, motions, lot.scales[row]))
     return Outcome(lot.key, made)
 
 
@@ -108,9 +110,14 @@ def figures_of(report: Report) -> dict[str, float]:
     return {name: round(float(value), DECIMALS) for name, value in (plain | terms).items()}
 
 
-def figure_names() -> list[str]:
-    """List the figures that every report has."""
-    return [field.name for field in fields(Report) if field.name != ENERGY]
+def _shape(lot: Lot, motions: Motion, scales: Scales) -> dict[str, float]:
+    """Measure what the report does not: the worse of the two trunks."""
+    people = (lot.source.person_a, lot.source.person_b)
+    changes = [
+        trunk_change(person, motion, lot.source.skeleton, own)
+        for person, motion, own in zip(people, motions, np.split(scales, 2), strict=True)
+    ]
+    return {"trunk_change": round(max(changes), DECIMALS)}
 
 
 class Prepared:
