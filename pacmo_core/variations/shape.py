@@ -1,4 +1,4 @@
-"""Whether a body is still one: bones of the right length may stand at angles that no trunk allows."""
+"""Whether a body is still one: right lengths may stand at angles that no trunk allows."""
 
 import numpy as np
 from numpy.typing import NDArray
