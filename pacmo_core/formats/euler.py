@@ -27,6 +27,28 @@ def angles_of(rotations: Array, order: Sequence[int]) -> Array:
     ----------
     order : the axes, 0 to 2, the first turn first
     """
+    found: Array = np.degrees(np.unwrap(np.radians(_principal(rotations, order)), axis=0))
+    return found
+
+
+def angles_like(rotations: Array, order: Sequence[int], like: Array) -> Array:
+    """``(T, 3)`` degrees: of all that give a rotation, those nearest to others.
+
+    Parameters
+    ----------
+    like : (T, 3) degrees, such as a file's own before its motion changed
+    """
+    one = _principal(rotations, order)
+    # Turning the outer two by half a turn and mirroring the middle one gives the same rotation.
+    other = np.stack([one[:, 0] + 180, 180 - one[:, 1], one[:, 2] + 180], axis=-1)
+    near = [angles + 360 * np.rint((like - angles) / 360) for angles in (one, other)]
+    apart = [np.square(angles - like).sum(axis=1, keepdims=True) for angles in near]
+    nearest: Array = np.where(apart[0] <= apart[1], near[0], near[1])
+    return nearest
+
+
+def _principal(rotations: Array, order: Sequence[int]) -> Array:
+    """``(T, 3)`` degrees, the middle one within a right angle of none."""
     i, j, k = order
     even = 1.0 if (j - i) % 3 == 1 else -1.0
     r = rotations
@@ -35,6 +57,5 @@ def angles_of(rotations: Array, order: Sequence[int]) -> Array:
     last = np.where(locked, 0.0, np.arctan2(-even * r[:, i, j], r[:, i, i]))
     free = np.arctan2(-even * r[:, j, k], r[:, k, k])
     first = np.where(locked, np.arctan2(even * r[:, k, j], r[:, j, j]), free)
-    turns = np.stack([first, middle, last], axis=-1)
-    found: Array = np.degrees(np.unwrap(turns, axis=0))
-    return found
+    angles: Array = np.degrees(np.stack([first, middle, last], axis=-1))
+    return angles

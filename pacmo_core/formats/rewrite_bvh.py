@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.formats.bvh import Bvh
-from pacmo_core.formats.euler import angles_of, rotation_of
+from pacmo_core.formats.euler import angles_like, rotation_of
 from pacmo_core.formats.nearest_pose import aimed, forward, settled
 from pacmo_core.formats.raw import FormatError
 
@@ -104,20 +104,25 @@ def _columns(bvh: Bvh) -> Iterator[tuple[int, int, str]]:
 def _rows(bvh: Bvh, root: Array, moved: Array, local: Array) -> Array:
     """``(T, C)``: the motion, in the file's channels."""
     rows = np.zeros_like(bvh.motion)
-    orders = [
-        ["xyz".index(c[0]) for c in channels if c.endswith("rotation")] for channels in bvh.channels
-    ]
-    found = {
-        joint: angles_of(local[:, joint], order) for joint, order in enumerate(orders) if order
-    }
+    for joint, columns in _turning(bvh).items():
+        order = ["xyz".index(name[0]) for name in columns]
+        own = list(columns.values())
+        rows[:, own] = angles_like(local[:, joint], order, bvh.motion[:, own])
     start = root - bvh.offsets[0]
     for joint, column, channel in _columns(bvh):
-        axis = "xyz".index(channel[0])
-        if channel.endswith("rotation"):
-            rows[:, column] = found[joint][:, orders[joint].index(axis)]
-        else:
+        if channel.endswith("position"):
+            axis = "xyz".index(channel[0])
             rows[:, column] = (start if joint == 0 else moved[:, joint])[:, axis]
     return rows
+
+
+def _turning(bvh: Bvh) -> dict[int, dict[str, int]]:
+    """Give the rotation channels of each joint that turns, in order, with their columns."""
+    found: dict[int, dict[str, int]] = {}
+    for joint, column, channel in _columns(bvh):
+        if channel.endswith("rotation"):
+            found.setdefault(joint, {})[channel] = column
+    return found
 
 
 def _text(bvh: Bvh, scales: Array, rows: Array) -> str:

@@ -41,9 +41,10 @@ def excess(figures: Mapping[str, float], bounds: Bounds) -> dict[str, float]:
 
 def badness(name: str, figure: float, bound: float) -> float:
     """Give a figure as a share of its bound: good up to 1."""
-    if name in LEAST:
-        return (1 - figure) / (1 - bound) if bound < 1 else 1 + (1 - figure)
-    return figure / bound
+    share, allowed = (1 - figure, 1 - bound) if name in LEAST else (figure, bound)
+    if allowed:
+        return share / allowed
+    return inf if share > 0 else 0.0
 
 
 def worst(figures: Mapping[str, float], bounds: Bounds) -> float:

@@ -1,5 +1,6 @@
 """Truth: limits written down here."""
 
+from dataclasses import replace
 from math import inf, nan
 
 import pytest
@@ -44,3 +45,9 @@ def test_what_is_no_number_is_beyond_its_limit() -> None:
     assert list(excess(broken, BOUNDS)) == ["raw_residual"]
     assert worst(broken, BOUNDS) == inf
     assert "raw_residual nan" in reason_of(broken, BOUNDS)
+
+
+def test_a_limit_of_nothing_lets_nothing_through() -> None:
+    strict = replace(BOUNDS, penetration=0.0, contacts_kept=1.0)
+    assert set(excess(GOOD, strict)) == {"penetration", "contacts_kept"}
+    assert excess(GOOD | {"penetration": 0.0, "contacts_kept": 1.0}, strict) == {}
