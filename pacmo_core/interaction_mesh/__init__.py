@@ -3,14 +3,8 @@
 from pacmo_core.interaction_mesh.report import Report
 from pacmo_core.interaction_mesh.scene import Scene
 from pacmo_core.interaction_mesh.settings import Limits, Rung, Settings, Support, Weights
-from pacmo_core.interaction_mesh.vary import (
-    BATCH,
-    Source,
-    Variations,
-    prepare,
-    vary,
-    vary_in_batches,
-)
+from pacmo_core.interaction_mesh.source import BATCH, Source, prepare
+from pacmo_core.interaction_mesh.vary import Variations, vary, vary_in_batches
 
 __all__ = [
     "BATCH",

@@ -27,40 +27,36 @@ class Distances:
 
 
 def distances_of(scene: Scene, settings: Settings, points: Array) -> Distances:
-    """Compare the motions (V, T, N, 3), metres, with the source.
+    """Compare the motions (T, N, 3, V), metres, with the source.
 
     Where no pair is near, or none touches, nothing is lost: 0 and 1.
     """
-    before = _between(scene, scene.points)
-    near, touching = before < settings.near, before < settings.touching
-    least = before.clip(max=settings.clearance)
-    rows = []
-    for motion in points:
-        after = _between(scene, motion)
-        error = np.abs(after - before)
-        rows.append(
-            (
-                _mean(error[near]),
-                _mean(error[~near]),
-                _mean(after[touching] < settings.touching + settings.slack, empty=1),
-                max(0.0, float((least - after).max())),
-            )
-        )
-    return Distances(*np.array(rows, dtype=np.float64).reshape(-1, 4).T)
+    n_bodies = points.shape[-1]
+    sums, counts = np.zeros((3, n_bodies)), np.zeros(3)
+    deepest = np.zeros(n_bodies, dtype=np.float32)
+    for pose, frame in zip(scene.points, points, strict=True):
+        before = _between(scene, pose[..., None])
+        near, touching = (before < limit for limit in (settings.near, settings.touching))
+        after = _between(scene, frame)
+        deepest = np.maximum(deepest, (before.clip(max=settings.clearance) - after).max(axis=0))
+        kept = after[touching[:, 0]] < settings.touching + settings.slack
+        np.abs(np.subtract(after, before, out=after), out=after)
+        close = after[near[:, 0]].sum(axis=0)
+        sums += [close, after.sum(axis=0) - close, kept.sum(axis=0)]
+        counts += [near.sum(), (~near).sum(), touching.sum()]
+    means = sums / counts.clip(min=1)[:, None]
+    kept_share = means[2] if counts[2] else np.ones(n_bodies)
+    return Distances(means[0], means[1], kept_share, deepest.astype(np.float64))
 
 
-def _between(scene: Scene, motion: Array) -> Single:
-    """``(T, J_a, J_b)`` float32 metres, from squares: one product of matrices a frame."""
-    # About the middle of the frame, lest a common offset swallow the digits of the products.
-    centred = (motion - motion.mean(axis=1, keepdims=True)).astype(np.float32)
-    a, b = np.split(centred, [scene.n_joints[0]], axis=1)
-    squared = a @ b.transpose(0, 2, 1)
-    squared *= -2
-    squared += np.square(a).sum(axis=-1)[..., None]
-    squared += np.square(b).sum(axis=-1)[:, None]
-    distances: Single = np.sqrt(np.maximum(squared, 0, out=squared), out=squared)
+def _between(scene: Scene, pose: Array) -> Single:
+    """``(J_a J_b, V)`` float32 metres."""
+    # About the middle of the frame, lest a common offset swallow the digits.
+    centred = (pose - pose.mean(axis=0)).astype(np.float32)
+    a, b = centred[: scene.n_joints[0], None], centred[None, scene.n_joints[0] :]
+    squared = np.zeros((a.shape[0], b.shape[1], pose.shape[-1]), dtype=np.float32)
+    for axis in range(3):
+        part = a[:, :, axis] - b[:, :, axis]
+        squared += np.multiply(part, part, out=part)
+    distances: Single = np.sqrt(squared, out=squared).reshape(-1, pose.shape[-1])
     return distances
-
-
-def _mean(values: np.ndarray, empty: float = 0) -> float:
-    return float(values.mean()) if values.size else empty

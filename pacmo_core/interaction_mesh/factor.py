@@ -5,14 +5,24 @@ with ties that are diagonal between blocks, and block elimination needs only the
 pivot. Ground tells height from the other two directions, hence two stacks of pivots.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import tee
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from pacmo_core.interaction_mesh.blocks import (
+    InTime,
+    in_pairs,
+    in_time,
+    pairs_of_frames,
+    tie,
+    tie_back,
+)
 from pacmo_core.interaction_mesh.energy import Quadratic
-from pacmo_core.interaction_mesh.scene import Array, Single
-from pacmo_core.interaction_mesh.supports import steps_of
+from pacmo_core.interaction_mesh.rows import Rows
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 
 
 @dataclass(frozen=True)
@@ -32,82 +42,73 @@ class Factor:
     next_but_one: Single
 
 
-def factorise(energy: Quadratic, penalty: Array) -> Factor:
-    """Eliminate block by block in float64.
-
-    Parameters
-    ----------
-    penalty : (T, N, N) or (1, N, N), what the penalties add to H within each frame
-    """
-    one, two, three = _in_time(energy)
-    n_frames, n_points = one.shape
-    padding = n_frames % 2
-    within = np.zeros((n_frames + padding, n_points, n_points))
-    within[:n_frames] = energy.within + penalty
-    everyone = np.arange(n_points)
-    within[:n_frames, everyone, everyone] += one
-    within[n_frames:, everyone, everyone] = 1
-    next_frame = _padded(two, len(within))
-    next_but_one = _padded(three, len(within))
-    across = _pivots(within, next_frame, next_but_one)
-    within[:n_frames, everyone, everyone] += energy.height * energy.standing
-    upright = _pivots(within, next_frame, next_but_one)
+def factorise(energy: Quadratic, rows: Rows) -> Factor:
+    """Eliminate block by block in float64."""
+    time = in_time(energy)
+    size = 2 * time.same.shape[1]
+    across = np.zeros((len(time.same) // 2, size, size), dtype=np.float32)
+    upright = np.zeros_like(across)
+    flat, same = tee(pairs_of_frames(energy, time, rows))
+    both = zip(_pivots(flat, time), _pivots(_raised(same, energy), time), strict=True)
+    for number, (level, high) in enumerate(both):
+        across[number], upright[number] = level, high
     return Factor(
-        across, upright, next_frame.astype(np.float32)[..., None], next_but_one.astype(np.float32)
+        across,
+        upright,
+        time.next_frame.astype(np.float32)[..., None],
+        time.next_but_one.astype(np.float32),
     )
 
 
-def _in_time(energy: Quadratic) -> tuple[Array, Array, Array]:
-    """Take acceleration and stance: entries on the diagonal, to the next frame, to the next."""
-    n_frames, n_points = energy.standing.shape
-    one, two = np.zeros((n_frames, n_points)), np.zeros((n_frames, n_points))
-    three = np.zeros(n_frames)
-    for shift, entry in enumerate((1, 4, 1)):
-        one[shift : n_frames - 2 + shift] += energy.acceleration * entry
-    two[: max(0, n_frames - 2)] -= 2 * energy.acceleration
-    two[1 : max(1, n_frames - 1)] -= 2 * energy.acceleration
-    stands = energy.stance * steps_of(energy.standing)
-    one[:-1] += stands
-    one[1:] += stands
-    two[:-1] -= stands
-    three[: max(0, n_frames - 2)] = energy.acceleration
-    return one, two, three
+def stiffness(energy: Quadratic, scene: Scene) -> Array:
+    """``(T, E)``: the force a metre with which the energy alone holds a bone's end to its parent.
+
+    ``1 / (a^T H^-1 a)`` with a the difference of the two points in one frame, in the direction that
+    is held harder: penalties in proportion to it suit hands in contact, feet on the ground and
+    heads in the air alike.
+    """
+    time = in_time(energy)
+    flat, same = tee(pairs_of_frames(energy, time, None))
+    loose = np.minimum(
+        _softness(flat, time, scene), _softness(_raised(same, energy), time, scene)
+    )
+    stiff: Array = 1 / loose[: len(energy.held)]
+    return stiff
 
 
-def _padded(entries: Array, n_frames: int) -> Array:
-    rows = np.zeros((n_frames, *entries.shape[1:]))
-    rows[: len(entries)] = entries
-    return rows
+def _softness(blocks: Iterable[Array], time: InTime, scene: Scene) -> Array:
+    """``(2K, E)``: a^T H^-1 a.
+
+    The blocks of the inverse on the diagonal follow from the pivots, last to first: Takahashi, Fagan
+    and Chen (1973), *Formation of a sparse bus impedance matrix*.
+    """
+    pivots = [pivot.astype(np.float32) for pivot in _pivots(blocks, time)]
+    n_points = time.same.shape[1]
+    ends = np.concatenate([scene.bones, n_points + scene.bones]).T
+    found = np.zeros((len(pivots), ends.shape[1]))
+    block = pivots[-1].astype(np.float64)
+    for number in reversed(range(len(pivots))):
+        if number + 1 < len(pivots):
+            pivot = pivots[number].astype(np.float64)
+            half = tie_back(time, block, 2 * number)
+            block = pivot + pivot @ tie_back(time, half.T, 2 * number) @ pivot
+        parent, child = ends
+        found[number] = block[child, child] + block[parent, parent] - 2 * block[child, parent]
+    return found.reshape(2 * len(pivots), -1)
 
 
-def _pivots(within: Array, next_frame: Array, next_but_one: Array) -> Single:
+def _raised(blocks: Iterable[Array], energy: Quadratic) -> Iterator[Array]:
+    """Add what the ground has on height."""
+    heights = energy.height * in_pairs(energy.held)
+    for block, height in zip(blocks, heights, strict=True):
+        yield block + np.diag(height.reshape(-1))
+
+
+def _pivots(blocks: Iterable[Array], time: InTime) -> Iterator[Array]:
     """Invert ``S_k = H_kk - C_k-1 S_k-1^-1 C_k-1^T`` in turn."""
-    n_points = within.shape[1]
-    everyone = np.arange(n_points)
-    size = 2 * n_points
-    inverses = np.zeros((len(within) // 2, size, size), dtype=np.float32)
-    filled = np.zeros((size, size))
-    for block in range(len(inverses)):
-        first = 2 * block
-        pivot = -filled
-        pivot[:n_points, :n_points] += within[first]
-        pivot[n_points:, n_points:] += within[first + 1]
-        pivot[everyone, n_points + everyone] += next_frame[first]
-        pivot[n_points + everyone, everyone] += next_frame[first]
-        inverse = cho_solve(cho_factor(pivot), np.eye(size))
-        inverses[block] = inverse
-        half = _tie(inverse, first, next_frame, next_but_one)
-        filled = _tie(half.T, first, next_frame, next_but_one)
-    return inverses
-
-
-def _tie(rows: Array, first: int, next_frame: Array, next_but_one: Array) -> Array:
-    """Multiply rows (2N, C) of the frames ``first``, ``first + 1`` into those of the next two."""
-    n_points = len(rows) // 2
-    upper, lower = rows[:n_points], rows[n_points:]
-    return np.concatenate(
-        [
-            next_but_one[first] * upper + next_frame[first + 1][:, None] * lower,
-            next_but_one[first + 1] * lower,
-        ]
-    )
+    size = 2 * time.same.shape[1]
+    filled, identity = np.zeros((size, size)), np.eye(size)
+    for number, block in enumerate(blocks):
+        inverse = cho_solve(cho_factor(block - filled), identity)
+        yield inverse
+        filled = tie(time, tie(time, inverse, 2 * number).T, 2 * number)

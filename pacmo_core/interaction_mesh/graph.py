@@ -25,9 +25,15 @@ def laplacian(scene: Scene, weights: Weights, graph: str) -> Array:
 
 
 def contact_ties(scene: Scene, weights: Weights) -> Array:
-    """``(T, N, N)`` symmetric: ``exp(-(d / reach)^2)`` between the bodies, 0 within one."""
-    closeness = np.exp(-((_distances(scene.points) / weights.contact_reach) ** 2))
-    ties: Array = weights.contact * closeness * between(scene)
+    """``(T, N, N)`` symmetric: what falls as ``exp(-(d / reach)^4)`` between the bodies.
+
+    A joint that touches many shares its weight among them, ``w_ij = c_ij / sqrt(s_i s_j)`` with
+    ``s_i`` the larger of 1 and the sum of ``c_ij``: a hand of many joints holds no harder than one.
+    """
+    closeness = np.exp(-((_distances(scene.points) / weights.contact_reach) ** 4))
+    closeness *= between(scene)
+    shares = np.sqrt(closeness.sum(axis=-1).clip(min=1))
+    ties: Array = weights.contact * closeness / (shares[:, :, None] * shares[:, None])
     return ties
 
 

@@ -31,16 +31,15 @@ def flips(scene: Scene, points: Array) -> Array:
 
     Parameters
     ----------
-    points : (V, T, N, 3) metres
+    points : (T, N, 3, V) metres
     """
     chain = hinges(scene)
     if not len(chain):
-        return np.zeros(len(points))
-    before, was_bent = _bend(scene.points, chain)
+        return np.zeros(points.shape[-1])
+    before, was_bent = _bend(scene.points[..., None], chain)
     after, is_bent = _bend(points, chain)
-    both = was_bent & is_bent
-    back = both & ((before * after).sum(axis=-1) < 0)
-    share: Array = back.any(axis=2).mean(axis=1)
+    back = was_bent & is_bent & ((before * after).sum(axis=2) < 0)
+    share: Array = back.any(axis=1).mean(axis=0)
     return share
 
 
@@ -63,8 +62,9 @@ def _of_body(skeleton: Skeleton, lengths: Array) -> list[NDArray[np.intp]]:
 
 def _bend(points: Array, chain: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
     """Give the normal of the plane in which each hinge bends, and whether it bends at all."""
-    upper = points[..., chain[:, 1], :] - points[..., chain[:, 0], :]
-    lower = points[..., chain[:, 2], :] - points[..., chain[:, 1], :]
-    normal = np.cross(upper, lower)
-    extent = np.linalg.norm(upper, axis=-1) * np.linalg.norm(lower, axis=-1)
-    return normal, np.linalg.norm(normal, axis=-1) > STRAIGHT * extent
+    first, middle, last = (points[:, chain[:, end]] for end in range(3))
+    upper, lower = middle - first, last - middle
+    normal = np.cross(upper, lower, axis=2)
+    lengths = (np.linalg.norm(part, axis=2) for part in (upper, lower, normal))
+    long, other, bent = lengths
+    return normal, bent > STRAIGHT * long * other

@@ -34,7 +34,9 @@ class Report:
     flip_share : of frames, those where an elbow or knee bends to the other side
     rung : which try it is, from 0
     raw_residual : share of its length by which a bone missed it before it was set, at worst
-    last_step : metres, by how much the solver's last iteration still moved a bone's end
+    last_step : by how much the solver's last iteration still moved bones, a share of how much they
+        grow, root mean square
+    iterations : of the try
     energy : the terms
     """
 
@@ -50,6 +52,7 @@ class Report:
     rung: int
     raw_residual: float
     last_step: float
+    iterations: int
     energy: dict[str, float]
 
     def badness(self, limits: Limits) -> float:
@@ -58,47 +61,48 @@ class Report:
 
 
 def figures_of(
-    scene: Scene, settings: Settings, standing: NDArray[np.bool_], points: Array, scales: Array
-) -> list[dict[str, float]]:
-    """Measure motions (V, T, N, 3), metres, of bodies with scales (V, E), by ``Report``'s names."""
+    scene: Scene, settings: Settings, standing: NDArray[np.bool_], points: Array
+) -> dict[str, Array]:
+    """Measure motions (T, N, 3, V), metres, by ``Report``'s names, (V,) each."""
     ours = distances_of(scene, settings, points)
-    plain = distances_of(scene, settings, naive(scene, scales))
-    slide = _slide(points, standing, scene.fps) - _slide(scene.points[None], standing, scene.fps)
-    columns = {
+    own_slide = _slide(scene.points[..., None], standing, scene.fps)
+    return {
         "near_error": ours.near,
         "far_error": ours.far,
-        "near_error_naive": plain.near,
-        "far_error_naive": plain.far,
         "contacts_kept": ours.kept,
-        "added_slide": slide,
-        "penetration": ours.penetration,
+        "added_slide": _slide(points, standing, scene.fps) - own_slide,
+        "penetration": ours.penetration.clip(min=0),
         "seam_ratio": _seam_ratio(scene, points),
         "flip_share": flips(scene, points),
     }
-    return [
-        {name: float(column[v]) for name, column in columns.items()} for v in range(len(points))
-    ]
+
+
+def figures_of_naive(scene: Scene, settings: Settings, scales: Array) -> dict[str, Array]:
+    """Measure naive scaling with scales (V, E), (V,) each."""
+    plain = distances_of(scene, settings, naive(scene, scales))
+    return {"near_error_naive": plain.near, "far_error_naive": plain.far}
 
 
 def spikes(points: Array) -> Array:
-    """``(V, T - 2)``: mean acceleration of the joints over the median of the frames around.
+    """``(T - 2, V)``: mean acceleration of the joints over the median of the frames around.
 
     Parameters
     ----------
-    points : (V, T, N, 3), T >= 3
+    points : (T, N, 3, V), T >= 3
     """
-    accelerations = np.linalg.norm(np.diff(points, n=2, axis=1), axis=-1).mean(axis=-1)
-    padded = np.pad(accelerations, ((0, 0), (AROUND, AROUND)), mode="reflect")
-    medians = np.median(sliding_window_view(padded, 2 * AROUND + 1, axis=1), axis=-1)
+    bends = np.diff(points, n=2, axis=0)
+    accelerations = np.sqrt(np.einsum("tncv,tncv->tnv", bends, bends)).mean(axis=1)
+    padded = np.pad(accelerations, ((AROUND, AROUND), (0, 0)), mode="reflect")
+    medians = np.median(sliding_window_view(padded, 2 * AROUND + 1, axis=0), axis=-1)
     ratios: Array = accelerations / np.maximum(medians, np.finfo(np.float32).tiny)
     return ratios
 
 
 def _seam_ratio(scene: Scene, points: Array) -> Array:
     if len(scene.points) < AROUND + 3:
-        return np.ones(len(points))
-    own = np.maximum(1, spikes(scene.points[None]))
-    ratio: Array = (spikes(points) / own).max(axis=1)
+        return np.ones(points.shape[-1])
+    own = np.maximum(1, spikes(scene.points[..., None]))
+    ratio: Array = (spikes(points) / own).max(axis=0)
     return ratio
 
 
@@ -106,7 +110,7 @@ def _slide(points: Array, standing: NDArray[np.bool_], fps: float) -> Array:
     """``(V,)`` metres a second: mean horizontal speed of what stands."""
     stands = steps_of(standing)
     if not stands.any():
-        return np.zeros(len(points))
-    steps = np.diff(points[..., [0, 2]], axis=1)[:, stands]
-    speeds: Array = np.linalg.norm(steps, axis=-1).mean(axis=1) * fps
+        return np.zeros(points.shape[-1])
+    steps = np.diff(points[:, :, [0, 2]], axis=0)[stands]
+    speeds: Array = np.linalg.norm(steps, axis=1).mean(axis=0) * fps
     return speeds

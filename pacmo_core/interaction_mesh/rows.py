@@ -10,34 +10,27 @@ from pacmo_core.interaction_mesh.scene import Array, Scene
 
 @dataclass(frozen=True)
 class Rows:
-    """Differences of two points, as rows of a matrix of -1 and 1; bones come first.
+    """Differences of two points; bones come first.
 
     Parameters
     ----------
-    matrix : (1, R, N) or, where pairs change from frame to frame, (T, R, N)
-    weights : (R,), penalties
+    pairs : (T, R, 2), the second point less the first
+    weights : (T, R), penalties
     source : (T, R, 3) metres, the differences in the source
     least : (T, R - E) metres, how far apart the pairs must stay
     """
 
-    matrix: Array
+    pairs: NDArray[np.intp]
     weights: Array
     source: Array
     least: Array
 
-    @property
-    def penalty(self) -> Array:
-        """``(T, N, N)`` or ``(1, N, N)``: what the penalties add to the energy's matrix."""
-        weighted = self.weights[:, None] * self.matrix
-        penalty: Array = self.matrix.transpose(0, 2, 1) @ weighted
-        return penalty
 
-
-def bone_rows(scene: Scene, penalty: float) -> Rows:
-    """Hold bones alone."""
-    matrix = _differences(scene.bones[None], scene.points.shape[1])
-    weights = np.full(len(scene.bones), penalty)
-    return Rows(matrix, weights, scene.vectors, np.zeros((len(scene.points), 0)))
+def bone_rows(scene: Scene, weights: Array) -> Rows:
+    """Hold bones alone, with weights (T, E)."""
+    n_frames = len(scene.points)
+    pairs = np.broadcast_to(scene.bones, (n_frames, *scene.bones.shape))
+    return Rows(pairs, weights, scene.vectors, np.zeros((n_frames, 0)))
 
 
 def guarded_rows(scene: Scene, bones: Rows, apart: float, n_pairs: int, clearance: float) -> Rows:
@@ -50,14 +43,13 @@ def guarded_rows(scene: Scene, bones: Rows, apart: float, n_pairs: int, clearanc
     clearance : metres that joints of two bodies keep, where the source does
     """
     pairs = closest_pairs(scene, n_pairs)
-    source = np.take_along_axis(scene.points, pairs[..., 1, None], axis=1) - np.take_along_axis(
-        scene.points, pairs[..., 0, None], axis=1
+    first, second = (
+        np.take_along_axis(scene.points, pairs[..., end, None], axis=1) for end in (0, 1)
     )
-    extra = _differences(pairs, scene.points.shape[1])
-    held = np.broadcast_to(bones.matrix, (len(extra), *bones.matrix.shape[1:]))
+    source = second - first
     return Rows(
-        matrix=np.concatenate([held, extra], axis=1),
-        weights=np.concatenate([bones.weights, np.full(pairs.shape[1], apart)]),
+        pairs=np.concatenate([bones.pairs, pairs], axis=1),
+        weights=np.concatenate([bones.weights, np.full(pairs.shape[:2], apart)], axis=1),
         source=np.concatenate([bones.source, source], axis=1),
         least=np.linalg.norm(source, axis=-1).clip(max=clearance),
     )
@@ -72,9 +64,9 @@ def closest_pairs(scene: Scene, n_pairs: int) -> NDArray[np.intp]:
     return np.stack([found // n_b, n_a + found % n_b], axis=-1)
 
 
-def _differences(pairs: NDArray[np.intp], n_points: int) -> Array:
-    """``(T, R, N)``: the second point of each pair less the first."""
+def differences(pairs: NDArray[np.intp], n_points: int) -> Array:
+    """``(..., R, N)``: the matrix of -1 and 1 that takes points to their differences."""
     everyone = np.arange(n_points)
-    ends = (pairs[..., None] == everyone).astype(np.float64)
-    difference: Array = ends[..., 1, :] - ends[..., 0, :]
+    first, second = ((pairs[..., end, None] == everyone).astype(np.float64) for end in (0, 1))
+    difference: Array = second - first
     return difference

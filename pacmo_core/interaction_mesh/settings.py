@@ -12,7 +12,7 @@ class Weights:
     power : of the distance in the Laplacian's weights, ``1 / (distance + softening) ** power``
     softening : metres added to distances, so that joints that touch do not silence all others
     acceleration : of the change, at 30 frames a second
-    contact : of a pair of joints that touch
+    contact : of all that a joint touches, together
     contact_reach : metres at which contact has fallen to 1/e
     stance : on steps of the change where a joint stands on the ground, at 30 frames a second
     height : on vertical change there
@@ -38,11 +38,13 @@ class Support:
     reach : metres above the ground that the joint comes down to at its lowest
     height : metres above its own lowest level
     speed : metres a second
+    fade : seconds in which it sets in and lets go; a hold that starts at once jerks the motion
     """
 
     reach: float
     height: float
     speed: float
+    fade: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,11 +53,13 @@ class Rung:
 
     Parameters
     ----------
-    penalty : on the distance between bones and their target lengths
-    iterations : of the alternating directions
+    penalty : on the distance between bones and their target lengths, as a share of the force with
+        which the energy itself holds them. Small ones settle in few iterations, unless bones are
+        pressed together so hard that they buckle and never settle; large ones always do, slowly
+    iterations : of the alternating directions, at most
     apart : penalty that keeps the bodies apart; 0 leaves that out
-    step : metres; a try goes on to the next rung if its last iteration still moved bones by more,
-        root mean square. Few need many iterations: bodies that must bend to fit
+    step : a body has settled once an iteration moves bones by no more than this share of how much
+        they grow, root mean square; one that has not goes on to the next rung
     """
 
     penalty: float

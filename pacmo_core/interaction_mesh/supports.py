@@ -18,6 +18,16 @@ def supports(scene: Scene, support: Support) -> NDArray[np.bool_]:
     return low & (_speeds(scene) < support.speed)
 
 
+def holds(standing: NDArray[np.bool_], fps: float, fade: float) -> NDArray[np.float64]:
+    """``(T, N)``: 1 where a joint stands; before and after that ``exp(-(seconds / fade)^2)``."""
+    held = standing.astype(np.float64)
+    for shift in range(1, min(len(held), int(3 * fade * fps) + 1)):
+        share = np.exp(-((shift / fps / fade) ** 2))
+        held[shift:] = np.maximum(held[shift:], share * standing[:-shift])
+        held[:-shift] = np.maximum(held[:-shift], share * standing[shift:])
+    return held
+
+
 def steps_of(standing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """``(T - 1, N)``: whether a joint stands at both ends of a step."""
     return standing[1:] & standing[:-1]

@@ -19,7 +19,7 @@ SETTINGS = Settings(
         height=300,
         anchor=1e-3,
     ),
-    support=Support(reach=0.2, height=0.03, speed=0.2),
+    support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.07),
     limits=Limits(residual=1e-2, penetration=0.01),
     rungs=(
         Rung(penalty=12, iterations=30, apart=0, step=1e-4),
