@@ -24,9 +24,7 @@ class Bodies(nn.Module):
         self.root = root
         self.into = nn.Linear(n_joints, HIDDEN)
         self.code = Gaussian(HIDDEN, LATENT)
-        self.out = nn.Sequential(
-            nn.Linear(LATENT, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, n_joints)
-        )
+        self.out = nn.Sequential(nn.Linear(LATENT, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, n_joints))
 
     def encode(self, scales: Tensor) -> Code:
         """Encode (B, J)."""

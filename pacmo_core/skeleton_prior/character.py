@@ -18,6 +18,7 @@ class Given:
     partner : (B, T, J, 3), metres: the partner as it moves by now
     partner_template : (B, T, J, 3), metres
     partner_scales : (B, J)
+    unit : metres, the size of changes in the data
     """
 
     template: Tensor
@@ -25,6 +26,7 @@ class Given:
     partner: Tensor
     partner_template: Tensor
     partner_scales: Tensor
+    unit: Tensor
 
 
 @dataclass(frozen=True)

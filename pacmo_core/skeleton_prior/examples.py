@@ -10,6 +10,7 @@ from torch import Tensor
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import Skeleton
+from pacmo_core.skeleton_prior.keyframes import keyframes
 from pacmo_core.transform import Frame, frame_of
 
 # Share of a source's joint heights below the ground: noise, not ground.
@@ -95,11 +96,10 @@ class ExampleSet:
         return len(self.varied)
 
     def whole(self, row: int, stride: int) -> Pairs:
-        """Take every ``stride``-th frame of one example, a batch of one."""
+        """Take the keyframes of one example, a batch of one."""
         template = self.templates[int(self.sources[row])]
-        return Pairs(
-            template[::stride][None], self.varied[row][::stride][None], self.scales[row][None]
-        )
+        at = list(keyframes(len(template), stride))
+        return Pairs(template[None, at], self.varied[row][None, at], self.scales[row][None])
 
     def windows(self, rows: Tensor, stride: int, window: int, random: torch.Generator) -> Pairs:
         """Take of each row ``window`` frames, ``stride`` apart, from anywhere in it.
@@ -148,9 +148,7 @@ def encode(examples: Sequence[Example]) -> ExampleSet:
         sources.append(list(templates).index(key))
         own = by_joint(example.scales, example.template.skeleton)
         scales.append(own.flip(0) if b_first else own)
-    return ExampleSet(
-        list(templates.values()), varied, torch.tensor(sources), torch.stack(scales)
-    )
+    return ExampleSet(list(templates.values()), varied, torch.tensor(sources), torch.stack(scales))
 
 
 def first_is_b(scales: NDArray[np.float64]) -> bool:

@@ -25,7 +25,7 @@ def neighbours(skeleton: Skeleton) -> Tensor:
 
 
 def paths(skeleton: Skeleton) -> Tensor:
-    """``(J, J)`` float32: 1 where the bone into joint (column) lies between the root and joint (row).
+    """``(J, J)`` float32: 1 where the bone into a column's joint leads to a row's joint.
 
     The root's own column is 1 throughout: with the root's place there and bone vectors elsewhere,
     one product of matrices places all joints.

@@ -1,7 +1,7 @@
 """Our form: turns of bones, linear in the change of the bodies, from what the mesh would pull.
 
 Unlike the paper, whose decoders see both ends of the template and the partner as one code, every
-frame is told its template, where naive scaling puts the body, and how that breaks the relations to
+frame is told its template, where a guess puts the body, and how that breaks the relations to
 the partner. All of it is known beforehand, so the recurrence takes no step twice: inputs and
 outputs of all frames are single products.
 """
@@ -14,6 +14,7 @@ from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
 from pacmo_core.skeleton_prior.layers import GraphGru, Head, StGcn
+from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
 from pacmo_core.skeleton_prior.relations import pulls
 
@@ -31,14 +32,17 @@ class KinematicCharacter(Character):
     Parameters
     ----------
     skeleton : Skeleton
+    limbs : its arms and legs
     hidden : channels
     dropout : share
     """
 
-    def __init__(self, skeleton: Skeleton, *, hidden: int, dropout: float) -> None:
+    def __init__(
+        self, skeleton: Skeleton, limbs: tuple[Limb, ...], *, hidden: int, dropout: float
+    ) -> None:
         super().__init__()
         self.hidden = hidden
-        self.place = self.tree = Tree(skeleton)
+        self.place = self.tree = Tree(skeleton, limbs)
         links = neighbours(skeleton)
         self.encoder = MotionEncoder(links, 4, widths(hidden), dropout=dropout)
         self.code = Gaussian(hidden + 6, hidden)
@@ -59,12 +63,13 @@ class KinematicCharacter(Character):
         return (rows, joints, self.hidden)
 
     def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
-        """Encode what the naive body does not explain."""
+        """Encode what the guess does not explain."""
         size = amplitude(given)
-        change = (motion - self.tree.naive(given.template, given.scales)) / (size * GAIN)
+        change = (motion - self.tree.guess(given.template, given.scales)) / (size * GAIN)
         grown = self._grown(given.scales, size)[:, None].expand(-1, motion.shape[1], -1, -1)
         encoded = self.encoder(torch.cat([change, grown], dim=-1), random)
-        return self.code(torch.cat([encoded, ends(given.template)], dim=-1))
+        code: Code = self.code(torch.cat([encoded, ends(given.template)], dim=-1))
+        return code
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Turn bones by so much as the bodies change."""
@@ -79,7 +84,7 @@ class KinematicCharacter(Character):
     def sights(self, given: Given) -> Tensor:
         """``(B, T, J, 30)``: all that is known of a joint in a frame; changes for a change of 1."""
         template, size = given.template, amplitude(given)
-        own_change = self.tree.naive(template, given.scales) - template
+        own_change = self.tree.guess(template, given.scales) - template
         partner_change = given.partner - given.partner_template
         near = pulls(template, given.partner_template, own_change / size, partner_change / size)
         bones = self.tree.bones(template)
@@ -87,9 +92,9 @@ class KinematicCharacter(Character):
         grown = torch.cat(
             [
                 self._grown(given.scales, size),
-                self._grown(given.partner_scales, size).mean(dim=1, keepdim=True).expand(
-                    -1, template.shape[2], -1
-                ),
+                self._grown(given.partner_scales, size)
+                .mean(dim=1, keepdim=True)
+                .expand(-1, template.shape[2], -1),
             ],
             dim=-1,
         )
@@ -98,8 +103,14 @@ class KinematicCharacter(Character):
         speed = torch.diff(template, dim=1, append=template[:, -1:]).norm(dim=-1, keepdim=True)
         constant = grown[:, None].expand(-1, template.shape[1], -1, -1)
         parts = [
-            constant, own_change / size, near, directions, template[..., 1:2], 10 * speed,
-            bones.norm(dim=-1, keepdim=True), borne / template.shape[2]
+            constant,
+            own_change / size,
+            near,
+            directions,
+            template[..., 1:2],
+            10 * speed,
+            bones.norm(dim=-1, keepdim=True),
+            borne / template.shape[2],
         ]
         return torch.cat(parts, dim=-1)
 

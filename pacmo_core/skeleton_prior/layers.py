@@ -79,7 +79,7 @@ class ChannelNorm(nn.BatchNorm1d):
 
 
 class StGcn(nn.Module):
-    """One ST-GCN layer: graph, ReLU, norm, ReLU, convolution in time, norm, dropout, residual, ReLU.
+    """One ST-GCN layer: graph, ReLU, norm, ReLU, time, norm, dropout, residual, ReLU.
 
     The order of the supplement, 3.1; residual and last ReLU of Li et al. (2020), on whose layer it
     says it is built: through a convolution of one frame where the shape changes, none in a first
@@ -109,6 +109,7 @@ class StGcn(nn.Module):
         self.norms = nn.ModuleList([ChannelNorm(out_channels) for _ in range(2)])
         self.time = TimeConvolution(out_channels, out_channels, stride=stride)
         self.stride, self.dropout, self.residual = stride, dropout, residual
+        self.active = True  # whether the last ReLU is there
         same = in_channels == out_channels and stride == 1
         self.shortcut: nn.Module = nn.Identity()
         if residual and not same:
@@ -128,7 +129,7 @@ class StGcn(nn.Module):
         out = drop(self.norms[1](self.time(spatial)), self.dropout, random)
         if self.residual:
             out = out + self.shortcut(x[:, :: self.stride])
-        return out.relu_()
+        return out.relu_() if self.active else out
 
 
 class GraphGru(nn.Module):
@@ -163,7 +164,7 @@ class GraphGru(nn.Module):
         self.gates_hidden = nn.Linear(hidden, 3 * hidden, bias=False)
 
     def weights(self) -> tuple[Tensor, Tensor]:
-        """Fold what is constant over a sequence: links ``(J, J)``, message and gates ``(h, 3h)``."""
+        """Fold what is constant over a sequence: links (J, J), message with gates (h, 3h)."""
         folded = self.message.weight.T @ self.gates_hidden.weight.T
         return self.adjacency * self.mask + self.added, folded
 
@@ -181,7 +182,7 @@ class GraphGru(nn.Module):
         mixed = links @ state.reshape(n_joints, -1)
         gates = (mixed.view(-1, hidden) @ folded).view(n_joints, n_rows, 3 * hidden)
         both = torch.sigmoid(given[..., : 2 * hidden] + gates[..., : 2 * hidden])
-        reset, update = both.split(hidden, dim=-1)
+        reset, update = both[..., :hidden], both[..., hidden:]
         candidate = torch.tanh(
             torch.addcmul(given[..., 2 * hidden :], reset, gates[..., 2 * hidden :])
         )

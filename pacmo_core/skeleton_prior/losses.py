@@ -66,7 +66,8 @@ def total(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Ten
 
 
 def _smooth(error: Tensor) -> Tensor:
-    return torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error))
+    loss: Tensor = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error))
+    return loss
 
 
 def _lengths(motion: Tensor, parents: Tensor) -> Tensor:
@@ -79,7 +80,8 @@ def _pairs(motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor) -> T
     near = torch.exp(-((_distances(template) / REACH) ** 2))
     error = (_distances(motions) - _distances(varied)) / unit
     loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
-    return (near * loss).sum() / near.sum().clamp_min(1)
+    weighed: Tensor = (near * loss).sum()
+    return weighed / near.sum().clamp_min(1)
 
 
 def _distances(motions: Tensor) -> Tensor:

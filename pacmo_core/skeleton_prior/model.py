@@ -1,6 +1,8 @@
 """The three VAEs as one model: bodies, the first character, the second given the first."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypedDict
 
 import torch
 from torch import Tensor, nn
@@ -9,7 +11,11 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.bodies import Bodies
 from pacmo_core.skeleton_prior.character import Character, Code, Given
 from pacmo_core.skeleton_prior.examples import ExampleSet
+from pacmo_core.skeleton_prior.frame_baselines import FrameCnn, FrameGcn
 from pacmo_core.skeleton_prior.kinematic import KinematicCharacter
+from pacmo_core.skeleton_prior.limbs import Limb
+from pacmo_core.skeleton_prior.motion_baselines import MotionCnn, MotionGcn
+from pacmo_core.skeleton_prior.paper import First, Second
 from pacmo_core.skeleton_prior.placing import Tree
 
 
@@ -20,6 +26,7 @@ class PriorConfig:
     Parameters
     ----------
     skeleton : of both characters
+    limbs : of the skeleton
     model : a name of ``FORMS``
     hidden : channels of the widest layers
     stride : frames from one that the networks see to the next
@@ -27,9 +34,17 @@ class PriorConfig:
     """
 
     skeleton: Skeleton
+    limbs: tuple[Limb, ...]
     model: str
     hidden: int
     stride: int
+    dropout: float
+
+
+class Sizes(TypedDict):
+    """What most networks want to know of a configuration."""
+
+    hidden: int
     dropout: float
 
 
@@ -52,7 +67,7 @@ SMALLEST_UNIT = 1e-4
 
 
 class SkeletonPrior(nn.Module):
-    """``p(bodies) p(first | bodies) p(second | first, bodies)`` (supplement, 2.3 and tables 11 to 16).
+    """``p(bodies) p(first | bodies) p(second | first, bodies)`` (supplement, 2.3).
 
     Parameters
     ----------
@@ -70,7 +85,7 @@ class SkeletonPrior(nn.Module):
         self.config, self.both_roles = config, both_roles
         self.bodies = Bodies(len(config.skeleton.joints), config.skeleton.root)
         self.first, self.second = characters
-        self.tree = Tree(config.skeleton)
+        self.tree = Tree(config.skeleton, config.limbs)
         self.register_buffer("unit", torch.ones(()))
 
     def measure(self, examples: ExampleSet) -> None:
@@ -135,13 +150,24 @@ class SkeletonPrior(nn.Module):
         return first, second
 
     def given_first(self, template: Tensor, scales: Tensor) -> Given:
-        """Tell the first character all but what its partner will do: that one is scaled naively."""
-        naive = self.tree.naive(template[:, :, 1], scales[:, 1])
-        return Given(template[:, :, 0], scales[:, 0], naive, template[:, :, 1], scales[:, 1])
+        """Tell the first character all but what its partner will do: of that it has a guess."""
+        partner = self.tree.guess(template[:, :, 1], scales[:, 1])
+        return self._given(template, scales, partner, role=0)
 
     def given_second(self, template: Tensor, scales: Tensor, first: Tensor) -> Given:
         """Tell the second character what the first does."""
-        return Given(template[:, :, 1], scales[:, 1], first, template[:, :, 0], scales[:, 0])
+        return self._given(template, scales, first, role=1)
+
+    def _given(self, template: Tensor, scales: Tensor, partner: Tensor, *, role: int) -> Given:
+        other = 1 - role
+        return Given(
+            template[:, :, role],
+            scales[:, role],
+            partner,
+            template[:, :, other],
+            scales[:, other],
+            self.unit,
+        )
 
     def _place(self, character: Character, field: Tensor, given: Given) -> Tensor:
         placed: Tensor = character.place(field, given.template, given.scales)
@@ -161,6 +187,45 @@ def build(config: PriorConfig) -> SkeletonPrior:
     ValueError
         If there is no such model.
     """
-    skeleton, size = config.skeleton, {"hidden": config.hidden, "dropout": config.dropout}
-    characters = tuple(KinematicCharacter(skeleton, **size) for _ in range(2))
-    return SkeletonPrior(config, characters, both_roles=True)
+    if config.model not in FORMS:
+        raise ValueError(f"model must be one of {', '.join(FORMS)}; got {config.model!r}")
+    return FORMS[config.model](config)
+
+
+def _kinematic(config: PriorConfig) -> SkeletonPrior:
+    sizes: Sizes = {"hidden": config.hidden, "dropout": config.dropout}
+    first, second = (KinematicCharacter(config.skeleton, config.limbs, **sizes) for _ in range(2))
+    return SkeletonPrior(config, (first, second), both_roles=True)
+
+
+def _paper(config: PriorConfig) -> SkeletonPrior:
+    sizes: Sizes = {"hidden": config.hidden, "dropout": config.dropout}
+    first, second = First(config.skeleton, **sizes), Second(config.skeleton, **sizes)
+    return SkeletonPrior(config, (first, second), both_roles=False)
+
+
+def _frames(kind: type[FrameCnn | FrameGcn | MotionCnn]) -> Callable[[PriorConfig], SkeletonPrior]:
+    def built(config: PriorConfig) -> SkeletonPrior:
+        first = kind(config.skeleton, hidden=config.hidden, first=True)
+        second = kind(config.skeleton, hidden=config.hidden, first=False)
+        return SkeletonPrior(config, (first, second), both_roles=False)
+
+    return built
+
+
+def _motion_gcn(config: PriorConfig) -> SkeletonPrior:
+    sizes: Sizes = {"hidden": config.hidden, "dropout": config.dropout}
+    first = MotionGcn(config.skeleton, **sizes, first=True)
+    second = MotionGcn(config.skeleton, **sizes, first=False)
+    return SkeletonPrior(config, (first, second), both_roles=False)
+
+
+# Ours, the paper's, and the supplement's four baselines.
+FORMS: dict[str, Callable[[PriorConfig], SkeletonPrior]] = {
+    "kinematic": _kinematic,
+    "paper": _paper,
+    "f_cnn": _frames(FrameCnn),
+    "f_gcn": _frames(FrameGcn),
+    "m_cnn": _frames(MotionCnn),
+    "m_gcn": _motion_gcn,
+}

@@ -1,4 +1,4 @@
-"""What one body's change means to the other: the interaction mesh's pull, without solving for it."""
+"""What one body's change means to the other: the interaction mesh's pull, not solved for."""
 
 import torch
 from torch import Tensor

@@ -13,6 +13,7 @@ from pacmo_core.pacmo.fit import Fit
 from pacmo_core.pacmo.supervised import Supervised
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
 from pacmo_core.skeleton_prior.initialise import initialise
+from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.losses import terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior, build
 from pacmo_core.skeleton_prior.settings import PriorSettings
@@ -81,7 +82,8 @@ def objective(
     code = model.bodies.encode(pairs.scales[:, 0])
     # The bodies draw first, and from what every model draws from: they learn the same beside all.
     scales = model.bodies.decode(code.draw(random))
-    body = (scales - pairs.scales[:, 0]).abs().mean() + warm * weights.divergence * code.divergence()
+    error = (scales - pairs.scales[:, 0]).abs().mean()
+    body = error + warm * weights.divergence * code.divergence()
     answer = model.reconstruct(pairs.template, pairs.scales, pairs.varied, random)
     found = terms(answer, pairs.varied, pairs.template, model.tree.parents, model.unit)
     return total(found, weights, warm) + weights.bodies * body
@@ -110,16 +112,26 @@ def fit(
     random = torch.Generator().manual_seed(settings.random_seed)
     learnt = encode(examples).to(device)
     held_out = encode(validation).to(device) if validation else None
-    skeleton = examples[0].template.skeleton
+    template = examples[0].template
     model = build(
-        PriorConfig(skeleton, settings.model, settings.hidden, settings.stride, settings.dropout)
+        PriorConfig(
+            skeleton=template.skeleton,
+            limbs=find_limbs(template.skeleton, template.person_a),
+            model=settings.model,
+            hidden=settings.hidden,
+            stride=settings.stride,
+            dropout=settings.dropout,
+        )
     )
     initialise(model.bodies, random)
     initialise(model.first, random)
     initialise(model.second, random)
     model.measure(learnt)
     training = PriorTraining(
-        model.to(device), learnt, held_out, settings,
+        model.to(device),
+        learnt,
+        held_out,
+        settings,
         torch.Generator().manual_seed(settings.random_seed + 1),
     )
     return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
@@ -132,6 +144,10 @@ def config(model: SkeletonPrior) -> dict[str, Any]:
 
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    model = build(PriorConfig(**{**config, "skeleton": skeleton_from(config["skeleton"])}))
+    own = {
+        "skeleton": skeleton_from(config["skeleton"]),
+        "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
+    }
+    model = build(PriorConfig(**{**config, **own}))
     model.load_state_dict(dict(state))
     return model.eval().requires_grad_(False)
