@@ -119,6 +119,7 @@ class KinematicCharacter(Character):
 
 
 def amplitude(given: Given) -> Tensor:
-    """``(B, 1, 1, 1)``: the largest change of any bone, as a logarithm."""
+    """``(B, 1, 1, 1)``: how much both bodies change: root mean square of bones' logarithms."""
     both = torch.cat([given.scales, given.partner_scales], dim=1)
-    return both.log().abs().amax(dim=1).clamp_min(SMALLEST)[:, None, None, None]
+    size = both.log().square().mean(dim=1).sqrt()
+    return size.clamp_min(SMALLEST)[:, None, None, None]

@@ -14,8 +14,8 @@ Limb = tuple[int, int, int]
 
 # Metres: height at which an end of a limb no longer counts as standing.
 STANDING = 0.2
-# Shares of their length by which limbs are never quite straight nor folded, and metres.
-STRAIGHT, LEAST = 1e-3, 1e-6
+# Metres: shorter ways have no direction.
+LEAST = 1e-6
 
 
 def find_limbs(skeleton: Skeleton, motion: Motion) -> tuple[Limb, ...]:
@@ -82,10 +82,10 @@ def bend(way: Tensor, upper: Tensor, lower: Tensor, side: Tensor) -> tuple[Tenso
     -------
     two (..., 3), metres: the bones
     """
-    length = way.norm(dim=-1)
-    least = (upper - lower).abs() * (1 + STRAIGHT) + LEAST
-    reached = torch.minimum(torch.maximum(length, least), (upper + lower) * (1 - STRAIGHT))
-    ahead = way / length.clamp_min(LEAST)[..., None]
+    # Down, if there is no way at all: somewhere bones must point.
+    way = way + torch.tensor([0.0, -LEAST, 0.0], dtype=way.dtype, device=way.device)
+    reached = way.norm(dim=-1).clamp(min=(upper - lower).abs() + LEAST, max=upper + lower)
+    ahead = torch.nn.functional.normalize(way, dim=-1)
     across = side - (side * ahead).sum(dim=-1, keepdim=True) * ahead
     across = torch.nn.functional.normalize(across, dim=-1)
     along = (upper**2 - lower**2 + reached**2) / (2 * reached)

@@ -80,8 +80,8 @@ def _pairs(motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor) -> T
     near = torch.exp(-((_distances(template) / REACH) ** 2))
     error = (_distances(motions) - _distances(varied)) / unit
     loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
-    weighed: Tensor = (near * loss).sum()
-    return weighed / near.sum().clamp_min(1)
+    total_loss: Tensor = (near * loss).sum() / near.sum().clamp_min(1)
+    return total_loss
 
 
 def _distances(motions: Tensor) -> Tensor:

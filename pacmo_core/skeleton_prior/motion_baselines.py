@@ -34,7 +34,7 @@ class MotionCnn(Character):
         self.place, self.first, self.width = Offsets(), first, hidden // 4
         del skeleton
         wide, half, quarter = hidden // 4, hidden // 8, hidden // 16
-        self.telling = nn.Linear(3, 8)
+        self.telling = nn.Identity() if first else nn.Linear(3, 8)
         down = (4, quarter, half) if first else (16, half)
         self.down = nn.ModuleList([Plane(a, b) for a, b in pairwise(down)])
         self.code = nn.ModuleList([Plane(half, wide) for _ in range(2)])
@@ -51,7 +51,7 @@ class MotionCnn(Character):
         """Encode the offsets with the body, or with the partner."""
         del random  # nothing is dropped
         offsets = (motion - given.template) / given.unit
-        x = torch.cat([offsets if self.first else self.telling(offsets), self._told(given)], -1)
+        x = torch.cat([self.telling(offsets), self._told(given)], dim=-1)
         for layer in self.down:
             x = most_around(layer(x).relu())
         mean, log_variance = self.code
@@ -89,7 +89,7 @@ class MotionGcn(Character):
         links = neighbours(skeleton)
         wide, half, quarter = hidden // 2, hidden // 4, hidden // 8
         told = 1 if first else PARTNER
-        self.telling = nn.Linear(6, PARTNER)
+        self.telling = nn.Identity() if first else nn.Linear(6, PARTNER)
         into = (4 if first else 3, quarter, half, wide)
         self.encoder = _stack(links, into, dropout, first=True)
         self.code = Gaussian(wide + (0 if first else told), wide)

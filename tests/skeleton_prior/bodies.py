@@ -10,13 +10,14 @@ from pacmo_core.skeleton_prior.graph import paths
 from pacmo_core.skeleton_prior.losses import LossWeights
 from pacmo_core.skeleton_prior.settings import PriorSettings
 
-SMALL = Skeleton(
-    "small",
-    ["root", "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle", "chest", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist"],
-    (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 9, 7, 11, 12),
-    ((1, 4), (2, 5), (3, 6), (8, 11), (9, 12), (10, 13)),
+JOINTS = (
+    "root left_hip left_knee left_ankle right_hip right_knee right_ankle chest left_shoulder"
+    " left_elbow left_wrist right_shoulder right_elbow right_wrist"
 )
-SMALL = Skeleton(SMALL.name, tuple(SMALL.joints), SMALL.parents, SMALL.left_right)
+PAIRS = ((1, 4), (2, 5), (3, 6), (8, 11), (9, 12), (10, 13))
+SMALL = Skeleton(
+    "small", tuple(JOINTS.split()), (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 9, 7, 11, 12), PAIRS
+)
 
 
 def bone_vectors(skeleton: Skeleton, seed: int) -> np.ndarray:
