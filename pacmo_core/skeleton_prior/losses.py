@@ -61,8 +61,13 @@ def total(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Ten
     ----------
     warm : 0 to 1, the share of the divergence's weight that is in force
     """
-    rest = sum(getattr(weights, name) * found[name] for name in ("bones", "pairs", "acceleration"))
-    return found["places"] + rest + warm * weights.divergence * found["divergence"]
+    return (
+        found["places"]
+        + weights.bones * found["bones"]
+        + weights.pairs * found["pairs"]
+        + weights.acceleration * found["acceleration"]
+        + warm * weights.divergence * found["divergence"]
+    )
 
 
 def _smooth(error: Tensor) -> Tensor:

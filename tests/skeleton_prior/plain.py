@@ -21,10 +21,11 @@ def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
     return torch.stack(rows)
 
 
-def norm(layer: nn.BatchNorm1d, x: Tensor) -> Tensor:
+def norm(layer: nn.Module, x: Tensor) -> Tensor:
     """Normalise by running statistics, channel by channel."""
-    scaled = (x - layer.running_mean) / (layer.running_var + layer.eps).sqrt()
-    return scaled * layer.weight + layer.bias
+    kept = layer.state_dict()
+    scaled = (x - kept["running_mean"]) / (kept["running_var"] + 1e-5).sqrt()
+    return scaled * kept["weight"] + kept["bias"]
 
 
 def st_gcn(layer: StGcn, x: Tensor) -> Tensor:
@@ -43,9 +44,8 @@ def st_gcn(layer: StGcn, x: Tensor) -> Tensor:
     out = norm(layer.norms[1], torch.stack(rows))
     if layer.residual:
         short = x[:: layer.stride]
-        if not isinstance(layer.shortcut, nn.Identity):
-            dense, normed = layer.shortcut
-            short = norm(normed, short @ dense.weight.T + dense.bias)
+        if isinstance(layer.shortcut, nn.Sequential):
+            short = norm(layer.shortcut[1], layer.shortcut[0](short))
         out = out + short
     return out.relu() if layer.active else out
 
@@ -107,3 +107,26 @@ def _gates(fused: nn.Linear, hidden: int) -> nn.ModuleList:
         part.load_state_dict(state)
         parts.append(part)
     return nn.ModuleList(parts)
+
+
+class PlainConvolution(nn.Module):
+    """A graph convolution frame by frame, as its equation stands.
+
+    Parameters
+    ----------
+    folded : whose weights it takes
+    """
+
+    def __init__(self, folded: GraphConvolution) -> None:
+        super().__init__()
+        self.folded = folded
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Run over (B, T, J, C)."""
+        links = self.folded.links * self.folded.mask + self.folded.added
+        frames = [
+            self.folded.along(torch.einsum("ij,bjc->bic", links, x[:, frame]))
+            + self.folded.own(x[:, frame])
+            for frame in range(x.shape[1])
+        ]
+        return torch.stack(frames, dim=1)

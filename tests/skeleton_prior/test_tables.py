@@ -1,5 +1,7 @@
 """What is trusted: tables 11 to 20 of the supplement, row by row, and sums made of their rows."""
 
+from itertools import pairwise
+
 import pytest
 import torch
 
@@ -128,19 +130,19 @@ def line(into: int, out: int, kernel: int = 3) -> int:
 
 
 def lines(*channels: int) -> int:
-    return sum(line(a, b) for a, b in zip(channels, channels[1:], strict=False))
+    return sum(line(a, b) for a, b in pairwise(channels))
 
 
 def graphs(*channels: int) -> int:
-    return sum(graph(a, b) for a, b in zip(channels, channels[1:], strict=False))
+    return sum(graph(a, b) for a, b in pairwise(channels))
 
 
 def planes(*channels: int) -> int:
-    return sum(line(a, b, 9) for a, b in zip(channels, channels[1:], strict=False))
+    return sum(line(a, b, 9) for a, b in pairwise(channels))
 
 
 def stack(first: bool, *channels: int) -> int:
-    rows = enumerate(zip(channels, channels[1:], strict=False))
+    rows = enumerate(pairwise(channels))
     return sum(st_gcn(a, b, 1, not (first and number == 0)) for number, (a, b) in rows)
 
 
