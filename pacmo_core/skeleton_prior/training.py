@@ -55,8 +55,12 @@ class PriorTraining(Supervised[SkeletonPrior]):
         return found
 
     def _loss(self, rows: Tensor) -> Tensor:
+        settings = self.prior_settings
         own = torch.Generator().manual_seed(int(torch.randint(2**62, (), generator=self.random)))
-        return objective(self.model, self._batch(rows, own), self.prior_settings, self.warm, own)
+        pairs = self._batch(rows, own)
+        # Before roles are swapped the first body is the one that changes.
+        bodies = body_loss(self.model, self.examples.scales[rows, 0], settings, self.warm, own)
+        return bodies + objective(self.model, pairs, settings, self.warm, own)
 
     def _batch(self, rows: Tensor, own: torch.Generator) -> Pairs:
         settings = self.prior_settings
@@ -70,6 +74,20 @@ class PriorTraining(Supervised[SkeletonPrior]):
         return pairs
 
 
+def body_loss(
+    model: SkeletonPrior,
+    scales: Tensor,
+    settings: PriorSettings,
+    warm: float,
+    random: torch.Generator,
+) -> Tensor:
+    """Take the loss of the VAE of bodies (B, J): it learns the same beside every model."""
+    code = model.bodies.encode(scales)
+    error = (model.bodies.decode(code.draw(random)) - scales).abs().mean()
+    weights = settings.weights
+    return weights.bodies * (error + warm * weights.divergence * code.divergence())
+
+
 def objective(
     model: SkeletonPrior,
     pairs: Pairs,
@@ -77,16 +95,10 @@ def objective(
     warm: float,
     random: torch.Generator,
 ) -> Tensor:
-    """Take the loss of all three VAEs."""
-    weights = settings.weights
-    code = model.bodies.encode(pairs.scales[:, 0])
-    # The bodies draw first, and from what every model draws from: they learn the same beside all.
-    scales = model.bodies.decode(code.draw(random))
-    error = (scales - pairs.scales[:, 0]).abs().mean()
-    body = error + warm * weights.divergence * code.divergence()
+    """Take the loss of both characters' VAEs."""
     answer = model.reconstruct(pairs.template, pairs.scales, pairs.varied, random)
     found = terms(answer, pairs.varied, pairs.template, model.tree.parents, model.unit)
-    return total(found, weights, warm) + weights.bodies * body
+    return total(found, settings.weights, warm)
 
 
 def score(model: SkeletonPrior, examples: ExampleSet) -> Tensor:

@@ -25,7 +25,8 @@ def norm(layer: nn.Module, x: Tensor) -> Tensor:
     """Normalise by running statistics, channel by channel."""
     kept = layer.state_dict()
     scaled = (x - kept["running_mean"]) / (kept["running_var"] + 1e-5).sqrt()
-    return scaled * kept["weight"] + kept["bias"]
+    normed: Tensor = scaled * kept["weight"] + kept["bias"]
+    return normed
 
 
 def st_gcn(layer: StGcn, x: Tensor) -> Tensor:

@@ -96,8 +96,9 @@ def test_faults_are_named():
     )
     with pytest.raises(ValueError, match=r"held_out must be sources; \['m9'\]"):
         split("cross_interaction", FACTS, absent)
+    far = [f for f in FACTS if f.reach == "far" and f.source == "m2"][:4]
     with pytest.raises(ValueError, match="nothing to train on among 4"):
-        split("cross_scale", [f for f in FACTS if f.reach == "far"][:4], SETTINGS)
+        split("cross_scale", far, SETTINGS)
     with pytest.raises(ValueError, match="wanted 1 to"):
         fewer(["train", "test"], 2, random_seed=0)
     with pytest.raises(ValueError, match=r"test_share must lie in \(0, 1\)"):

@@ -14,7 +14,9 @@ from pacmo_core.skeleton_prior.model import FORMS
 from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
 from tests.skeleton_prior.bodies import SMALL, examples, generator, interaction, settings
 
-MODELS = {name: training.fit(examples(), settings(model=name)).finish() for name in FORMS}
+MODELS = {
+    name: training.fit(examples(), settings(model=name, n_epochs=1)).finish() for name in FORMS
+}
 
 
 def bodies(*scales: float):
@@ -53,7 +55,7 @@ def test_a_body_is_varied_alike_alone_and_in_company(name):
 
 def test_samples_differ_by_their_latents_alone():
     source, asked = interaction(1), bodies(0.8)
-    model = MODELS["m_cnn"]
+    model = MODELS["paper"]
     ((one, other), _) = retarget(model, source, asked, samples=2, random=generator())
     assert not np.array_equal(one.person_b, other.person_b)
     ((again, _), _) = retarget(model, source, asked, samples=2, random=generator())
@@ -73,7 +75,7 @@ def test_a_pair_elsewhere_in_the_world_is_varied_there():
     model = MODELS["kinematic"]
     ((pair,), _) = retarget(model, source, asked, samples=1, random=None)
     ((far,), _) = retarget(model, there, asked, samples=1, random=None)
-    np.testing.assert_allclose(far.person_b, moved(pair.person_b), atol=1e-4)
+    np.testing.assert_allclose(far.person_b, moved(pair.person_b), atol=1e-3)
 
 
 def test_the_same_bodies_are_the_source_to_a_millimetre():
