@@ -5,6 +5,7 @@ import logging
 from datetime import UTC, datetime
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
+from typing import TextIO
 
 log = logging.getLogger("pacmo")
 _MOST_BYTES, _FILES = 4_000_000, 3
@@ -24,14 +25,19 @@ class JsonLine(logging.Formatter):
         return json.dumps(line, default=str)
 
 
+class _People(logging.StreamHandler[TextIO]):
+    """Lines for people on stderr."""
+
+
 def start_log(path: Path) -> None:
-    """Write to stderr and to a file that is turned over before it grows large; once a process."""
-    if any(isinstance(handler, RotatingFileHandler) for handler in log.handlers):
-        return
+    """Write to stderr and to a file that is turned over before it grows large."""
+    for handler in [h for h in log.handlers if isinstance(h, RotatingFileHandler | _People)]:
+        log.removeHandler(handler)
+        handler.close()
     path.parent.mkdir(parents=True, exist_ok=True)
     file = RotatingFileHandler(path, maxBytes=_MOST_BYTES, backupCount=_FILES, encoding="utf-8")
     file.setFormatter(JsonLine())
-    people = logging.StreamHandler()
+    people = _People()
     people.setFormatter(logging.Formatter("pacmo: %(message)s"))
     log.addHandler(file)
     log.addHandler(people)

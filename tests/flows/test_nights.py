@@ -11,10 +11,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from apps.failure import CommandError
 from apps.records import read_runs
 from flows.cache import spoilt_objects
 from flows.nightly import night
 from flows.prune import prune_here
+from flows.retrain import retrain_here
 from flows.way import ByHand
 from pacmo_core.promotion.history import read_decisions
 from tests.flows.nights import drop, environment, make_project, run_flow, set_params
@@ -157,14 +159,28 @@ def test_a_stage_that_takes_too_long_is_ended_with_all_it_started(project):
     assert not _running("make.py split", project)
 
 
-def test_a_full_disk_fails_the_night_in_words_and_the_next_one_ends_right(project):
+def test_a_night_does_not_begin_on_a_disk_that_is_nearly_full(project):
     drop(project, range(1))
     text = Path("params.yaml").read_text()
     Path("params.yaml").write_text(text.replace("free_gb: 0.0", "free_gb: 1e9"))
     done = run_flow(project, "nightly")
     assert done.returncode == 1 and "GB are free" in done.stderr
-    Path("params.yaml").write_text(text)
-    assert run_flow(project, "nightly").returncode == 0
+    assert lab() == [] and len(inbox()) == 1
+
+
+@pytest.mark.parametrize("kilobytes", [1, 4, 40])
+def test_a_disk_that_fills_fails_the_night_and_the_next_one_ends_right(project, kilobytes):
+    drop(project, range(3))
+    limited = f"ulimit -f {kilobytes}; exec {sys.executable} -m flows.nightly"
+    full = subprocess.run(
+        ["bash", "-c", limited], env=environment(), capture_output=True, text=True, check=False
+    )
+    assert full.returncode == 1, full.stderr
+    done = run_flow(project, "nightly")
+    assert done.returncode == 0, done.stderr
+    assert lab() == ["000", "001", "002"] and inbox() == []
+    assert read_runs(Path("history/runs"))[-1].facts["verdict"] == "promoted"
+    assert spoilt_objects() == []
 
 
 def test_a_held_night_has_an_exit_code_of_its_own(project):
@@ -174,6 +190,39 @@ def test_a_held_night_has_an_exit_code_of_its_own(project):
     assert done.returncode == 3, done.stderr
     log = [json.loads(line) for line in Path("history/log.jsonl").read_text().splitlines()]
     assert log[-1]["verdict"] == "held" and log[-1]["level"] == "info"
+
+
+def test_training_again_is_a_run_of_its_own_and_the_same_model_is_no_news(project):
+    drop(project, range(1))
+    night(HAND)
+    run = retrain_here(HAND, ["pacmo"])
+    assert run.facts["stages"] == ["train_pacmo"]
+    assert run.facts["verdict"] == "unchanged"
+    with pytest.raises(CommandError, match="no stage trains gru; there are pacmo"):
+        retrain_here(HAND, ["gru"])
+
+
+def test_a_forced_stage_runs_again_and_an_unknown_one_is_told(project):
+    drop(project, range(1))
+    night(HAND)
+    ran = Path("history/stages/split.log")
+    assert run_flow(project, "reproduce", "split").returncode == 0
+    assert run_flow(project, "reproduce", "--force", "split").returncode == 0
+    assert "Running stage" in ran.read_text()
+    done = run_flow(project, "reproduce", "splat")
+    assert done.returncode == 1
+    assert done.stderr.endswith("no stage splat; it has report, split, train_pacmo\n")
+
+
+def test_what_a_night_made_is_pushed_where_there_is_a_remote(project, tmp_path_factory):
+    remote = tmp_path_factory.mktemp("remote")
+    dvc = [sys.executable, "-m", "dvc", "remote", "add", "-q", "-d", "store", str(remote)]
+    subprocess.run(dvc, check=True)
+    drop(project, range(1))
+    assert night(HAND).facts["pushed"]
+    pushed = {path.name for path in remote.rglob("*") if path.is_file()}
+    own = {path.name for path in Path(".dvc/cache").rglob("*") if path.is_file()}
+    assert own and own <= pushed
 
 
 def test_a_capture_that_still_changes_waits(project, monkeypatch):
