@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks._variations import SETTINGS
 from pacmo_core.interaction_mesh import BATCH
 from pacmo_core.variations.keys import body_key, maker_key, source_key
 from pacmo_core.variations.solve import Lot, Made, solve
-from tests.interaction_mesh.scenes import SETTINGS
 from tests.variations.real_windows import salsa_window
 from tests.variations.sources import bodies, flat_source, lot, source
 
