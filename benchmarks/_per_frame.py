@@ -28,7 +28,7 @@ def seconds_per_frame(
     if any(importlib.util.find_spec(name) is None for name in PEERS):
         print("no per-frame peer here: pip install cvxpy clarabel", file=sys.stderr)
         return None
-    target = target_of(energy, scales[None])[0]
+    target = target_of(energy, scales[None])[..., 0]
     done = [np.zeros_like(scene.points[0])] * 2
     _solve_frame(scene, energy, scales, target, 0, done)  # the first use compiles
     start = time.process_time()

@@ -170,7 +170,7 @@ def energy_gaps(task: Task) -> Iterator[float]:
     found = vary(source, scales)
     for points, own in zip(found.points, scales, strict=True):
         best = banded(short.scene, source.energy, own)
-        changes = np.stack([points - short.scene.points, best])
+        changes = np.stack([points - short.scene.points, best], axis=-1)
         target = target_of(source.energy, own[None])
         ours, theirs = np.sum(list(energy_terms(source.energy, changes, target).values()), axis=0)
         yield float(ours / theirs - 1)

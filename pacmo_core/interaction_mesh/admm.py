@@ -103,7 +103,9 @@ class Solver:
         np.add(point, held, out=point)
         if work.watched:
             np.subtract(other, point, out=other)
-            state.moved[:] += np.einsum("hrcv,hrcv->v", other, other)
+            np.multiply(other, other, out=other)
+            # Row by row, in the same order whatever the number of columns.
+            state.moved[:] += np.add.reduce(other.reshape(-1, state.n_bodies), axis=0)
         self._pull(state, work, block)
 
     def _pull(self, state: State, work: Work, block: int) -> None:
@@ -123,6 +125,9 @@ class Solver:
         np.multiply(share, np.float32(2), out=work.share)
         np.subtract(work.share, np.float32(1), out=work.share)
         np.multiply(point, work.share[:, :, None], out=held)
+        # Less the source before it is summed: forces that cancel must do so to the last digit, as
+        # hardly anything but the anchor holds the scene as a whole.
+        np.subtract(held, self.source[block], out=held)
         right = state.right[block]
         np.matmul(self.spread[block], work.halves(held), out=work.halves(right))
         np.add(right, state.pull[block], out=right)

@@ -11,7 +11,7 @@ from pacmo_core.interaction_mesh.finish import exact, raw_residual
 from pacmo_core.interaction_mesh.report import Report, figures_of, figures_of_naive
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Limits
-from pacmo_core.interaction_mesh.solve import Solution, Start, solve
+from pacmo_core.interaction_mesh.solve import Solution, Start, filled, solve
 from pacmo_core.interaction_mesh.source import Source
 
 # Metres, root mean square: bones that grow by less have settled at once.
@@ -27,46 +27,62 @@ class Try:
     motion : (T, N, 3) metres
     report : its figures
     bones : (T, E, 3) float32 metres, of the wanted lengths
-    pressed : (T, E, 3) float32, the forces they bear; none where the last try went astray
+    pressed : (T, E, 3) float32, the forces they bear
+    astray : whether the last try, of which these are, went astray
     """
 
     motion: Array
     report: Report
+    astray: bool
     bones: Single
     pressed: Single
 
 
 def climb(source: Source, scales: Array, number: int, held: list[Try | None]) -> list[Try]:
     """Try a rung on some bodies with scales (V, E), and keep the better of this and the last."""
-    rung = source.settings.rungs[number]
-    target = target_of(source.energy, scales)
+    rung, n_bodies = source.settings.rungs[number], len(scales)
     start = Start(
-        pull=_pull(source, target),
+        pull=_pull(source, target_of(source.energy, scales)),
         point=_points(source, scales, number, held),
         scales=scales.T.astype(np.float32),
         grown=source.grown(scales) + NOTHING**2 * source.stiffness.size,
     )
-    solution = solve(source.solver(rung), start, iterations=rung.iterations, step=rung.step)
-    change, bones, pressed = _columns(source, rung.penalty, solution)
+    solution = solve(
+        source.solver(rung),
+        start,
+        iterations=rung.iterations,
+        step=rung.step,
+        patient=number + 1 == len(source.settings.rungs),
+    )
+    # Sums of few columns add up in another order: full ones, so that company makes no difference.
+    columns = np.resize(np.arange(n_bodies), filled(n_bodies))
+    scales, target = scales[columns], target_of(source.energy, scales[columns])
+    change, bones, pressed = _columns(source, rung.penalty, solution, columns)
     motions = exact(source.scene, change, bones, scales)
     figures = _figures(source, scales, motions, held)
     figures["raw_residual"] = raw_residual(source.scene, change, scales)
     figures["last_step"] = solution.step
     terms = energy_terms(source.energy, motions - source.scene.points[..., None], target)
+    reports = [
+        Report(
+            rung=number,
+            iterations=int(solution.iterations[v]),
+            energy={name: float(term[v]) for name, term in terms.items()},
+            **{name: float(column[v]) for name, column in figures.items()},
+        )
+        for v in range(len(held))
+    ]
+    limits = source.settings.limits
     return [
         _better(
-            source.settings.limits,
+            limits,
             before,
             Try(
-                np.ascontiguousarray(motions[..., v]),
-                Report(
-                    rung=number,
-                    iterations=int(solution.iterations[v]),
-                    energy={name: float(term[v]) for name, term in terms.items()},
-                    **{name: float(column[v]) for name, column in figures.items()},
-                ),
-                bones[..., v],
-                pressed[..., v],
+                motion=np.ascontiguousarray(motions[..., v]),
+                report=reports[v],
+                astray=reports[v].astray(limits),
+                bones=bones[..., v],
+                pressed=pressed[..., v],
             ),
         )
         for v, before in enumerate(held)
@@ -102,13 +118,13 @@ def _figures(
 
 def _points(source: Source, scales: Array, number: int, held: list[Try | None]) -> Single:
     """Start from the source with its bones scaled, or from where the last try ended."""
-    rung, limit = source.settings.rungs[number], source.settings.limits.residual
+    rung = source.settings.rungs[number]
     bones = source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
     bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
     ends = source.solver(rung).guarded
     pairs = np.repeat(_between(source.scene.points, ends)[..., None], len(held), axis=-1)
     for v, one in enumerate(held):
-        if one is not None and one.report.raw_residual <= limit:
+        if one is not None and not one.astray:
             bones[..., v] = one.bones + one.pressed / bearing
             pairs[..., v] = _between(one.motion, ends)
     return _blocks(np.concatenate([bones, pairs], axis=1))
@@ -133,14 +149,16 @@ def _blocks(columns: Array) -> Single:
     return in_pairs(columns.astype(np.float32, copy=False)[:, :, AXES])
 
 
-def _columns(source: Source, penalty: float, solution: Solution) -> tuple[Single, Single, Single]:
+def _columns(
+    source: Source, penalty: float, solution: Solution, columns: NDArray[np.intp]
+) -> tuple[Single, Single, Single]:
     """Give the change (T, N, 3, V), the bones (T, E, 3, V), and the forces that these bear."""
     n_frames, n_bones = source.stiffness.shape
     n_points = source.scene.points.shape[1]
 
     def laid_out(blocks: Single, n_rows: int) -> Single:
         rows = blocks.reshape(-1, n_rows, 3, blocks.shape[-1])[:n_frames]
-        return rows[:, :, AXES]
+        return rows[:, :, AXES][..., columns]
 
     point = solution.point[:, :, :n_bones]
     bones = point * solution.share[:, :, :n_bones, None]

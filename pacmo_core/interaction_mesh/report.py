@@ -57,7 +57,15 @@ class Report:
 
     def badness(self, limits: Limits) -> float:
         """Give the worst of its figures as a share of their limits: good up to 1."""
-        return max(self.raw_residual / limits.residual, self.penetration / limits.penetration)
+        return max(
+            self.raw_residual / limits.residual,
+            self.penetration / limits.penetration,
+            self.seam_ratio / limits.seam,
+        )
+
+    def astray(self, limits: Limits) -> bool:
+        """Say whether the solver went where more iterations will not help."""
+        return self.raw_residual > limits.residual or self.seam_ratio > limits.seam
 
 
 def figures_of(

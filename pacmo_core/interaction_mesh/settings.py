@@ -76,10 +76,12 @@ class Limits:
     ----------
     residual : raw residual, a share of the bone's length
     penetration : metres deeper than the source
+    seam : ratio, see the report
     """
 
     residual: float
     penetration: float
+    seam: float
 
 
 @dataclass(frozen=True, kw_only=True)

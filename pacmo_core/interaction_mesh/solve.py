@@ -66,13 +66,15 @@ class Solution:
         self.iterations[rows] = number
 
 
-def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solution:
-    """Iterate; a body stops whose ``step`` is small enough, or will not be in time.
+def solve(
+    solver: Solver, start: Start, *, iterations: int, step: float, patient: bool
+) -> Solution:
+    """Iterate; a body stops whose ``step`` is small enough or, not ``patient``, will never be.
 
     Whatever the others do: what is found for a body does not depend on its company.
     """
     n_bodies = len(start.grown)
-    state, columns = _begun(solver, start), np.resize(np.arange(n_bodies), _filled(n_bodies))
+    state, columns = _begun(solver, start), np.resize(np.arange(n_bodies), filled(n_bodies))
     found, work = _room(start, state), state.work(start.point.shape[2])
     going = np.arange(len(columns)) < n_bodies  # the others only fill up
     before = np.full(len(columns), np.inf)
@@ -83,11 +85,13 @@ def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solu
         if not work.watched:
             continue
         steps = np.sqrt(state.moved / start.grown[columns])
-        done = going & ((steps <= step) | _hopeless(steps, before, step, iterations - number))
+        done = (steps <= step) | (number == iterations)
+        done |= (not patient) & _hopeless(steps, before, step, iterations - number)
+        done &= going
         found.take(state, columns[done], np.flatnonzero(done), number)
         found.step[columns[done]] = steps[done]
         going, before = going & ~done, steps
-        width = _filled(int(going.sum()))
+        width = filled(int(going.sum()))
         if not width:
             break
         if width < state.n_bodies:
@@ -106,11 +110,9 @@ def _hopeless(steps: Array, before: Array, wanted: float, left: int) -> NDArray[
 
 
 def _begun(solver: Solver, start: Start) -> State:
-    bodies = np.resize(np.arange(len(start.grown)), _filled(len(start.grown)))
+    bodies = np.resize(np.arange(len(start.grown)), filled(len(start.grown)))
     point = np.ascontiguousarray(start.point[..., bodies])
-    # The source's own bones are no change: what they leave goes to the right-hand side at once.
-    left = solver.spread @ solver.source[..., 0]
-    pull = start.pull[..., bodies] - left.reshape(*start.pull.shape[:3], 1)
+    pull = np.ascontiguousarray(start.pull[..., bodies])
     pull = pull.reshape(*pull.shape[:2], -1)
     state = State(
         pull=pull,
@@ -136,5 +138,6 @@ def _room(start: Start, state: State) -> Solution:
     )
 
 
-def _filled(n_bodies: int) -> int:
+def filled(n_bodies: int) -> int:
+    """Round up to full width."""
     return -(-n_bodies // WIDTH) * WIDTH

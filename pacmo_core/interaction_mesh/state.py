@@ -14,7 +14,7 @@ class State:
 
     Parameters
     ----------
-    pull : (K, 2N, 3V) float32, the energy's own right-hand side less what the source's bones leave
+    pull : (K, 2N, 3V) float32, the energy's own right-hand side
     right : (K, 2N, 3V) float32, right-hand side of the linear step
     change : (K, 2N, 3V) float32, its answer
     point : (K, 2, R, 3, V) float32, the differences before the local step, multiplier included

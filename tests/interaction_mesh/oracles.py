@@ -24,9 +24,10 @@ def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> flo
         total += np.sum((energy.laplacians[t] @ moved - target[t]) ** 2) / 2
         total += energy.anchor * np.sum(moved**2) / 2
         for i in range(len(moved)):
-            total += energy.height * energy.standing[t, i] * moved[i, 1] ** 2 / 2
-            if t and energy.standing[t, i] and energy.standing[t - 1, i]:
-                total += energy.stance * np.sum((moved[i] - change[t - 1, i]) ** 2) / 2
+            total += energy.height * energy.held[t, i] * moved[i, 1] ** 2 / 2
+            if t:
+                held = energy.stance * energy.held[t, i] * energy.held[t - 1, i]
+                total += held * np.sum((moved[i] - change[t - 1, i]) ** 2) / 2
             for j in range(i):
                 total += energy.ties[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
         if 0 < t < len(change) - 1:
@@ -37,7 +38,7 @@ def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> flo
 
 def matrix(energy: Quadratic) -> csc_array:
     """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
-    n_frames, n_points = energy.standing.shape
+    n_frames, n_points = energy.held.shape
     size = 3 * n_frames * n_points
     inside = np.array([lap.T @ lap + energy.anchor * np.eye(n_points) for lap in energy.laplacians])
     for one in range(n_points):
@@ -51,12 +52,12 @@ def matrix(energy: Quadratic) -> csc_array:
                 inside[:, a, b] += sign * energy.ties[:, one, other]
     t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
     rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
-    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.height * energy.standing[t, i]
+    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.height * energy.held[t, i]
     whole = csc_array((values, (rows, columns)), shape=(size, size))
     step = 3 * n_points
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
-    both = energy.standing[1:] & energy.standing[:-1]
-    stands = diags_array(np.repeat(both.reshape(-1), 3).astype(float))
+    both = energy.held[1:] * energy.held[:-1]
+    stands = diags_array(np.repeat(both.reshape(-1), 3))
     whole = whole + energy.stance * first.T @ stands @ first
     if n_frames > 2:
         second = diags_array(
@@ -68,7 +69,7 @@ def matrix(energy: Quadratic) -> csc_array:
 
 def right_side(energy: Quadratic, scales: Array) -> Array:
     """Give g for one body's scales (E,), flat."""
-    target = target_of(energy, scales[None])[0]
+    target = target_of(energy, scales[None])[..., 0]
     pull: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
     return pull
 

@@ -20,12 +20,11 @@ SETTINGS = Settings(
         anchor=1e-3,
     ),
     support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.07),
-    limits=Limits(residual=1e-2, penetration=0.01),
+    limits=Limits(residual=1e-2, penetration=0.01, seam=1.5),
     rungs=(
-        Rung(penalty=12, iterations=30, apart=0, step=1e-4),
-        Rung(penalty=12, iterations=100, apart=0, step=1),
-        Rung(penalty=60, iterations=120, apart=0, step=1),
-        Rung(penalty=60, iterations=160, apart=60, step=1),
+        Rung(penalty=0.7, iterations=40, apart=0, step=1e-3),
+        Rung(penalty=2, iterations=100, apart=0, step=1e-3),
+        Rung(penalty=6, iterations=200, apart=60, step=1e-3),
     ),
     relaxation=1.6,
     clearance=0.1,
@@ -45,7 +44,7 @@ ARM = Skeleton(
 
 def thorough(iterations: int = 2000, **changes: object) -> Settings:
     """Give settings that iterate to the end."""
-    rungs = (Rung(penalty=20, iterations=iterations, apart=0, step=1),)
+    rungs = (Rung(penalty=3, iterations=iterations, apart=0, step=0),)
     return replace(SETTINGS, rungs=rungs, **changes)
 
 

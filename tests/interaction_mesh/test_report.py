@@ -17,8 +17,8 @@ from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 def report(source, points):
     standing = quadratic(source, SETTINGS).standing
-    figures = figures_of(source, SETTINGS, standing, points[None], np.ones((1, len(source.bones))))
-    return SimpleNamespace(**figures[0])
+    figures = figures_of(source, SETTINGS, standing, points[..., None])
+    return SimpleNamespace(**{name: values[0] for name, values in figures.items()})
 
 
 def test_distances_are_those_of_a_loop_over_pairs():
@@ -34,7 +34,7 @@ def test_distances_are_those_of_a_loop_over_pairs():
                 kept += [now < 0.12] if was < 0.1 else []
                 depth = max(depth, min(was, 0.1) - now)
     assert kept and depth > 0
-    found = distances_of(source, SETTINGS, points[None])
+    found = distances_of(source, SETTINGS, points[..., None])
     assert found.near[0] == pytest.approx(np.mean(near), rel=1e-4)
     assert found.far[0] == pytest.approx(np.mean(far), rel=1e-4)
     assert found.kept[0] == pytest.approx(np.mean(kept))
@@ -61,7 +61,7 @@ def test_a_jump_shows_as_a_seam_and_the_source_has_none():
     jumped = source.points.copy()
     jumped[30:] += np.array([0, 0.02, 0])
     assert report(source, jumped).seam_ratio > 3
-    assert spikes(jumped[None])[0].argmax() in (28, 29)
+    assert spikes(jumped[..., None])[:, 0].argmax() in (28, 29)
 
 
 @pytest.mark.parametrize(
@@ -108,17 +108,17 @@ def test_an_elbow_bent_back_is_a_flip_and_one_bent_further_is_none():
     lower = source.points[:, child] - source.points[:, hinge]
     axis = upper / np.linalg.norm(upper, axis=1, keepdims=True)
     along = (lower * axis).sum(axis=1, keepdims=True) * axis
-    back, further = (np.repeat(source.points[None], 1, axis=0) for _ in range(2))
-    back[0, :4, child] = (source.points[:, hinge] + along - (lower - along))[:4]
-    further[0, :, child] = source.points[:, hinge] + along + 1.2 * (lower - along)
-    assert flips(source, back)[0] == pytest.approx(0.4)
-    assert flips(source, further)[0] == 0
+    back, further = source.points.copy(), source.points.copy()
+    back[:4, child] = (source.points[:, hinge] + along - (lower - along))[:4]
+    further[:, child] = source.points[:, hinge] + along + 1.2 * (lower - along)
+    assert flips(source, back[..., None])[0] == pytest.approx(0.4)
+    assert flips(source, further[..., None])[0] == 0
 
 
 def test_naive_scaling_keeps_directions_roots_and_the_ground():
     source = scene(4, 9)
     scales = np.random.default_rng(0).uniform(0.75, 1.25, size=(2, 10))
-    found = naive(source, scales)
+    found = naive(source, scales).transpose(3, 0, 1, 2)
     parent, child = source.bones.T
     vectors = found[:, :, child] - found[:, :, parent]
     np.testing.assert_allclose(
