@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from apps.duos import PEOPLE, Duo, check_out, read_duo, write_duo
 from apps.failure import CommandError, told_in_one_line
 from apps.solver_settings import read_solving
+from pacmo_core.figures.variations import said
 from pacmo_core.formats.raw import FormatError
 from pacmo_core.interaction import Motion
-from pacmo_core.interaction_mesh import Report, prepare, vary
+from pacmo_core.interaction_mesh import prepare, vary
 from pacmo_core.store.schema import StoreError
 from pacmo_core.variations.bodies import body_of, of_profile, scaled
 from pacmo_core.variations.keep import Bounds, reason_of
 from pacmo_core.variations.plan import check_scale
+from pacmo_core.variations.shape import trunk_change
 from pacmo_core.variations.solve import figures_of
 
 First = Annotated[Path, typer.Argument(help="a capture of two people, or of person a")]
@@ -80,8 +82,10 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         label = "_".join([*(f"{p}-{w}" for p, ws in zip(PEOPLE, (a_scale, b_scale), strict=True)
                             for w in ws), *profile]).replace("=", "-")  # fmt: skip
         found = vary(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
-        places, miss = write_duo(duo.moved(_parted(duo, found.points[0])), scales, label, out)
-        for line in _lines(found.reports[0], solving.bounds, miss):
+        moved = duo.moved(_parted(duo, found.points[0]))
+        places, miss = write_duo(moved, scales, label, out)
+        figures = figures_of(found.reports[0]) | _shape(duo, moved, scales)
+        for line in _lines(figures, solving.bounds, miss):
             typer.echo(line)
         typer.echo(f"{len(found.points[0])} frames in {', '.join(map(str, places))}")
 
@@ -128,17 +132,21 @@ def _parted(duo: Duo, points: Scales) -> tuple[Motion, Motion]:
     return a.astype(np.float32), b.astype(np.float32)
 
 
-def _lines(report: Report, bounds: Bounds, miss: float) -> Iterator[str]:
+def _shape(duo: Duo, moved: Duo, scales: tuple[Scales, Scales]) -> dict[str, float]:
+    """Measure the worse of the two trunks."""
+    changes = [
+        trunk_change(source.motion, varied.motion, source.skeleton, own)
+        for source, varied, own in zip(duo.people, moved.people, scales, strict=True)
+    ]
+    return {"trunk_change": max(changes)}
+
+
+def _lines(figures: dict[str, float], bounds: Bounds, miss: float) -> Iterator[str]:
     """Say how good the variation is."""
-    yield (
-        f"near joints {1e3 * report.near_error:.1f} mm off (scaled where they stand: "
-        f"{1e3 * report.near_error_naive:.1f}), contacts kept {100 * report.contacts_kept:.1f} %, "
-        f"feet slide {100 * report.added_slide:.2f} cm/s more, bodies "
-        f"{1e3 * report.penetration:.1f} mm deeper"
-    )
+    yield said(figures)
     if miss:
         yield f"a BVH's stiff joints keep it from that by {1e3 * miss:.1f} mm at worst"
-    reason = reason_of(figures_of(report), bounds)
+    reason = reason_of(figures, bounds)
     if reason:
         yield f"not good enough to train on: {reason}"
 

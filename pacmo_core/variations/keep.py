@@ -10,11 +10,11 @@ LEAST = ("contacts_kept",)
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """What a variation's report keeps within; see ``interaction_mesh.Report``.
+    """What a variation's figures keep within; see ``interaction_mesh.Report`` and ``shape``.
 
     Parameters
     ----------
-    raw_residual, added_slide, penetration, seam_ratio, flip_share : at most
+    raw_residual, added_slide, penetration, seam_ratio, flip_share, trunk_change : at most
     contacts_kept : at least
     """
 
@@ -24,6 +24,7 @@ class Bounds:
     penetration: float
     seam_ratio: float
     flip_share: float
+    trunk_change: float
 
 
 def excess(figures: Mapping[str, float], bounds: Bounds) -> dict[str, float]:

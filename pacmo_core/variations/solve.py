@@ -12,9 +12,6 @@ from pacmo_core.variations.bodies import Scales
 from pacmo_core.variations.keys import maker_key
 from pacmo_core.variations.shape import trunk_change
 
-# Sums over batches of other sizes round otherwise in their last digits; figures are kept to the
-# nanometre, or billionth, so that they are the same in any company.
-DECIMALS = 9
 ENERGY = "energy"
 
 
@@ -107,7 +104,7 @@ def figures_of(report: Report) -> dict[str, float]:
     """List a report's figures by name, the energy's terms as ``energy_...``."""
     plain = {name: value for name, value in asdict(report).items() if name != ENERGY}
     terms = {f"{ENERGY}_{name}": value for name, value in report.energy.items()}
-    return {name: round(float(value), DECIMALS) for name, value in (plain | terms).items()}
+    return {name: float(value) for name, value in (plain | terms).items()}
 
 
 def _shape(lot: Lot, motions: Motion, scales: Scales) -> dict[str, float]:
@@ -117,7 +114,7 @@ def _shape(lot: Lot, motions: Motion, scales: Scales) -> dict[str, float]:
         trunk_change(person, motion, lot.source.skeleton, own)
         for person, motion, own in zip(people, motions, np.split(scales, 2), strict=True)
     ]
-    return {"trunk_change": round(max(changes), DECIMALS)}
+    return {"trunk_change": max(changes)}
 
 
 class Prepared:

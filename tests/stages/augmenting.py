@@ -53,6 +53,7 @@ BOUNDS = {
     "penetration": 0.01,
     "seam_ratio": 1.5,
     "flip_share": 0.02,
+    "trunk_change": 2.0,
 }
 
 

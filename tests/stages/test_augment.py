@@ -14,8 +14,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from pydantic import TypeAdapter
+from ruamel.yaml import YAML
 
+from benchmarks._variations import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.interaction_mesh import Settings
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.variations import read_variations
 from pacmo_core.variations.solve import solve
@@ -245,3 +249,9 @@ def test_a_run_that_is_killed_goes_on_from_its_last_batch(
     resumed = result(tmp_path)
     assert run(tmp_path, monkeypatch, clean=True) == resumed
     assert sum(in_process) == len(clips) * 11
+
+
+def test_the_default_solves_with_the_settings_that_the_benchmark_measures() -> None:
+    sections = YAML(typ="safe").load(Path("experiments/default.yaml"))
+    found = TypeAdapter(Settings).validate_python(sections["augment"]["solver"])
+    assert found == SETTINGS

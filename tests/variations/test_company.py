@@ -8,9 +8,8 @@ import pytest
 from pacmo_core.interaction_mesh import BATCH
 from pacmo_core.variations.keys import body_key, maker_key, source_key
 from pacmo_core.variations.solve import Lot, Made, solve
-from tests.interaction_mesh.scenes import SETTINGS
 from tests.variations.real_windows import salsa_window
-from tests.variations.sources import bodies, flat_source, lot, source
+from tests.variations.sources import SETTINGS, bodies, flat_source, lot, source
 
 
 def bytes_of(made: Made) -> tuple[bytes, dict[str, float]]:

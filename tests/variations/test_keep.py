@@ -14,6 +14,7 @@ BOUNDS = Bounds(
     penetration=0.01,
     seam_ratio=1.5,
     flip_share=0.02,
+    trunk_change=0.5,
 )
 GOOD = {
     "raw_residual": 0.001,
@@ -22,6 +23,7 @@ GOOD = {
     "penetration": 0.01,
     "seam_ratio": 1.2,
     "flip_share": 0.0,
+    "trunk_change": 0.1,
 }
 
 
