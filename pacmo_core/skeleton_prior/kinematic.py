@@ -13,7 +13,7 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import GraphGru, Head, StGcn
+from pacmo_core.skeleton_prior.layers import ChannelNorm, GraphGru, Head, StGcn
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
 from pacmo_core.skeleton_prior.relations import pulls
@@ -46,6 +46,8 @@ class KinematicCharacter(Character):
         links = neighbours(skeleton)
         self.encoder = MotionEncoder(links, 4, widths(hidden), dropout=dropout)
         self.code = Gaussian(hidden + 6, hidden)
+        # Channels have units of their own; the recurrence wants them alike.
+        self.alike = ChannelNorm(SIGHTS)
         self.lifting = nn.Linear(SIGHTS, hidden)
         self.whole = nn.Linear(SIGHTS, hidden, bias=False)
         self.around = nn.ModuleList(
@@ -73,7 +75,7 @@ class KinematicCharacter(Character):
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Turn bones by so much as the bodies change."""
-        sights = self.sights(given)
+        sights = self.alike(self.sights(given))
         seen = self.lifting(sights) + self.whole(sights.mean(dim=2, keepdim=True))
         for layer in self.around:
             seen = layer(seen, None)

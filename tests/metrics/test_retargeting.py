@@ -24,7 +24,7 @@ RANDOM = np.random.default_rng(0)
 def pair(n_frames=6, apart=1.0):
     """Place one random still body twice, ``apart`` metres along x."""
     body = np.random.default_rng(1).normal(size=(15, 3))
-    both = np.stack([body, body + [apart, 0, 0]])
+    both = np.stack([body, body + np.array([apart, 0, 0])])
     return np.repeat(both[None], n_frames, axis=0).astype(np.float32)
 
 
@@ -103,7 +103,9 @@ def test_diversity_is_the_mean_over_pairs_of_samples():
 def test_the_frechet_distance_of_shifted_features_is_the_squared_shift():
     features = RANDOM.normal(size=(200, 5))
     assert frechet_distance(features, features) == pytest.approx(0, abs=1e-9)
-    assert frechet_distance(features, features + [3, 0, 4, 0, 0]) == pytest.approx(25, rel=1e-9)
+    assert frechet_distance(features, features + np.array([3, 0, 4, 0, 0])) == pytest.approx(
+        25, rel=1e-9
+    )
 
 
 def test_pairs_of_other_shapes_are_refused():
