@@ -2,7 +2,7 @@
 
 import typer
 
-from apps import cli_clips, cli_fetch, cli_react, cli_use
+from apps import cli_augment, cli_clips, cli_fetch, cli_react, cli_use
 
 app = typer.Typer(
     name="pacmo",
@@ -17,6 +17,7 @@ app.command("use")(cli_use.use_experiment)
 app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)
 app.command("react")(cli_react.react_to)
+app.command("augment")(cli_augment.augment)
 app.command("clips")(cli_clips.list_clips)
 app.command("quarantine")(cli_clips.list_quarantine)
 

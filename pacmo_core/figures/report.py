@@ -77,6 +77,7 @@ class Report:
     sections : further tables, each with notes of its own
     curves : training runs by name
     clips : clips that play
+    gallery : clips and their variations, which play too
     """
 
     title: str
@@ -88,6 +89,7 @@ class Report:
     sections: tuple[Section, ...] = ()
     curves: Mapping[str, Curve] = field(default_factory=dict)
     clips: tuple[PlayedClip, ...] = ()
+    gallery: tuple[PlayedClip, ...] = ()
 
 
 def render_report(report: Report) -> str:
@@ -106,7 +108,7 @@ def render_report(report: Report) -> str:
             reasons=Counter(row.reason for row in report.data.quarantined).most_common(),
             tables=_tables(report.tables),
             curves={name: charts(curve) for name, curve in report.curves.items()},
-            packed=[packed_clip(clip) for clip in report.clips],
+            packed=[packed_clip(clip) for clip in (*report.clips, *report.gallery)],
             style=Markup(_part("report.css")),
             script=Markup(script),
             script_hash=digest,
