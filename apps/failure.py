@@ -5,6 +5,9 @@ from contextlib import contextmanager
 
 import typer
 
+from pacmo_core.formats.raw import FormatError
+from pacmo_core.store.schema import StoreError
+
 FAILED = 1  # exit code; typer's own 2 means wrong usage
 
 
@@ -29,3 +32,15 @@ def told_in_one_line() -> Iterator[None]:
         return
     typer.echo(f"pacmo: {' '.join(message.split())}", err=True)
     raise typer.Exit(FAILED)
+
+
+@contextmanager
+def told_reading() -> Iterator[None]:
+    """As ``told_in_one_line``, also for what the readers of files refuse."""
+    with told_in_one_line():
+        try:
+            yield
+        except (StoreError, FormatError) as fault:
+            raise CommandError(str(fault)) from fault
+        except (ValueError, KeyError) as fault:
+            raise CommandError(str(fault.args[0])) from fault

@@ -1,18 +1,16 @@
 """The report: one page that explains a run and plays its clips, without a network or a server."""
 
-import base64
-import hashlib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from pacmo_core.figures.clips import PlayedClip, packed_clip
+from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.curves import Curve, charts
+from pacmo_core.figures.scenes import packed_scenes
 from pacmo_core.figures.tables import Rows, Table, table
+from pacmo_core.figures.viewer import environment, part, player_scripts, script_hash
 
 SECTIONS = {
     "pacmo": "Reactions, generated from the partner alone",
@@ -22,6 +20,8 @@ SECTIONS = {
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
 }
+
+CONTACT = 0.1  # metres; for the eye alone, metrics have a setting of their own
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,8 @@ class Report:
     sections : further tables, each with notes of its own
     curves : training runs by name
     clips : clips that play
+    contact : metres between joints of two people that touch
+    gallery : clips and their variations, which play too
     """
 
     title: str
@@ -88,45 +90,35 @@ class Report:
     sections: tuple[Section, ...] = ()
     curves: Mapping[str, Curve] = field(default_factory=dict)
     clips: tuple[PlayedClip, ...] = ()
+    contact: float = CONTACT
+    gallery: tuple[PlayedClip, ...] = ()
 
 
 def render_report(report: Report) -> str:
     """Write the report as one HTML document that refers to nothing outside itself.
 
     Equal reports give equal bytes. Every text is escaped; the page's own policy lets no script
-    run but the player, by its hash.
+    run but the player's, by their hashes.
     """
-    script = _part("player.js")
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    scripts = player_scripts() if report.clips else ()
     return (
-        _environment()
+        environment()
         .get_template("report.html")
         .render(
             report=report,
             reasons=Counter(row.reason for row in report.data.quarantined).most_common(),
             tables=_tables(report.tables),
             curves={name: charts(curve) for name, curve in report.curves.items()},
-            packed=[packed_clip(clip) for clip in report.clips],
-            style=Markup(_part("report.css")),
-            script=Markup(script),
-            script_hash=digest,
+            packed=[
+                packed_scenes(clip.scenes(), contact=report.contact)
+                for clip in (*report.clips, *report.gallery)
+            ],
+            style=Markup(part("player.css") + part("report.css")),
+            scripts=[Markup(script) for script in scripts],
+            hashes=[script_hash(script) for script in scripts],
         )
     )
 
 
 def _tables(tables: Mapping[str, Rows]) -> list[tuple[str, Table]]:
     return [(SECTIONS.get(name, name), table(rows)) for name, rows in tables.items()]
-
-
-def _part(name: str) -> str:
-    return files("pacmo_core.figures").joinpath(name).read_text(encoding="utf-8")
-
-
-def _environment() -> Environment:
-    return Environment(
-        loader=FunctionLoader(_part),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )

@@ -25,7 +25,11 @@ def format_bvh(motion: Motion, fps: float, skeleton: Skeleton) -> str:
     motion : (T, J, 3) float32, metres, y up
     fps : frames a second
     """
-    fitted = fit_bones(motion, skeleton)
+    return format_fitted(fit_bones(motion, skeleton), fps, skeleton)
+
+
+def format_fitted(fitted: Fitted, fps: float, skeleton: Skeleton) -> str:
+    """Write a motion of constant bones, whatever its unit and the axis that is up."""
     depth_first = list(_depth_first(skeleton, skeleton.root))
     columns = [fitted.root, *(angles(fitted.rotations[:, joint]) for joint in depth_first)]
     rows = np.concatenate(columns, axis=1)

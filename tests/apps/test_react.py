@@ -12,7 +12,9 @@ import torch
 from typer.testing import CliRunner, Result
 
 from apps.cli import app
+from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.interaction import Interaction
@@ -91,6 +93,21 @@ def test_bvh_holds_a_file_a_person_a_sample_and_goes_in_again(
     np.testing.assert_allclose(first.person_a[:, root], CLIP.person_a[:, SBU15.root], atol=1e-5)
     again = [names[0], "--unit", 1, "--up", "y", "--weights", weights, "--out", tmp_path / "2.bvh"]
     assert pacmo(out.parent / again[0], *again[1:]).exit_code == 0
+
+
+def test_a_bvh_is_read_back_within_a_millimetre_of_the_nearest_motion_of_constant_bones(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    words = ["--clip", "one", "--person", "a", "--weights", weights, "--seed", 3]
+    for name in ("x.parquet", "x.bvh"):
+        assert pacmo(stored, *words, "--out", tmp_path / name).exit_code == 0
+    (made,) = dict(stream_motions(tmp_path / "x.parquet")).values()
+    for person, motion in (("A", made.person_a), ("B", made.person_b)):
+        bvh = read_bvh(tmp_path / f"x_0_{person}.bvh")
+        back = bvh.positions()[:, [bvh.joints.index(joint) for joint in SBU15.joints]]
+        far = np.linalg.norm(back - fit_bones(motion, SBU15).positions(SBU15), axis=-1)
+        assert far.mean() <= 1e-3
+        assert far.max() <= 5e-3
 
 
 def test_files_of_one_person_need_no_name_and_those_of_two_do(

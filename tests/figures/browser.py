@@ -1,5 +1,6 @@
 """A headless Chromium, spoken to over its DevTools socket: as much as the tests of pages need."""
 
+import base64
 import json
 import re
 import shutil
@@ -10,11 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 _FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--headless", "--no-sandbox", "--disable-quic", "--no-first-run"),
+    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader"),  # 3-D without a graphics card
     *("--disable-sync", "--disable-background-networking", "--disable-component-update"),
     "--remote-debugging-port=0",
 )
@@ -28,7 +31,7 @@ class Tab:
     ``complaints`` holds what the console was told, ``requests`` every address asked for.
     """
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: Connection) -> None:
         self.socket, self.session, self.last_id = socket, "", 0
         self.complaints: list[dict[str, Any]] = []
         self.requests: list[str] = []
@@ -63,6 +66,25 @@ class Tab:
             if time.monotonic() > until:
                 raise TimeoutError(f"the page never came to {expression}; {self.complaints}")
             time.sleep(0.02)
+
+    def size(self, width: int, height: int, *, dark: bool = False) -> None:
+        """Take the size of a window or of a phone, and a light or dark taste."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width, height=height, deviceScaleFactor=1, mobile=width < 600,
+        )  # fmt: skip
+        taste = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.call("Emulation.setEmulatedMedia", features=[taste])
+
+    def picture(self) -> bytes:
+        """Give the window as a PNG."""
+        shot = self.call("Page.captureScreenshot", format="png")
+        return base64.b64decode(shot["data"])
+
+    def click(self, x: float, y: float) -> None:
+        """Press and release at a place of the window."""
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def press(self, key: str, text: str = "") -> None:
         """Press a key where the focus is."""

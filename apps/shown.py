@@ -1,0 +1,90 @@
+"""Clips named on the command line: of the store, or captures of any format that is read."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from apps.failure import CommandError
+from pacmo_core.figures.scenes import Scene
+from pacmo_core.formats.partner import ONE_PERSON, PUBLISHED, format_of
+from pacmo_core.formats.raw import RawSequence
+from pacmo_core.formats.registry import open_format
+from pacmo_core.interaction import Interaction
+from pacmo_core.store.motions import read_motion
+
+STORE = Path("data/clips")
+MOTIONS = "motions.parquet"
+# Who reacts, and the number of the sample: the file has the partner first.
+_REACTION = re.compile(r".+#[ab]#\d+")
+
+
+def read_scene(word: str, form: str | None, settings: Mapping[str, Any]) -> Scene:
+    """Read what a word of the command line names.
+
+    Parameters
+    ----------
+    word : ``NAME`` of a clip in ``data/clips``, ``STORE:NAME`` of one in another folder or file,
+        ``FILE`` of a capture, or ``FILE+FILE`` of two people
+    form : the captures' format, None to go by their endings
+    settings : what differs from the format's published facts
+
+    Raises
+    ------
+    CommandError
+        If the word names nothing, or what it names needs more to be said.
+    FormatError, StoreError, KeyError, ValueError
+        As the readers say.
+    """
+    store, colon, name = word.partition(":")
+    if colon and Path(store).exists():
+        return _stored(Path(store), name)
+    files = [Path(part) for part in word.split("+")]
+    if all(file.is_file() for file in files):
+        return _captured(files, form, settings)
+    if (STORE / MOTIONS).exists() and len(files) == 1:
+        return _stored(STORE, word)
+    raise CommandError(
+        f"{word}: no such file, and no {STORE / MOTIONS} here to hold a clip of that name; "
+        "a clip of another folder is FOLDER:NAME"
+    )
+
+
+def _stored(store: Path, name: str) -> Scene:
+    """Show a clip of the store; a reaction keeps the colour of the person who reacts."""
+    if not name:
+        raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
+    found = read_motion(store / MOTIONS if store.is_dir() else store, name)
+    # A reaction is told from others to the same partner by its folder, as pacmo/1.
+    folder = "/".join(store.parts[-2:]) if _REACTION.fullmatch(name) and store.is_dir() else ""
+    label = f"{folder} · {name}" if folder else name
+    return Scene.of(label, found.swapped() if name.rpartition("#")[0].endswith("#a") else found)
+
+
+def _captured(files: list[Path], form: str | None, settings: Mapping[str, Any]) -> Scene:
+    if any(file.suffix.lower() == ".parquet" for file in files):
+        raise CommandError(f"{files[0]}: name the clip, {files[0]}:NAME")
+    form = form or format_of(files[0])
+    if form not in PUBLISHED:
+        raise CommandError(f"no format {form!r}; there are {', '.join(PUBLISHED)}")
+    pairs = form in ONE_PERSON
+    if len(files) > (2 if pairs else 1):
+        raise CommandError(f"{files[0]}: wanted {'at most two files' if pairs else 'one file'}")
+    opened = open_format(form, {**PUBLISHED[form], **_rates(files, form, settings)})
+    # Every format of one person a file pairs people; a person paired with himself is one.
+    both = (files[0], files[-1]) if pairs else (files[0],)
+    seen = opened.read(RawSequence(files[0].stem, both)).interaction
+    label = " + ".join(file.stem for file in files)
+    alone = pairs and len(files) == 1
+    return _one(label, seen) if alone else Scene.of(label, seen)
+
+
+def _one(label: str, seen: Interaction) -> Scene:
+    return Scene(label, seen.skeleton, seen.times, (seen.person_a,))
+
+
+def _rates(files: list[Path], form: str, settings: Mapping[str, Any]) -> Mapping[str, Any]:
+    """CMU's rates go by subject, which is the first word of a file's name."""
+    if form != "cmu" or "fps" not in settings:
+        return settings
+    return {**settings, "fps": {file.stem.partition("_")[0]: settings["fps"] for file in files}}

@@ -1,0 +1,77 @@
+"""How long a frame of the viewer takes to script: four clips of two people, everything shown.
+
+Usage: python -m benchmarks.viewing [--json]
+
+The picture itself is the graphics card's, and a machine without one paints it in software: calls
+that paint are answered by nothing, all else is done as in a page that plays, in headless Chromium.
+``script_ms`` is the median of 500 frames; sixty a second leave 16.7 ms. The slowest frames wait
+for the browser's own compositor, in software too, and say nothing of a machine with a card.
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks._figures import arguments, show
+from pacmo_core.figures.scenes import Scene
+from pacmo_core.figures.viewer import render_viewer
+from pacmo_core.interaction import Interaction
+from pacmo_core.synthesis import ACTS, capture, write_scripts
+from tests.figures.browser import open_page
+
+FRAMES = """(() => {
+  const player = Pacmo.players[0], costs = [];
+  for (const name of ["trails", "distances", "contacts", "names"]) player.set(name, true);
+  for (const call of ["drawElements", "drawElementsInstanced", "drawArrays", "clear"])
+    WebGL2RenderingContext.prototype[call] = () => {};
+  for (let frame = 0; frame < 600; frame += 1) {
+    player.time = (frame / 60) % player.length;
+    const began = performance.now();
+    player.draw();
+    player.say();
+    costs.push(performance.now() - began);
+  }
+  return costs.slice(100);
+})()"""
+
+
+def clips() -> list[Scene]:
+    """Invent four clips of two people, two at 30 and two at 120 frames a second."""
+    scripts = write_scripts(4, population=1, pairs=1, acts=tuple(ACTS)[:4], replications=1)
+    seen = [capture(script, random) for script, random in scripts]
+    finer = [*seen[:2], *map(four_times, seen[2:])]
+    return [Scene.of(f"{k}, {clip.fps:.0f} fps", clip) for k, clip in enumerate(finer)]
+
+
+def four_times(clip: Interaction) -> Interaction:
+    """Put three frames between any two, straight."""
+    at = np.arange(4 * len(clip.times) - 3)
+    low, share = np.minimum(at // 4, len(clip.times) - 2), (at - 4 * (at // 4)) / 4.0
+    share = np.where(at // 4 > low, 1.0, share)
+
+    def between(values: np.ndarray) -> np.ndarray:
+        weight = share.reshape(-1, *[1] * (values.ndim - 1))
+        mixed: np.ndarray = values[low] * (1 - weight) + values[low + 1] * weight
+        return mixed.astype(values.dtype)
+
+    return Interaction(
+        clip.skeleton, between(clip.times), between(clip.person_a), between(clip.person_b)
+    )
+
+
+def main() -> None:
+    """Measure and print."""
+    given = arguments(__doc__ or "").parse_args()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        page = Path(name) / "view.html"
+        size = page.write_text(render_viewer(clips(), contact=0.1), encoding="utf-8")
+        with open_page(page, Path(name) / "profile") as tab:
+            tab.wait_until("Pacmo.players[0].renderer && Pacmo.players[0].boxes")
+            costs = np.array(tab.run(FRAMES))
+    figures = {"script_ms": float(np.median(costs)), "page_kb": size / 1e3}
+    show(figures, as_json=given.json)
+
+
+if __name__ == "__main__":
+    main()

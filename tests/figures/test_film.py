@@ -1,0 +1,55 @@
+"""Truth: what Pillow reads back; what ffmpeg, where there is one, says of its file."""
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pacmo_core.figures import film
+from pacmo_core.figures.film import check_gif_rate, find_ffmpeg, write_film
+from tests.figures.samples import interaction
+
+CLIP = interaction(1, n_frames=5, fps=25.0)
+
+
+def test_a_gif_has_a_frame_a_frame_that_lasts_as_long_and_loops(tmp_path: Path) -> None:
+    write_film(tmp_path / "clip.gif", CLIP, 25)
+    with Image.open(tmp_path / "clip.gif") as found:
+        assert (found.n_frames, found.info["duration"], found.info["loop"]) == (5, 40, 0)
+        first = np.asarray(found.convert("RGB"), float)
+        found.seek(4)
+        assert np.abs(np.asarray(found.convert("RGB"), float) - first).max() > 50
+
+
+@pytest.mark.parametrize("fps", [50, 100 / 3, 25, 20, 12.5, 10, 1])
+def test_rates_of_whole_hundredths_are_a_gifs(fps: float) -> None:
+    check_gif_rate(fps)
+
+
+@pytest.mark.parametrize("fps", [30, 60, 100, 24])
+def test_other_rates_are_refused_with_those_that_go(fps: float) -> None:
+    with pytest.raises(ValueError, match=f"33.333.*got {fps}"):
+        check_gif_rate(fps)
+
+
+def test_an_mp4_without_ffmpeg_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(film.shutil, "which", lambda _: None)
+    monkeypatch.setattr(film.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(ValueError, match="pip install imageio-ffmpeg"):
+        find_ffmpeg()
+
+
+def test_an_mp4_has_the_frames_and_the_rate(tmp_path: Path) -> None:
+    try:
+        program = find_ffmpeg()
+    except ValueError as reason:
+        pytest.skip(str(reason))
+    write_film(tmp_path / "clip.mp4", CLIP, 25)
+    command = [program, "-i", str(tmp_path / "clip.mp4"), "-f", "null", "-"]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+    assert "h264" in said
+    assert "640x512" in said
+    assert "25 fps" in said
+    assert "frame=    5" in said

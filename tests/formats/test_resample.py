@@ -1,0 +1,68 @@
+"""Truth: polynomials, which a cubic spline repeats; turns written out; the reader's own turn."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pacmo_core.formats.people import upright
+from pacmo_core.formats.resample import instants, resampled, turned_to
+
+TIMES = np.sort(np.random.default_rng(0).uniform(0, 2, 30))
+
+
+def cubic(times: np.ndarray) -> np.ndarray:
+    line = 1 - 2 * times + 0.5 * times**2 + 0.25 * times**3
+    return np.stack([line, 2 * line, -line], axis=-1)[:, None]
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.floats(5, 240))
+def test_a_cubic_motion_is_found_at_any_rate(fps: float) -> None:
+    at = instants(TIMES, fps)
+    found = resampled(cubic(TIMES).astype(np.float32), TIMES, at)
+    np.testing.assert_allclose(found, cubic(at), atol=2e-4)
+
+
+def test_frames_that_stay_are_the_same() -> None:
+    motion = np.random.default_rng(1).normal(size=(31, 4, 3)).astype(np.float32)
+    times = np.arange(31) / 30
+    at = instants(times, 60)
+    assert len(at) == 61
+    np.testing.assert_allclose(resampled(motion, times, at)[::2], motion, atol=1e-6)
+    np.testing.assert_allclose(resampled(motion, times, times), motion, atol=1e-6)
+
+
+def test_instants_begin_at_the_first_frame_and_stay_within_the_clip() -> None:
+    times = 5 + np.arange(31) / 30
+    for fps in (7, 24, 30, 120):
+        at = instants(times, fps)
+        assert at[0] == 5
+        assert at[-1] <= times[-1] + 1e-9 < at[-1] + 1 / fps
+        np.testing.assert_allclose(np.diff(at), 1 / fps)
+
+
+def test_two_frames_are_joined_by_a_line() -> None:
+    ends = np.array([[[0, 0, 0]], [[1, 2, 3]]], np.float32)
+    found = resampled(ends, np.array([0.0, 1.0]), np.array([0.25]))
+    np.testing.assert_allclose(found, [[[0.25, 0.5, 0.75]]])
+
+
+@pytest.mark.parametrize("fps", [0.0, -30.0, 1e6])
+def test_rates_that_no_capture_has_are_refused(fps: float) -> None:
+    with pytest.raises(ValueError, match="fps must be"):
+        instants(TIMES, fps)
+
+
+def test_a_clip_too_short_for_two_frames_is_refused() -> None:
+    with pytest.raises(ValueError, match="too short"):
+        instants(np.array([0, 0.1]), 5)
+
+
+def test_turning_to_z_up_undoes_what_reading_does() -> None:
+    motion = np.random.default_rng(2).normal(size=(5, 3, 3)).astype(np.float32)
+    for up in ("y", "z"):
+        np.testing.assert_array_equal(upright(turned_to(motion, up), up), motion)
+    np.testing.assert_array_equal(turned_to(np.array([0, 1, 0], np.float32), "z"), [0, 0, 1])
+    with pytest.raises(ValueError, match="up must be"):
+        turned_to(motion, "x")
