@@ -30,6 +30,7 @@ SETTINGS = Settings(
     weights=Weights(
         power=1,
         softening=0.01,
+        shape=20,
         acceleration=30,
         contact=30,
         contact_reach=0.25,
