@@ -22,6 +22,7 @@ all directions and bodies at once.
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ from pacmo_core.interaction_mesh.settings import Settings
 from pacmo_core.interaction_mesh.supports import holds, supports
 from pacmo_core.interaction_mesh.trunk import shape_rows
 
-Real = Array | Single
+Real = TypeVar("Real", Array, Single)
 
 # The rate for which weights are stated.
 FPS = 30.0
