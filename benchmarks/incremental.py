@@ -4,11 +4,11 @@ Usage: python -m benchmarks.incremental [--captures N] [--json]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
 ``split`` and ``augment`` (one variation a clip, the least of any plan: of more, the share is less),
-as a share of those stages' clean run; both are the stages' own commands in this run. With a tenth
-of the captures, ``same_bytes`` says whether what they then leave is what a clean run of all leaves.
-``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where nothing
-is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask workers beside
-one process, on variations (wants the extra ``dask``).
+as a share of their clean run; both are the stages' own commands in this run. ``same_bytes``:
+whether what they then leave is what a clean run of all leaves, of a tenth of the captures.
+``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where
+nothing is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask
+workers beside one process, on variations (wants the extra ``dask``).
 """
 
 import os

@@ -11,12 +11,11 @@ from prefect.artifacts import (
 )
 from prefect.context import FlowRunContext
 
-from apps.places import REPORT
 from pacmo_core.figures.columns import MAIN_COLUMNS
 from pacmo_core.figures.tables import markdown_table
 
 
-def publish(metrics: Path) -> None:
+def publish(metrics: Path, report: Path) -> None:
     """Put the tables of ``reports/metrics.json`` and a link to the report on the page."""
     if FlowRunContext.get() is None or not metrics.exists():
         return
@@ -28,7 +27,7 @@ def publish(metrics: Path) -> None:
     ]
     title = f"# {facts['experiment']}\n\n"
     create_markdown_artifact(title + "\n\n".join(tables), key="metrics", description="Metrics")
-    link_to(REPORT, "report")
+    link_to(report, "report")
 
 
 def put_table(key: str, rows: list[dict[str, Any]], description: str) -> None:

@@ -20,7 +20,7 @@ from apps.experiments import use
 from apps.failure import CommandError
 from apps.lock import one_writer
 from apps.log import start_log, tell
-from apps.places import LOCK, LOG, METRICS, PAGE, RUNS
+from apps.places import LOCK, LOG, METRICS, NIGHTS_REPORT, PAGE, RUNS
 from apps.promote import decide
 from apps.records import DONE, HELD, SKIPPED, Run, read_runs, recorded
 from flows.artifacts import link_to, publish, put_table
@@ -94,7 +94,7 @@ def compare(way: Way, gate: Gate, run: Run) -> None:
     run.outcome = HELD if decision.verdict == "held" else DONE
     run.reason = "; ".join((decision.verdict, *decision.reasons))
     run.facts |= {"decision": decision.number, "verdict": decision.verdict}
-    publish(METRICS)
+    publish(METRICS, NIGHTS_REPORT)
     rows = [{"metric": name, **cell} for name, cell in decision.metrics.items()]
     put_table("decision", rows, f"{decision.verdict}: {'; '.join(decision.reasons)}")
     link_to(PAGE, "history")
