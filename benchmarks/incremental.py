@@ -1,6 +1,6 @@
 """What one more capture costs beside all of them, and what a flow with nothing to do costs.
 
-Usage: python -m benchmarks.incremental [--captures N] [--json]
+Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
 ``split`` and ``augment`` (one variation a clip, the least of any plan: of more, the share is less),
@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -31,6 +32,7 @@ from flows.server import a_server
 MEASURED = ("ingest", "cut", "split", "augment")
 ACTS, REPLICATIONS = 10, 2
 REPEATS = 3
+FEWEST = 40  # of fewer, no clip may be left to test on
 PORT = 4297
 
 
@@ -71,7 +73,7 @@ def one_more(folder: Path, n_captures: int) -> dict[str, float]:
     return found
 
 
-def same_bytes(folder: Path, n_captures: int) -> bool:
+def same_bytes(folder: Path, n_captures: int) -> dict[str, float]:
     """Tell whether one more leaves what a clean run of all leaves."""
     one_more(folder, n_captures)
     found = hashes(folder)
@@ -80,7 +82,7 @@ def same_bytes(folder: Path, n_captures: int) -> bool:
         if path.name != "raw":
             shutil.rmtree(path)
     run_measured(folder)
-    return hashes(folder) == found
+    return {"same_bytes": float(hashes(folder) == found)}
 
 
 def seconds(folder: Path, command: list[str], **environment: str) -> float:
@@ -109,17 +111,29 @@ def noop(folder: Path) -> dict[str, float]:
     return {**found, "served_noop_extra_s": served - plain}
 
 
+def parts(place: Path, n_captures: int) -> dict[str, Callable[[], dict[str, float]]]:
+    """Name what is measured, the quick before the slow."""
+    few = max(n_captures // 10, FEWEST)
+    return {
+        "noop": lambda: noop(clone(place / "noop", "smallest")),
+        "dask": spread,
+        "bytes": lambda: same_bytes(clone(place / "few", "smallest"), few),
+        "one_more": lambda: one_more(clone(place / "many", "smallest"), n_captures),
+    }
+
+
 def main() -> None:
     """Measure and print."""
     parser = arguments(__doc__ or "")
     parser.add_argument("--captures", type=int, default=1000)
+    parser.add_argument("parts", nargs="*", help="noop, dask, bytes, one_more; none: all")
     options = parser.parse_args()
+    found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as place:
-        found = noop(clone(Path(place) / "noop", "smallest"))
-        found |= spread()
-        few = clone(Path(place) / "few", "smallest")
-        found["same_bytes"] = float(same_bytes(few, options.captures // 10))
-        found |= one_more(clone(Path(place) / "many", "smallest"), options.captures)
+        for name, measure in parts(Path(place), options.captures).items():
+            if not options.parts or name in options.parts:
+                found |= measure()
+                print(f"{name} measured: {found}", file=sys.stderr, flush=True)
     show(found, as_json=options.json)
 
 
