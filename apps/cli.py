@@ -2,7 +2,7 @@
 
 import typer
 
-from apps import cli_clips, cli_export, cli_fetch, cli_react, cli_use, cli_view
+from apps import cli_clips, cli_export, cli_fetch, cli_react, cli_study, cli_use, cli_view
 
 app = typer.Typer(
     name="pacmo",
@@ -13,6 +13,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 wrong usage.",
 )
 app.add_typer(cli_fetch.app, name="fetch")
+app.add_typer(cli_study.app, name="study")
 app.command("use")(cli_use.use_experiment)
 app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)
