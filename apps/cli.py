@@ -2,7 +2,17 @@
 
 import typer
 
-from apps import cli_clips, cli_export, cli_fetch, cli_react, cli_study, cli_use, cli_view
+from apps import (
+    cli_augment,
+    cli_clips,
+    cli_export,
+    cli_fetch,
+    cli_react,
+    cli_status,
+    cli_study,
+    cli_use,
+    cli_view,
+)
 
 app = typer.Typer(
     name="pacmo",
@@ -20,7 +30,10 @@ app.command("experiments")(cli_use.list_experiments)
 app.command("react")(cli_react.react_to)
 app.command("view")(cli_view.view)
 app.command("export")(cli_export.export_clip)
+app.command("augment")(cli_augment.augment)
 app.command("clips")(cli_clips.list_clips)
+app.command("status")(cli_status.show_status)
+app.command("rollback")(cli_status.roll_back_model)
 app.command("quarantine")(cli_clips.list_quarantine)
 
 

@@ -48,7 +48,8 @@ def compose(name: str) -> str:
     params = yaml.load(FOLDER / "default.yaml")
     if name != "default":
         _override(params, yaml.load(FOLDER / f"{name}.yaml"), where=name)
-    params["ingest"]["raw"] = _resolve(params["ingest"]["raw"])
+    for captures in (params["ingest"], params["augment"]["second"]):
+        captures["raw"] = _resolve(captures["raw"])
     settings = params["ingest"]["settings"]
     if "skip_lists" in settings:
         settings["skip_lists"] = [_resolve(path) for path in settings["skip_lists"]]

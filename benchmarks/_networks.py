@@ -1,6 +1,7 @@
 """The operator, the generator and the partner that the benchmark of speed runs."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -13,10 +14,20 @@ from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
 from pacmo_core.pacmo.config import RATIOS
 from pacmo_core.pacmo.generator import Generator, GeneratorConfig
 from pacmo_core.skeleton import NTU25
+from stages._params import read_params
+from stages.train_pacmo import Params
 
-WIDTH = 64
-N_POINTS = 65
-MODES = (24, 16, 8, 8, 8, 16, 24)
+
+@dataclass(frozen=True)
+class Shape:
+    """Width, grid and modes of an operator."""
+
+    width: int
+    n_points: int
+    modes: tuple[int, ...]
+
+
+WIDE = Shape(width=64, n_points=65, modes=(24, 16, 8, 8, 8, 16, 24))
 FPS, SECONDS = 30.0, 4.0
 SKELETON = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
 NOISE = RandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
@@ -25,17 +36,23 @@ NOISE_CHANNELS = 4
 
 def our_operator(in_channels: int, out_channels: int) -> Uno:
     """Build ours with fresh weights."""
-    uno = Uno(_config(in_channels, out_channels))
+    uno = Uno(_config(WIDE, in_channels, out_channels))
     initialise(uno, torch.Generator().manual_seed(0))
     return uno
 
 
-def generator() -> Generator:
+def trained_shape() -> Shape:
+    """Read the shape of the generator that the pipeline trains."""
+    params = read_params("train_pacmo", Params, given={"random_seed": 0})
+    return Shape(params.width, params.n_points, tuple(params.modes))
+
+
+def generator(shape: Shape) -> Generator:
     """Build a generator that believes to have been trained on clips of four seconds."""
     channels = 3 * len(SKELETON.joints)
     config = GeneratorConfig(
         SKELETON,
-        _config(NOISE_CHANNELS + channels + 3, channels),
+        _config(shape, NOISE_CHANNELS + channels + 3, channels),
         NOISE,
         NOISE_CHANNELS,
         actions=(),
@@ -57,15 +74,15 @@ def partner(n_frames: int) -> tuple[Motion, NDArray[np.float64]]:
     return motion, times
 
 
-def _config(in_channels: int, out_channels: int) -> UnoConfig:
+def _config(shape: Shape, in_channels: int, out_channels: int) -> UnoConfig:
     return UnoConfig(
         in_channels=in_channels,
         out_channels=out_channels,
-        lifting=WIDTH,
-        channels=u_channels(WIDTH),
-        modes=MODES,
+        lifting=shape.width,
+        channels=u_channels(shape.width),
+        modes=shape.modes,
         ratios=RATIOS,
-        n_points=N_POINTS,
+        n_points=shape.n_points,
         period=1.25,
         skips=True,
     )

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from torch import nn
 
-from benchmarks._networks import MODES, WIDTH
+from benchmarks._networks import WIDE
 from pacmo_core.operators.uno import SKIPS, u_channels
 from pacmo_core.pacmo.config import RATIOS
 
@@ -29,12 +29,12 @@ def peer_operator(in_channels: int, out_channels: int) -> nn.Module | None:
         network: nn.Module = importlib.import_module(f"{PEER}.models").UNO(
             in_channels=in_channels,
             out_channels=out_channels,
-            hidden_channels=WIDTH,
-            lifting_channels=WIDTH,
-            projection_channels=4 * WIDTH,
-            n_layers=len(MODES),
-            uno_out_channels=list(u_channels(WIDTH)),
-            uno_n_modes=[[2 * modes - 2] for modes in MODES],  # it keeps half of them and one
+            hidden_channels=WIDE.width,
+            lifting_channels=WIDE.width,
+            projection_channels=4 * WIDE.width,
+            n_layers=len(WIDE.modes),
+            uno_out_channels=list(u_channels(WIDE.width)),
+            uno_n_modes=[[2 * modes - 2] for modes in WIDE.modes],  # it keeps half of them and one
             uno_scalings=[[scaling] for scaling in scalings],
             horizontal_skips_map=dict(SKIPS),
             channel_mlp_skip="linear",  # its default refuses layers that change width

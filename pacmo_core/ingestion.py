@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pacmo_core.formats.raw import Format, FormatError, RawSequence
-from pacmo_core.interaction import Interaction
 from pacmo_core.quality import Limits, QualityError, check, measure
+from pacmo_core.readings import Readings, Usable, reading_key
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts
 
 BATCH = 256  # sequences handed to the processes at a time: what may wait in memory
 
-Usable = tuple[ClipFacts, Interaction]
+FEW = 8  # fewer are read here: to start processes takes longer
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,20 @@ class Recipe:
 
 
 def read_sequences(
-    recipe: Recipe, sequences: Sequence[RawSequence]
+    recipe: Recipe, sequences: Sequence[RawSequence], kept: Readings | None = None
 ) -> Iterator[Usable | QuarantineFacts]:
     """Read sequences in order, one process a core, and keep those that fit the set.
 
     The first usable sequence fixes the set's skeleton. One that has another, or the content of an
     earlier one (it could stand on both sides of a split), is put aside.
+
+    Parameters
+    ----------
+    recipe, sequences : what is read, and how
+    kept : readings that were made before; those made now are added
     """
     skeleton, seen = None, dict[str, str]()
-    for outcome in _read_side_by_side(recipe, sequences):
+    for outcome in _read_side_by_side(recipe, sequences, kept):
         if isinstance(outcome, QuarantineFacts):
             yield outcome
             continue
@@ -73,13 +78,44 @@ def read_sequences(
 
 
 def _read_side_by_side(
-    recipe: Recipe, sequences: Sequence[RawSequence]
+    recipe: Recipe, sequences: Sequence[RawSequence], kept: Readings | None
 ) -> Iterator[Usable | QuarantineFacts]:
-    context = multiprocessing.get_context("forkserver")
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=context) as pool:
+    with _Readers() as readers:
         for start in range(0, len(sequences), BATCH):
             batch = sequences[start : start + BATCH]
-            yield from pool.map(read_sequence, [recipe] * len(batch), batch, chunksize=8)
+            if kept is None:
+                yield from readers.read(recipe, batch)
+                continue
+            keys = [reading_key(sequence, _content_hash(sequence.files)) for sequence in batch]
+            known = kept.get(keys)
+            new = {key: s for key, s in zip(keys, batch, strict=True) if key not in known}
+            made = dict(zip(new, readers.read(recipe, list(new.values())), strict=True))
+            kept.keep(made)
+            for key in keys:
+                yield known[key] if key in known else made[key]
+
+
+class _Readers:
+    """Processes that read side by side, started when there is enough to read."""
+
+    def __enter__(self) -> "_Readers":
+        self._pool: ProcessPoolExecutor | None = None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def read(
+        self, recipe: Recipe, sequences: Sequence[RawSequence]
+    ) -> Iterator[Usable | QuarantineFacts]:
+        """Read in order."""
+        if len(sequences) < FEW:
+            return (read_sequence(recipe, sequence) for sequence in sequences)
+        if self._pool is None:
+            context = multiprocessing.get_context("forkserver")
+            self._pool = ProcessPoolExecutor(os.cpu_count(), mp_context=context)
+        return self._pool.map(read_sequence, [recipe] * len(sequences), sequences, chunksize=8)
 
 
 def read_sequence(recipe: Recipe, sequence: RawSequence) -> Usable | QuarantineFacts:

@@ -49,6 +49,7 @@ class SideRule:
         ``listed_people`` (people named in ``test_people``; nobody stands on both sides), or
         ``auto``: ``person`` where at least ``min_people`` people are known, else ``recording``
     test_share, validation_share : expected shares of what is hashed
+    validation_by : ``recording``, or ``clip`` where no recording can be spared from training
     min_people : for ``auto``
     test_pairs : for ``listed``, the pairs that each fold tests, such as the published folds:
         ``s01+s02``, the people in the order of their data set
@@ -59,6 +60,7 @@ class SideRule:
     method: str
     test_share: float
     validation_share: float
+    validation_by: str
     min_people: int
     test_pairs: tuple[tuple[str, ...], ...]
     test_people: tuple[tuple[str, ...], ...]
@@ -67,6 +69,8 @@ class SideRule:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise ValueError(f"method must be one of {', '.join(METHODS)}; got {self.method}")
+        if self.validation_by not in ("recording", "clip"):
+            raise ValueError(f"validation_by must be recording or clip; got {self.validation_by}")
         if not 0 < self.test_share < 1 or not 0 <= self.validation_share < 1:
             raise ValueError(
                 f"shares must lie between 0 and 1; got test {self.test_share}, "
@@ -123,9 +127,9 @@ def resolve_method(origins: Sequence[Origin], rule: SideRule) -> str:
 def assign_sides(origins: Sequence[Origin], rule: SideRule, fold: int) -> dict[str, Side]:
     """Put every clip on a side.
 
-    Validation clips are taken from training by recording, whatever the method: they choose
-    checkpoints and are no claim about new people. Split by person, a clip whose two people
-    stand on different sides is ``dropped``.
+    Validation clips are taken from training by recording or by clip, whatever the method: they
+    choose checkpoints and are no claim about new people. Split by person, a clip whose two
+    people stand on different sides is ``dropped``.
 
     Returns
     -------
@@ -172,7 +176,8 @@ def _side(origin: Origin, method: str, rule: SideRule, fold: int) -> Side:
         return "dropped"
     if tests == {True}:
         return "test"
-    validation = _fraction("validation", origin.recording, rule) < rule.validation_share
+    unit = origin.clip if rule.validation_by == "clip" else origin.recording
+    validation = _fraction("validation", unit, rule) < rule.validation_share
     return "validation" if validation else "train"
 
 

@@ -1,12 +1,16 @@
 """Read raw captures into Parquet; put aside, with the reason, those that cannot be used.
 
-Usage: python -m stages.ingest RAW SEQUENCES METRICS.json
+Usage: python -m stages.ingest [--kept=DIR] RAW SEQUENCES METRICS.json
+
+What was read before is found in the folder KEPT, which DVC does not know: only what is new is read,
+and the result is the same bytes as without it.
 """
 
-import sys
+import argparse
+import json
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
 from itertools import chain
 from pathlib import Path
@@ -14,8 +18,9 @@ from typing import Any
 
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
-from pacmo_core.ingestion import Recipe, Usable, read_sequences
+from pacmo_core.ingestion import Recipe, read_sequences
 from pacmo_core.quality import Limits
+from pacmo_core.readings import Readings, Usable
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
 from pacmo_core.store.motions import write_motions
 from stages._files import CLIPS, MOTIONS, QUARANTINE, write_json
@@ -37,10 +42,11 @@ class Params:
     stated_fps: float | None  # the rate that the set claims, where its files state their own
 
 
-def main(raw: Path, sequences: Path, metrics: Path) -> None:
+def main(raw: Path, sequences: Path, metrics: Path, *, kept: Path | None = None) -> None:
     params = read_params("ingest", Params)
-    raw_format = open_format(params.format, params.settings)
-    found = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
+    found = sorted(
+        open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
+    )
     wanted = [sequence for sequence in found if is_included(sequence, raw, params.include)]
     if not wanted:
         raise ValueError(
@@ -48,17 +54,10 @@ def main(raw: Path, sequences: Path, metrics: Path) -> None:
             f"none of them under {', '.join(params.include)}"
         )
 
-    recipe = Recipe(
-        dataset=params.dataset,
-        root=raw,
-        format=raw_format,
-        drop_joints=params.drop_joints,
-        limits=params.limits,
-        contact_distance=params.contact_distance,
-        stated_fps=params.stated_fps,
-    )
+    recipe = recipe_of(params, raw)
     aside: list[QuarantineFacts] = []
-    captures = usable(read_sequences(recipe, wanted), aside)
+    known = Readings(kept, words_of(params)) if kept else None
+    captures = usable(read_sequences(recipe, wanted, known), aside)
     first = next(captures, None)
     if first is None:
         raise ValueError(f"{raw}: no capture of {len(wanted)} is usable; first: {aside[0].reason}")
@@ -78,6 +77,19 @@ def main(raw: Path, sequences: Path, metrics: Path) -> None:
     }
     write_json(
         metrics, {"dataset": params.dataset, "format": params.format, **counts, **facts_of(rows)}
+    )
+
+
+def recipe_of(params: Params, raw: Path) -> Recipe:
+    """Say how the captures under a folder are read."""
+    return Recipe(
+        dataset=params.dataset,
+        root=raw,
+        format=open_format(params.format, params.settings),
+        drop_joints=params.drop_joints,
+        limits=params.limits,
+        contact_distance=params.contact_distance,
+        stated_fps=params.stated_fps,
     )
 
 
@@ -108,5 +120,20 @@ def facts_of(rows: list[ClipFacts]) -> dict[str, object]:
     }
 
 
+def words_of(params: Params) -> str:
+    """Say all that a reading rests on beside its files; lists that settings name are read."""
+    lists = [Path(name).read_text("utf-8") for name in params.settings.get("skip_lists", ())]
+    return json.dumps([asdict(params), lists], sort_keys=True)
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--kept", type=Path, help="folder of what was read before")
+    for name in ("raw", "sequences", "metrics"):
+        parser.add_argument(name, type=Path)
+    return parser.parse_args()
+
+
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    main(**vars(arguments()))

@@ -1,7 +1,8 @@
 """Put everything on one page, and its data beside it.
 
 Usage: python -m stages.report --sequences DIR --clips DIR --sides FILE --ingest JSON --splits DIR
-           --pacmo JSON --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
+           --pacmo JSON --variations DIR --augment JSON --curve CSV ... --reactions ROW=DIR ...
+           --page HTML --metrics JSON
 
 Curves and clips are of the first fold and seed, tables of all.
 """
@@ -19,11 +20,17 @@ from pacmo_core.store.atomic import write_text
 from pacmo_core.store.clips import QuarantineFacts, read_rows
 from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
+from stages._gallery import gallery, variation_sections
 from stages._params import PARAMS, read_params
 from stages._reactions import directed_clips
 from stages._tables import NOTES, main_tables, sections
 
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
+
+PATHS = (
+    *("sequences", "clips", "sides", "ingest", "splits", "pacmo"),
+    *("variations", "augment", "page", "metrics"),
+)
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,8 @@ class Params:
     """The ``report`` section of ``params.yaml``."""
 
     played_clips: int  # at most, one an action before a second of any
+    varied_clips: int  # at most of either family, those with the worst variation first
+    variations_each: int  # at most, the worst first
 
 
 @dataclass(frozen=True)
@@ -55,15 +64,19 @@ def main(paths: argparse.Namespace) -> None:
         data=summarise(ingest, splits, paths.sequences),
         tables=main_tables(pacmo),
         notes=(*NOTES, halves_note(pacmo["rows"])),
-        sections=tuple(sections(pacmo, ingest["dataset"])),
+        sections=(
+            *sections(pacmo, ingest["dataset"]),
+            *variation_sections(read_json(paths.augment)),
+        ),
         curves={model_of(path): curve(path) for path in paths.curve},
         clips=tuple(played((paths.clips, paths.sides), reactions, params.played_clips)),
+        gallery=tuple(gallery(paths.variations, params.varied_clips, params.variations_each)),
     )
     write_text(paths.page, render_report(page))
     data = {**ingest, "runs": vars(runs), "folds": splits}
     tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
-    seen = {"pacmo_sensitivity": pacmo["sensitivity"]}
-    write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **seen})
+    more = {"pacmo_sensitivity": pacmo["sensitivity"], "augment": read_json(paths.augment)}
+    write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **more})
 
 
 def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str]:
@@ -172,7 +185,7 @@ def answers_in(folder: Path) -> dict[str, Interaction]:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("sequences", "clips", "sides", "ingest", "splits", "pacmo", "page", "metrics"):
+    for name in PATHS:
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--curve", type=Path, action="append", required=True)
     parser.add_argument("--reactions", action="append", required=True)

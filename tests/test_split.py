@@ -14,6 +14,7 @@ RULE = SideRule(
     method="clip",
     test_share=0.2,
     validation_share=0.1,
+    validation_by="recording",
     min_people=6,
     test_pairs=(),
     test_people=(),
@@ -77,6 +78,20 @@ def test_what_is_validation_does_not_hang_on_what_is_test():
     origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(5000)]
     sides = list(assign_sides(origins, replace(RULE, method="recording"), 1).values())
     assert sides.count("validation") / sides.count("train") == pytest.approx(0.1 / 0.9, abs=0.02)
+
+
+def test_validation_takes_whole_recordings_or_single_clips_of_them():
+    origins = [Origin(f"c{k}", f"r{k // 10}", ()) for k in range(1000)]
+    for unit, parted in (("recording", 0), ("clip", 50)):
+        rule = replace(RULE, method="recording", validation_by=unit, validation_share=0.2)
+        sides = assign_sides(origins, rule, 1)
+        mixed = [
+            {"train", "validation"} <= {sides[f"c{10 * r + k}"] for k in range(10)}
+            for r in range(100)
+        ]
+        assert bool(parted) == (sum(mixed) > parted)
+    with pytest.raises(ValueError, match="validation_by must be recording or clip; got frame"):
+        replace(RULE, validation_by="frame")
 
 
 def test_another_seed_gives_another_split():

@@ -78,6 +78,7 @@ class Report:
     curves : training runs by name
     clips : clips that play
     contact : metres between joints of two people that touch
+    gallery : clips and their variations, which play too
     """
 
     title: str
@@ -90,6 +91,7 @@ class Report:
     curves: Mapping[str, Curve] = field(default_factory=dict)
     clips: tuple[PlayedClip, ...] = ()
     contact: float = CONTACT
+    gallery: tuple[PlayedClip, ...] = ()
 
 
 def render_report(report: Report) -> str:
@@ -107,7 +109,10 @@ def render_report(report: Report) -> str:
             reasons=Counter(row.reason for row in report.data.quarantined).most_common(),
             tables=_tables(report.tables),
             curves={name: charts(curve) for name, curve in report.curves.items()},
-            packed=[packed_scenes(clip.scenes(), contact=report.contact) for clip in report.clips],
+            packed=[
+                packed_scenes(clip.scenes(), contact=report.contact)
+                for clip in (*report.clips, *report.gallery)
+            ],
             style=Markup(part("player.css") + part("report.css")),
             scripts=[Markup(script) for script in scripts],
             hashes=[script_hash(script) for script in scripts],

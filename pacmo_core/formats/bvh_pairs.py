@@ -56,7 +56,7 @@ class BvhPairs:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}; got {self.preset!r}")
         if not 0 < self._unit <= FARTHEST:
             raise ValueError(f"unit must be > 0 and <= {FARTHEST:g} metres; got {self._unit}")
-        check_up(self._up)
+        check_up(self.up_axis)
         if self.skip_frames < 0:
             raise ValueError(f"skip_frames must not be negative; got {self.skip_frames}")
         if self.fps is not None:
@@ -86,7 +86,8 @@ class BvhPairs:
         return _given(self.preset, "unit", self.unit, self._facts.unit)
 
     @property
-    def _up(self) -> str:
+    def up_axis(self) -> str:
+        """The axis that is up: ``y`` or ``z``."""
         return _given(self.preset, "up", self.up, self._facts.up)
 
     def _person(self, file: Path) -> Person:
@@ -99,9 +100,9 @@ class BvhPairs:
             skeleton = whole.without(bvh.joints[end] for end in bvh.end_sites)
         places = bvh.positions()[self.skip_frames :, whole.indices(skeleton.joints)]
         fps = 1 / bvh.frame_time if self.fps is None else self.fps
-        return Person(file, skeleton, upright(places * self._metres(file), self._up), fps)
+        return Person(file, skeleton, upright(places * self.metres(file), self.up_axis), fps)
 
-    def _metres(self, file: Path) -> float:
+    def metres(self, file: Path) -> float:
         """Metres a unit: the same take may come in another unit in a folder of raw files."""
         folder, raw_unit = file.parent.name, self._facts.raw_unit
         is_raw = folder == "raw" or folder.endswith("_raw")

@@ -35,9 +35,11 @@ class Page:
         self.served = served
 
     def get(self, path: str) -> httpx.Response:
+        """Ask for a page."""
         return asyncio.run(self._ask("GET", path))
 
     def post(self, path: str, **content: object) -> httpx.Response:
+        """Send something."""
         return asyncio.run(self._ask("POST", path, **content))
 
     async def _ask(self, method: str, path: str, **content: object) -> httpx.Response:

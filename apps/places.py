@@ -1,0 +1,18 @@
+"""Where what happens from night to night is kept, in the project's root."""
+
+from pathlib import Path
+
+INBOX = Path("data/inbox")
+ASIDE = Path("data/quarantine")
+HISTORY = Path("history")
+RUNS = HISTORY / "runs"
+DECISIONS = HISTORY / "decisions"
+LOG = HISTORY / "log.jsonl"
+PAGE = HISTORY / "history.html"
+PLAN = HISTORY / "intake.json"
+LOCK = HISTORY / "writer.lock"
+STAGE_LOGS = HISTORY / "stages"
+SHELF = Path("promoted")
+METRICS = Path("reports/metrics.json")
+REPORT = Path("reports/report.html")
+DVC_CACHE = Path(".dvc/cache")

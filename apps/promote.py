@@ -1,0 +1,182 @@
+"""Make a trained model current, hold it back, or bring back the one before.
+
+A decision is written down before the link ``promoted/current`` follows it; ``settle`` lets the
+link follow where a kill came between.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from apps.failure import CommandError
+from apps.history_page import write_page
+from apps.places import DECISIONS, METRICS, PAGE, REPORT, SHELF
+from apps.records import now
+from pacmo_core.promotion import shelf
+from pacmo_core.promotion.gate import Gate, Metrics, reasons_against
+from pacmo_core.promotion.history import (
+    HELD,
+    PROMOTED,
+    ROLLED_BACK,
+    UNCHANGED,
+    Decision,
+    add_decision,
+    next_number,
+    read_decisions,
+    write_table,
+)
+
+MODELS = Path("models")
+BESIDE = (METRICS, REPORT, Path("params.yaml"), Path("dvc.lock"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A trained model with what was measured of it."""
+
+    experiment: str
+    tables: dict[str, Metrics]
+    files: dict[str, Path]
+    model: str
+    test_reactions: int
+
+
+def candidate_of(row: str) -> Candidate:
+    """Read what stands in the workspace.
+
+    Raises
+    ------
+    CommandError
+        If there are no metrics or weights.
+    """
+    weights = sorted(MODELS.glob(f"*/{row}/*/weights.safetensors"))
+    if not METRICS.exists() or not weights:
+        raise CommandError(f"no {METRICS} or no weights of {row} in {MODELS}: reproduce first")
+    facts = _read_json(METRICS)
+    pooled = METRICS.with_name("pacmo.json")
+    files = {path.as_posix(): path for path in (*weights, *BESIDE) if path.exists()}
+    return Candidate(
+        experiment=facts["experiment"],
+        tables=facts["pacmo"],
+        files=files,
+        model=shelf.model_hash(weights),
+        test_reactions=_read_json(pooled)["test_reactions"] if pooled.exists() else 0,
+    )
+
+
+def decide(gate: Gate) -> Decision:
+    """Judge what stands in the workspace against what is current, and act on it.
+
+    The caller holds the writers' lock.
+    """
+    settle()
+    found = candidate_of(gate.row)
+    decisions, _ = read_decisions(DECISIONS)
+    now_current = shelf.current(SHELF)
+    number = _next_number()
+    verdict, reasons = _judge(found, decisions, now_current, gate)
+    if verdict == PROMOTED:
+        shelf.put(SHELF, number, found.files)
+    decision = Decision(
+        number=number,
+        at=now(),
+        verdict=verdict,
+        reasons=tuple(reasons),
+        model=found.model,
+        shelf=number if verdict == PROMOTED else now_current,
+        experiment=found.experiment,
+        test_reactions=found.test_reactions,
+        metrics=_judged(found, gate),
+    )
+    return _write(decision)
+
+
+def roll_back(why: str) -> Decision:
+    """Make the model promoted before the current one current again, weights and all.
+
+    The one taken back stays on the shelf and is not promoted again.
+
+    Raises
+    ------
+    CommandError
+        If there is none before it.
+    """
+    settle()
+    decisions, _ = read_decisions(DECISIONS)
+    now_current = shelf.current(SHELF)
+    withdrawn = _withdrawn(decisions)
+    models = {d.shelf: d for d in decisions if d.verdict == PROMOTED}
+    earlier = [
+        number
+        for number in shelf.numbers(SHELF)
+        if number < now_current and number in models and models[number].model not in withdrawn
+    ]
+    if not earlier:
+        raise CommandError(f"no model was promoted before the current one, {now_current}")
+    back, gone = models[earlier[-1]], models[now_current]
+    decision = Decision(
+        number=_next_number(),
+        at=now(),
+        verdict=ROLLED_BACK,
+        reasons=(f"from {gone.shelf} to {back.shelf}: {why}",),
+        model=gone.model,
+        shelf=back.shelf,
+        experiment=back.experiment,
+        test_reactions=back.test_reactions,
+        metrics=back.metrics,
+    )
+    return _write(decision)
+
+
+def settle() -> None:
+    """Make good what a kill or a fault left: the link, the table."""
+    decisions, broken = read_decisions(DECISIONS)
+    for fault in broken:
+        fault.file.replace(fault.file.with_suffix(".broken"))
+    if decisions and decisions[-1].shelf not in (0, shelf.current(SHELF)):
+        shelf.make_current(SHELF, decisions[-1].shelf)
+    if decisions:
+        write_table(DECISIONS)
+
+
+def _judge(
+    found: Candidate, decisions: list[Decision], now_current: int, gate: Gate
+) -> tuple[str, list[str]]:
+    withdrawn = _withdrawn(decisions)
+    if found.model in withdrawn:
+        return HELD, [f"these weights were rolled back on {withdrawn[found.model].at}"]
+    current = {d.shelf: d for d in decisions if d.verdict == PROMOTED}.get(now_current)
+    if current is not None and current.model == found.model:
+        return UNCHANGED, []
+    same = current is not None and current.experiment == found.experiment
+    tables = _read_json(SHELF / shelf.CURRENT / METRICS)["pacmo"] if same else None
+    reasons = reasons_against(found.tables, tables, gate)
+    return (HELD if reasons else PROMOTED), reasons
+
+
+def _next_number() -> int:
+    # A kill between shelf and decision leaves a folder that no decision names.
+    return max(next_number(DECISIONS), max(shelf.numbers(SHELF), default=0) + 1)
+
+
+def _withdrawn(decisions: list[Decision]) -> dict[str, Decision]:
+    return {d.model: d for d in decisions if d.verdict == ROLLED_BACK}
+
+
+def _judged(found: Candidate, gate: Gate) -> dict[str, dict[str, float]]:
+    names = (*gate.metrics, "f2id", "f2id_floor")
+    return {name: dict(found.tables[gate.row][name]) for name in dict.fromkeys(names)}
+
+
+def _write(decision: Decision) -> Decision:
+    add_decision(DECISIONS, decision)
+    if decision.shelf:
+        shelf.make_current(SHELF, decision.shelf)
+    write_page(PAGE, read_decisions(DECISIONS)[0])
+    return decision
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    facts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return facts

@@ -1,0 +1,146 @@
+"""The 967 variations of nine two-person motions, as the augmentation paper counts them.
+
+Li et al. (2024), supplement, section 1: 363 frames each; all bones of one body, or one bone of its
+upper body, scaled by 0.75 to 1.25 in steps of 0.05.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.contact import joint_distances
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.interaction import Interaction
+from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
+from pacmo_core.synthesis import ACTS, capture, write_scripts
+
+N_FRAMES = 363
+N_VARIATIONS = 967
+SCALES = [scale / 100 for scale in range(75, 130, 5) if scale != 100]
+NEAR = 0.25
+TAKES = {
+    "duo_mocap": (2.0, ("salsa/Easy_01", "salsa/Easy_02", "salsa/Easy_03", "acts/")),
+    "cmu_18_19": (None, ("18_10", "18_11", "18_15")),
+}
+SETTINGS = Settings(
+    graph="complete",
+    weights=Weights(
+        power=1,
+        softening=0.01,
+        acceleration=30,
+        contact=30,
+        contact_reach=0.25,
+        stance=3000,
+        height=300,
+        anchor=1e-3,
+    ),
+    support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.15),
+    limits=Limits(residual=1e-2, penetration=0.01, seam=1.5),
+    rungs=(
+        Rung(penalty=0.7, iterations=20, apart=0, step=4e-3),
+        Rung(penalty=2, iterations=80, apart=0, step=4e-3),
+        Rung(penalty=5, iterations=120, apart=60, step=4e-3),
+        Rung(penalty=6, iterations=300, apart=200, step=2e-3),
+    ),
+    relaxation=1.6,
+    clearance=0.1,
+    guarded=24,
+    near=NEAR,
+    touching=0.1,
+    slack=0.02,
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A window and the bodies it is given: scales (V, E)."""
+
+    name: str
+    scene: Scene
+    scales: NDArray[np.float64]
+
+
+def tasks() -> tuple[str, list[Task]]:
+    """Name the set and plan its variations, nine windows with about as many each."""
+    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+    real = [window for name in TAKES for window in _windows(root, name)]
+    kind, windows = ("real", real) if len(real) == 9 else ("synthetic", _synthetic())
+    shares = np.diff(np.linspace(0, N_VARIATIONS, len(windows) + 1).round().astype(int))
+    return kind, [
+        _task(name, interaction, int(share))
+        for (name, interaction), share in zip(windows, shares, strict=True)
+    ]
+
+
+def upper_body(interaction: Interaction) -> list[int]:
+    """List the bones above the hips: those on no chain that ends at a foot."""
+    skeleton, motion = interaction.skeleton, interaction.person_a
+    heights = np.median(motion[..., 1], axis=0)
+    ends = set(range(len(skeleton.joints))) - set(skeleton.parents)
+    lower = set()
+    for end in ends:
+        if heights[end] < heights[skeleton.root] and _is_leg(skeleton.joints[end]):
+            joint = end
+            while joint != skeleton.root:
+                lower.add(joint)
+                joint = skeleton.parents[joint]
+    return [row for row, (_, child) in enumerate(skeleton.bones.tolist()) if child not in lower]
+
+
+def _is_leg(joint: str) -> bool:
+    return any(word in joint.lower() for word in ("toe", "foot", "ankle"))
+
+
+def _task(name: str, interaction: Interaction, n_variations: int) -> Task:
+    """Vary either body as a whole by all scales, then single bones at random."""
+    scene = Scene(
+        (interaction.person_a, interaction.person_b), (interaction.skeleton,) * 2, interaction.fps
+    )
+    n_bones, n_a = len(scene.bones), scene.n_bones[0]
+    upper = upper_body(interaction)
+    single = [(bone + body * n_a, s) for body in (0, 1) for bone in upper for s in SCALES]
+    random = np.random.default_rng(0)
+    chosen = random.permutation(len(single))[: n_variations - 2 * len(SCALES)]
+    scales = np.ones((n_variations, n_bones))
+    for row, scale in enumerate(SCALES):
+        scales[2 * row, :n_a] = scale
+        scales[2 * row + 1, n_a:] = scale
+    for row, which in enumerate(chosen, start=2 * len(SCALES)):
+        bone, scale = single[which]
+        scales[row, bone] = scale
+    return Task(name, scene, scales)
+
+
+def _windows(root: Path, preset: str) -> list[tuple[str, Interaction]]:
+    if not (root / preset).is_dir():
+        return []
+    nearest, wanted = TAKES[preset]
+    form = BvhPairs(
+        preset=preset,
+        unit=None,
+        up=None,
+        fps=None,
+        end_sites=False,
+        skip_frames=0,
+        max_root_distance=nearest,
+    )
+    found = [s for s in form.find(root / preset) if any(take in s.name for take in wanted)]
+    return [(s.name, _closest(form.read(s).interaction)) for s in found]
+
+
+def _closest(interaction: Interaction) -> Interaction:
+    """Cut the window with the most joints near the other's."""
+    near = (joint_distances(interaction) < NEAR).sum(axis=(1, 2))
+    total = np.convolve(near, np.ones(N_FRAMES), mode="valid")
+    start = int(total.argmax())
+    return interaction.frames(start, start + N_FRAMES)
+
+
+def _synthetic() -> list[tuple[str, Interaction]]:
+    """Perform nine synthetic clips, of their own lengths."""
+    acts = tuple(ACTS)[-9:]
+    scripts = write_scripts(0, population=0, pairs=1, acts=acts, replications=1)
+    return [(script.act, capture(script, random)) for script, random in scripts]

@@ -1,0 +1,126 @@
+"""Kill a run at random moments; the next one must end right, with an undisturbed one's bytes.
+
+Usage: python -m benchmarks.faults --kills N [--seed S] [--experiment NAME] [--json] [STAGE ...]
+
+A run is ``python -m flows.reproduce STAGE ...`` in a clone of the last commit. For each kill it
+begins with nothing made, and after a random share of an undisturbed run's time one of its
+processes is killed -9: the flow, DVC or a stage's own, or all of them. Then the flow is run again.
+``recovered``: how many of these ended well. ``identical``: after how many every file under data,
+models and reports has the undisturbed run's bytes, no file being there beside them.
+"""
+
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks._figures import arguments, show
+from benchmarks.pipeline import clone
+
+PRODUCTS = ("data", "models", "reports")
+MADE = (*PRODUCTS, "dvc.lock", ".dvc/cache", ".dvc/tmp", "history", "checkpoints", "live")
+STAGES = ("train_gru",)
+LIMIT_S = 900.0
+
+
+def begin(folder: Path, stages: list[str]) -> "subprocess.Popen[bytes]":
+    """Start the flow, by hand and in a session of its own."""
+    command = [sys.executable, "-m", "flows.reproduce", *stages]
+    environment = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
+    with (folder / "flow.log").open("ab") as log:
+        return subprocess.Popen(
+            command,
+            cwd=folder,
+            env={**environment, "PYTHONPATH": str(folder)},
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+
+
+def clear(folder: Path) -> None:
+    """Take away all that runs have made."""
+    for name in MADE:
+        path = folder / name
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """Hash every file that a run makes."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for product in PRODUCTS
+        for path in sorted((folder / product).rglob("*"))
+        if path.is_file() and path.name != ".gitignore"
+    }
+
+
+def descendants(pid: int) -> list[int]:
+    """List a process and all below it, as they are now."""
+    parents = {}
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parents[int(status.parent.name)] = int(status.read_text().rpartition(")")[2].split()[1])
+        except OSError:
+            continue  # gone meanwhile
+    found = [pid]
+    for process in found:
+        found += [child for child, parent in parents.items() if parent == process]
+    return found
+
+
+def kill_one(process: "subprocess.Popen[bytes]", choice: random.Random) -> None:
+    """Kill a random one of a run's processes, or all, and wait until the flow has ended."""
+    below = descendants(process.pid)
+    victims = below if choice.random() < 0.25 else [choice.choice(below)]
+    for pid in victims:
+        try:
+            os.kill(pid, signal.SIGKILL)
+        except ProcessLookupError:
+            continue  # it ended by itself
+    process.wait(timeout=LIMIT_S)
+
+
+def main() -> None:
+    """Kill, recover, compare and print."""
+    parser = arguments(__doc__ or "")
+    parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--experiment", default="smallest")
+    parser.add_argument("stages", nargs="*", default=list(STAGES))
+    options = parser.parse_args()
+    choice = random.Random(options.seed)
+    recovered = identical = 0
+    with tempfile.TemporaryDirectory() as place:
+        folder = clone(Path(place) / "clone", options.experiment)
+        clear(folder)
+        start = time.perf_counter()
+        if begin(folder, options.stages).wait(timeout=LIMIT_S):
+            raise RuntimeError((folder / "flow.log").read_text()[-2000:])
+        whole, wanted = time.perf_counter() - start, hashes(folder)
+        for number in range(1, options.kills + 1):
+            clear(folder)
+            process = begin(folder, options.stages)
+            time.sleep(choice.uniform(0, whole))
+            kill_one(process, choice)
+            well = begin(folder, options.stages).wait(timeout=LIMIT_S) == 0
+            same = hashes(folder) == wanted
+            recovered, identical = recovered + well, identical + same
+            print(f"kill {number}: ended well {well}, identical {same}", file=sys.stderr)
+            if not (well and same):
+                print((folder / "flow.log").read_text()[-3000:], file=sys.stderr)
+    figures = {"kills": options.kills, "undisturbed_s": whole}
+    show({**figures, "recovered": recovered, "identical": identical}, as_json=options.json)
+
+
+if __name__ == "__main__":
+    main()

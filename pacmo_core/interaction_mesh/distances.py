@@ -1,0 +1,62 @@
+"""What became of the distances between the two bodies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.settings import Settings
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Figures of V motions, (V,) each.
+
+    Parameters
+    ----------
+    near : metres, by how much pairs of joints differ from the source that are near in it
+    far : the same of all others
+    kept : of pairs that touch in the source, the share that still does
+    penetration : metres that joints come closer than in the source, within the clearance, at worst
+    """
+
+    near: Array
+    far: Array
+    kept: Array
+    penetration: Array
+
+
+def distances_of(scene: Scene, settings: Settings, points: Array) -> Distances:
+    """Compare the motions (T, N, 3, V), metres, with the source.
+
+    Where no pair is near, or none touches, nothing is lost: 0 and 1.
+    """
+    n_bodies = points.shape[-1]
+    sums, counts = np.zeros((3, n_bodies)), np.zeros(3)
+    deepest = np.zeros(n_bodies, dtype=np.float32)
+    for pose, frame in zip(scene.points, points, strict=True):
+        before = _between(scene, pose[..., None])
+        near, touching = (before < limit for limit in (settings.near, settings.touching))
+        after = _between(scene, frame)
+        deepest = np.maximum(deepest, (before.clip(max=settings.clearance) - after).max(axis=0))
+        kept = after[touching[:, 0]] < settings.touching + settings.slack
+        np.abs(np.subtract(after, before, out=after), out=after)
+        close = after[near[:, 0]].sum(axis=0)
+        sums += [close, after.sum(axis=0) - close, kept.sum(axis=0)]
+        counts += [near.sum(), (~near).sum(), touching.sum()]
+    means = sums / counts.clip(min=1)[:, None]
+    kept_share = means[2] if counts[2] else np.ones(n_bodies)
+    return Distances(means[0], means[1], kept_share, deepest.astype(np.float64))
+
+
+def _between(scene: Scene, pose: Array) -> Single:
+    """``(J_a J_b, V)`` float32 metres."""
+    # About the middle of the frame, lest a common offset swallow the digits.
+    centred = (pose - pose.mean(axis=0)).astype(np.float32)
+    a, b = centred[: scene.n_joints[0], None], centred[None, scene.n_joints[0] :]
+    squared = np.zeros((a.shape[0], b.shape[1], pose.shape[-1]), dtype=np.float32)
+    for axis in range(3):
+        part = a[:, :, axis] - b[:, :, axis]
+        squared += np.multiply(part, part, out=part)
+    distances: Single = np.sqrt(squared, out=squared).reshape(-1, pose.shape[-1])
+    return distances

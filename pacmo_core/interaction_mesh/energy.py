@@ -1,0 +1,146 @@
+"""The energy whose least value, among motions with the new bones, is the variation.
+
+With U the change of the joints' positions against the source,
+
+    E(U) = 1/2 sum_t |L_t U_t - r_t|^2                                  the mesh keeps its shape
+         + 1/2 acceleration sum_t |U_t+1 - 2 U_t + U_t-1|^2             the change is smooth
+         + 1/2 sum_t sum_pairs w_ij |U_i - U_j|^2                       what touches stays together
+         + 1/2 stance sum_t h_t h_t-1 |U_t - U_t-1|^2                   what stands stays in place
+         + 1/2 height sum_t h_t U_y^2                                   and on the ground
+         + 1/2 anchor |U|^2
+
+where r_t is what L does to the source when each bone is scaled alone and all else stays, w_ij are
+the ties of contact, and h_t is 1 where a joint stands and fades around that.
+
+Unlike Ho, Komura and Tai (2010), which penalises the acceleration of the motion, this penalises
+that of the change: the source's own dynamics are free.
+
+Inside the room, arrays of many bodies have them last: (T, N, 3, V), so that a matrix a frame meets
+all directions and bodies at once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from pacmo_core.interaction_mesh.graph import contact_ties, laplacian
+from pacmo_core.interaction_mesh.scene import Array, Scene
+from pacmo_core.interaction_mesh.settings import Settings
+from pacmo_core.interaction_mesh.supports import holds, supports
+
+# The rate for which weights are stated.
+FPS = 30.0
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """E as matrices: ``E(U) = 1/2 <U, H U> - <U, g> + 1/2 |r|^2``.
+
+    Parameters
+    ----------
+    laplacians : (T, N, N), L
+    pulls : (3TN, E), metres; what a bone of twice its length adds to r
+    standing : (T, N), which joints stand
+    held : (T, N), h
+    ties : (T, N, N), contact between joints
+    acceleration, stance, height : weights at this scene's rate
+    anchor : weight
+    """
+
+    laplacians: Array
+    pulls: csr_array
+    standing: NDArray[np.bool_]
+    held: Array
+    ties: Array
+    acceleration: float
+    stance: float
+    height: float
+    anchor: float
+
+    @property
+    def steps_held(self) -> Array:
+        """``(T - 1, N)``: by how much either end of a step is held."""
+        steps: Array = self.held[1:] * self.held[:-1]
+        return steps
+
+    def within(self, frames: slice) -> Array:
+        """``(F, N, N)``: what H has within each of some frames from L, contact and anchor."""
+        laplacians, ties = self.laplacians[frames], self.ties[frames]
+        inside: Array = laplacians.transpose(0, 2, 1) @ laplacians - ties
+        everyone = np.arange(ties.shape[1])
+        inside[:, everyone, everyone] += ties.sum(axis=-1) + self.anchor
+        return inside
+
+
+def quadratic(scene: Scene, settings: Settings) -> Quadratic:
+    """Take the matrices of a source; they do not depend on the bodies that are wanted."""
+    weights, rate = settings.weights, scene.fps / FPS
+    laplacians = laplacian(scene, weights, settings.graph)
+    standing = supports(scene, settings.support)
+    return Quadratic(
+        laplacians=laplacians,
+        pulls=_pulls(scene, laplacians),
+        standing=standing,
+        held=holds(standing, scene.fps, settings.support.fade),
+        ties=contact_ties(scene, weights),
+        acceleration=weights.acceleration * rate**4,
+        stance=weights.stance * rate**2,
+        height=weights.height,
+        anchor=weights.anchor,
+    )
+
+
+def energy_terms(energy: Quadratic, change: Array, target: Array) -> dict[str, Array]:
+    """Say what each term of the energy is, (V,) each.
+
+    Parameters
+    ----------
+    change : (T, N, 3, V) metres, U
+    target : (T, N, 3, V) metres, r
+    """
+    rows = change.reshape(*change.shape[:2], -1)
+    steps = np.diff(change, axis=0)
+    springs = energy.ties.sum(axis=-1)[..., None] * rows - energy.ties @ rows
+    lifted = change[:, :, 1] * np.sqrt(energy.held)[..., None]
+    return {
+        "laplacian": _half(energy.laplacians @ rows - target.reshape(rows.shape), change),
+        "acceleration": energy.acceleration * _half(np.diff(steps, axis=0), change),
+        "contact": (springs * rows).reshape(-1, 3, change.shape[-1]).sum(axis=(0, 1)) / 2,
+        "stance": energy.stance
+        * _half(steps * np.sqrt(energy.steps_held)[..., None, None], change),
+        "height": energy.height * _half(lifted, change),
+        "anchor": energy.anchor * _half(change, change),
+    }
+
+
+def target_of(energy: Quadratic, scales: Array) -> Array:
+    """``(T, N, 3, V)`` metres: r for each body.
+
+    Parameters
+    ----------
+    scales : (V, E)
+    """
+    target: Array = energy.pulls @ np.ascontiguousarray(scales.T - 1)
+    return target.reshape(*energy.held.shape, 3, -1)
+
+
+def _pulls(scene: Scene, laplacians: Array) -> csr_array:
+    """Scale one bone: each of its ends sees the other farther away, by that share of the bone."""
+    parent, child = scene.bones.T
+    forth = laplacians[:, parent, child, None] * scene.vectors
+    back = -laplacians[:, child, parent, None] * scene.vectors
+    n_frames, n_points, _ = scene.points.shape
+    frame, bone, axis = np.indices(forth.shape)
+    rows = [3 * (n_points * frame + end[bone]) + axis for end in (parent, child)]
+    values = np.concatenate([forth, back]).reshape(-1)
+    where = (np.concatenate(rows).reshape(-1), np.tile(bone.reshape(-1), 2))
+    return csr_array((values, where), shape=(3 * n_frames * n_points, len(parent)))
+
+
+def _half(values: Array, like: Array) -> Array:
+    """Sum squares of all but the last axis of ``like``, and halve."""
+    rows = values.reshape(-1, like.shape[-1])
+    half: Array = np.einsum("rv,rv->v", rows, rows) / 2
+    return half

@@ -1,0 +1,167 @@
+"""The tries that a variation gets."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.interaction_mesh.blocks import AXES, in_pairs
+from pacmo_core.interaction_mesh.energy import energy_terms, target_of
+from pacmo_core.interaction_mesh.finish import exact, raw_residual
+from pacmo_core.interaction_mesh.report import Report, figures_of, figures_of_naive
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.settings import Limits
+from pacmo_core.interaction_mesh.solve import Solution, Start, filled, solve
+from pacmo_core.interaction_mesh.source import Source
+
+# Metres, root mean square: bones that grow by less have settled at once.
+NOTHING = 1e-6
+
+
+@dataclass(frozen=True)
+class Try:
+    """The best motion so far of a variation, and where the next try starts.
+
+    Parameters
+    ----------
+    motion : (T, N, 3) metres
+    report : its figures
+    bones : (T, E, 3) float32 metres, of the wanted lengths
+    pressed : (T, E, 3) float32, the forces they bear
+    astray : whether the last try, of which these are, went astray
+    """
+
+    motion: Array
+    report: Report
+    astray: bool
+    bones: Single
+    pressed: Single
+
+
+def climb(source: Source, scales: Array, number: int, held: list[Try | None]) -> list[Try]:
+    """Try a rung on some bodies with scales (V, E), and keep the better of this and the last."""
+    rung, n_bodies = source.settings.rungs[number], len(scales)
+    start = Start(
+        pull=_pull(source, target_of(source.energy, scales)),
+        point=_points(source, scales, number, held),
+        scales=scales.T.astype(np.float32),
+        grown=source.grown(scales) + NOTHING**2 * source.stiffness.size,
+    )
+    solution = solve(
+        source.solver(rung),
+        start,
+        iterations=rung.iterations,
+        step=rung.step,
+        patient=number + 1 == len(source.settings.rungs),
+    )
+    # Sums of few columns add up in another order: full ones, so that company makes no difference.
+    columns = np.resize(np.arange(n_bodies), filled(n_bodies))
+    scales, target = scales[columns], target_of(source.energy, scales[columns])
+    change, bones, pressed = _columns(source, rung.penalty, solution, columns)
+    motions = exact(source.scene, change, bones, scales)
+    figures = _figures(source, scales, motions, held)
+    figures["raw_residual"] = raw_residual(source.scene, change, scales)
+    figures["last_step"] = solution.step
+    terms = energy_terms(source.energy, motions - source.scene.points[..., None], target)
+    reports = [
+        Report(
+            rung=number,
+            iterations=int(solution.iterations[v]),
+            energy={name: float(term[v]) for name, term in terms.items()},
+            **{name: float(column[v]) for name, column in figures.items()},
+        )
+        for v in range(len(held))
+    ]
+    limits = source.settings.limits
+    return [
+        _better(
+            limits,
+            before,
+            Try(
+                motion=np.ascontiguousarray(motions[..., v]),
+                report=reports[v],
+                astray=reports[v].astray(limits),
+                bones=bones[..., v],
+                pressed=pressed[..., v],
+            ),
+        )
+        for v, before in enumerate(held)
+    ]
+
+
+def is_done(source: Source, number: int, one: Try) -> bool:
+    """Say whether a variation needs no further rung."""
+    rungs, report = source.settings.rungs, one.report
+    settled = report.rung == number and report.last_step <= rungs[number].step
+    return number + 1 == len(rungs) or (settled and report.badness(source.settings.limits) <= 1)
+
+
+def _better(limits: Limits, held: Try | None, new: Try) -> Try:
+    """Prefer the later of two tries within the limits: it had more iterations."""
+    if held is None or new.report.badness(limits) <= max(1, held.report.badness(limits)):
+        return new
+    return replace(new, motion=held.motion, report=held.report)
+
+
+def _figures(
+    source: Source, scales: Array, motions: Array, held: list[Try | None]
+) -> dict[str, Array]:
+    """Measure the motions (T, N, 3, V), and naive scaling if that was not done before."""
+    figures = figures_of(source.scene, source.settings, source.energy.standing, motions)
+    known = [one.report for one in held if one is not None]
+    if not known:
+        return figures | figures_of_naive(source.scene, source.settings, scales)
+    for name in ("near_error_naive", "far_error_naive"):
+        figures[name] = np.array([getattr(report, name) for report in known])
+    return figures
+
+
+def _points(source: Source, scales: Array, number: int, held: list[Try | None]) -> Single:
+    """Start from the source with its bones scaled, or from where the last try ended."""
+    rung = source.settings.rungs[number]
+    bones = source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
+    ends = source.solver(rung).guarded
+    pairs = np.repeat(_between(source.scene.points, ends)[..., None], len(held), axis=-1)
+    for v, one in enumerate(held):
+        if one is not None and not one.astray:
+            bones[..., v] = one.bones + one.pressed / bearing
+            pairs[..., v] = _between(one.motion, ends)
+    return _blocks(np.concatenate([bones, pairs], axis=1))
+
+
+def _between(points: Array, ends: NDArray[np.intp]) -> Single:
+    first, second = (np.take_along_axis(points, ends[..., end, None], axis=1) for end in (0, 1))
+    vectors: Single = (second - first).astype(np.float32)
+    return vectors
+
+
+def _pull(source: Source, target: Array) -> Single:
+    """``(K, 2N, 3, V)``: the energy's right-hand side, L^T r."""
+    rows = target.reshape(*target.shape[:2], -1)
+    pull = source.energy.laplacians.transpose(0, 2, 1) @ rows
+    blocks = _blocks(pull.reshape(target.shape))
+    return blocks.reshape(len(blocks), -1, *blocks.shape[3:])
+
+
+def _blocks(columns: Array) -> Single:
+    """Turn (T, R, 3, V) into (K, 2, R, 3, V) float32."""
+    return in_pairs(columns.astype(np.float32, copy=False)[:, :, AXES])
+
+
+def _columns(
+    source: Source, penalty: float, solution: Solution, columns: NDArray[np.intp]
+) -> tuple[Single, Single, Single]:
+    """Give the change (T, N, 3, V), the bones (T, E, 3, V), and the forces that these bear."""
+    n_frames, n_bones = source.stiffness.shape
+    n_points = source.scene.points.shape[1]
+
+    def laid_out(blocks: Single, n_rows: int) -> Single:
+        rows = blocks.reshape(-1, n_rows, 3, blocks.shape[-1])[:n_frames]
+        return rows[:, :, AXES][..., columns]
+
+    point = solution.point[:, :, :n_bones]
+    bones = point * solution.share[:, :, :n_bones, None]
+    weights = (penalty * source.stiffness[..., None, None]).astype(np.float32)
+    pressed = laid_out(point - bones, n_bones) * weights
+    return laid_out(solution.change, n_points), laid_out(bones, n_bones), pressed

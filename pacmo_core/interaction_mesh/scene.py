@@ -1,0 +1,120 @@
+"""Two bodies as one set of points, tied by bones; the checks at the door."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.interaction import Motion
+from pacmo_core.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+# Metres: a bone shorter than this has no direction, a body thinner than this no volume.
+LEAST = 1e-3
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Two people at the same instants; their skeletons may differ.
+
+    Parameters
+    ----------
+    motions : two of (T, J, 3) float32, metres, y up, right-handed, finite; J may differ
+    skeletons : two, of as many joints
+    fps : frames a second
+
+    Raises
+    ------
+    ValueError
+        If a shape or value is wrong, a body is flat, or a bone has no length.
+    """
+
+    motions: tuple[Motion, Motion]
+    skeletons: tuple[Skeleton, Skeleton]
+    fps: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise ValueError(f"fps must be positive; got {self.fps}")
+        if len(self.motions[0]) != len(self.motions[1]):
+            lengths = [len(motion) for motion in self.motions]
+            raise ValueError(f"both people need the same frames; got {lengths}")
+        for name, motion, skeleton in zip("ab", self.motions, self.skeletons, strict=True):
+            _check_body(f"person_{name}", motion, skeleton)
+
+    @property
+    def n_joints(self) -> tuple[int, int]:
+        """How many joints either body has."""
+        return len(self.skeletons[0].joints), len(self.skeletons[1].joints)
+
+    @property
+    def n_bones(self) -> tuple[int, int]:
+        """How many bones either body has."""
+        return len(self.skeletons[0].bones), len(self.skeletons[1].bones)
+
+    @cached_property
+    def points(self) -> Array:
+        """``(T, N, 3)`` metres: the joints of person a, then of person b."""
+        return np.concatenate(self.motions, axis=1, dtype=np.float64)
+
+    @cached_property
+    def bones(self) -> NDArray[np.intp]:
+        """``(E, 2)`` rows (parent, child) of ``points``: the bones of a, then of b."""
+        a, b = (skeleton.bones for skeleton in self.skeletons)
+        return np.concatenate([a, b + self.n_joints[0]])
+
+    @cached_property
+    def vectors(self) -> Array:
+        """``(T, E, 3)`` metres: from parent to child along each bone."""
+        vectors: Array = self.points[:, self.bones[:, 1]] - self.points[:, self.bones[:, 0]]
+        return vectors
+
+    @cached_property
+    def ground(self) -> float:
+        """Metres: the height that the lowest joint of a frame has in the median of frames."""
+        return float(np.median(self.points[..., 1].min(axis=1)))
+
+
+def check_scales(scales: Array, n_bones: int) -> None:
+    """Refuse scales that no body can have.
+
+    Raises
+    ------
+    ValueError
+        If the shape is not (V, E), or a scale is not a positive number.
+    """
+    if scales.ndim != 2 or scales.shape[1] != n_bones:
+        raise ValueError(f"scales must be (V, {n_bones}); got {scales.shape}")
+    wrong = ~(np.isfinite(scales) & (scales > 0))
+    if wrong.any():
+        variation, bone = np.argwhere(wrong)[0]
+        raise ValueError(
+            f"scales must be positive and finite; variation {variation}, bone {bone} "
+            f"has {scales[variation, bone]}"
+        )
+
+
+def _check_body(name: str, motion: Motion, skeleton: Skeleton) -> None:
+    shape = (len(motion), len(skeleton.joints), 3)
+    if motion.shape != shape or motion.dtype != np.float32 or len(motion) < 1:
+        raise ValueError(f"{name} must be {shape} float32; got {motion.shape} {motion.dtype}")
+    if not np.isfinite(motion).all():
+        frame, joint = np.argwhere(~np.isfinite(motion))[0][:2]
+        raise ValueError(
+            f"{name} must be finite; frame {frame}, joint {skeleton.joints[joint]} is not"
+        )
+    parent, child = skeleton.bones.T
+    lengths = np.linalg.norm(motion[:, child] - motion[:, parent], axis=-1)
+    if (lengths < LEAST).any():
+        frame, bone = np.argwhere(lengths < LEAST)[0]
+        raise ValueError(
+            f"{name}: {skeleton.joints[parent[bone]]} and {skeleton.joints[child[bone]]} coincide "
+            f"in frame {frame}; leave one of them out"
+        )
+    spread = (motion - motion.mean(axis=1, keepdims=True)).reshape(-1, 3).astype(np.float64)
+    thickness = np.linalg.svd(spread, compute_uv=False)[-1] / np.sqrt(len(spread))
+    if thickness < LEAST:
+        raise ValueError(f"{name} is flat: {thickness:.2g} m thick, wanted at least {LEAST}")

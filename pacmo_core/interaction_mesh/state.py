@@ -1,0 +1,74 @@
+"""What the solver carries from one iteration to the next, and one block's working space."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.interaction_mesh.scene import Single
+
+
+@dataclass(frozen=True)
+class State:
+    """V bodies side by side; K blocks of two frames.
+
+    Parameters
+    ----------
+    pull : (K, 2N, 3V) float32, the energy's own right-hand side
+    right : (K, 2N, 3V) float32, right-hand side of the linear step
+    change : (K, 2N, 3V) float32, its answer
+    point : (K, 2, R, 3, V) float32, the differences before the local step, multiplier included
+    share : (K, 2, R, V) float32, by which the local step scales them to what is allowed
+    scales : (E, V) float32
+    moved : (V,) sum of squares by which a watched iteration moved the points
+    """
+
+    pull: Single
+    right: Single
+    change: Single
+    point: Single
+    share: Single
+    scales: Single
+    moved: NDArray[np.float64]
+
+    @property
+    def n_bodies(self) -> int:
+        """How many bodies stand side by side."""
+        return len(self.moved)
+
+    def of(self, bodies: NDArray[np.intp]) -> "State":
+        """Take some of the bodies."""
+        taken = []
+        for values in (self.pull, self.right, self.change):
+            apart = values.reshape(*values.shape[:2], 3, -1)[..., bodies]
+            taken.append(np.ascontiguousarray(apart).reshape(*values.shape[:2], -1))
+        point, share, scales = (
+            np.ascontiguousarray(values[..., bodies])
+            for values in (self.point, self.share, self.scales)
+        )
+        return State(*taken, point, share, scales, self.moved[bodies])
+
+    def work(self, n_rows: int) -> "Work":
+        """Make room for one block."""
+        return Work(n_rows, self.change.shape[1], self.n_bodies)
+
+
+class Work:
+    """Arrays of one block, made once. ``watched`` asks iterations to say how far they move."""
+
+    def __init__(self, n_rows: int, n_points: int, n_bodies: int) -> None:
+        self._n_bodies = n_bodies
+        self.watched = False
+        self.tied = np.zeros((n_points, 3 * n_bodies), dtype=np.float32)
+        self.moved = np.zeros_like(self.tied)
+        self.held = np.zeros((2, n_rows, 3, n_bodies), dtype=np.float32)
+        self.other = np.zeros_like(self.held)
+        self.share = np.zeros((2, n_rows, n_bodies), dtype=np.float32)
+
+    def rows(self, values: Single) -> Single:
+        """See (2, R, 3, V) as (2R, 3V)."""
+        return values.reshape(-1, 3 * self._n_bodies)
+
+    def halves(self, values: Single) -> Single:
+        """See either as (2, R, 3V)."""
+        return values.reshape(2, -1, 3 * self._n_bodies)

@@ -1,0 +1,133 @@
+"""How far a pair on other bodies is from where it should be, per character.
+
+Pairs are ``(T, 2, J, 3)`` float32, metres: both characters at the same instants. The measures and
+their letters are those of the two-person augmentation paper's supplement; it defines none, so the
+plainest reading stands here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.contact import closest
+from pacmo_core.metrics.body import Body
+from pacmo_core.metrics.f2id import f2id
+from pacmo_core.metrics.plausibility import points_of
+from pacmo_core.skeleton import Skeleton
+
+Pair = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What counts as touching, standing and merging.
+
+    Parameters
+    ----------
+    touching : metres between joints that touch
+    slack : metres by which a contact may part and still be kept
+    foot_height : metres above its own lowest place below which a foot stands
+    body_radius : metres between a point of either body below which they merge
+    """
+
+    touching: float
+    slack: float
+    foot_height: float
+    body_radius: float
+
+
+def joint_error(pair: Pair, truth: Pair) -> Array:
+    """``(2,)`` metres, E_r: mean distance of joints from their true places, of each character."""
+    _check(pair, truth)
+    return np.asarray(np.linalg.norm(pair - truth, axis=-1).mean(axis=(0, 2), dtype=np.float64))
+
+
+def bone_error(pair: Pair, template: Pair, scales: Array, skeleton: Skeleton) -> Array:
+    """``(2,)`` metres, E_b: mean error of bones' lengths, of each character.
+
+    A bone should be as long as its scale times the template's in the same frame.
+
+    Parameters
+    ----------
+    scales : (2, E), in the order of ``skeleton.bones``
+    """
+    _check(pair, template)
+    error = np.abs(_lengths(pair, skeleton) - scales * _lengths(template, skeleton))
+    return np.asarray(error.mean(axis=(0, 2)))
+
+
+def pair_distance_error(pair: Pair, reference: Pair) -> float:
+    """Metres, JPD: mean error of the distance from each joint of one to each of the other."""
+    _check(pair, reference)
+    return float(np.abs(_distances(pair) - _distances(reference)).mean())
+
+
+def contacts_kept(pair: Pair, template: Pair, limits: Limits) -> tuple[int, int]:
+    """Count pairs of joints and frames that touch in the template: those kept, and all."""
+    touching = _distances(template) < limits.touching
+    kept = touching & (_distances(pair) < limits.touching + limits.slack)
+    return int(kept.sum()), int(touching.sum())
+
+
+def slide(pair: Pair, template: Pair, times: Array, body: Body, limits: Limits) -> Array:
+    """Sum the horizontal speed of feet that stand in the template, (2,): metres a second; count.
+
+    A foot stands where it is less than ``foot_height`` above its own lowest place at both ends of
+    a step.
+    """
+    feet = list(body.feet)
+    heights = template[:, :, feet, 1]
+    low = heights < heights.min(axis=0) + limits.foot_height
+    stands = low[1:] & low[:-1]
+    steps = np.linalg.norm(np.diff(pair[:, :, feet][..., [0, 2]], axis=0), axis=-1)
+    speeds = steps / np.diff(times)[:, None, None]
+    return np.array([speeds[stands].sum(), stands.sum()], dtype=np.float64)
+
+
+def merged_frames(pair: Pair, body: Body, limits: Limits) -> int:
+    """Count frames in which points of the two bodies are nearer than ``body_radius``."""
+    first, second = (points_of(pair[:, person], body) for person in (0, 1))
+    return int((closest(first, second) < limits.body_radius).sum())
+
+
+def sample_diversity(samples: NDArray[np.float32]) -> float:
+    """Metres: mean distance of joints between two samples of one body; 0 if there is but one.
+
+    Parameters
+    ----------
+    samples : (S, T, 2, J, 3)
+    """
+    if len(samples) < 2:
+        return 0.0
+    apart = [
+        np.linalg.norm(one - other, axis=-1).mean()
+        for number, one in enumerate(samples)
+        for other in samples[:number]
+    ]
+    return float(np.mean(apart))
+
+
+def frechet_distance(real: Array, generated: Array) -> float:
+    """FID: the Fréchet distance of Gaussians fitted to features ``(n, D)`` and ``(m, D)``."""
+    return f2id(real[:, :, None], generated[:, :, None], np.ones(1))
+
+
+def _lengths(pair: Pair, skeleton: Skeleton) -> Array:
+    """``(T, 2, E)`` metres."""
+    parent, child = skeleton.bones.T
+    wide = pair.astype(np.float64)
+    lengths: Array = np.linalg.norm(wide[:, :, child] - wide[:, :, parent], axis=-1)
+    return lengths
+
+
+def _distances(pair: Pair) -> NDArray[np.float32]:
+    """``(T, J, J)`` metres, from each joint of the first to each of the second."""
+    between: NDArray[np.float32] = np.linalg.norm(pair[:, 0, :, None] - pair[:, 1, None], axis=-1)
+    return between
+
+
+def _check(pair: Pair, other: Pair) -> None:
+    if pair.shape != other.shape or pair.ndim != 4 or pair.shape[1] != 2:
+        raise ValueError(f"wanted pairs (T, 2, J, 3) of one shape; got {pair.shape}, {other.shape}")

@@ -1,0 +1,120 @@
+"""The features of the Fréchet distance: a small auto-encoder of one character's motion.
+
+The supplement does not say what its features are. Ours are the code of an auto-encoder whose
+encoder is ST-GCN1 with fewer channels, trained on real motion; its figures compare with nothing
+but themselves, so ``fingerprint`` goes with them.
+"""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from pacmo_core.pacmo.fit import Fit
+from pacmo_core.pacmo.supervised import Supervised
+from pacmo_core.skeleton import Skeleton
+from pacmo_core.skeleton_prior.encoders import MotionEncoder, widths
+from pacmo_core.skeleton_prior.graph import neighbours
+from pacmo_core.skeleton_prior.initialise import initialise
+from pacmo_core.skeleton_prior.keyframes import keyframes
+
+
+@dataclass(frozen=True)
+class ExtractorSettings:
+    """How the features are learnt.
+
+    Parameters
+    ----------
+    random_seed : int
+    hidden, features : channels of the widest layer, and of the code
+    stride : frames from one that it sees to the next
+    instants : at which the decoder gives the motion back
+    learning_rate, halve_every, batch_size, n_epochs : of the descent
+    """
+
+    random_seed: int
+    hidden: int
+    features: int
+    stride: int
+    instants: int
+    learning_rate: float
+    halve_every: int
+    batch_size: int
+    n_epochs: int
+
+
+class Extractor(nn.Module):
+    """Encode a character's motion in the pair's frame, and give it back at a few instants.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    settings : ExtractorSettings
+    """
+
+    def __init__(self, skeleton: Skeleton, settings: ExtractorSettings) -> None:
+        super().__init__()
+        self.settings, self.skeleton = settings, skeleton
+        hidden, joints = settings.hidden, len(skeleton.joints)
+        self.encoder = MotionEncoder(neighbours(skeleton), 3, widths(hidden), dropout=0.0)
+        self.code = nn.Linear(hidden * joints, settings.features)
+        self.back = nn.Sequential(
+            nn.Linear(settings.features, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, settings.instants * joints * 3),
+        )
+
+    def forward(self, motions: Tensor) -> Tensor:
+        """``(B, K, J, 3)`` metres at keyframes to ``(B, D)``."""
+        code: Tensor = self.code(self.encoder(motions, None).flatten(1))
+        return code
+
+    def loss(self, motions: Tensor) -> Tensor:
+        """Take the mean squared error of the motion given back, metres squared."""
+        at = torch.linspace(0, motions.shape[1] - 1, self.settings.instants).round().long()
+        wanted = motions[:, at].flatten(1)
+        return nn.functional.mse_loss(self.back(self(motions)), wanted)
+
+    def features(self, motions: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
+        """``(n, D)`` of motions (T_i, J, 3) float32, metres, in the pair's canonical frame."""
+        self.eval()
+        with torch.inference_mode():
+            rows = [
+                self(
+                    torch.from_numpy(motion[list(keyframes(len(motion), self.settings.stride))])[
+                        None
+                    ]
+                )
+                for motion in motions
+            ]
+        return torch.cat(rows).double().numpy()
+
+
+def fit(
+    motions: Sequence[NDArray[np.float32]], skeleton: Skeleton, settings: ExtractorSettings
+) -> Fit[Extractor]:
+    """Train on motions of one length, (T, J, 3) float32, metres."""
+    random = torch.Generator().manual_seed(settings.random_seed)
+    model = Extractor(skeleton, settings)
+    initialise(model, random)
+    at = list(keyframes(len(motions[0]), settings.stride))
+    seen = torch.from_numpy(np.stack([motion[at] for motion in motions]))
+    training = Supervised(
+        model, len(seen), lambda rows: model.loss(seen[rows]), None, settings, random
+    )
+    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.n_epochs)
+
+
+def fingerprint(model: Extractor) -> str:
+    """SHA-256 of the configuration and the weights, in hexadecimal: what the features are."""
+    facts: dict[str, Any] = {"skeleton": asdict(model.skeleton), **asdict(model.settings)}
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    for name, tensor in sorted(model.state_dict().items()):
+        digest.update(name.encode() + tensor.detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,127 @@
+"""Our form: turns of bones, linear in the change of the bodies, from what the mesh would pull.
+
+Unlike the paper, whose decoders see both ends of the template and the partner as one code, every
+frame is told its template, where a guess puts the body, and how that breaks the relations to
+the partner. All of it is known beforehand, so the recurrence takes no step twice: inputs and
+outputs of all frames are single products.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from pacmo_core.skeleton import Skeleton
+from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
+from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
+from pacmo_core.skeleton_prior.graph import adjacency, neighbours
+from pacmo_core.skeleton_prior.layers import ChannelNorm, GraphGru, Head, StGcn
+from pacmo_core.skeleton_prior.limbs import Limb
+from pacmo_core.skeleton_prior.placing import LEAST, Tree
+from pacmo_core.skeleton_prior.relations import pulls
+
+# Channels of ``KinematicCharacter.sights``.
+SIGHTS = 30
+# The least change of bodies that is told apart from none.
+SMALLEST = 1e-3
+# A field for a change of 1: a network's output is of order 1.
+GAIN = 0.3
+
+
+class KinematicCharacter(Character):
+    """A character whose bones are right by construction; both characters are built alike.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    limbs : its arms and legs
+    hidden : channels
+    dropout : share
+    """
+
+    def __init__(
+        self, skeleton: Skeleton, limbs: tuple[Limb, ...], *, hidden: int, dropout: float
+    ) -> None:
+        super().__init__()
+        self.hidden = hidden
+        self.place = self.tree = Tree(skeleton, limbs)
+        links = neighbours(skeleton)
+        self.encoder = MotionEncoder(links, 4, widths(hidden), dropout=dropout)
+        self.code = Gaussian(hidden + 6, hidden)
+        # Channels have units of their own; the recurrence wants them alike.
+        self.alike = ChannelNorm(SIGHTS)
+        self.lifting = nn.Linear(SIGHTS, hidden)
+        self.whole = nn.Linear(SIGHTS, hidden, bias=False)
+        self.around = nn.ModuleList(
+            [
+                StGcn(links, hidden, hidden, stride=1, dropout=dropout, residual=True)
+                for _ in range(2)
+            ]
+        )
+        self.recurrent = GraphGru(adjacency(skeleton), hidden, hidden)
+        self.head = Head(2 * hidden, 3)
+
+    def latent_shape(self, given: Given) -> tuple[int, ...]:
+        """One code a joint."""
+        rows, _, joints, _ = given.template.shape
+        return (rows, joints, self.hidden)
+
+    def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
+        """Encode what the guess does not explain."""
+        size = amplitude(given)
+        change = (motion - self.tree.guess(given.template, given.scales)) / (size * GAIN)
+        grown = self._grown(given.scales, size)[:, None].expand(-1, motion.shape[1], -1, -1)
+        encoded = self.encoder(torch.cat([change, grown], dim=-1), random)
+        code: Code = self.code(torch.cat([encoded, ends(given.template)], dim=-1))
+        return code
+
+    def decode(self, latent: Tensor, given: Given) -> Tensor:
+        """Turn bones by so much as the bodies change."""
+        sights = self.alike(self.sights(given))
+        seen = self.lifting(sights) + self.whole(sights.mean(dim=2, keepdim=True))
+        for layer in self.around:
+            seen = layer(seen, None)
+        states = self.recurrent(seen, latent)
+        field: Tensor = self.head(torch.cat([states, seen], dim=-1))
+        return field * (GAIN * amplitude(given))
+
+    def sights(self, given: Given) -> Tensor:
+        """``(B, T, J, 30)``: all that is known of a joint in a frame; changes for a change of 1."""
+        template, size = given.template, amplitude(given)
+        own_change = self.tree.guess(template, given.scales) - template
+        partner_change = given.partner - given.partner_template
+        near = pulls(template, given.partner_template, own_change / size, partner_change / size)
+        bones = self.tree.bones(template)
+        directions = bones / bones.norm(dim=-1, keepdim=True).clamp_min(LEAST)
+        grown = torch.cat(
+            [
+                self._grown(given.scales, size),
+                self._grown(given.partner_scales, size)
+                .mean(dim=1, keepdim=True)
+                .expand(-1, template.shape[2], -1),
+            ],
+            dim=-1,
+        )
+        # What a change of each bone vector would move: the gradients of those energies by bones.
+        borne = self.tree.paths.T @ torch.cat([own_change / size, near[..., :6]], dim=-1)
+        speed = torch.diff(template, dim=1, append=template[:, -1:]).norm(dim=-1, keepdim=True)
+        constant = grown[:, None].expand(-1, template.shape[1], -1, -1)
+        parts = [
+            constant,
+            own_change / size,
+            near,
+            directions,
+            template[..., 1:2],
+            10 * speed,
+            bones.norm(dim=-1, keepdim=True),
+            borne / template.shape[2],
+        ]
+        return torch.cat(parts, dim=-1)
+
+    def _grown(self, scales: Tensor, size: Tensor) -> Tensor:
+        return (scales.log() / size[:, 0, :, 0])[..., None]
+
+
+def amplitude(given: Given) -> Tensor:
+    """``(B, 1, 1, 1)``: how much both bodies change: root mean square of bones' logarithms."""
+    both = torch.cat([given.scales, given.partner_scales], dim=1)
+    size = both.log().square().mean(dim=1).sqrt()
+    return size.clamp_min(SMALLEST)[:, None, None, None]

@@ -1,0 +1,94 @@
+"""Arms and legs: the first guess at a pose on another body, hands and feet where they were.
+
+Retargeting by hand does the same: two bones reach for a place by the law of cosines.
+"""
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pacmo_core.interaction import Motion, bone_lengths
+from pacmo_core.skeleton import Skeleton
+
+Limb = tuple[int, int, int]
+
+# Metres: height at which an end of a limb no longer counts as standing.
+STANDING = 0.2
+# Metres: shorter ways have no direction.
+LEAST = 1e-6
+
+
+def find_limbs(skeleton: Skeleton, motion: Motion) -> tuple[Limb, ...]:
+    """Find shoulder, elbow, wrist and hip, knee, ankle, whatever their names.
+
+    On each way from a leaf to the root, the two successive bones of mirror joints that are longest
+    together.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) float32, metres
+    """
+    mirrored = {joint for pair in skeleton.left_right for joint in pair}
+    lengths = np.zeros(len(skeleton.joints))
+    lengths[skeleton.bones[:, 1]] = bone_lengths(motion, skeleton).mean(axis=0)
+    found: set[Limb] = set()
+    for leaf in set(range(len(skeleton.joints))) - set(skeleton.parents):
+        chain = _chain(skeleton, leaf)
+        limbs = [
+            (chain[i + 2], chain[i + 1], chain[i])
+            for i in range(len(chain) - 2)
+            if {chain[i], chain[i + 1], chain[i + 2]} <= mirrored
+        ]
+        if limbs:
+            found.add(max(limbs, key=lambda limb: lengths[limb[1]] + lengths[limb[2]]))
+    return tuple(sorted(found))
+
+
+def _chain(skeleton: Skeleton, leaf: int) -> list[int]:
+    chain = [leaf]
+    while skeleton.parents[chain[-1]] >= 0:
+        chain.append(skeleton.parents[chain[-1]])
+    return chain
+
+
+def settling(start: Tensor, end: Tensor, reach: Tensor) -> Tensor:
+    """Move a body to where its standing limbs reach the ground: ``(..., 3)`` metres.
+
+    Parameters
+    ----------
+    start, end : (..., L, 3), metres: where limbs start by now and where they should end
+    reach : (..., L), metres: how long they are
+    """
+    way = end - start
+    distance = way.norm(dim=-1, keepdim=True).clamp_min(LEAST)
+    short = (distance - reach[..., None]).clamp_min(0)
+    standing = torch.exp(-((end[..., 1:2].clamp_min(0) / STANDING) ** 2))
+    weight = standing * short
+    moved: Tensor = (weight * short * way / distance).sum(dim=-2)
+    total: Tensor = weight.sum(dim=-2).clamp_min(LEAST)
+    return moved / total
+
+
+def bend(way: Tensor, upper: Tensor, lower: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:
+    """Bend two bones so that they end where they should, or as near as they come.
+
+    Parameters
+    ----------
+    way : (..., 3), metres: from where the limb starts to where it should end
+    upper, lower : (...), metres: lengths of the bones
+    side : (..., 3): towards where the middle joint points, of any length
+
+    Returns
+    -------
+    two (..., 3), metres: the bones
+    """
+    # Down, if there is no way at all: somewhere bones must point.
+    way = way + torch.tensor([0.0, -LEAST, 0.0], dtype=way.dtype, device=way.device)
+    reached = way.norm(dim=-1).clamp(min=(upper - lower).abs() + LEAST, max=upper + lower)
+    ahead = torch.nn.functional.normalize(way, dim=-1)
+    across = side - (side * ahead).sum(dim=-1, keepdim=True) * ahead
+    across = torch.nn.functional.normalize(across, dim=-1)
+    along = (upper**2 - lower**2 + reached**2) / (2 * reached)
+    aside = (upper**2 - along**2).clamp_min(0).sqrt()
+    first = along[..., None] * ahead + aside[..., None] * across
+    return first, reached[..., None] * ahead - first

@@ -1,0 +1,96 @@
+"""What all models descend, ours and the baselines alike."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from pacmo_core.skeleton_prior.model import Answer
+from pacmo_core.skeleton_prior.relations import REACH
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """What each term weighs; the error of joints' places weighs 1.
+
+    The supplement states no loss; these terms are inferred from what it measures.
+
+    Parameters
+    ----------
+    divergence : of the latents, a mean element
+    bodies : of the error of scales and the divergence of their latents
+    bones : of the error of bones' lengths
+    pairs : of the error of distances between the bodies, near ones first
+    acceleration : of the error's second difference
+    """
+
+    divergence: float
+    bodies: float
+    bones: float
+    pairs: float
+    acceleration: float
+
+
+def terms(
+    answer: Answer, varied: Tensor, template: Tensor, parents: Tensor, unit: Tensor
+) -> dict[str, Tensor]:
+    """Take every term but the bodies'.
+
+    Parameters
+    ----------
+    varied, template : (B, T, 2, J, 3), metres
+    parents : (J,)
+    unit : metres, the size of changes in the data
+    """
+    error = (answer.motions - varied) / unit
+    bones = _lengths(answer.motions, parents) - _lengths(varied, parents)
+    return {
+        "places": _smooth(error),
+        "divergence": (answer.codes[0].divergence() + answer.codes[1].divergence()) / 2,
+        "bones": _smooth(bones / unit),
+        "pairs": _pairs(answer.motions, varied, template, unit),
+        "acceleration": _smooth(error[:, 2:] - 2 * error[:, 1:-1] + error[:, :-2]),
+    }
+
+
+def total(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Tensor:
+    """Add up.
+
+    Parameters
+    ----------
+    warm : 0 to 1, the share of the divergence's weight that is in force
+    """
+    return (
+        found["places"]
+        + weights.bones * found["bones"]
+        + weights.pairs * found["pairs"]
+        + weights.acceleration * found["acceleration"]
+        + warm * weights.divergence * found["divergence"]
+    )
+
+
+def _smooth(error: Tensor) -> Tensor:
+    loss: Tensor = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error))
+    return loss
+
+
+def _lengths(motion: Tensor, parents: Tensor) -> Tensor:
+    # The root of zero has no slope.
+    return ((motion - motion[..., parents, :]).square().sum(dim=-1) + 1e-12).sqrt()
+
+
+def _pairs(motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor) -> Tensor:
+    """Weigh the error of distances by how near the template has the two joints."""
+    near = torch.exp(-((_distances(template) / REACH) ** 2))
+    error = (_distances(motions) - _distances(varied)) / unit
+    loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
+    total_loss: Tensor = (near * loss).sum() / near.sum().clamp_min(1)
+    return total_loss
+
+
+def _distances(motions: Tensor) -> Tensor:
+    """``(B, T, 2, J, 3)`` to ``(B, T, J, J)``, metres."""
+    a, b = motions.unbind(dim=2)
+    squares = a.square().sum(-1)[..., :, None] + b.square().sum(-1)[..., None, :]
+    return (squares - 2 * a @ b.transpose(-1, -2)).clamp_min(1e-6).sqrt()

@@ -1,0 +1,35 @@
+"""What ``params.yaml`` says about training a skeleton prior."""
+
+from dataclasses import dataclass
+
+from pacmo_core.skeleton_prior.losses import LossWeights
+
+
+@dataclass(frozen=True)
+class PriorSettings:
+    """The ``train_skeleton_prior`` section, and the name of the model."""
+
+    random_seed: int
+    device: str  # cpu, cuda or auto: cuda where there is one
+    model: str  # a name of model.FORMS
+    hidden: int  # channels of the widest layers; 256 in the paper's size
+    stride: int  # frames from one that the networks see to the next; the change is smooth
+    window: int  # frames, so far apart, of a row in a batch
+    dropout: float
+    weights: LossWeights
+    warmup_epochs: int  # in which the divergence's weight rises to its own
+    turn: bool  # show each row from any side
+    swap: bool  # let the characters swap roles, where the model knows both bodies
+    learning_rate: float
+    halve_every: int  # epochs
+    batch_size: int
+    n_epochs: int
+    validate_every: int  # epochs; the weights that score best are handed over
+    checkpoint_every: int  # epochs
+
+    def __post_init__(self) -> None:
+        if min(self.stride, self.window, self.warmup_epochs) < 1:
+            raise ValueError(
+                "stride, window and warmup_epochs must be at least 1; "
+                f"got {self.stride}, {self.window}, {self.warmup_epochs}"
+            )

@@ -1,0 +1,165 @@
+"""Training of a skeleton prior, ours or a baseline: same losses, same batches, same budget."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from pacmo_core.pacmo.config import skeleton_from
+from pacmo_core.pacmo.fit import Fit
+from pacmo_core.pacmo.supervised import Supervised
+from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
+from pacmo_core.skeleton_prior.initialise import initialise
+from pacmo_core.skeleton_prior.limbs import find_limbs
+from pacmo_core.skeleton_prior.losses import terms, total
+from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior, build
+from pacmo_core.skeleton_prior.settings import PriorSettings
+
+
+class PriorTraining(Supervised[SkeletonPrior]):
+    """A descent that raises the weight of the divergence over its first epochs.
+
+    Every step draws one number from the order's generator and all else from that: batches, windows
+    and turns are the same for every model.
+
+    Parameters
+    ----------
+    model : trained in place
+    examples : to learn from
+    validation : to choose weights on; may be empty
+    settings : PriorSettings
+    random : CPU generator
+    """
+
+    def __init__(
+        self,
+        model: SkeletonPrior,
+        examples: ExampleSet,
+        validation: ExampleSet | None,
+        settings: PriorSettings,
+        random: torch.Generator,
+    ) -> None:
+        self.examples, self.prior_settings, self.warm = examples, settings, 0.0
+        held_out = None if validation is None else lambda: score(model, validation)
+        super().__init__(model, len(examples), self._loss, held_out, settings, random)
+
+    def epoch(self, number: int) -> dict[str, float]:
+        """See every row once."""
+        self.model.train()
+        self.warm = min(1.0, (number + 1) / self.prior_settings.warmup_epochs)
+        found = super().epoch(number)
+        self.model.eval()
+        return found
+
+    def _loss(self, rows: Tensor) -> Tensor:
+        settings = self.prior_settings
+        own = torch.Generator().manual_seed(int(torch.randint(2**62, (), generator=self.random)))
+        pairs = self._batch(rows, own)
+        # Before roles are swapped the first body is the one that changes.
+        bodies = body_loss(self.model, self.examples.scales[rows, 0], settings, self.warm, own)
+        return bodies + objective(self.model, pairs, settings, self.warm, own)
+
+    def _batch(self, rows: Tensor, own: torch.Generator) -> Pairs:
+        settings = self.prior_settings
+        pairs = self.examples.windows(rows, settings.stride, settings.window, own)
+        turns = torch.rand(len(rows), generator=own) * 2 * math.pi
+        swaps = torch.rand(len(rows), generator=own) < 0.5
+        if settings.turn:
+            pairs = pairs.turned(turns.to(pairs.template.device))
+        if settings.swap and self.model.both_roles:
+            pairs = pairs.swapped(swaps.to(pairs.template.device))
+        return pairs
+
+
+def body_loss(
+    model: SkeletonPrior,
+    scales: Tensor,
+    settings: PriorSettings,
+    warm: float,
+    random: torch.Generator,
+) -> Tensor:
+    """Take the loss of the VAE of bodies (B, J): it learns the same beside every model."""
+    code = model.bodies.encode(scales)
+    error = (model.bodies.decode(code.draw(random)) - scales).abs().mean()
+    weights = settings.weights
+    return weights.bodies * (error + warm * weights.divergence * code.divergence())
+
+
+def objective(
+    model: SkeletonPrior,
+    pairs: Pairs,
+    settings: PriorSettings,
+    warm: float,
+    random: torch.Generator,
+) -> Tensor:
+    """Take the loss of both characters' VAEs."""
+    answer = model.reconstruct(pairs.template, pairs.scales, pairs.varied, random)
+    found = terms(answer, pairs.varied, pairs.template, model.tree.parents, model.unit)
+    return total(found, settings.weights, warm)
+
+
+def score(model: SkeletonPrior, examples: ExampleSet) -> Tensor:
+    """Take the mean error of joints' places, metres, bodies given and latents at their mean."""
+    errors = []
+    for row in range(len(examples)):
+        pairs = examples.whole(row, model.config.stride)
+        latents = model.latents(pairs.template, pairs.scales, None)
+        fields = model.fields(pairs.template, pairs.scales, latents)
+        placed = model.place(fields, pairs.template, pairs.scales)
+        errors.append((placed - pairs.varied).norm(dim=-1).mean())
+    return torch.stack(errors).mean()
+
+
+def fit(
+    examples: Sequence[Example],
+    settings: PriorSettings,
+    *,
+    validation: Sequence[Example] = (),
+    device: str = "cpu",
+) -> Fit[SkeletonPrior]:
+    """Train a model; an epoch yields ``loss``."""
+    random = torch.Generator().manual_seed(settings.random_seed)
+    learnt = encode(examples).to(device)
+    held_out = encode(validation).to(device) if validation else None
+    template = examples[0].template
+    model = build(
+        PriorConfig(
+            skeleton=template.skeleton,
+            limbs=find_limbs(template.skeleton, template.person_a),
+            model=settings.model,
+            hidden=settings.hidden,
+            stride=settings.stride,
+            dropout=settings.dropout,
+        )
+    )
+    initialise(model.bodies, random)
+    initialise(model.first, random)
+    initialise(model.second, random)
+    model.measure(learnt)
+    training = PriorTraining(
+        model.to(device),
+        learnt,
+        held_out,
+        settings,
+        torch.Generator().manual_seed(settings.random_seed + 1),
+    )
+    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
+
+
+def config(model: SkeletonPrior) -> dict[str, Any]:
+    """Describe a model in JSON's terms."""
+    return asdict(model.config)
+
+
+def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
+    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    own = {
+        "skeleton": skeleton_from(config["skeleton"]),
+        "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
+    }
+    model = build(PriorConfig(**{**config, **own}))
+    model.load_state_dict(dict(state))
+    return model.eval().requires_grad_(False)

@@ -1,0 +1,85 @@
+"""Lots side by side: over this machine's processes, or over a cluster's.
+
+Outcomes come as they are done, in no order; nothing rests on which process made what.
+"""
+
+import importlib
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from itertools import islice
+from multiprocessing import get_context, parent_process
+from typing import Any
+
+from pacmo_core.variations.solve import Lot, Outcome, solve
+
+# One thread a process: more would wait for each other, and other counts may round otherwise.
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def solve_side_by_side(lots: Sequence[Lot], *, processes: int) -> Iterator[Outcome]:
+    """Solve lots on as many processes, at most one a lot.
+
+    They die with this one: a killed run leaves nothing behind that goes on.
+    """
+    if not lots:
+        return
+    count, waiting = min(processes, len(lots)), iter(lots)
+    with (
+        _environment(dict.fromkeys(ONE_THREAD, "1")),
+        ProcessPoolExecutor(count, get_context("spawn"), initializer=die_with_parent) as pool,
+    ):
+        # Few are handed out at a time: what is done and not yet taken stands in memory.
+        running = {pool.submit(solve, lot) for lot in islice(waiting, 2 * count)}
+        while running:
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            running |= {pool.submit(solve, lot) for lot in islice(waiting, len(done))}
+            for future in done:
+                yield future.result()
+
+
+def solve_on_cluster(lots: Sequence[Lot], address: str) -> Iterator[Outcome]:
+    """Solve lots on the workers of a Dask scheduler, which need this package.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If ``distributed`` is not installed: it is the extra ``dask``.
+    """
+    distributed: Any = importlib.import_module("distributed")
+    with distributed.Client(address) as client:
+        # Not by content: Dask would take equal arguments for a result that it may have lost.
+        running = client.map(solve, list(lots), pure=False)
+        for done in distributed.as_completed(running):
+            yield done.result()
+            done.release()
+
+
+def die_with_parent() -> None:
+    """End this process when the one that started it ends, however that comes about."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set variables for the processes that start meanwhile."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

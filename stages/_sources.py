@@ -1,0 +1,137 @@
+"""What is varied: clips of the experiment, and captures of a second skeleton beside them."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pacmo_core.formats.registry import open_format
+from pacmo_core.ingestion import Recipe, read_sequences
+from pacmo_core.interaction import Interaction
+from pacmo_core.quality import Limits
+from pacmo_core.split import window_edges
+from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
+from pacmo_core.store.motions import read_motion, stream_motions
+from pacmo_core.variations.choose import Candidate, choose, nearness_of
+from stages._files import CLIPS, MOTIONS
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which clips of a family are varied."""
+
+    include: tuple[str, ...]  # patterns of clips' names
+    of_each_sequence: int | None  # at most, those in which the two are nearest
+    most: int | None  # in all, one an act before a second of any
+    near: float  # metres between joints that count as near
+
+
+@dataclass(frozen=True)
+class Second:
+    """Captures of another skeleton, read as ``ingest`` and ``cut`` do; none without a format."""
+
+    dataset: str
+    raw: str  # the folder, which is also on the command line
+    format: str | None
+    settings: dict[str, Any]
+    include: tuple[str, ...]
+    drop_joints: tuple[str, ...]
+    stated_fps: float | None
+    limits: Limits
+    contact_distance: float
+    clip_seconds: float
+
+
+@dataclass(frozen=True)
+class Family:
+    """Sources of one skeleton.
+
+    Parameters
+    ----------
+    name : of the data set
+    clips : facts of the chosen ones, by name, sorted
+    read : from a name to the clip
+    """
+
+    name: str
+    clips: dict[str, ClipFacts]
+    read: Callable[[str], Interaction]
+
+
+def own_family(clips: Path, choice: Choice) -> Family:
+    """Choose among the experiment's clips."""
+    facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipFacts)}
+    found = ((facts[name], clip) for name, clip in stream_motions(clips / MOTIONS))
+    chosen = _chosen(found, choice, clips)
+
+    @lru_cache(maxsize=2)
+    def read(name: str) -> Interaction:
+        return read_motion(clips / MOTIONS, name)
+
+    return Family(next(iter(chosen.values())).dataset, chosen, read)
+
+
+def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]:
+    """Choose among captures of the second skeleton, where there are any.
+
+    Raises
+    ------
+    ValueError
+        If none of them is usable.
+    """
+    if second.format is None:
+        return
+    clips: dict[str, tuple[ClipFacts, Interaction]] = {}
+    for facts, whole in _captures(second, raw):
+        edges = window_edges(len(whole.times), whole.fps, second.clip_seconds)
+        for number, (start, stop) in enumerate(edges):
+            name = facts.sequence if len(edges) == 1 else f"{facts.sequence}#{number:04d}"
+            clip = whole.frames(start, stop)
+            own = replace(facts, clip=name, duration=clip.duration, frames=stop - start)
+            clips[name] = (replace(own, start_frame=start), clip)
+    chosen = _chosen(clips.values(), choice, raw)
+    yield Family(second.dataset, chosen, lambda name: clips[name][1])
+
+
+def _captures(second: Second, raw: Path) -> Iterator[tuple[ClipFacts, Interaction]]:
+    raw_format = open_format(second.format or "", second.settings)
+    found = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
+    recipe = Recipe(
+        dataset=second.dataset,
+        root=raw,
+        format=raw_format,
+        drop_joints=second.drop_joints,
+        limits=second.limits,
+        contact_distance=second.contact_distance,
+        stated_fps=second.stated_fps,
+    )
+    wanted = [
+        sequence
+        for sequence in found
+        if _is_included(sequence.files[0].relative_to(raw).as_posix(), second.include)
+    ]
+    for outcome in read_sequences(recipe, wanted):
+        if not isinstance(outcome, QuarantineFacts):
+            yield outcome
+
+
+def _is_included(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatch(name, pattern) for pattern in patterns)
+
+
+def _chosen(
+    found: Iterable[tuple[ClipFacts, Interaction]], choice: Choice, where: Path
+) -> dict[str, ClipFacts]:
+    facts: dict[str, ClipFacts] = {}
+    candidates = []
+    for row, clip in found:
+        if _is_included(row.clip, choice.include):
+            facts[row.clip] = row
+            nearness = nearness_of(clip, choice.near)
+            candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
+    if not candidates:
+        raise ValueError(f"{where}: no clip fits {', '.join(choice.include)}")
+    names = choose(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
+    return {name: facts[name] for name in names}

@@ -1,0 +1,103 @@
+"""Give clips other bodies, and put aside what is not good enough to train on.
+
+Usage: python -m stages.augment --kept=DIR CLIPS SECOND VARIATIONS METRICS.json
+
+SECOND is a folder of captures of another skeleton, whose family is written beside. What was made
+before is found in the folder KEPT, which DVC does not know: only what is new is computed, and the
+result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to compute on.
+"""
+
+import argparse
+import logging
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from pacmo_core.interaction_mesh import Settings
+from pacmo_core.store.kept import Kept
+from pacmo_core.store.variations import VariationFacts
+from pacmo_core.variations.keep import Bounds, excess
+from pacmo_core.variations.keys import maker_key
+from pacmo_core.variations.plan import Plan
+from stages._files import write_json
+from stages._params import read_params
+from stages._sources import Choice, Second, own_family, second_family
+from stages._variations import make, plan_family, write_family
+
+USUAL = (5, 95)  # percentiles of the figures between which most variations lie
+
+
+@dataclass(frozen=True)
+class Params:
+    """The ``augment`` section of ``params.yaml``."""
+
+    clips: Choice  # which are varied
+    second: Second  # a second family beside the experiment's
+    plan: Plan  # the bodies that each is given
+    solver: Settings
+    bounds: Bounds  # what a variation must keep within to be trained on
+
+
+def main(paths: argparse.Namespace) -> None:
+    params = read_params("augment", Params)
+    kept = Kept(paths.kept, maker_key(params.solver))
+    families = [
+        own_family(paths.clips, params.clips),
+        *second_family(params.second, paths.second, params.clips),
+    ]
+    metrics = {}
+    for family in families:
+        planned = plan_family(family, params.plan)
+        found = make(family, planned, params.solver, kept)
+        rows = write_family(paths.variations / family.name, family, planned, found, params.bounds)
+        metrics[family.name] = summary(rows, params.bounds)
+    kept.forget_others()
+    write_json(paths.metrics, metrics)
+
+
+def summary(rows: Sequence[VariationFacts], bounds: Bounds) -> dict[str, object]:
+    """Say how many there are, why some are put aside, and how good they are by kind."""
+    refused = [row for row in rows if not row.kept and not row.figures]
+    failed = [row for row in rows if not row.kept and row.figures]
+    reasons = Counter(name for row in failed for name in excess(row.figures, bounds))
+    kinds = sorted({row.kind for row in rows if row.figures})
+    return {
+        "clips": len({row.clip for row in rows}),
+        "planned": len(rows),
+        "kept": sum(row.kept for row in rows),
+        "failed": len(failed),
+        "refused": len(refused),
+        "failed_by": dict(sorted(reasons.items())),
+        "refused_clips": sorted({row.clip for row in refused}),
+        "kinds": {kind: figures([row for row in rows if row.kind == kind]) for kind in kinds},
+    }
+
+
+def figures(rows: Sequence[VariationFacts]) -> dict[str, dict[str, float]]:
+    """Give each figure's mean over variations, and between which values most of them lie."""
+    found = {}
+    for name in sorted({name for row in rows for name in row.figures}):
+        values = [row.figures[name] for row in rows if name in row.figures]
+        values = [value for value in values if isfinite(value)]
+        if values:
+            low, high = np.percentile(values, USUAL)
+            found[name] = {"mean": float(np.mean(values)), "low": float(low), "high": float(high)}
+    return found
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--kept", type=Path, required=True, help="folder of what was made before")
+    for name in ("clips", "second", "variations", "metrics"):
+        parser.add_argument(name, type=Path)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    main(arguments())

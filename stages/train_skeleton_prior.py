@@ -1,0 +1,62 @@
+"""Train a skeleton prior, ours or a baseline, on one side of a split.
+
+Usage: python -m stages.train_skeleton_prior --model=M --seed=S FAMILY SIDES.parquet MODEL CURVE.csv
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from pacmo_core.interaction import Interaction
+from pacmo_core.skeleton_prior import training
+from pacmo_core.skeleton_prior.examples import Example
+from pacmo_core.skeleton_prior.settings import PriorSettings
+from stages._examples import stream_examples
+from stages._params import read_params
+from stages._training import Sides, Task, train
+
+SECTION = "train_skeleton_prior"
+
+
+@dataclass(frozen=True)
+class Params(PriorSettings):
+    """The ``train_skeleton_prior`` section of ``params.yaml``."""
+
+    threads: int
+
+
+def main(paths: argparse.Namespace) -> None:
+    given = {"random_seed": paths.seed, "model": paths.model_name}
+    params = read_params(SECTION, Params, given=given)
+    learnt, held_out = (
+        [example for _, example in stream_examples(paths.family, paths.sides, side)]
+        for side in ("train", "validation")
+    )
+    task = Task(
+        "skeleton_prior",
+        params,
+        Sides(_motions(learnt), _motions(held_out), [], []),
+        lambda device: training.fit(learnt, params, validation=held_out, device=device),
+        training.config,
+        shares=False,
+    )
+    train(task, paths.model, paths.curve)
+
+
+def _motions(examples: list[Example]) -> list[Interaction]:
+    """List all that a training sees, for the hash that stands beside the weights."""
+    return [motion for example in examples for motion in (example.template, example.varied)]
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--model", dest="model_name", required=True)
+    parser.add_argument("--seed", type=int, required=True)
+    for name in ("family", "sides", "model", "curve"):
+        parser.add_argument(name, type=Path)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main(arguments())

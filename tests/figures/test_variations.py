@@ -1,0 +1,62 @@
+"""Truth: figures written down here; the page's own HTML."""
+
+import json
+import re
+from dataclasses import replace
+
+from pacmo_core.figures import Report, render_report
+from pacmo_core.figures.report import Section
+from pacmo_core.figures.variations import COLUMNS, said, variation_table, varied_clip
+from tests.figures.samples import interaction, report
+
+FIGURES = {
+    "near_error": 0.0057,
+    "near_error_naive": 0.205,
+    "far_error": 0.01,
+    "contacts_kept": 0.99,
+    "added_slide": -0.0031,
+    "penetration": 0.004,
+    "seam_ratio": 1.21,
+    "flip_share": 0.0,
+    "trunk_change": 0.25,
+}
+
+
+def page() -> tuple[Report, str]:
+    shown = [("b-child (left out)", FIGURES, interaction(3)), ("r0001", FIGURES, interaction(4))]
+    clip = varied_clip("salsa<1>", interaction(2), shown)
+    whole = replace(report(n_clips=2), gallery=(clip,))
+    return whole, render_report(whole)
+
+
+def test_a_variation_is_told_in_units_that_people_use() -> None:
+    text = said(FIGURES)
+    for words in ("5.7 mm off", "205 if scaled", "99.0 %", "-0.31 cm/s", "4.0 mm deeper", "25 %"):
+        assert words in text
+
+
+def test_the_gallery_plays_after_the_clips_source_first() -> None:
+    _, html = page()
+    assert html.count('class="player"') == 3
+    at = html.index('id="variations"')
+    gallery = html[at : html.index("</section>", at)]
+    assert 'data-clip="2"' in gallery
+    captions = re.findall(r"<figcaption>.*?<span>(.*?)</span>", gallery)
+    assert captions[0] == "source"
+    assert captions[1].startswith("b-child (left out): near pairs 5.7 mm off")
+    assert "salsa&lt;1&gt;" in gallery
+    (motions,) = re.findall(r'id="motions">(.*?)</script>', html)
+    assert [len(scenes) for scenes in json.loads(motions)][-1] == 3
+
+
+def test_a_page_without_variations_says_nothing_of_them() -> None:
+    assert 'id="variations"' not in render_report(report())
+
+
+def test_kinds_have_a_line_each_in_a_fixed_order() -> None:
+    cells = {name: {"mean": value, "low": 0.0, "high": 1.0} for name, value in FIGURES.items()}
+    table = variation_table({"single": cells, "uniform": cells})
+    assert [line.label for line in table.lines] == ["One body grown or shrunk", "One bone"]
+    assert len(table.metrics) == len(COLUMNS) == len(table.lines[0].entries)
+    html = render_report(replace(report(), sections=(Section("Variations", table, ("counts",)),)))
+    assert "Contacts kept" in html

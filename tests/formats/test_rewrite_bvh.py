@@ -1,0 +1,136 @@
+"""Truth: our reader on what was written; a file that is written as it was read is what it was."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pacmo_core.formats.bvh import Bvh, read_bvh
+from pacmo_core.formats.raw import FormatError
+from pacmo_core.formats.rewrite_bvh import rewrite_bvh
+from tests.formats.real_files import real_folder
+
+TEXT = """HIERARCHY
+ROOT hips
+{
+  OFFSET 1 2 3
+  CHANNELS 6 Yposition Xposition Zposition Yrotation Xrotation Zrotation
+  JOINT chest
+  {
+    OFFSET 0 20 0
+    CHANNELS 3 Xrotation Zrotation Yrotation
+    JOINT hand
+    {
+      OFFSET 30 5 0
+      CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+      End Site
+      {
+        OFFSET 0 4 0
+      }
+    }
+    JOINT head
+    {
+      OFFSET 0 15 2
+      CHANNELS 3 Zrotation Yrotation Xrotation
+      End Site
+      {
+        OFFSET 0 10 0
+      }
+    }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: 0.0333333
+"""
+
+
+def small(folder: Path) -> tuple[Path, Bvh]:
+    """Write a file with channels in several orders, and a hand that moves against its chest."""
+    motion = np.random.default_rng(0).uniform(-60, 60, (3, 18))
+    motion[:, 9:12] = [[30, 5, 0], [31, 5, 0], [30, 6, 1]]
+    rows = "\n".join(" ".join(f"{value:.4f}" for value in row) for row in motion)
+    file = folder / "small.bvh"
+    file.write_text(TEXT + rows + "\n")
+    return file, read_bvh(file)
+
+
+def again(file: Path, bvh: Bvh, places: np.ndarray, scales: np.ndarray) -> tuple[Bvh, float]:
+    joints = [j for j in range(len(bvh.joints)) if j not in bvh.end_sites]
+    written = rewrite_bvh(file, bvh, joints, places[:, joints], scales)
+    other = file.with_name("again.bvh")
+    other.write_text(written.text)
+    return read_bvh(other), float(written.misses.max())
+
+
+def test_a_file_written_as_it_was_read_is_what_it_was(tmp_path: Path) -> None:
+    file, bvh = small(tmp_path)
+    found, miss = again(file, bvh, bvh.positions(), np.ones(len(bvh.joints)))
+    assert miss < 1e-8
+    for name in ("joints", "parents", "channels", "end_sites"):
+        assert getattr(found, name) == getattr(bvh, name)
+    assert found.frame_time == pytest.approx(bvh.frame_time, rel=1e-8)
+    np.testing.assert_allclose(found.offsets, bvh.offsets, atol=1e-6)
+    np.testing.assert_allclose(found.motion, bvh.motion, atol=1e-5)
+
+
+def test_a_body_that_grew_as_a_whole_is_met_with_the_same_turns(tmp_path: Path) -> None:
+    file, bvh = small(tmp_path)
+    places = 1.25 * bvh.positions()
+    found, miss = again(file, bvh, places, np.array([1, *[1.25] * 5]))
+    assert miss < 1e-8
+    np.testing.assert_allclose(found.positions(), places, atol=1e-4)
+    np.testing.assert_allclose(found.offsets[1:], 1.25 * bvh.offsets[1:], atol=1e-6)
+    np.testing.assert_allclose(found.motion[:, 3:9], bvh.motion[:, 3:9], atol=1e-4)
+
+
+def test_the_miss_is_how_far_the_written_joints_are_from_their_places(tmp_path: Path) -> None:
+    file, bvh = small(tmp_path)
+    places = bvh.positions() + np.random.default_rng(1).normal(size=(3, 6, 3))
+    found, miss = again(file, bvh, places, np.ones(6))
+    joints = [0, 1, 2, 4]
+    apart = np.linalg.norm(found.positions() - places, axis=-1)[:, joints]
+    assert apart.max() == pytest.approx(miss, abs=1e-4)
+    assert miss > 0.1
+
+
+def test_a_joint_that_cannot_turn_freely_is_refused_by_name(tmp_path: Path) -> None:
+    file = tmp_path / "hinge.bvh"
+    text = TEXT.replace("CHANNELS 3 Zrotation Yrotation Xrotation", "CHANNELS 1 Xrotation")
+    rows = "\n".join(" ".join(["1"] * 16) for _ in range(3))
+    file.write_text(text + rows + "\n")
+    bvh = read_bvh(file)
+    with pytest.raises(FormatError, match="head turns about 1 axes; wanted three"):
+        again(file, bvh, bvh.positions(), np.ones(6))
+    still = TEXT.replace(
+        "CHANNELS 6 Yposition Xposition Zposition Yrotation", "CHANNELS 3 Yrotation"
+    )
+    file.write_text(still + "\n".join(" ".join(["1"] * 15) for _ in range(3)) + "\n")
+    bvh = read_bvh(file)
+    with pytest.raises(FormatError, match="hips has no position channels"):
+        again(file, bvh, bvh.positions(), np.ones(6))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "duo_mocap/salsa/Easy_01_male_30fps.bvh",
+        "cmu_18_19/18_19_rory/18_10_poses.bvh",
+        "skeleton_priors/uniform-B/0000_0.75_retarget_C1.bvh",
+    ],
+)
+def test_real_files_are_written_as_they_were_read(name: str, tmp_path: Path) -> None:
+    folder, _, rest = name.partition("/")
+    original = real_folder(folder) / rest
+    whole = read_bvh(original)
+    bvh = replace(whole, motion=whole.motion[:200])
+    joints = [j for j in range(len(bvh.joints)) if j not in bvh.end_sites]
+    places = bvh.positions()
+    written = rewrite_bvh(original, bvh, joints, places[:, joints], np.ones(len(bvh.joints)))
+    file = tmp_path / "written.bvh"
+    file.write_text(written.text)
+    found = read_bvh(file)
+    assert found.joints == bvh.joints
+    np.testing.assert_allclose(found.positions(), places, atol=1e-4)
+    np.testing.assert_allclose(found.motion, bvh.motion, atol=1e-3)

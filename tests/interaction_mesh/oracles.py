@@ -1,0 +1,213 @@
+"""Two slower solvers of the same problem, by other ways, and the energy by its definition."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import splu
+
+from pacmo_core.interaction_mesh.energy import Quadratic, target_of
+from pacmo_core.interaction_mesh.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> float:
+    """Sum E over frames and joints, one at a time.
+
+    Parameters
+    ----------
+    change, target : (T, N, 3) metres
+    """
+    total = 0.0
+    for t, moved in enumerate(change):
+        total += np.sum((energy.laplacians[t] @ moved - target[t]) ** 2) / 2
+        total += energy.anchor * np.sum(moved**2) / 2
+        for i in range(len(moved)):
+            total += energy.height * energy.held[t, i] * moved[i, 1] ** 2 / 2
+            if t:
+                held = energy.stance * energy.held[t, i] * energy.held[t - 1, i]
+                total += held * np.sum((moved[i] - change[t - 1, i]) ** 2) / 2
+            for j in range(i):
+                total += energy.ties[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
+        if 0 < t < len(change) - 1:
+            second = change[t + 1] - 2 * moved + change[t - 1]
+            total += energy.acceleration * np.sum(second**2) / 2
+    return total
+
+
+def matrix(energy: Quadratic) -> csc_array:
+    """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
+    n_frames, n_points = energy.held.shape
+    size = 3 * n_frames * n_points
+    inside = np.array([lap.T @ lap + energy.anchor * np.eye(n_points) for lap in energy.laplacians])
+    for one in range(n_points):
+        for other in range(one):
+            for a, b, sign in (
+                (one, one, 1),
+                (other, other, 1),
+                (one, other, -1),
+                (other, one, -1),
+            ):
+                inside[:, a, b] += sign * energy.ties[:, one, other]
+    t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
+    rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
+    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.height * energy.held[t, i]
+    whole = csc_array((values, (rows, columns)), shape=(size, size))
+    step = 3 * n_points
+    first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
+    both = energy.held[1:] * energy.held[:-1]
+    stands = diags_array(np.repeat(both.reshape(-1), 3))
+    whole = whole + energy.stance * first.T @ stands @ first
+    if n_frames > 2:
+        second = diags_array(
+            [1.0, -2.0, 1.0], offsets=[0, step, 2 * step], shape=(size - 2 * step, size)
+        )
+        whole = whole + energy.acceleration * second.T @ second
+    return csc_array(whole)
+
+
+def right_side(energy: Quadratic, scales: Array) -> Array:
+    """Give g for one body's scales (E,), flat."""
+    target = target_of(energy, scales[None])[..., 0]
+    pull: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
+    return pull
+
+
+def differences(scene: Scene) -> csc_array:
+    """Give the matrix from flat positions to flat bone vectors, (3TE, 3TN)."""
+    n_frames, n_points, _ = scene.points.shape
+    n_bones = len(scene.bones)
+    t, e, c = np.indices((n_frames, n_bones, 3)).reshape(3, -1)
+    row = 3 * (t * n_bones + e) + c
+    ends = [3 * (t * n_points + scene.bones[e, end]) + c for end in (0, 1)]
+    ones = np.ones(len(row))
+    values = np.concatenate([-ones, ones])
+    where = (np.tile(row, 2), np.concatenate(ends))
+    return csc_array((values, where), shape=(len(row), 3 * n_frames * n_points))
+
+
+def banded(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 40) -> Array:
+    """Solve by an augmented Lagrangian of Gauss-Newton steps on a banded matrix, from the source.
+
+    Bones grow to their lengths in five morphs, without which steps overshoot.
+
+    Returns
+    -------
+    (T, N, 3) metres, U
+    """
+    hessian, pull, bones = matrix(energy), right_side(energy, scales), differences(scene)
+    source = scene.points.reshape(-1)
+    lengths = np.linalg.norm(scene.vectors, axis=-1)
+    width = 9 * scene.points.shape[1] - 1
+    change, multiplier, stiffness = np.zeros(len(source)), np.zeros(lengths.size), 300.0
+    shares = np.concatenate([np.linspace(0.2, 1, 5), np.ones(n_rounds - 5)])
+    for share in shares:
+        morph = 1 + share * (scales - 1)
+        vectors = (bones @ (source + change)).reshape(-1, 3)
+        now = np.linalg.norm(vectors, axis=-1)
+        miss = now - (lengths * morph).reshape(-1)
+        along = csc_array(_along(vectors / now[:, None])) @ bones
+        full = hessian + stiffness * along.T @ along
+        slope = hessian @ change - share * pull + along.T @ (stiffness * miss + multiplier)
+        change -= solveh_banded(_bands(full, width), slope, lower=True)
+        vectors = (bones @ (source + change)).reshape(-1, 3)
+        miss = np.linalg.norm(vectors, axis=-1) - (lengths * morph).reshape(-1)
+        multiplier += stiffness * miss
+    return change.reshape(scene.points.shape)
+
+
+def manifold(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 12) -> Array:
+    """Solve by Gauss-Newton on the directions of the bones and the places of the roots.
+
+    The bones are of their length at every step. A step turns each direction in its tangent plane;
+    the sphere's own curvature joins the matrix where it helps it stay positive.
+
+    Returns
+    -------
+    (T, N, 3) metres, U
+    """
+    hessian, pull = matrix(energy), right_side(energy, scales)
+    source, spread = scene.points.reshape(-1), _spread(scene)
+    n_frames, n_bones = scene.vectors.shape[:2]
+    wanted = (np.linalg.norm(scene.vectors, axis=-1) * scales).reshape(-1, 1)
+    n_bone_rows = 3 * n_frames * n_bones
+    roots = np.concatenate([scene.points[:, :1], scene.points[:, scene.n_joints[0], None]], axis=1)
+    directions = scene.vectors.reshape(-1, 3) / np.linalg.norm(scene.vectors, axis=-1).reshape(
+        -1, 1
+    )
+    places = roots.reshape(-1)
+    for _ in range(n_rounds):
+        positions = spread @ np.concatenate([(wanted * directions).reshape(-1), places])
+        slope = spread.T @ (hessian @ (positions - source) - pull)
+        forces = slope[:n_bone_rows].reshape(-1, 3)
+        frames = _tangents(directions)
+        tangent = _blocks(wanted[:, :, None] * frames, n_bone_rows, len(slope))
+        curved = np.maximum(-(forces * directions).sum(axis=1) * wanted[:, 0], 0)
+        curvature = np.concatenate([np.repeat(curved, 2), np.zeros(len(places))])
+        full = tangent.T @ (spread.T @ hessian @ spread) @ tangent + diags_array(curvature)
+        step = -splu(csc_array(full)).solve(tangent.T @ slope)
+        turned = directions + np.einsum(
+            "bij,bj->bi", frames, step[: 2 * len(directions)].reshape(-1, 2)
+        )
+        directions = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+        places = places + step[2 * len(directions) :]
+    positions = spread @ np.concatenate([(wanted * directions).reshape(-1), places])
+    change: Array = (positions - source).reshape(scene.points.shape)
+    return change
+
+
+def _along(units: Array) -> csc_array:
+    n_rows = len(units)
+    rows, columns = np.repeat(np.arange(n_rows), 3), np.arange(3 * n_rows)
+    return csc_array((units.reshape(-1), (rows, columns)), shape=(n_rows, 3 * n_rows))
+
+
+def _bands(full: csc_array, width: int) -> Array:
+    """Lower bands of a symmetric matrix, as LAPACK wants them."""
+    entries = full.tocoo()
+    below = (entries.row >= entries.col) & (entries.data != 0)
+    row, column = entries.row[below], entries.col[below]
+    bands = np.zeros((width + 1, full.shape[0]))
+    bands[row - column, column] = entries.data[below]
+    return bands
+
+
+def _spread(scene: Scene) -> csc_array:
+    """Give the matrix from flat bone vectors, then flat roots of a and b, to flat positions."""
+    n_frames, n_points, _ = scene.points.shape
+    n_bones = len(scene.bones)
+    bone_of = {int(child): row for row, (_, child) in enumerate(scene.bones)}
+    parent_of = {int(child): int(parent) for parent, child in scene.bones}
+    rows, columns = [], []
+    t, c = np.indices((n_frames, 3)).reshape(2, -1)
+    for point in range(n_points):
+        joint = point
+        while joint in parent_of:
+            rows.append(3 * (t * n_points + point) + c)
+            columns.append(3 * (t * n_bones + bone_of[joint]) + c)
+            joint = parent_of[joint]
+        body = int(joint >= scene.n_joints[0])
+        rows.append(3 * (t * n_points + point) + c)
+        columns.append(3 * n_frames * n_bones + 3 * (2 * t + body) + c)
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    shape = (3 * n_frames * n_points, 3 * n_frames * (n_bones + 2))
+    return csc_array((np.ones(len(row)), (row, column)), shape=shape)
+
+
+def _tangents(directions: Array) -> Array:
+    """Give two unit vectors across each direction, (n, 3, 2)."""
+    aside = np.eye(3)[np.abs(directions).argmin(axis=1)]
+    first = np.cross(directions, aside)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=-1)
+
+
+def _blocks(frames: Array, n_bone_rows: int, n_rows: int) -> csc_array:
+    """Set tangent frames on the diagonal; the roots' rows follow as they are."""
+    n_bones, n_roots = len(frames), n_rows - n_bone_rows
+    b, i, j = np.indices(frames.shape).reshape(3, -1)
+    rows = np.concatenate([3 * b + i, n_bone_rows + np.arange(n_roots)])
+    columns = np.concatenate([2 * b + j, 2 * n_bones + np.arange(n_roots)])
+    values = np.concatenate([frames.reshape(-1), np.ones(n_roots)])
+    return csc_array((values, (rows, columns)), shape=(n_rows, 2 * n_bones + n_roots))

@@ -1,0 +1,93 @@
+"""Scenes that tests draw: two small bodies that turn and touch, or a real window."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
+from pacmo_core.skeleton import Skeleton
+
+SETTINGS = Settings(
+    graph="complete",
+    weights=Weights(
+        power=1,
+        softening=0.01,
+        acceleration=10,
+        contact=10,
+        contact_reach=0.15,
+        stance=300,
+        height=300,
+        anchor=1e-3,
+    ),
+    support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.07),
+    limits=Limits(residual=1e-2, penetration=0.01, seam=1.5),
+    rungs=(
+        Rung(penalty=0.7, iterations=40, apart=0, step=1e-3),
+        Rung(penalty=2, iterations=100, apart=0, step=1e-3),
+        Rung(penalty=6, iterations=200, apart=60, step=1e-3),
+    ),
+    relaxation=1.6,
+    clearance=0.1,
+    guarded=12,
+    near=0.25,
+    touching=0.1,
+    slack=0.02,
+)
+
+ARM = Skeleton(
+    "arm",
+    ("root", "chest", "left_arm", "left_hand", "right_arm", "right_hand"),
+    (-1, 0, 1, 2, 1, 4),
+    ((2, 4), (3, 5)),
+)
+
+
+def thorough(iterations: int = 2000, **changes: object) -> Settings:
+    """Give settings that iterate to the end."""
+    rungs = (Rung(penalty=3, iterations=iterations, apart=0, step=0),)
+    return replace(SETTINGS, rungs=rungs, **changes)
+
+
+def body(random: np.random.Generator, skeleton: Skeleton, times: np.ndarray, turn: float):
+    """Draw a body whose bones keep their lengths and swing smoothly about where they hang."""
+    motion = np.zeros((len(times), len(skeleton.joints), 3))
+    motion[:, skeleton.root] = 0.05 * swing(random, times) + [0, 0.9, 0]
+    for joint in skeleton.order[1:]:
+        rest = random.normal(size=3)
+        rest /= np.linalg.norm(rest)
+        direction = rest + 0.3 * swing(random, times)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        length = random.uniform(0.15, 0.35)
+        motion[:, joint] = motion[:, skeleton.parents[joint]] + length * direction
+    cos, sin = np.cos(turn), np.sin(turn)
+    return motion @ np.array([[cos, 0, -sin], [0, 1, 0], [sin, 0, cos]])
+
+
+def swing(random: np.random.Generator, times: np.ndarray) -> np.ndarray:
+    """Draw a slow sum of sines, (T, 3)."""
+    rates = random.uniform(0.5, 1.5, size=(3, 1, 3))
+    phases = random.uniform(0, 2 * np.pi, size=(3, 1, 3))
+    return np.sin(2 * np.pi * rates * times[:, None] + phases).mean(axis=0)
+
+
+def scene(
+    seed: int = 0,
+    n_frames: int = 15,
+    skeletons: tuple[Skeleton, Skeleton] = (ARM, ARM),
+    apart: float = 0.4,
+) -> Scene:
+    """Draw two bodies whose roots are ``apart`` metres from each other."""
+    random = np.random.default_rng(seed)
+    times = np.arange(n_frames) / 30
+    first = body(random, skeletons[0], times, 0)
+    second = body(random, skeletons[1], times, np.pi) + np.array([0, 0, apart])
+    return Scene((first.astype(np.float32), second.astype(np.float32)), skeletons, 30.0)
+
+
+def touching_scene(seed: int = 0, n_frames: int = 15) -> Scene:
+    """Draw two bodies whose left hands stay about 8 cm from each other."""
+    source = scene(seed, n_frames)
+    first, second = source.motions
+    hand = ARM.joints.index("left_hand")
+    miss = (first[:, hand] - second[:, hand]).mean(axis=0) + np.float32([0, 0, 0.05])
+    return Scene((first, second + miss), source.skeletons, source.fps)

@@ -1,0 +1,133 @@
+"""The networks once more, plainly: loops over frames and joints, one layer a gate, nothing folded.
+
+The oracle of the tests, and what the benchmark compares with.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from pacmo_core.skeleton_prior.layers import GraphConvolution, GraphGru, Head, StGcn
+
+
+def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
+    """Sum over the joints' links one by one, (J, C) of one frame."""
+    weights = layer.links * layer.mask + layer.added
+    rows = []
+    for joint in range(len(x)):
+        total = layer.own.weight @ x[joint] + layer.own.bias
+        for other in range(len(x)):
+            total = total + weights[joint, other] * (layer.along.weight @ x[other])
+        rows.append(total)
+    return torch.stack(rows)
+
+
+def norm(layer: nn.Module, x: Tensor) -> Tensor:
+    """Normalise by running statistics, channel by channel."""
+    kept = layer.state_dict()
+    scaled = (x - kept["running_mean"]) / (kept["running_var"] + 1e-5).sqrt()
+    normed: Tensor = scaled * kept["weight"] + kept["bias"]
+    return normed
+
+
+def st_gcn(layer: StGcn, x: Tensor) -> Tensor:
+    """Run one sequence (T, J, C) through a layer in evaluation."""
+    frames = torch.stack([graph_convolution(layer.graph, frame) for frame in x]).relu()
+    frames = norm(layer.norms[0], frames).relu()
+    kernel = layer.time.weigh.weight.view(frames.shape[-1], 5, frames.shape[-1])
+    rows = []
+    for centre in range(0, len(x), layer.stride):
+        total = layer.time.weigh.bias.expand(frames.shape[1:])
+        for shift in range(5):
+            frame = centre + shift - 2
+            if 0 <= frame < len(x):
+                total = total + frames[frame] @ kernel[:, shift].T
+        rows.append(total)
+    out = norm(layer.norms[1], torch.stack(rows))
+    if layer.residual:
+        short = x[:: layer.stride]
+        if isinstance(layer.shortcut, nn.Sequential):
+            short = norm(layer.shortcut[1], layer.shortcut[0](short))
+        out = out + short
+    return out.relu() if layer.active else out
+
+
+class PlainGru(nn.Module):
+    """The G-GRU as its equations stand: six layers and a message, frame by frame.
+
+    Parameters
+    ----------
+    fused : whose weights it takes
+    """
+
+    def __init__(self, fused: GraphGru) -> None:
+        super().__init__()
+        self.register_buffer("links", (fused.adjacency * fused.mask + fused.added).detach())
+        hidden = fused.hidden
+        self.message = nn.Linear(hidden, hidden, bias=False)
+        self.message.load_state_dict(fused.message.state_dict())
+        self.into = _gates(fused.gates_in, hidden)
+        self.hidden = _gates(fused.gates_hidden, hidden)
+
+    def step(self, x: Tensor, state: Tensor) -> Tensor:
+        """One frame, (B, J, C) and (B, J, h)."""
+        message = self.message(torch.einsum("ij,bjh->bih", self.links, state))
+        reset = torch.sigmoid(self.into[0](x) + self.hidden[0](message))
+        update = torch.sigmoid(self.into[1](x) + self.hidden[1](message))
+        candidate = torch.tanh(self.into[2](x) + reset * self.hidden[2](message))
+        return update * state + (1 - update) * candidate
+
+    def forward(self, x: Tensor, state: Tensor) -> Tensor:
+        """Run over (B, T, J, C)."""
+        states = []
+        for frame in range(x.shape[1]):
+            state = self.step(x[:, frame], state)
+            states.append(state)
+        return torch.stack(states, dim=1)
+
+
+class PlainHead(nn.Module):
+    """The head, frame by frame."""
+
+    def __init__(self, head: Head) -> None:
+        super().__init__()
+        self.head = head
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Run over (B, T, J, C)."""
+        return torch.stack([self.head(x[:, frame]) for frame in range(x.shape[1])], dim=1)
+
+
+def _gates(fused: nn.Linear, hidden: int) -> nn.ModuleList:
+    parts = []
+    for number in range(3):
+        rows = slice(number * hidden, (number + 1) * hidden)
+        part = nn.Linear(fused.in_features, hidden, bias=fused.bias is not None)
+        state = {"weight": fused.weight[rows].detach()}
+        if fused.bias is not None:
+            state["bias"] = fused.bias[rows].detach()
+        part.load_state_dict(state)
+        parts.append(part)
+    return nn.ModuleList(parts)
+
+
+class PlainConvolution(nn.Module):
+    """A graph convolution frame by frame, as its equation stands.
+
+    Parameters
+    ----------
+    folded : whose weights it takes
+    """
+
+    def __init__(self, folded: GraphConvolution) -> None:
+        super().__init__()
+        self.folded = folded
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Run over (B, T, J, C)."""
+        links = self.folded.links * self.folded.mask + self.folded.added
+        frames = [
+            self.folded.along(torch.einsum("ij,bjc->bic", links, x[:, frame]))
+            + self.folded.own(x[:, frame])
+            for frame in range(x.shape[1])
+        ]
+        return torch.stack(frames, dim=1)

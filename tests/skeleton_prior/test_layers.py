@@ -1,0 +1,120 @@
+"""What is trusted: the layers' equations, as plain loops over frames, joints and gates."""
+
+import pytest
+import torch
+
+from pacmo_core.skeleton import DUET15, EXPI18, NTU25, SBU15
+from pacmo_core.skeleton_prior.graph import adjacency, neighbours, paths
+from pacmo_core.skeleton_prior.initialise import initialise
+from pacmo_core.skeleton_prior.layers import GraphConvolution, GraphGru, Head, StGcn, drop
+from tests.skeleton_prior import plain
+from tests.skeleton_prior.bodies import generator
+
+
+def shaken(layer):
+    """Draw all weights at random, those that start at one or zero too."""
+    random = generator(1)
+    initialise(layer, random)
+    with torch.no_grad():
+        for value in [*layer.parameters(), *layer.buffers()]:
+            if value.is_floating_point():
+                value += 0.1 * torch.rand(value.shape, generator=random)
+    return layer.eval()
+
+
+@pytest.mark.parametrize("skeleton", [NTU25, DUET15, SBU15, EXPI18], ids=lambda s: s.name)
+def test_the_adjacency_links_each_joint_with_itself_and_its_bones(skeleton):
+    links = adjacency(skeleton)
+    bones = {frozenset(bone) for bone in skeleton.bones.tolist()}
+    for i in range(len(links)):
+        for j in range(len(links)):
+            assert (links[i, j] > 0) == (i == j or frozenset((i, j)) in bones)
+    torch.testing.assert_close(links.sum(dim=0), torch.ones(len(links)))
+    assert torch.equal(neighbours(skeleton).diagonal(), torch.zeros(len(links)))
+    torch.testing.assert_close(neighbours(skeleton) + torch.diag(links.diagonal()), links)
+
+
+@pytest.mark.parametrize("skeleton", [NTU25, EXPI18], ids=lambda s: s.name)
+def test_paths_sum_bones_into_places(skeleton):
+    motion = torch.randn(4, len(skeleton.joints), 3, generator=generator(), dtype=torch.float64)
+    bones = motion.clone()
+    for parent, child in skeleton.bones.tolist():
+        bones[:, child] = motion[:, child] - motion[:, parent]
+    torch.testing.assert_close(paths(skeleton).double() @ bones, motion)
+
+
+@pytest.mark.parametrize(("into", "out"), [(3, 7), (7, 3), (4, 4)])
+def test_a_graph_convolution_is_the_sum_over_links(into, out):
+    layer = shaken(GraphConvolution(neighbours(SBU15), into, out))
+    x = torch.randn(2, 5, 15, into, generator=generator())
+    wanted = torch.stack(
+        [torch.stack([plain.graph_convolution(layer, frame) for frame in row]) for row in x]
+    )
+    torch.testing.assert_close(layer(x), wanted)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+@pytest.mark.parametrize("n_frames", [1, 8, 9])
+@pytest.mark.parametrize(("into", "out", "residual"), [(3, 6, False), (6, 6, True), (4, 6, True)])
+def test_an_st_gcn_layer_is_what_the_loops_say(stride, n_frames, into, out, residual):
+    links = neighbours(SBU15)
+    layer = shaken(StGcn(links, into, out, stride=stride, dropout=0.5, residual=residual))
+    x = torch.randn(2, n_frames, 15, into, generator=generator())
+    got = layer(x, None)
+    assert got.shape == (2, -(-n_frames // stride), 15, out)
+    torch.testing.assert_close(
+        got, torch.stack([plain.st_gcn(layer, row) for row in x]), atol=1e-5, rtol=1e-5
+    )
+
+
+def test_an_st_gcn_layer_trains_on_every_shape_its_gradient_is_the_slope():
+    layer = StGcn(neighbours(NTU25), 3, 5, stride=2, dropout=0.0, residual=True).double()
+    initialise(layer, generator())
+    x = torch.randn(2, 5, 25, 3, generator=generator(), dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda v: layer(v, None)[:, :, :3], x, atol=1e-4, eps=1e-6)
+
+
+def test_the_graph_gru_is_its_corrected_equation():
+    fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
+    x = torch.randn(3, 7, 15, 5, generator=generator())
+    state = torch.randn(3, 15, 8, generator=generator(1))
+    torch.testing.assert_close(fused(x, state), plain.PlainGru(fused)(x, state))
+
+
+def test_the_graph_grus_gates_keep_its_state_between_what_it_was_and_one():
+    fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
+    x = 100 * torch.randn(2, 50, 15, 5, generator=generator())
+    states = fused(x, torch.zeros(2, 15, 8))
+    assert states.abs().max() <= 1  # with sums outside the sigmoid they leave these bounds
+
+
+def test_the_graph_gru_looks_at_no_later_frame():
+    fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
+    x = torch.randn(2, 9, 15, 5, generator=generator())
+    other = x.clone()
+    other[:, 6:] = 0
+    state = torch.zeros(2, 15, 8)
+    assert torch.equal(fused(x, state)[:, :6], fused(other, state)[:, :6])
+
+
+def test_a_head_is_dense_layers_with_leaky_relus():
+    head = shaken(Head(6, 3))
+    x = torch.randn(2, 4, 15, 6, generator=generator())
+    a, b, c = head.layers
+    leak = torch.nn.LeakyReLU(0.1)
+    torch.testing.assert_close(head(x), c(leak(b(leak(a(x))))))
+    torch.testing.assert_close(plain.PlainHead(head)(x), head(x))
+
+
+def test_dropping_keeps_the_mean_and_draws_from_the_generator_alone():
+    x = torch.ones(100_000)
+    dropped = drop(x, 0.25, generator())
+    assert torch.equal(dropped, drop(x, 0.25, generator()))
+    assert abs(float(dropped.mean()) - 1) < 0.01
+    assert abs(float((dropped == 0).float().mean()) - 0.25) < 0.01
+    assert drop(x, 0.25, None) is x
+
+
+def test_a_layer_of_an_unknown_kind_has_no_law():
+    with pytest.raises(ValueError, match="no law for the weights of Bilinear"):
+        initialise(torch.nn.Bilinear(2, 2, 2), generator())

@@ -1,0 +1,130 @@
+"""What is trusted: bones' lengths, the law of cosines, joints placed one by one."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+
+from pacmo_core.skeleton import DUET15, NTU25
+from pacmo_core.skeleton_prior.limbs import bend, find_limbs, settling
+from pacmo_core.skeleton_prior.placing import Offsets, Tree
+from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
+
+FIXED = settings(derandomize=True, deadline=None, max_examples=30)
+
+
+def case(seed: int, least: float = 0.65, most: float = 1.3):
+    """Draw a template (B, T, J, 3), scales (B, J) and a field."""
+    random = generator(seed)
+    motion = torch.from_numpy(interaction(seed).person_a)
+    template = torch.stack([motion, motion.flip(0)])
+    scales = least + (most - least) * torch.rand(2, template.shape[2], generator=random)
+    scales[:, SMALL.root] = 1
+    field = 0.5 * torch.randn(template.shape, generator=random)
+    tree = Tree(SMALL, find_limbs(SMALL, interaction(seed).person_a))
+    return tree, template, scales, field
+
+
+@FIXED
+@given(st.integers(0, 1000))
+def test_every_bone_is_right_whatever_the_network_says(seed):
+    tree, template, scales, field = case(seed)
+    placed = tree(field, template, scales)
+    wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
+    torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
+
+
+@FIXED
+@given(st.integers(0, 1000))
+def test_a_field_of_zero_on_the_same_body_is_the_template(seed):
+    tree, template, scales, field = case(seed)
+    placed = tree(torch.zeros_like(field), template, torch.ones_like(scales))
+    torch.testing.assert_close(placed, template, atol=1e-5, rtol=0)
+
+
+@FIXED
+@given(st.integers(0, 1000))
+def test_hands_and_feet_stay_where_limbs_reach(seed):
+    tree, template, scales, _ = case(seed, 0.97, 1.03)
+    placed = tree.guess(template, scales)
+    starts, middles, ends = tree.limbs.T
+    bones = placed[:, :, middles] - placed[:, :, starts]
+    lower = placed[:, :, ends] - placed[:, :, middles]
+    wanted = (template[:, :, ends] - placed[:, :, starts]).norm(dim=-1)
+    reach, least = bones.norm(dim=-1) + lower.norm(dim=-1), bones.norm(dim=-1) - lower.norm(dim=-1)
+    within = (wanted < 0.998 * reach) & (wanted > 1.01 * least.abs() + 1e-3)
+    missed = (placed[:, :, ends] - template[:, :, ends]).norm(dim=-1)
+    assert missed[within].max() < 1e-4
+
+
+def test_naive_scaling_is_joint_by_joint_and_keeps_the_lowest_joints_height():
+    tree, template, scales, _ = case(3)
+    placed = tree.naive(template, scales)
+    own = scales[0, torch.tensor(SMALL.bones[:, 1])].double().numpy()
+    plain = grown(template[0].double().numpy(), SMALL, own)
+    plain[..., 1] += (template[0].amin(1)[:, 1].numpy() - plain[..., 1].min(axis=1))[:, None]
+    np.testing.assert_allclose(placed[0].numpy(), plain, atol=1e-5)
+
+
+def test_offsets_are_added_to_the_template():
+    _, template, scales, field = case(0)
+    assert torch.equal(Offsets()(field, template, scales), template + field)
+
+
+@FIXED
+@given(st.floats(0.1, 2), st.floats(0.1, 2), st.floats(0, 5), st.integers(0, 100))
+def test_two_bones_keep_their_lengths_and_end_where_they_should(upper, lower, distance, seed):
+    random = generator(seed)
+    way = torch.nn.functional.normalize(torch.randn(3, generator=random), dim=0) * distance
+    side = torch.randn(3, generator=random)
+    first, second = bend(
+        way.double(), torch.tensor(upper).double(), torch.tensor(lower).double(), side.double()
+    )
+    assert float(first.norm()) == pytest.approx(upper, rel=1e-3)
+    assert float(second.norm()) == pytest.approx(lower, rel=1e-3)
+    reached = float((first + second).norm())
+    nearest = min(max(distance, abs(upper - lower)), upper + lower)
+    assert reached == pytest.approx(nearest, abs=0.01 * (upper + lower))
+    if distance > 0.1:  # on the side that it is told
+        ahead = torch.nn.functional.normalize(way.double(), dim=0)
+        across = side.double() - (side.double() @ ahead) * ahead
+        assert float(first @ across) >= -1e-6
+
+
+def test_a_body_sinks_by_what_its_legs_lack():
+    start, end = torch.tensor([[0.0, 1.0, 0.0]]), torch.tensor([[0.0, 0.0, 0.0]])
+    moved = settling(start, end, torch.tensor([0.8]))
+    torch.testing.assert_close(moved, torch.tensor([0.0, -0.2, 0.0]))
+    still = settling(start, end, torch.tensor([1.2]))
+    torch.testing.assert_close(still, torch.zeros(3))
+
+
+def test_limbs_are_found_by_their_shape():
+    def named(skeleton, motion):
+        limbs = find_limbs(skeleton, motion)
+        return {tuple(skeleton.joints[i] for i in limb) for limb in limbs}
+
+    wanted = {
+        (f"{side}_{a}", f"{side}_{b}", f"{side}_{c}")
+        for side in ("left", "right")
+        for a, b, c in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+    }
+    assert named(SMALL, interaction().person_a) == wanted
+    ntu = np.zeros((1, 25, 3), dtype=np.float32)
+    long = {"elbow", "wrist", "knee", "ankle"}
+    for joint in NTU25.order[1:]:
+        size = 0.4 if NTU25.joints[joint].partition("_")[2] in long else 0.1
+        ntu[:, joint] = ntu[:, NTU25.parents[joint]] + [0, size, 0]
+    assert named(NTU25, ntu) == wanted
+    assert (
+        len(find_limbs(DUET15, np.random.default_rng(0).normal(size=(2, 15, 3)).astype("f"))) == 4
+    )
+
+
+def test_a_skeleton_without_limbs_is_placed_all_the_same():
+    _, template, scales, field = case(0)
+    tree = Tree(SMALL, ())
+    placed = tree(field, template, scales)
+    wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
+    torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)

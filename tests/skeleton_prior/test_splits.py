@@ -1,0 +1,105 @@
+"""What is trusted: the sentences that define the splits, asked of each variation."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from pacmo_core.skeleton_prior.splits import SPLITS, Fact, SplitSettings, fewer, split
+
+STEPS = [round(0.75 + 0.05 * i, 2) for i in range(11) if i != 5]
+SETTINGS = SplitSettings(
+    held_out=frozenset({"m2"}), test_share=0.2, validation_share=0.1, random_seed=1
+)
+
+
+def facts():
+    """List each scale of each of two bones of either body, of four motions."""
+    found = []
+    for source in ("m1", "m2", "m3", "m4"):
+        for scale in STEPS:
+            for body in (0, 1):
+                for bone in (0, 1):
+                    scales = np.ones((2, 2))
+                    scales[body, bone] = scale
+                    found.append(Fact(source, scales))
+    return found
+
+
+FACTS = facts()
+
+
+def scales_of(sides, side):
+    """List the scales on a side."""
+    chosen = [f for f, own in zip(FACTS, sides, strict=True) if own == side]
+    return {round(float(f.scales[f.scales != 1][0]), 2) for f in chosen}
+
+
+def sources_of(sides, side):
+    return {f.source for f, own in zip(FACTS, sides, strict=True) if own == side}
+
+
+def test_across_scales_near_bodies_train_and_far_ones_are_tested():
+    sides = split("cross_scale", FACTS, SETTINGS)
+    assert scales_of(sides, "train") == {0.95, 1.05}
+    assert scales_of(sides, "validation") == {0.9, 1.1}
+    assert scales_of(sides, "test") == {0.75, 0.8, 0.85, 1.15, 1.2, 1.25}
+    assert "dropped" not in sides
+
+
+def test_across_interactions_the_held_out_motion_alone_is_tested():
+    sides = split("cross_interaction", FACTS, SETTINGS)
+    assert sources_of(sides, "test") == {"m2"}
+    assert sources_of(sides, "train") == {"m1", "m3", "m4"}
+    assert scales_of(sides, "test") == scales_of(sides, "train") == set(STEPS)
+
+
+def test_across_both_far_bodies_of_the_held_out_motion_are_tested():
+    sides = split("cross_scale_interaction", FACTS, SETTINGS)
+    assert sources_of(sides, "test") == {"m2"}
+    assert sources_of(sides, "train") == {"m1", "m3", "m4"}
+    assert scales_of(sides, "train") == {0.95, 1.05}
+    assert scales_of(sides, "test") == {0.75, 0.8, 0.85, 1.15, 1.2, 1.25}
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(st.integers(0, 1000))
+def test_the_random_split_has_its_shares_and_its_seed(seed):
+    chosen = SplitSettings(
+        held_out=frozenset(), test_share=0.2, validation_share=0.1, random_seed=seed
+    )
+    sides = split("random", FACTS, chosen)
+    assert sides == split("random", FACTS, chosen)
+    assert sides.count("test") == round(0.2 * len(FACTS))
+    assert sides.count("validation") == round(0.1 * (len(FACTS) - sides.count("test")))
+    assert sources_of(sides, "test") == sources_of(sides, "train")
+
+
+@pytest.mark.parametrize("kind", SPLITS)
+def test_fewer_samples_nest_and_leave_other_sides_alone(kind):
+    sides = split(kind, FACTS, SETTINGS)
+    kept = {24: None, 12: None, 6: None}
+    for n in kept:
+        less = fewer(sides, n, random_seed=3)
+        kept[n] = {row for row, side in enumerate(less) if side == "train"}
+        assert len(kept[n]) == n
+        others = [(a, b) for a, b in zip(sides, less, strict=True) if a != "train"]
+        assert all(a == b for a, b in others)
+    assert kept[6] < kept[12] < kept[24]
+
+
+def test_faults_are_named():
+    with pytest.raises(ValueError, match="split must be one of random.*'by_person'"):
+        split("by_person", FACTS, SETTINGS)
+    absent = SplitSettings(
+        held_out=frozenset({"m9"}), test_share=0.2, validation_share=0, random_seed=0
+    )
+    with pytest.raises(ValueError, match=r"held_out must be sources; \['m9'\]"):
+        split("cross_interaction", FACTS, absent)
+    far = [f for f in FACTS if f.reach == "far" and f.source == "m2"][:4]
+    with pytest.raises(ValueError, match="nothing to train on among 4"):
+        split("cross_scale", far, SETTINGS)
+    with pytest.raises(ValueError, match="wanted 1 to"):
+        fewer(["train", "test"], 2, random_seed=0)
+    with pytest.raises(ValueError, match=r"test_share must lie in \(0, 1\)"):
+        SplitSettings(held_out=frozenset(), test_share=1, validation_share=0, random_seed=0)

@@ -1,0 +1,125 @@
+"""What is trusted: runs of the same seed, and the same run in one go."""
+
+import numpy as np
+import pytest
+import torch
+
+from pacmo_core.pacmo.fit import state
+from pacmo_core.skeleton_prior import training
+from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
+from pacmo_core.skeleton_prior.model import FORMS
+from pacmo_core.skeleton_prior.splits import Fact
+from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
+
+
+def same(one, other) -> bool:
+    return one.keys() == other.keys() and all(torch.equal(one[k], other[k]) for k in one)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_same_seed_trains_the_same_bytes_and_another_does_not(name):
+    found = [
+        state(
+            training.fit(examples(1, 4), settings(model=name, n_epochs=2, random_seed=s)).finish()
+        )
+        for s in (1, 1, 2)
+    ]
+    assert same(found[0], found[1])
+    assert not same(found[0], found[2])
+
+
+@pytest.mark.parametrize("name", ["kinematic", "m_gcn"])
+def test_a_training_that_was_stopped_goes_on_to_the_same_bytes(name):
+    chosen = settings(model=name)
+    whole = training.fit(examples(1, 4), chosen, validation=examples(1, 1))
+    whole.finish()
+    first = training.fit(examples(1, 4), chosen, validation=examples(1, 1))
+    terms = iter(first)
+    next(terms)
+    snapshot = first.snapshot()
+    again = training.fit(examples(1, 4), chosen, validation=examples(1, 1))
+    again.restore(snapshot)
+    again.finish()
+    assert same(state(whole.model), state(again.model))
+    assert whole.curve == again.curve
+
+
+@pytest.mark.slow
+def test_training_lowers_the_loss():
+    chosen = settings(
+        n_epochs=40, warmup_epochs=1, window=11, turn=False, swap=False, learning_rate=1e-2
+    )
+    fitting = training.fit(examples(1, 4), chosen)
+    fitting.finish()
+    losses = [terms["loss"] for terms in fitting.curve]
+    assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
+
+
+def test_bodies_are_the_same_beside_every_model():
+    one, other = (
+        training.fit(examples(1, 4), settings(model=name)).finish()
+        for name in ("f_gcn", "kinematic")
+    )
+    assert same(state(one.bodies), state(other.bodies))
+
+
+def test_a_model_comes_back_from_its_state():
+    model = training.fit(examples(1, 4), settings(n_epochs=1)).finish()
+    again = training.from_state(training.config(model), state(model))
+    pairs = encode(examples()).whole(0, 3)
+    latents = model.latents(pairs.template, pairs.scales, None)
+    with torch.no_grad():
+        one, other = (
+            m.place(m.fields(pairs.template, pairs.scales, latents), pairs.template, pairs.scales)
+            for m in (model.eval(), again)
+        )
+    assert torch.equal(one, other)
+
+
+def test_the_changed_body_comes_first():
+    for example in examples():
+        encoded = encode([example])
+        own = encoded.scales[0]
+        assert (own[0] != 1).any() and (own[1] == 1).all()
+        bones = torch.from_numpy(SMALL.bones)
+        motion = encoded.varied[0]
+        lengths = (motion[:, :, bones[:, 1]] - motion[:, :, bones[:, 0]]).norm(dim=-1)
+        template = encoded.templates[0]
+        wanted = (template[:, :, bones[:, 1]] - template[:, :, bones[:, 0]]).norm(dim=-1)
+        torch.testing.assert_close(lengths, wanted * own[:, bones[:, 1]], atol=1e-5, rtol=1e-4)
+
+
+def test_turning_and_swapping_change_no_distance_and_no_bone():
+    encoded = encode(examples())
+    pairs = encoded.windows(torch.arange(len(encoded)), 2, 7, generator())
+    turned = pairs.turned(torch.linspace(0, 6, len(encoded)))
+    assert not torch.allclose(turned.varied, pairs.varied, atol=0.1)
+    torch.testing.assert_close(turned.varied[..., 1], pairs.varied[..., 1])
+    gaps = [torch.cdist(p.varied[:, :, 0], p.varied[:, :, 1]) for p in (pairs, turned)]
+    torch.testing.assert_close(gaps[0], gaps[1], atol=1e-4, rtol=1e-4)
+    every = torch.ones(len(encoded), dtype=torch.bool)
+    back = pairs.swapped(every).swapped(every)
+    assert isinstance(back, Pairs) and torch.equal(back.varied, pairs.varied)
+    assert torch.equal(pairs.swapped(every).scales[:, 0], pairs.scales[:, 1])
+    assert torch.equal(pairs.swapped(~every).template, pairs.template)
+
+
+def test_windows_are_frames_of_their_rows_and_short_ones_hold_the_last():
+    encoded = encode(examples())
+    pairs = encoded.windows(torch.tensor([3, 0]), 3, 20, generator())
+    assert pairs.varied.shape[:2] == (2, 20)
+    assert torch.equal(pairs.varied[0, -1], encoded.varied[3][-1])
+    assert torch.equal(pairs.varied[0, 0], encoded.varied[3][0])
+    short = encoded.windows(torch.tensor([3]), 3, 4, generator())
+    frames = encoded.varied[3]
+    at = int((frames - short.varied[0, 0]).abs().sum(dim=(1, 2, 3)).argmin())
+    assert torch.equal(short.varied[0], frames[at : at + 12 : 3])
+
+
+def test_examples_of_the_wrong_shape_are_refused():
+    good = examples()[0]
+    with pytest.raises(ValueError, match=r"scales must be \(2, 13\)"):
+        Example("x", good.template, good.scales[:, :5], good.varied)
+    with pytest.raises(ValueError, match="wanted a variation"):
+        Example("x", good.template, good.scales, good.varied.frames(0, 10))
+    assert Fact("x", good.scales).departure > 0

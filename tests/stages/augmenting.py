@@ -1,0 +1,95 @@
+"""A small project for the stage ``augment``: clips of two small bodies, and its parameters."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from pacmo_core.interaction import Interaction
+from pacmo_core.store.clips import ClipFacts, write_rows
+from pacmo_core.store.motions import write_motions
+from stages._files import CLIPS, MOTIONS
+from tests.interaction_mesh.scenes import ARM, SETTINGS
+
+FACTS = ClipFacts(
+    *("", "", "small", "", "", "", "", "arm"), 30.0, 0.4, 12, 0, "file", "ab",
+    *(0.1, 2.0, 0.0, 0),
+)  # fmt: skip
+COMMAND = ["--kept=kept", "clips", "second", "variations", "metrics.json"]
+PLAN = {
+    "people": ["a", "b"],
+    "uniform": [0.9, 1.1],
+    "single": {"bones": ["upper"], "scales": [0.8, 1.2], "most": 3},
+    "profiles": ["long_arms"],
+    "bodies": 2,
+    "population": {"stature": 0.05, "proportion": 0.04, "random_seed": 3},
+}
+SECOND = {
+    "dataset": "",
+    "raw": "second",
+    "format": None,
+    "settings": {},
+    "include": ["*"],
+    "drop_joints": [],
+    "stated_fps": None,
+    "limits": {
+        "min_frames": 2,
+        "max_rate_jitter": 1,
+        "max_rate_error": 1,
+        "max_bone_length_variation": 1,
+        "max_joint_speed": 1e6,
+        "max_body_speed": 1e6,
+        "min_apart": 0,
+    },
+    "contact_distance": 0.1,
+    "clip_seconds": 1.0,
+}
+BOUNDS = {
+    "raw_residual": 1e-2,
+    "contacts_kept": 0.9,
+    "added_slide": 0.05,
+    "penetration": 0.01,
+    "seam_ratio": 1.5,
+    "flip_share": 0.02,
+    "trunk_change": 2.0,
+}
+
+
+def lay_out(root: Path, clips: Mapping[str, Interaction], **changes: Any) -> None:
+    """Write clips and parameters into a folder."""
+    with write_motions(root / "clips" / MOTIONS, ARM) as writer:
+        for name, clip in sorted(clips.items()):
+            writer.add(name, clip)
+    facts = [replace(FACTS, clip=name, sequence=name) for name in sorted(clips)]
+    write_rows(root / "clips" / CLIPS, ClipFacts, facts)
+    (root / "second").mkdir(exist_ok=True)
+    write_params(root, **changes)
+
+
+def write_params(root: Path, **changes: Any) -> None:
+    """Write the section, some of its keys otherwise."""
+    section = {
+        "clips": {"include": ["*"], "of_each_sequence": None, "most": None, "near": 0.25},
+        "second": SECOND,
+        "plan": PLAN,
+        "solver": asdict(SETTINGS),
+        "bounds": BOUNDS,
+        **changes,
+    }
+    section["solver"] = {**section["solver"], "rungs": [asdict(r) for r in SETTINGS.rungs]}
+    YAML(typ="safe").dump({"augment": section}, root / "params.yaml")
+
+
+def result(root: Path) -> dict[str, bytes]:
+    """Read every byte that the stage made."""
+    files = [path for path in (root / "variations").rglob("*") if path.is_file()]
+    found = {str(path.relative_to(root)): path.read_bytes() for path in files}
+    return found | {"metrics.json": (root / "metrics.json").read_bytes()}
+
+
+def kept_files(root: Path) -> dict[str, int]:
+    """List what was kept, and when each file was written."""
+    files = sorted((root / "kept").rglob("*.safetensors"))
+    return {str(path.relative_to(root)): path.stat().st_mtime_ns for path in files}

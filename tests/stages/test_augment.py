@@ -1,0 +1,257 @@
+"""Truth: a clean run, byte for byte; one that was killed, grown or damaged must end as it does."""
+
+import json
+import logging
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from argparse import Namespace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from pydantic import TypeAdapter
+from ruamel.yaml import YAML
+
+from benchmarks._variations import SETTINGS
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.interaction_mesh import Settings
+from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.variations import read_variations
+from pacmo_core.variations.solve import solve
+from stages import _variations, augment
+from stages._params import ParamsError
+from tests.stages.augmenting import (
+    BOUNDS,
+    COMMAND,
+    PLAN,
+    SECOND,
+    kept_files,
+    lay_out,
+    result,
+    write_params,
+)
+from tests.variations.sources import flat_source, source
+
+CLIPS = {"one": source(0), "one#0001": source(1), "two": source(2, n_frames=9)}
+GROWN = {**PLAN, "uniform": [0.9, 0.95, 1.1], "bodies": 3, "single": {**PLAN["single"], "most": 5}}
+SMALL = Path("variations") / "small"
+
+
+@pytest.fixture(autouse=True)
+def in_process(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> list[int]:
+    """Solve lots one by one in this process; count the bodies of each."""
+    counts: list[int] = []
+
+    def one_by_one(lots, *, processes):
+        for lot in lots:
+            counts.append(len(lot.names))
+            yield solve(lot)
+
+    monkeypatch.setattr(_variations, "solve_side_by_side", one_by_one)
+    monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
+    return counts
+
+
+def run(root: Path, monkeypatch: pytest.MonkeyPatch, *, clean: bool = False) -> dict[str, bytes]:
+    """Run the stage as DVC does: its outputs are removed before."""
+    shutil.rmtree(root / "variations", ignore_errors=True)
+    if clean:
+        shutil.rmtree(root / "kept", ignore_errors=True)
+    monkeypatch.chdir(root)
+    names = ("kept", "clips", "second", "variations", "metrics")
+    values = [Path(word.removeprefix("--kept=")) for word in COMMAND]
+    augment.main(Namespace(**dict(zip(names, values, strict=True))))
+    return result(root)
+
+
+def test_a_plan_that_grows_computes_what_is_new_and_ends_as_a_clean_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
+) -> None:
+    lay_out(tmp_path, CLIPS)
+    first = run(tmp_path, monkeypatch)
+    n_first, before = sum(in_process), kept_files(tmp_path)
+    assert n_first == len(CLIPS) * (4 + 3 + 2 + 2)
+
+    write_params(tmp_path, plan=GROWN)
+    grown = run(tmp_path, monkeypatch)
+    assert sum(in_process) - n_first == len(CLIPS) * (2 + 2 + 1)
+    assert kept_files(tmp_path).items() > before.items()
+
+    del in_process[:]
+    assert run(tmp_path, monkeypatch) == grown
+    assert in_process == []
+    write_params(tmp_path)
+    assert run(tmp_path, monkeypatch) == first
+    assert in_process == []
+
+    write_params(tmp_path, plan=GROWN)
+    assert run(tmp_path, monkeypatch, clean=True) == grown
+
+
+def test_a_clip_that_is_added_costs_itself_alone_and_the_end_is_that_of_a_clean_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
+) -> None:
+    lay_out(tmp_path, {name: CLIPS[name] for name in ("one", "two")})
+    run(tmp_path, monkeypatch)
+    del in_process[:]
+    lay_out(tmp_path, CLIPS)
+    grown = run(tmp_path, monkeypatch)
+    assert in_process == [11]
+    assert run(tmp_path, monkeypatch, clean=True) == grown
+
+
+def test_other_limits_compute_nothing_and_other_settings_everything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
+) -> None:
+    lay_out(tmp_path, {"one": CLIPS["one"]})
+    run(tmp_path, monkeypatch)
+    del in_process[:]
+    write_params(tmp_path, bounds={**BOUNDS, "seam_ratio": 1.0})
+    run(tmp_path, monkeypatch)
+    assert in_process == []
+    changed = tmp_path / "params.yaml"
+    changed.write_text(changed.read_text().replace("slack: 0.02", "slack: 0.03"))
+    assert "slack: 0.03" in changed.read_text()
+    run(tmp_path, monkeypatch)
+    assert in_process == [11]
+    assert len(list((tmp_path / "kept").iterdir())) == 1
+
+
+def test_a_damaged_file_is_made_again_with_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int],
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    lay_out(tmp_path, CLIPS)
+    clean = run(tmp_path, monkeypatch)
+    del in_process[:]
+    spoilt = tmp_path / next(iter(kept_files(tmp_path)))
+    data = bytearray(spoilt.read_bytes())
+    data[-5] ^= 64
+    spoilt.write_bytes(data)
+    with caplog.at_level(logging.WARNING):
+        assert run(tmp_path, monkeypatch) == clean
+    assert in_process == [11]
+    assert "is damaged and will be made again" in caplog.text
+
+
+def test_files_say_what_was_kept_what_failed_and_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lay_out(tmp_path, {**CLIPS, "flat": flat_source()})
+    run(tmp_path, monkeypatch)
+    found = [row.figures for row in read_variations(SMALL / "variations.parquet")]
+    middle = float(np.median([figures["raw_residual"] for figures in found if figures]))
+    write_params(tmp_path, bounds={**BOUNDS, "raw_residual": middle})
+    run(tmp_path, monkeypatch)
+    rows = {row.variation: row for row in read_variations(SMALL / "variations.parquet")}
+    good = dict(stream_motions(SMALL / "motions.parquet"))
+    failed = dict(stream_motions(SMALL / "failed.parquet"))
+    assert list(rows) == sorted(rows)
+    assert set(good) == {name for name, row in rows.items() if row.kept}
+    assert set(failed) == {n for n, row in rows.items() if not row.kept and row.figures}
+    assert good and failed
+    assert all(row.badness <= 1 for row in rows.values() if row.kept)
+    refused = [row for row in rows.values() if row.clip == "flat"]
+    assert len(refused) == 11
+    assert all("refused: person_b is flat" in row.reason for row in refused)
+    row = rows["two~b-uniform-1.10"]
+    assert set(row.scales_b.values()) == {1.1}
+    assert set(row.scales_a.values()) == {1.0}
+    clip = (good | failed)["two~b-uniform-1.10"]
+    np.testing.assert_array_equal(clip.times, CLIPS["two"].times)
+    sources = dict(stream_motions(SMALL / "sources.parquet"))
+    assert set(sources) == {*CLIPS, "flat"}
+
+    facts = json.loads(Path("metrics.json").read_text())["small"]
+    assert facts["planned"] == 44 == facts["kept"] + facts["failed"] + facts["refused"]
+    assert (facts["refused"], facts["refused_clips"]) == (11, ["flat"])
+    assert "raw_residual" in facts["failed_by"]
+    assert facts["kinds"]["uniform"]["near_error"]["low"] >= 0
+
+
+def test_polars_joins_motions_with_their_facts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lay_out(tmp_path, CLIPS)
+    run(tmp_path, monkeypatch)
+    facts = pl.read_parquet(SMALL / "variations.parquet").filter(pl.col("kept"))
+    motions = pl.read_parquet(SMALL / "motions.parquet")
+    joined = motions.join(facts, left_on="clip", right_on="variation")
+    assert len(joined) == len(motions)
+    assert joined["person_b"].dtype == pl.Array(pl.Float32, (6, 3))
+
+
+def test_captures_of_another_skeleton_are_a_family_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    duo = {"person_a": "d_A.bvh", "person_b": "d_B.bvh"}
+    second = {
+        **SECOND, "dataset": "files", "format": "bvh", "clip_seconds": 0.4,
+        "settings": {
+            "preset": "pair", "unit": 1.0, "up": "y", "fps": None, "end_sites": False,
+            "skip_frames": 0, "max_root_distance": None,
+        },
+    }  # fmt: skip
+    lay_out(tmp_path, {"one": CLIPS["one"]}, second=second)
+    own = source(5, n_frames=24)
+    for person, name in duo.items():
+        (tmp_path / "second" / name).write_text(format_bvh(getattr(own, person), 30, own.skeleton))
+    run(tmp_path, monkeypatch)
+    files = Path("variations") / "files"
+    assert {row.clip for row in read_variations(files / "variations.parquet")} == {
+        *("d#0000", "d#0001")
+    }
+    assert {name for name, _ in stream_motions(files / "sources.parquet")} == {"d#0000", "d#0001"}
+    assert set(json.loads(Path("metrics.json").read_text())) == {"small", "files"}
+
+
+def test_plans_that_cannot_be_are_refused_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
+) -> None:
+    lay_out(tmp_path, CLIPS, plan={**PLAN, "uniform": [0.9, 0]})
+    with pytest.raises(ParamsError, match="scales of a plan must be positive numbers; got 0"):
+        run(tmp_path, monkeypatch)
+    write_params(tmp_path, plan={**PLAN, "profiles": ["child"]})
+    with pytest.raises(ValueError, match="no thigh to tell a stature by"):
+        run(tmp_path, monkeypatch)
+    write_params(tmp_path, clips={"include": ["x*"], "of_each_sequence": 1, "most": 1, "near": 0.2})
+    with pytest.raises(ValueError, match=r"no clip fits x\*"):
+        run(tmp_path, monkeypatch)
+    assert in_process == []
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_goes_on_from_its_last_batch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
+) -> None:
+    clips = {f"clip{number:02d}": source(number, n_frames=30) for number in range(12)}
+    lay_out(tmp_path, clips)
+    command = [sys.executable, "-m", "stages.augment", *COMMAND]
+    path = os.pathsep.join([str(Path.cwd()), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path}
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL
+    ) as killed:
+        while len(kept_files(tmp_path)) < 2 and killed.poll() is None:
+            time.sleep(0.01)
+        killed.send_signal(signal.SIGKILL)
+    before = kept_files(tmp_path)
+    assert 2 <= len(before) < len(clips)
+    assert not (tmp_path / "metrics.json").exists()
+
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    assert kept_files(tmp_path).items() > before.items()
+    resumed = result(tmp_path)
+    assert run(tmp_path, monkeypatch, clean=True) == resumed
+    assert sum(in_process) == len(clips) * 11
+
+
+def test_the_default_solves_with_the_settings_that_the_benchmark_measures() -> None:
+    sections = YAML(typ="safe").load(Path("experiments/default.yaml"))
+    found = TypeAdapter(Settings).validate_python(sections["augment"]["solver"])
+    assert found == SETTINGS

@@ -1,0 +1,56 @@
+"""Truth: rows written down here, and what polars reads of them."""
+
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from pacmo_core.store.clips import SideFacts, write_rows
+from pacmo_core.store.schema import StoreError
+from pacmo_core.store.variations import VariationFacts, read_variations, write_variations
+
+SEGMENTS = ["left_forearm", "head"]
+ROW = VariationFacts(
+    variation="c~b-head-1.20",
+    clip="c",
+    kind="single",
+    kept=True,
+    reason="",
+    badness=0.4,
+    figures={"near_error": 0.001, "rung": 2.0},
+    scales_a={"left_forearm": 1.0, "head": 1.0},
+    scales_b={"left_forearm": 1.0, "head": 1.2},
+)
+REFUSED = replace(
+    ROW, variation="d~r0000", clip="d", kept=False, reason="refused", badness=inf, figures={}
+)
+
+
+def test_rows_come_back_as_they_were(tmp_path: Path) -> None:
+    write_variations(tmp_path / "v.parquet", [ROW, REFUSED], SEGMENTS)
+    assert read_variations(tmp_path / "v.parquet") == [ROW, REFUSED]
+    first = (tmp_path / "v.parquet").read_bytes()
+    write_variations(tmp_path / "v.parquet", [ROW, REFUSED], SEGMENTS)
+    assert (tmp_path / "v.parquet").read_bytes() == first
+
+
+def test_a_table_of_nothing_can_be_read(tmp_path: Path) -> None:
+    write_variations(tmp_path / "v.parquet", [], SEGMENTS)
+    assert read_variations(tmp_path / "v.parquet") == []
+
+
+def test_polars_finds_a_bone_by_its_name(tmp_path: Path) -> None:
+    write_variations(tmp_path / "v.parquet", [ROW, REFUSED], SEGMENTS)
+    table = pl.read_parquet(tmp_path / "v.parquet")
+    heads = table.with_columns(head=pl.col("scales_b").struct.field("head"))
+    assert heads.filter(pl.col("kept"))["head"].to_list() == [1.2]
+    assert table["near_error"].to_list() == [0.001, None]
+    assert table["scales_a"].struct.fields == SEGMENTS
+
+
+def test_another_table_is_refused(tmp_path: Path) -> None:
+    write_rows(tmp_path / "s.parquet", SideFacts, [SideFacts("c", "train")])
+    with pytest.raises(StoreError, match="wanted a table of variations"):
+        read_variations(tmp_path / "s.parquet")
