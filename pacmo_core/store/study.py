@@ -58,9 +58,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Answer:
-    """One answer: who, of which clip of which kind, and whether it was taken for real."""
+    """One answer: who, where, of which clip of which kind, and whether it was taken for real."""
 
     person: str
+    place: int
     item: int
     kind: str
     real: bool
@@ -166,10 +167,10 @@ class Study:
         """List every answer."""
         with self._lock:
             rows = self._database.execute(
-                "SELECT person, item, kind, real FROM answers JOIN shown USING (person, place) "
+                "SELECT person, place, item, kind, real FROM answers JOIN shown USING (person, place) "
                 "JOIN items USING (item) ORDER BY person, place"
             ).fetchall()
-        return [Answer(person, item, kind, bool(real)) for person, item, kind, real in rows]
+        return [Answer(*rest, bool(real)) for *rest, real in rows]
 
     def _candidates(self) -> list[Candidate]:
         rows = self._database.execute(

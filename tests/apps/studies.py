@@ -18,15 +18,22 @@ from tests.figures.samples import interaction
 PATIENCE_S = 120.0
 
 
+FRAMES = {REAL: 12, GENERATED: 15}
+
+
 def small_study(path: Path, sources: int = 20) -> Path:
     """Write a study whose clips tell what they are by their number of frames alone."""
     items = [
-        Item(kind, f"s{k}", json.dumps(packed_scenes([Scene.of("", interaction(k))], contact=0.0)))
+        Item(kind, f"s{k}", json.dumps(packed_scenes([_scene(k, kind)], contact=0.0)))
         for k in range(sources)
         for kind in (REAL, GENERATED)
     ]
     write_study(path, items)
     return path
+
+
+def _scene(random_seed: int, kind: str) -> Scene:
+    return Scene.of("", interaction(random_seed, n_frames=FRAMES[kind]))
 
 
 @contextmanager

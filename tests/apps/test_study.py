@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import signal
 from pathlib import Path
 
 import httpx
@@ -17,7 +16,7 @@ from apps.study_server import Limiter, create_app
 from pacmo_core.skeleton import SBU15
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.study import GENERATED, REAL, Candidate, Study
-from tests.apps.studies import served, small_study
+from tests.apps.studies import small_study
 from tests.figures.samples import interaction
 
 PER_PERSON = 14
@@ -158,50 +157,3 @@ def test_make_draws_clips_that_tell_nothing_of_what_they_are(
     assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)
     refused = CliRunner().invoke(app, [*words[:2], "t.sqlite", *words[3:], "9"])
     assert "got 4" in refused.stderr
-
-
-async def answer_all(address: str, people: int) -> list[tuple[str, int, bool]]:
-    """Let people answer side by side; each sends some answers twice. List what was kept."""
-    kept: list[tuple[str, int, bool]] = []
-    limits = httpx.Limits(max_connections=people)
-    async with httpx.AsyncClient(base_url=address, timeout=120, limits=limits) as web:
-
-        async def one(number: int) -> None:
-            begun = (await web.post("/begin", json={"consent": True})).json()
-            for place in range(begun["count"]):
-                real = (number + place) % 3 > 0
-                content = {"person": begun["person"], "place": place, "real": real}
-                for _ in range(1 + place % 2):
-                    assert (await web.post("/answer", json=content)).json() == {"kept": True}
-                kept.append((begun["person"], place, real))
-
-        await asyncio.gather(*(one(number) for number in range(people)))
-    return kept
-
-
-@pytest.mark.slow
-def test_of_two_hundred_participants_at_once_no_answer_is_lost_or_doubled(study: Path) -> None:
-    with served(study) as (address, _):
-        kept = asyncio.run(answer_all(address, 200))
-    answers = Study(study).answers()
-    assert len(kept) == len(answers) == 200 * PER_PERSON
-    said = {}
-    for answer in answers:
-        said.setdefault(answer.person, []).append(answer.real)
-    for person, place, real in kept:
-        assert said[person][place] == real
-
-
-@pytest.mark.slow
-def test_what_was_acknowledged_outlives_a_kill_and_the_study_goes_on(study: Path) -> None:
-    with served(study) as (address, process):
-        person = httpx.post(f"{address}/begin", json={"consent": True}).json()["person"]
-        for place in range(9):
-            content = {"person": person, "place": place, "real": True}
-            assert httpx.post(f"{address}/answer", json=content).json() == {"kept": True}
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    assert len(Study(study).answers()) == 9
-    with served(study) as (address, _):
-        found = httpx.get(f"{address}/progress/{person}").json()
-    assert found["answered"] == list(range(9))
