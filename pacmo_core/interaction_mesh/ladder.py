@@ -9,7 +9,7 @@ from pacmo_core.interaction_mesh.blocks import AXES, in_pairs
 from pacmo_core.interaction_mesh.energy import energy_terms, target_of
 from pacmo_core.interaction_mesh.finish import exact, raw_residual
 from pacmo_core.interaction_mesh.report import Report, figures_of, figures_of_naive
-from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.scene import Array, Single
 from pacmo_core.interaction_mesh.settings import Limits
 from pacmo_core.interaction_mesh.solve import Solution, Start, filled, solve
 from pacmo_core.interaction_mesh.source import Source
@@ -119,7 +119,9 @@ def _figures(
 def _points(source: Source, scales: Array, number: int, held: list[Try | None]) -> Single:
     """Start from the source with its bones scaled, or from where the last try ended."""
     rung = source.settings.rungs[number]
-    bones = source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    bones = (
+        source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    )
     bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
     ends = source.solver(rung).guarded
     pairs = np.repeat(_between(source.scene.points, ends)[..., None], len(held), axis=-1)
@@ -140,7 +142,7 @@ def _pull(source: Source, target: Array) -> Single:
     """``(K, 2N, 3, V)``: the energy's right-hand side, L^T r."""
     rows = target.reshape(*target.shape[:2], -1)
     pull = source.energy.laplacians.transpose(0, 2, 1) @ rows
-    blocks = _blocks(pull.reshape(target.shape))
+    blocks = _blocks(pull.reshape(len(pull), -1, *target.shape[2:]))
     return blocks.reshape(len(blocks), -1, *blocks.shape[3:])
 
 
