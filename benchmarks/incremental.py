@@ -4,7 +4,8 @@ Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
 ``split`` and ``augment`` (one variation a clip, the least of any plan: of more, the share is less),
-as a share of their clean run; both are the stages' own commands in this run. ``same_bytes``:
+as a share of their clean run; both are the stages' own commands in this run;
+``one_more_processor_share`` is the same in processor seconds. ``same_bytes``:
 whether what they then leave is what a clean run of all leaves, of a tenth of the captures.
 ``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where
 nothing is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask
@@ -26,7 +27,7 @@ from ruamel.yaml import YAML
 from benchmarks._figures import arguments, show
 from benchmarks._spread import spread
 from benchmarks.faults import hashes
-from benchmarks.pipeline import PATH, call, clone, plain_commands
+from benchmarks.pipeline import PATH, call, clone, plain_commands, spent
 from flows.server import a_server
 
 MEASURED = ("ingest", "cut", "split", "augment")
@@ -64,10 +65,15 @@ def run_measured(folder: Path) -> dict[str, float]:
 def one_more(folder: Path, n_captures: int) -> dict[str, float]:
     """Run clean, then with one more."""
     away = set_captures(folder, n_captures)
+    start = spent()
     clean = run_measured(folder)
     shutil.move(away, folder / "data/raw" / away.name)
+    middle = spent()
     more = run_measured(folder)
-    found = {"one_more_share": sum(more.values()) / sum(clean.values())}
+    found = {
+        "one_more_share": sum(more.values()) / sum(clean.values()),
+        "one_more_processor_share": (spent() - middle) / (middle - start),
+    }
     for name in MEASURED:
         found |= {f"{name}_clean_s": clean[name], f"{name}_one_more_s": more[name]}
     return found

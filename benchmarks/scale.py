@@ -4,10 +4,10 @@ Usage: python -m benchmarks.scale [--sizes 50 100 200] [--clips 1000000] [--json
 
 The stages' own commands, on synthetic captures of the NTU format
 (``augment``: one variation a clip; ``train_pacmo``: one epoch of the default's network, the others
-as ``smallest`` has them). For each stage: ``ms`` a clip on this machine, ``hours`` and ``gb`` of
-what it leaves for all clips, and ``bend``: how much dearer a clip is between the two larger sizes
-than between the two smaller ones; far above 1, the line is not to be trusted. ``dvc``: one
-``dvc status``, which looks at every raw file.
+as ``smallest`` has them). For each stage: ``ms`` of a processor a clip, ``hours`` of a processor and
+``gb`` of what it leaves for all clips, and ``bend``: how much dearer a clip is between the two
+larger sizes than between the two smaller ones; far above 1, the line is not to be trusted.
+``dvc``: one ``dvc status``, which looks at every raw file.
 """
 
 import shutil
@@ -21,7 +21,7 @@ from ruamel.yaml import YAML
 
 from benchmarks._figures import arguments, show
 from benchmarks.incremental import set_captures
-from benchmarks.pipeline import ROOT, call, clone, plain_commands
+from benchmarks.pipeline import ROOT, call, clone, plain_commands, spent
 
 STAGES = ("ingest", "cut", "split", "augment", "train_pacmo", "react", "evaluate_pacmo")
 NEEDED = ("train_autoencoder", "train_matcher", "react_oracle")
@@ -37,18 +37,21 @@ HOUR, GB = 3600.0, 1e9
 
 
 def measure(folder: Path, n_clips: int) -> dict[str, tuple[float, float]]:
-    """Run the stages with N captures in; seconds and bytes of each."""
+    """Run the stages with N captures in; processor seconds and bytes of each."""
     set_captures(folder, n_clips)
     _set_network(folder)
-    call(folder, sys.executable, "-m", "dvc", "status", "-q")
-    found = {"dvc": (call(folder, sys.executable, "-m", "dvc", "status", "-q"), 0.0)}
+    status = (sys.executable, "-m", "dvc", "data", "status", "--json")
+    before = spent()
+    call(folder, *status)
+    found = {"dvc": (spent() - before, 0.0)}
     for command in plain_commands(folder):
         name = command.split()[2].removeprefix("stages.")
         if not _is_wanted(name, command):
             continue
-        seconds = call(folder, "sh", "-c", command)
+        before = spent()
+        call(folder, "sh", "-c", command)
         if name in STAGES:
-            found[name] = (seconds, float(_size(folder / LEAVES.get(name, "none"))))
+            found[name] = (spent() - before, float(_size(folder / LEAVES.get(name, "none"))))
     return found
 
 
