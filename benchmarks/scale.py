@@ -4,7 +4,7 @@ Usage: python -m benchmarks.scale [--sizes 50 100 200] [--clips 1000000] [--json
 
 The stages' own commands, on synthetic captures of the NTU format
 (``augment``: one variation a clip; ``train_pacmo``: one epoch of the default's network, the others
-as ``smallest`` has them). For each stage: ``ms`` of a processor a clip, ``hours`` of a processor and
+as ``smallest`` has them). For each stage: processor ``ms`` a clip, processor ``hours`` and
 ``gb`` of what it leaves for all clips, and ``bend``: how much dearer a clip is between the two
 larger sizes than between the two smaller ones; far above 1, the line is not to be trusted.
 ``dvc``: one ``dvc status``, which looks at every raw file.
@@ -40,7 +40,7 @@ def measure(folder: Path, n_clips: int) -> dict[str, tuple[float, float]]:
     """Run the stages with N captures in; processor seconds and bytes of each."""
     set_captures(folder, n_clips)
     _set_network(folder)
-    status = (sys.executable, "-m", "dvc", "data", "status", "--json")
+    status = (sys.executable, "-m", "dvc", "status", "--json")
     before = spent()
     call(folder, *status)
     found = {"dvc": (spent() - before, 0.0)}
