@@ -75,6 +75,7 @@ def main(paths: argparse.Namespace) -> None:
     write_text(paths.page, render_report(page))
     data = {**ingest, "runs": vars(runs), "folds": splits}
     tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
+    tables["pacmo_augmentation"] = pacmo["augmentation"]
     more = {"pacmo_sensitivity": pacmo["sensitivity"], "augment": read_json(paths.augment)}
     write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **more})
 
