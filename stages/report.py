@@ -68,6 +68,7 @@ def main(paths: argparse.Namespace) -> None:
     write_text(paths.page, render_report(page))
     data = {**ingest, "runs": asdict(runs), "folds": splits}
     tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
+    tables["pacmo_augmentation"] = pacmo["augmentation"]
     priors = read_json(paths.priors)
     more = {
         "pacmo_sensitivity": pacmo["sensitivity"],
