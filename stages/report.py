@@ -1,8 +1,8 @@
 """Put everything on one page, and its data beside it.
 
 Usage: python -m stages.report --sequences DIR --clips DIR --sides FILE --ingest JSON --splits DIR
-           --pacmo JSON --variations DIR --augment JSON --priors JSON --curve CSV ...
-           --reactions ROW=DIR ... --page HTML --metrics JSON
+           --pacmo JSON --variations DIR --augment JSON --priors DIR --prior-scores JSON
+           --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
 
 Curves and clips are of the first fold and seed, tables of all.
 """
@@ -22,6 +22,7 @@ from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._gallery import gallery, variation_sections
 from stages._params import PARAMS, read_params
+from stages._prior_tables import prior_clips, prior_sections
 from stages._priors import Runs
 from stages._reactions import directed_clips
 from stages._tables import NOTES, main_tables, sections
@@ -30,7 +31,7 @@ SUMMARY = "Reactions generated from the partner's motion, measured on clips that
 
 PATHS = (
     *("sequences", "clips", "sides", "ingest", "splits", "pacmo"),
-    *("variations", "augment", "priors", "page", "metrics"),
+    *("variations", "augment", "priors", "prior_scores", "page", "metrics"),
 )
 
 
@@ -47,7 +48,7 @@ def main(paths: argparse.Namespace) -> None:
     params = read_params("report", Params)
     experiment = read_params("experiment", str)
     runs = read_params("runs", Runs)
-    ingest, pacmo = map(read_json, (paths.ingest, paths.pacmo))
+    ingest, pacmo, priors = map(read_json, (paths.ingest, paths.pacmo, paths.prior_scores))
     splits = {fold: read_json(paths.splits / f"{fold}.json") for fold in runs.folds}
     reactions = dict(word.split("=") for word in paths.reactions)
     page = Report(
@@ -60,16 +61,19 @@ def main(paths: argparse.Namespace) -> None:
         sections=(
             *sections(pacmo, ingest["dataset"]),
             *variation_sections(read_json(paths.augment)),
+            *prior_sections(priors),
         ),
         curves={model_of(path): curve(path) for path in paths.curve},
         clips=tuple(played((paths.clips, paths.sides), reactions, params.played_clips)),
-        gallery=tuple(gallery(paths.variations, params.varied_clips, params.variations_each)),
+        gallery=(
+            *gallery(paths.variations, params.varied_clips, params.variations_each),
+            *prior_clips(paths.priors, priors),
+        ),
     )
     write_text(paths.page, render_report(page))
     data = {**ingest, "runs": asdict(runs), "folds": splits}
     tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
     tables["pacmo_augmentation"] = pacmo["augmentation"]
-    priors = read_json(paths.priors)
     more = {
         "pacmo_sensitivity": pacmo["sensitivity"],
         "augment": read_json(paths.augment),
@@ -185,7 +189,7 @@ def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
     for name in PATHS:
-        parser.add_argument(f"--{name}", type=Path, required=True)
+        parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True)
     parser.add_argument("--curve", type=Path, action="append", required=True)
     parser.add_argument("--reactions", action="append", required=True)
     return parser.parse_args()
