@@ -28,7 +28,7 @@ def small_study(path: Path, sources: int = 20) -> Path:
         for k in range(sources)
         for kind in (REAL, GENERATED)
     ]
-    write_study(path, items)
+    write_study(path, items, {"reactions": "none.parquet", "reactions_sha256": "0" * 64})
     return path
 
 
