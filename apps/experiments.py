@@ -9,7 +9,7 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from apps.failure import CommandError
-from apps.leftovers import remove_leftovers
+from apps.leftovers import Wanted, remove_leftovers
 from pacmo_core.store.atomic import write_text
 
 FOLDER = Path("experiments")
@@ -84,10 +84,12 @@ def tidy() -> list[Path]:
     """
     if not PARAMS.exists():
         raise ExperimentError(f"no {PARAMS}: pacmo use NAME makes one")
-    runs = YAML(typ="safe").load(PARAMS).get("runs")
+    params = YAML(typ="safe").load(PARAMS)
+    runs, augmented = params.get("runs"), params.get("augmented", {})
     if not isinstance(runs, dict) or not all(isinstance(runs.get(k), list) for k in RUNS):
         raise ExperimentError(f"{PARAMS}: wanted runs with lists of folds and seeds, got {runs}")
-    return remove_leftovers(PARAMS.parent, runs["folds"], runs["seeds"])
+    more = [augmented.get(key, []) for key in RUNS]
+    return remove_leftovers(PARAMS.parent, Wanted(runs["folds"], runs["seeds"], *more))
 
 
 def _compositions() -> Iterator[str]:

@@ -1,19 +1,16 @@
 """The history of decisions as a page: metrics over time, and every decision with its reasons."""
 
-from apps.places import NIGHTS_REPORT, PAGE, REPORT
+from pathlib import Path
+
 from pacmo_core.figures.curves import Curve
-from pacmo_core.figures.history import Row, insert_history, render_history
+from pacmo_core.figures.history import Row, render_history
 from pacmo_core.promotion.history import ROLLED_BACK, Decision
 from pacmo_core.store.atomic import write_text
 
 
-def write_pages(decisions: list[Decision]) -> None:
-    """Write the page, and tonight's report with the same as its last section."""
-    curve, rows = metrics_over_time(decisions), rows_of(decisions)
-    write_text(PAGE, render_history(curve, rows))
-    if REPORT.exists():
-        report = REPORT.read_text(encoding="utf-8")
-        write_text(NIGHTS_REPORT, insert_history(report, curve, rows))
+def write_page(path: Path, decisions: list[Decision]) -> None:
+    """Write the page whole or not at all."""
+    write_text(path, render_history(metrics_over_time(decisions), rows_of(decisions)))
 
 
 def metrics_over_time(decisions: list[Decision]) -> Curve | None:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from apps.failure import CommandError
-from apps.history_page import write_pages
-from apps.places import DECISIONS, METRICS, REPORT, SHELF
+from apps.history_page import write_page
+from apps.places import DECISIONS, METRICS, PAGE, REPORT, SHELF
 from apps.records import now
 from pacmo_core.promotion import shelf
 from pacmo_core.promotion.gate import Gate, Metrics, reasons_against
@@ -173,7 +173,7 @@ def _write(decision: Decision) -> Decision:
     add_decision(DECISIONS, decision)
     if decision.shelf:
         shelf.make_current(SHELF, decision.shelf)
-    write_pages(read_decisions(DECISIONS)[0])
+    write_page(PAGE, read_decisions(DECISIONS)[0])
     return decision
 
 

@@ -11,11 +11,12 @@ from prefect.artifacts import (
 )
 from prefect.context import FlowRunContext
 
+from apps.places import REPORT
 from pacmo_core.figures.columns import MAIN_COLUMNS
 from pacmo_core.figures.tables import markdown_table
 
 
-def publish(metrics: Path, report: Path) -> None:
+def publish(metrics: Path) -> None:
     """Put the tables of ``reports/metrics.json`` and a link to the report on the page."""
     if FlowRunContext.get() is None or not metrics.exists():
         return
@@ -27,7 +28,7 @@ def publish(metrics: Path, report: Path) -> None:
     ]
     title = f"# {facts['experiment']}\n\n"
     create_markdown_artifact(title + "\n\n".join(tables), key="metrics", description="Metrics")
-    link_to(report, "report")
+    link_to(REPORT, "report")
 
 
 def put_table(key: str, rows: list[dict[str, Any]], description: str) -> None:

@@ -16,7 +16,7 @@ from prefect.task_runners import ThreadPoolTaskRunner
 from apps.experiments import use
 from apps.lock import one_writer
 from apps.log import start_log, tell
-from apps.places import LOCK, LOG, METRICS, REPORT, RUNS
+from apps.places import LOCK, LOG, METRICS, RUNS
 from apps.records import recorded
 from flows.artifacts import publish
 from flows.dvc_locks import forget_the_dead
@@ -87,7 +87,7 @@ def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> 
     the stages that were stale, in running order
     """
     stages = reproduce_here(ByPrefect(), targets, force=force, experiment=experiment)
-    publish(METRICS, REPORT)
+    publish(METRICS)
     return stages
 
 

@@ -41,6 +41,7 @@
 
   async function begin() {
     const begun = await ask("/begin", { consent: true });
+    if (!begun) { show("full"); return; }
     localStorage.setItem(KEY, begun.person);
     await goOn(begun.person);
   }

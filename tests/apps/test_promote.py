@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from apps.cli import app
 from apps.failure import CommandError
-from apps.places import DECISIONS, NIGHTS_REPORT, PAGE, REPORT, SHELF
+from apps.places import DECISIONS, PAGE, SHELF
 from apps.promote import candidate_of, decide, roll_back, settle
 from pacmo_core.promotion import shelf
 from pacmo_core.promotion.gate import Gate
@@ -137,15 +137,3 @@ def test_the_command_rolls_back_and_status_tells_of_it():
     refused = CliRunner().invoke(app, ["rollback", "--why", "more"])
     assert refused.exit_code == 1
     assert CliRunner().invoke(app, ["status", "--check", "--no-stale"]).exit_code == 1
-
-
-def test_the_nights_report_has_the_history_as_its_last_section():
-    train(b"one", 0.5)
-    REPORT.write_text("<nav>\n  </nav>\n<main>\n<h2>Metrics</h2></main>\n<script></main></script>")
-    decide(GATE)
-    train(b"<two>", 0.7)
-    decide(GATE)
-    report = NIGHTS_REPORT.read_text()
-    assert report.startswith('<nav>\n  <a href="#history">History</a>')
-    assert report.count("<svg") == 2 and report.count("rose to 0.7") == 1
-    assert "History" not in REPORT.read_text()
