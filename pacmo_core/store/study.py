@@ -135,7 +135,7 @@ class Study:
                 "SELECT person, place, item, kind, real FROM answers "
                 "JOIN shown USING (person, place) JOIN items USING (item) ORDER BY person, place"
             ).fetchall()
-        return [Answer(*rest, bool(real)) for *rest, real in rows]
+        return [Answer(*row[:4], real=bool(row[4])) for row in rows]
 
     def _candidates(self) -> list[Candidate]:
         rows = self._database.execute(
