@@ -9,6 +9,7 @@ from apps import (
     cli_fetch,
     cli_react,
     cli_status,
+    cli_study,
     cli_use,
     cli_view,
 )
@@ -22,6 +23,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 wrong usage.",
 )
 app.add_typer(cli_fetch.app, name="fetch")
+app.add_typer(cli_study.app, name="study")
 app.command("use")(cli_use.use_experiment)
 app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)

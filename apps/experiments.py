@@ -48,11 +48,7 @@ def compose(name: str) -> str:
     params = yaml.load(FOLDER / "default.yaml")
     if name != "default":
         _override(params, yaml.load(FOLDER / f"{name}.yaml"), where=name)
-    for captures in (params["ingest"], params["augment"]["second"]):
-        captures["raw"] = _resolve(captures["raw"])
-    settings = params["ingest"]["settings"]
-    if "skip_lists" in settings:
-        settings["skip_lists"] = [_resolve(path) for path in settings["skip_lists"]]
+    _fill_in(params)
     text = StringIO()
     yaml.dump(params, text)
     return text.getvalue()
@@ -115,10 +111,17 @@ def _override(params: Any, changes: Any, where: str) -> None:
             params[key] = value
 
 
+def _fill_in(params: Any) -> None:
+    """Put the folder of captures for ``${captures}`` wherever it stands."""
+    for key, value in params.items() if isinstance(params, dict) else enumerate(params):
+        if isinstance(value, dict | list):
+            _fill_in(value)
+        elif isinstance(value, str) and value.startswith(CAPTURES):
+            params[key] = _resolve(value)
+
+
 def _resolve(raw: str) -> str:
-    """Put the folder of captures for ``${captures}``."""
-    if not raw.startswith(CAPTURES):
-        return raw
+    """Find the folder of captures."""
     inside = raw.removeprefix(CAPTURES).lstrip("/")
     named = os.environ.get("PACMO_REAL_DATA")
     places = [Path(named)] if named else list(PLACES)

@@ -3,10 +3,12 @@
 Usage: python -m benchmarks.incremental [--captures N] [--json]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
-``split`` and (where the pipeline has it) ``augment``, as a share of those stages' clean run; both
-are the stages' own commands in this run, and ``same_bytes`` says whether what they then leave is
-what a clean run of N + 1 leaves. ``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes
-more than ``dvc repro`` where nothing is stale, by hand; ``served_noop_extra_s``: with a server.
+``split`` and ``augment`` (one variation a clip, the least of any plan: of more, the share is less),
+as a share of those stages' clean run; both are the stages' own commands in this run. With a tenth
+of the captures, ``same_bytes`` says whether what they then leave is what a clean run of all leaves.
+``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where nothing
+is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask workers beside
+one process, on variations (wants the extra ``dask``).
 """
 
 import os
@@ -18,7 +20,10 @@ import tempfile
 import time
 from pathlib import Path
 
+from ruamel.yaml import YAML
+
 from benchmarks._figures import arguments, show
+from benchmarks._spread import spread
 from benchmarks.faults import hashes
 from benchmarks.pipeline import PATH, call, clone, plain_commands
 from flows.server import a_server
@@ -30,44 +35,52 @@ PORT = 4297
 
 
 def set_captures(folder: Path, n_captures: int) -> Path:
-    """Make N captures and put one away; give the one."""
+    """Make N captures and put one away, vary each clip once; give the one."""
+    path, yaml = folder / "params.yaml", YAML()
+    params = yaml.load(path)
     pairs = -(-(n_captures + 1) // (ACTS * REPLICATIONS))
-    for path in (folder / "params.yaml", folder / "experiments" / "smallest.yaml"):
-        text = path.read_text()
-        path.write_text(
-            text.replace("n_pairs: 4", f"n_pairs: {pairs}").replace(
-                "replications: 1", f"replications: {REPLICATIONS}"
-            )
-        )
+    params["synthesise"] |= {"n_pairs": pairs, "replications": REPLICATIONS}
+    params["augment"]["clips"]["most"] = None
+    params["augment"]["plan"] |= {"people": ["a"], "uniform": [0.9], "profiles": [], "bodies": 0}
+    params["augment"]["plan"]["single"]["scales"] = []
+    yaml.dump(params, path)
     call(folder, sys.executable, "-m", "stages.synthesise", "data/raw")
     files = sorted((folder / "data/raw").rglob("*.skeleton"))
-    for path in files[n_captures + 1 :]:
-        path.unlink()
+    for file in files[n_captures + 1 :]:
+        file.unlink()
     away = folder / files[n_captures // 2].name
     shutil.move(files[n_captures // 2], away)
     return away
 
 
-def run_measured(folder: Path) -> float:
-    """Run the measured stages' own commands; seconds of all."""
-    wanted = [c for c in plain_commands(folder) if c.split()[2].removeprefix("stages.") in MEASURED]
-    return sum(call(folder, "sh", "-c", command) for command in wanted)
+def run_measured(folder: Path) -> dict[str, float]:
+    """Run the measured stages' own commands; seconds of each."""
+    commands = {c.split()[2].removeprefix("stages."): c for c in plain_commands(folder)}
+    return {name: call(folder, "sh", "-c", commands[name]) for name in MEASURED}
 
 
 def one_more(folder: Path, n_captures: int) -> dict[str, float]:
-    """Run clean, then with one more, then clean with one more."""
+    """Run clean, then with one more."""
     away = set_captures(folder, n_captures)
     clean = run_measured(folder)
     shutil.move(away, folder / "data/raw" / away.name)
     more = run_measured(folder)
+    found = {"one_more_share": sum(more.values()) / sum(clean.values())}
+    for name in MEASURED:
+        found |= {f"{name}_clean_s": clean[name], f"{name}_one_more_s": more[name]}
+    return found
+
+
+def same_bytes(folder: Path, n_captures: int) -> bool:
+    """Tell whether one more leaves what a clean run of all leaves."""
+    one_more(folder, n_captures)
     found = hashes(folder)
     shutil.rmtree(folder / "checkpoints")
     for path in sorted((folder / "data").iterdir()):
         if path.name != "raw":
             shutil.rmtree(path)
     run_measured(folder)
-    share = {"clean_s": clean, "one_more_s": more, "one_more_share": more / clean}
-    return {**share, "same_bytes": float(hashes(folder) == found)}
+    return hashes(folder) == found
 
 
 def seconds(folder: Path, command: list[str], **environment: str) -> float:
@@ -102,9 +115,12 @@ def main() -> None:
     parser.add_argument("--captures", type=int, default=1000)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
-        idle = noop(clone(Path(place) / "noop", "smallest"))
-        many = one_more(clone(Path(place) / "many", "smallest"), options.captures)
-    show({**many, **idle}, as_json=options.json)
+        found = noop(clone(Path(place) / "noop", "smallest"))
+        found |= spread()
+        few = clone(Path(place) / "few", "smallest")
+        found["same_bytes"] = float(same_bytes(few, options.captures // 10))
+        found |= one_more(clone(Path(place) / "many", "smallest"), options.captures)
+    show(found, as_json=options.json)
 
 
 if __name__ == "__main__":

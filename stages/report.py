@@ -1,14 +1,14 @@
 """Put everything on one page, and its data beside it.
 
 Usage: python -m stages.report --sequences DIR --clips DIR --sides FILE --ingest JSON --splits DIR
-           --pacmo JSON --variations DIR --augment JSON --curve CSV ... --reactions ROW=DIR ...
-           --page HTML --metrics JSON
+           --pacmo JSON --variations DIR --augment JSON --priors JSON --curve CSV ...
+           --reactions ROW=DIR ... --page HTML --metrics JSON
 
 Curves and clips are of the first fold and seed, tables of all.
 """
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._gallery import gallery, variation_sections
 from stages._params import PARAMS, read_params
+from stages._priors import Runs
 from stages._reactions import directed_clips
 from stages._tables import NOTES, main_tables, sections
 
@@ -29,7 +30,7 @@ SUMMARY = "Reactions generated from the partner's motion, measured on clips that
 
 PATHS = (
     *("sequences", "clips", "sides", "ingest", "splits", "pacmo"),
-    *("variations", "augment", "page", "metrics"),
+    *("variations", "augment", "priors", "page", "metrics"),
 )
 
 
@@ -40,14 +41,6 @@ class Params:
     played_clips: int  # at most, one an action before a second of any
     varied_clips: int  # at most of either family, those with the worst variation first
     variations_each: int  # at most, the worst first
-
-
-@dataclass(frozen=True)
-class Runs:
-    """The ``runs`` section of ``params.yaml``."""
-
-    folds: list[int]
-    seeds: list[int]
 
 
 def main(paths: argparse.Namespace) -> None:
@@ -73,10 +66,15 @@ def main(paths: argparse.Namespace) -> None:
         gallery=tuple(gallery(paths.variations, params.varied_clips, params.variations_each)),
     )
     write_text(paths.page, render_report(page))
-    data = {**ingest, "runs": vars(runs), "folds": splits}
+    data = {**ingest, "runs": asdict(runs), "folds": splits}
     tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
     tables["pacmo_augmentation"] = pacmo["augmentation"]
-    more = {"pacmo_sensitivity": pacmo["sensitivity"], "augment": read_json(paths.augment)}
+    priors = read_json(paths.priors)
+    more = {
+        "pacmo_sensitivity": pacmo["sensitivity"],
+        "augment": read_json(paths.augment),
+        "skeleton_prior": priors,
+    }
     write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **more})
 
 

@@ -9,7 +9,7 @@ from pacmo_core.interaction_mesh.blocks import AXES, in_pairs
 from pacmo_core.interaction_mesh.energy import energy_terms, target_of
 from pacmo_core.interaction_mesh.finish import exact, raw_residual
 from pacmo_core.interaction_mesh.report import Report, figures_of, figures_of_naive
-from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.scene import Array, Single
 from pacmo_core.interaction_mesh.settings import Limits
 from pacmo_core.interaction_mesh.solve import Solution, Start, filled, solve
 from pacmo_core.interaction_mesh.source import Source
@@ -119,7 +119,9 @@ def _figures(
 def _points(source: Source, scales: Array, number: int, held: list[Try | None]) -> Single:
     """Start from the source with its bones scaled, or from where the last try ended."""
     rung = source.settings.rungs[number]
-    bones = source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    bones = (
+        source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    )
     bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
     ends = source.solver(rung).guarded
     pairs = np.repeat(_between(source.scene.points, ends)[..., None], len(held), axis=-1)

@@ -38,15 +38,17 @@ class State:
 
     def of(self, bodies: NDArray[np.intp]) -> "State":
         """Take some of the bodies."""
-        taken = []
-        for values in (self.pull, self.right, self.change):
-            apart = values.reshape(*values.shape[:2], 3, -1)[..., bodies]
-            taken.append(np.ascontiguousarray(apart).reshape(*values.shape[:2], -1))
+        pull, right, change = (
+            np.ascontiguousarray(values.reshape(*values.shape[:2], 3, -1)[..., bodies]).reshape(
+                *values.shape[:2], -1
+            )
+            for values in (self.pull, self.right, self.change)
+        )
         point, share, scales = (
             np.ascontiguousarray(values[..., bodies])
             for values in (self.point, self.share, self.scales)
         )
-        return State(*taken, point, share, scales, self.moved[bodies])
+        return State(pull, right, change, point, share, scales, self.moved[bodies])
 
     def work(self, n_rows: int) -> "Work":
         """Make room for one block."""
