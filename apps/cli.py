@@ -8,6 +8,7 @@ from apps import (
     cli_export,
     cli_fetch,
     cli_react,
+    cli_report,
     cli_status,
     cli_study,
     cli_use,
@@ -28,6 +29,7 @@ app.command("use")(cli_use.use_experiment)
 app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)
 app.command("react")(cli_react.react_to)
+app.command("report")(cli_report.report)
 app.command("view")(cli_view.view)
 app.command("export")(cli_export.export_clip)
 app.command("augment")(cli_augment.augment)

@@ -1,5 +1,6 @@
 """``pacmo study``: whether people can tell generated motion from captured."""
 
+import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -12,13 +13,14 @@ from rich.console import Console
 from rich.table import Table
 
 from apps.failure import CommandError, told_reading
-from apps.study_draw import draw_items
-from apps.study_server import Limiter, create_app
+from apps.study_draw import MOTIONS, draw_items
+from apps.study_server import Limiter, Terms, create_app
 from pacmo_core.metrics.survey import Share, fit_mixed, share
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.study import GENERATED, REAL, Answer, Study, write_study
 
 app = typer.Typer(no_args_is_help=True, help="Can people tell generated motion from captured?")
+MOST_CONNECTIONS = 2000
 File = Annotated[Path, typer.Argument(help="the study's file")]
 
 
@@ -33,30 +35,43 @@ def make(
     """Draw clips into a new study: each as captured, and with a model's reaction."""
     with told_reading():
         random = np.random.default_rng(seed)
-        write_study(study, list(draw_items(clips, reactions, count, random)))
+        items = list(draw_items(clips, reactions, count, random))
+        of = reactions / MOTIONS
+        digest = hashlib.sha256(of.read_bytes()).hexdigest()
+        write_study(study, items, {"reactions": of.as_posix(), "reactions_sha256": digest})
     typer.echo(f"{study}: {count} captured and {count} generated clips")
 
 
 @app.command()
-def serve(
+def serve(  # noqa: PLR0913  # typer reads the options off the signature
     study: File,
     host: Annotated[str, typer.Option(help="0.0.0.0 lets others in")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8000,
     per_person: Annotated[int, typer.Option(min=1, help="clips that a participant judges")] = 14,
+    people: Annotated[int, typer.Option(min=1, help="at most; the rest are turned away")] = 1000,
     rate: Annotated[float, typer.Option(min=0.1, help="questions a second an address")] = 10,
     burst: Annotated[float, typer.Option(min=1, help="questions at once an address")] = 100,
 ) -> None:
     """Serve the page until stopped; answers are kept as they come, and a restart goes on.
 
-    Put it on the web behind a proxy that speaks HTTPS; then all come from the proxy's address,
-    and the proxy should limit the rate: raise --rate and --burst here.
+    Put it on the web behind a proxy on this machine that speaks HTTPS and sets X-Forwarded-For:
+    from there, and from nowhere else, the address in it is believed, to limit the rate of each.
     """
     with told_reading():
         opened = Study(study)
-        page = create_app(opened, per_person, Limiter(rate, burst))
+        page = create_app(opened, Terms(per_person, people), Limiter(rate, burst))
     typer.echo(f"http://{host}:{port}", err=True)
     # No log of who came: addresses are personal.
-    uvicorn.run(page, host=host, port=port, log_level="warning", access_log=False)
+    uvicorn.run(
+        page,
+        host=host,
+        port=port,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        forwarded_allow_ips="127.0.0.1",
+        limit_concurrency=MOST_CONNECTIONS,
+    )
     opened.close()
 
 
@@ -66,8 +81,9 @@ def report(
 ) -> None:
     """Count the answers: the share of either kind that was taken for real (PaCMO, table 3)."""
     with told_reading():
-        answers = Study(study).answers()
-        found = counted(answers)
+        opened = Study(study)
+        answers = opened.answers()
+        found = {**counted(answers), "of": opened.facts()}
         if out:
             write_text(out, json.dumps(found, indent=2) + "\n")
     table = Table("", "captured", "generated", box=None)

@@ -69,12 +69,16 @@ class Limiter:
             return left >= 1
 
 
-def create_app(study: Study, per_person: int, limiter: Limiter) -> FastAPI:
-    """Serve a study.
+@dataclass(frozen=True)
+class Terms:
+    """What a study allows: clips that a participant judges, and participants at most."""
 
-    Parameters
-    ----------
-    per_person : clips that a participant judges
+    per_person: int
+    people: int
+
+
+def create_app(study: Study, terms: Terms, limiter: Limiter) -> FastAPI:
+    """Serve a study.
 
     Raises
     ------
@@ -82,7 +86,7 @@ def create_app(study: Study, per_person: int, limiter: Limiter) -> FastAPI:
         If the study has too few.
     """
     random = np.random.default_rng()
-    balanced(study.candidates(), per_person, random)
+    balanced(study.candidates(), terms.per_person, random)
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     page, policy = render_study()
 
@@ -103,20 +107,24 @@ def create_app(study: Study, per_person: int, limiter: Limiter) -> FastAPI:
     def show() -> Response:
         return HTMLResponse(page)
 
-    app.include_router(_questions(study, per_person, random))
+    app.include_router(_questions(study, terms, random))
     return app
 
 
-def _questions(study: Study, per_person: int, random: np.random.Generator) -> APIRouter:
+def _questions(study: Study, terms: Terms, random: np.random.Generator) -> APIRouter:
     """Answer a participant's browser."""
     router = APIRouter()
 
     @router.post("/begin")
-    def begin(_: Consent) -> dict[str, str | int]:
+    def begin(_: Consent) -> Response:
         person = secrets.token_urlsafe(16)
         # The study calls back under its lock: one draw at a time.
-        count = study.begin(person, lambda seen: balanced(seen, per_person, random))
-        return {"person": person, "count": count}
+        count = study.begin(
+            person, lambda seen: balanced(seen, terms.per_person, random), terms.people
+        )
+        if not count:
+            return JSONResponse({"error": "the study has all its participants"}, 410)
+        return JSONResponse({"person": person, "count": count})
 
     @router.get("/progress/{person}")
     def progress(person: Person) -> Response:

@@ -1,14 +1,15 @@
 """What one more capture costs beside all of them, and what a flow with nothing to do costs.
 
-Usage: python -m benchmarks.incremental [--captures N] [--json]
+Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
 ``split`` and ``augment`` (one variation a clip, the least of any plan: of more, the share is less),
-as a share of those stages' clean run; both are the stages' own commands in this run. With a tenth
-of the captures, ``same_bytes`` says whether what they then leave is what a clean run of all leaves.
-``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where nothing
-is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask workers beside
-one process, on variations (wants the extra ``dask``).
+as a share of their clean run; both are the stages' own commands in this run;
+``one_more_processor_share`` is the same in processor seconds. ``same_bytes``:
+whether what they then leave is what a clean run of all leaves, of a tenth of the captures.
+``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where
+nothing is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask
+workers beside one process, on variations (wants the extra ``dask``).
 """
 
 import os
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -25,12 +27,13 @@ from ruamel.yaml import YAML
 from benchmarks._figures import arguments, show
 from benchmarks._spread import spread
 from benchmarks.faults import hashes
-from benchmarks.pipeline import PATH, call, clone, plain_commands
+from benchmarks.pipeline import PATH, call, clone, plain_commands, spent
 from flows.server import a_server
 
 MEASURED = ("ingest", "cut", "split", "augment")
 ACTS, REPLICATIONS = 10, 2
 REPEATS = 3
+FEWEST = 40  # of fewer, no clip may be left to test on
 PORT = 4297
 
 
@@ -62,16 +65,21 @@ def run_measured(folder: Path) -> dict[str, float]:
 def one_more(folder: Path, n_captures: int) -> dict[str, float]:
     """Run clean, then with one more."""
     away = set_captures(folder, n_captures)
+    start = spent()
     clean = run_measured(folder)
     shutil.move(away, folder / "data/raw" / away.name)
+    middle = spent()
     more = run_measured(folder)
-    found = {"one_more_share": sum(more.values()) / sum(clean.values())}
+    found = {
+        "one_more_share": sum(more.values()) / sum(clean.values()),
+        "one_more_processor_share": (spent() - middle) / (middle - start),
+    }
     for name in MEASURED:
         found |= {f"{name}_clean_s": clean[name], f"{name}_one_more_s": more[name]}
     return found
 
 
-def same_bytes(folder: Path, n_captures: int) -> bool:
+def same_bytes(folder: Path, n_captures: int) -> dict[str, float]:
     """Tell whether one more leaves what a clean run of all leaves."""
     one_more(folder, n_captures)
     found = hashes(folder)
@@ -80,7 +88,7 @@ def same_bytes(folder: Path, n_captures: int) -> bool:
         if path.name != "raw":
             shutil.rmtree(path)
     run_measured(folder)
-    return hashes(folder) == found
+    return {"same_bytes": float(hashes(folder) == found)}
 
 
 def seconds(folder: Path, command: list[str], **environment: str) -> float:
@@ -109,17 +117,29 @@ def noop(folder: Path) -> dict[str, float]:
     return {**found, "served_noop_extra_s": served - plain}
 
 
+def parts(place: Path, n_captures: int) -> dict[str, Callable[[], dict[str, float]]]:
+    """Name what is measured, the quick before the slow."""
+    few = max(n_captures // 10, FEWEST)
+    return {
+        "noop": lambda: noop(clone(place / "noop", "smallest")),
+        "dask": spread,
+        "bytes": lambda: same_bytes(clone(place / "few", "smallest"), few),
+        "one_more": lambda: one_more(clone(place / "many", "smallest"), n_captures),
+    }
+
+
 def main() -> None:
     """Measure and print."""
     parser = arguments(__doc__ or "")
     parser.add_argument("--captures", type=int, default=1000)
+    parser.add_argument("parts", nargs="*", help="noop, dask, bytes, one_more; none: all")
     options = parser.parse_args()
+    found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as place:
-        found = noop(clone(Path(place) / "noop", "smallest"))
-        found |= spread()
-        few = clone(Path(place) / "few", "smallest")
-        found["same_bytes"] = float(same_bytes(few, options.captures // 10))
-        found |= one_more(clone(Path(place) / "many", "smallest"), options.captures)
+        for name, measure in parts(Path(place), options.captures).items():
+            if not options.parts or name in options.parts:
+                found |= measure()
+                print(f"{name} measured: {found}", file=sys.stderr, flush=True)
     show(found, as_json=options.json)
 
 

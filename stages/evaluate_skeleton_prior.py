@@ -1,8 +1,10 @@
 """Judge all skeleton priors of a split: on given bodies, and on bodies that they draw.
 
 Usage: python -m stages.evaluate_skeleton_prior FAMILY SIDES.parquet MODELS SCORES.json
+           SAMPLES.parquet
 
-MODELS holds a folder a model, in it one a seed.
+MODELS holds a folder a model, in it one a seed. SAMPLES will hold what plays: for each source one
+drawn body, what the solver makes of it and what each model does.
 """
 
 import argparse
@@ -13,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from pacmo_core.interaction import Interaction
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import Limits
@@ -20,12 +23,13 @@ from pacmo_core.skeleton_prior import extractor, training
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
 from pacmo_core.skeleton_prior.model import SkeletonPrior
+from pacmo_core.store.motions import write_motions
 from pacmo_core.store.weights import read_weights
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
 from stages._params import read_params
-from stages._prior_scores import ALL, Judge, characters, of_source
-from stages._prior_tasks import Bodies, drawn_bodies, generation, retargeting
+from stages._prior_scores import ALL, SEPARATOR, Judge, characters, of_source
+from stages._prior_tasks import Bodies, drawn_bodies, generation, retargeting, varied
 from stages._priors import read_priors
 
 
@@ -54,6 +58,7 @@ def main(paths: argparse.Namespace) -> None:
     judge = judge_of(train + test, params)
     chosen = sample(test, params.tested, params.random_seed)
     drawn: list[Example] = []
+    shown: dict[str, Interaction] = {}
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
     for name in wanted.models:
         for seed in wanted.seeds:
@@ -61,8 +66,13 @@ def main(paths: argparse.Namespace) -> None:
             drawn = drawn or drawn_bodies(model, chosen, params.bodies, params.solver)
             found = score(model, judge, (chosen, drawn), params)
             scores.setdefault(name, {})[seed] = found
+            if seed == wanted.seeds[0]:
+                shown |= samples_of(model, name, drawn)
     facts = {"extractor": extractor.fingerprint(judge.extractor), "tested": len(chosen)}
     write_json(paths.scores, facts | {"train": len(train), "models": scores})
+    with write_motions(paths.samples, test[0].template.skeleton) as writer:
+        for name, motion in sorted((solver_samples(drawn) | shown).items()):
+            writer.add(name, motion)
 
 
 def judge_of(real: list[Example], params: Params) -> Judge:
@@ -108,6 +118,26 @@ def score(
     return {task: means | {ALL: over_sources(means)} for task, means in found.items()}
 
 
+def first_of_each(drawn: list[Example]) -> list[Example]:
+    """Take the first drawn body of each source."""
+    return list({example.source: example for example in reversed(drawn)}.values())
+
+
+def samples_of(model: SkeletonPrior, name: str, drawn: list[Example]) -> dict[str, Interaction]:
+    """Give the likeliest motions of a model on the drawn bodies that are shown."""
+    return {
+        f"{one.source}{SEPARATOR}{name}": varied(model, [one], None)[0]
+        for one in first_of_each(drawn)
+    }
+
+
+def solver_samples(drawn: list[Example]) -> dict[str, Interaction]:
+    """Give the sources, and the solver's motions on those bodies."""
+    shown = first_of_each(drawn)
+    sources = {f"{one.source}{SEPARATOR}source": one.template for one in shown}
+    return sources | {f"{one.source}{SEPARATOR}solver": one.varied for one in shown}
+
+
 def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:
     """Average over the sources that have a metric."""
     names = dict.fromkeys(name for metrics in found.values() for name in metrics)
@@ -120,7 +150,7 @@ def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("family", "sides", "models", "scores"):
+    for name in ("family", "sides", "models", "scores", "samples"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

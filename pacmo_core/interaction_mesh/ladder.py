@@ -142,7 +142,7 @@ def _pull(source: Source, target: Array) -> Single:
     """``(K, 2N, 3, V)``: the energy's right-hand side, L^T r."""
     rows = target.reshape(*target.shape[:2], -1)
     pull = source.energy.laplacians.transpose(0, 2, 1) @ rows
-    blocks = _blocks(pull.reshape(target.shape))
+    blocks = _blocks(pull.reshape(len(pull), -1, *target.shape[2:]))
     return blocks.reshape(len(blocks), -1, *blocks.shape[3:])
 
 

@@ -6,82 +6,32 @@ the disk, and the first to a place stands, however often it is sent.
 
 import sqlite3
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from pacmo_core.store.schema import StoreError
+from pacmo_core.store.study_file import (
+    GENERATED,
+    REAL,
+    VERSION,
+    Answer,
+    Candidate,
+    Item,
+    write_study,
+)
 
-REAL, GENERATED = "real", "generated"
-_VERSION = 1
+__all__ = [
+    "GENERATED",
+    "REAL",
+    "Answer",
+    "Candidate",
+    "Item",
+    "Study",
+    "write_study",
+]
+
 _PATIENCE_S = 30.0
-_TABLES = """
-CREATE TABLE items (
-  item INTEGER PRIMARY KEY, kind TEXT NOT NULL CHECK (kind IN ('real', 'generated')),
-  source TEXT NOT NULL, scene TEXT NOT NULL) STRICT;
-CREATE TABLE shown (
-  person TEXT NOT NULL, place INTEGER NOT NULL, item INTEGER NOT NULL REFERENCES items,
-  PRIMARY KEY (person, place), UNIQUE (person, item)) STRICT, WITHOUT ROWID;
-CREATE INDEX shown_items ON shown (item);
-CREATE TABLE answers (
-  person TEXT NOT NULL, place INTEGER NOT NULL, real INTEGER NOT NULL CHECK (real IN (0, 1)),
-  PRIMARY KEY (person, place), FOREIGN KEY (person, place) REFERENCES shown) STRICT, WITHOUT ROWID;
-"""
-
-
-@dataclass(frozen=True)
-class Item:
-    """One clip of a study.
-
-    Parameters
-    ----------
-    kind : ``real`` or ``generated``
-    source : the captured clip that it is, or reacts to
-    scene : what the player reads, as JSON
-    """
-
-    kind: str
-    source: str
-    scene: str
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A clip as far as drawing goes: how often it has been shown."""
-
-    item: int
-    kind: str
-    source: str
-    times_shown: int
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One answer: who, where, of which clip of which kind, and whether it was taken for real."""
-
-    person: str
-    place: int
-    item: int
-    kind: str
-    real: bool
-
-
-def write_study(path: Path, items: Iterable[Item]) -> None:
-    """Write a study that nobody has answered.
-
-    Raises
-    ------
-    FileExistsError
-        If the file exists: it may hold answers.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch(exist_ok=False)
-    with _open(path) as database:
-        database.executescript(_TABLES)
-        rows = [(item.kind, item.source, item.scene) for item in items]
-        database.executemany("INSERT INTO items (kind, source, scene) VALUES (?, ?, ?)", rows)
-        database.execute(f"PRAGMA user_version = {_VERSION}")
 
 
 class Study:
@@ -108,8 +58,8 @@ class Study:
             (version,) = self._database.execute("PRAGMA user_version").fetchone()
         except sqlite3.DatabaseError as fault:
             raise StoreError(f"{path}: not a study ({fault})") from fault
-        if version != _VERSION:
-            raise StoreError(f"{path}: wanted a study of version {_VERSION}, got {version}")
+        if version != VERSION:
+            raise StoreError(f"{path}: wanted a study of version {VERSION}, got {version}")
         for setting in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
             self._database.execute(f"PRAGMA {setting}")
 
@@ -117,9 +67,24 @@ class Study:
         """Close the file."""
         self._database.close()
 
-    def begin(self, person: str, draw: Callable[[Sequence[Candidate]], Sequence[int]]) -> int:
-        """Lay out the clips for a new participant, as ``draw`` chooses; say how many."""
+    def facts(self) -> dict[str, str]:
+        """Say what the study was made of."""
+        with self._lock:
+            return dict(self._database.execute("SELECT name, value FROM facts ORDER BY name"))
+
+    def begin(
+        self, person: str, draw: Callable[[Sequence[Candidate]], Sequence[int]], most: int
+    ) -> int:
+        """Lay out the clips for a new participant, as ``draw`` chooses; say how many.
+
+        None, if ``most`` people have begun already: nobody can fill the disk.
+        """
         with self._lock, self._all_or_nothing():
+            (begun,) = self._database.execute(
+                "SELECT COUNT(*) FROM shown WHERE place = 0"
+            ).fetchone()
+            if begun >= most:
+                return 0
             chosen = draw(self._candidates())
             places = [(person, place, item) for place, item in enumerate(chosen)]
             self._database.executemany("INSERT INTO shown VALUES (?, ?, ?)", places)
@@ -167,10 +132,13 @@ class Study:
         """List every answer."""
         with self._lock:
             rows = self._database.execute(
-                "SELECT person, place, item, kind, real FROM answers JOIN shown USING (person, place) "
-                "JOIN items USING (item) ORDER BY person, place"
+                "SELECT person, place, item, kind, real FROM answers "
+                "JOIN shown USING (person, place) JOIN items USING (item) ORDER BY person, place"
             ).fetchall()
-        return [Answer(*rest, bool(real)) for *rest, real in rows]
+        return [
+            Answer(person, place, item, kind, bool(real))
+            for person, place, item, kind, real in rows
+        ]
 
     def _candidates(self) -> list[Candidate]:
         rows = self._database.execute(
@@ -188,13 +156,3 @@ class Study:
             self._database.execute("ROLLBACK")
             raise
         self._database.execute("COMMIT")
-
-
-@contextmanager
-def _open(path: Path) -> Iterator[sqlite3.Connection]:
-    database = sqlite3.connect(path)
-    try:
-        with database:
-            yield database
-    finally:
-        database.close()

@@ -28,7 +28,7 @@ def small_study(path: Path, sources: int = 20) -> Path:
         for k in range(sources)
         for kind in (REAL, GENERATED)
     ]
-    write_study(path, items)
+    write_study(path, items, {"reactions": "none.parquet", "reactions_sha256": "0" * 64})
     return path
 
 
@@ -40,7 +40,8 @@ def _scene(random_seed: int, kind: str) -> Scene:
 def served(path: Path, port: int = 0, *options: str) -> Iterator[tuple[str, subprocess.Popen]]:
     """Serve a study as the command does; hand out its address and the process."""
     port = port or free_port()
-    words = ["-m", "apps.cli", "study", "serve", str(path), "--port", str(port)]
+    # Not by the whole command, which loads what reactions need.
+    words = ["-c", "from apps.cli_study import app; app()", "serve", str(path), "--port", str(port)]
     command = [sys.executable, *words, "--rate", "100000", "--burst", "100000", *options]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         try:

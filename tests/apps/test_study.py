@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from apps.cli import app
 from apps.study_draw import balanced
-from apps.study_server import Limiter, create_app
+from apps.study_server import Limiter, Terms, create_app
 from pacmo_core.skeleton import SBU15
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.study import GENERATED, REAL, Candidate, Study
@@ -47,8 +47,8 @@ class Page:
             return await web.request(method, path, **content)
 
 
-def client(study: Path, rate: float = 1e6, burst: float = 1e6) -> Page:
-    return Page(create_app(Study(study), PER_PERSON, Limiter(rate, burst)))
+def client(study: Path, rate: float = 1e6, burst: float = 1e6, people: int = 9) -> Page:
+    return Page(create_app(Study(study), Terms(PER_PERSON, people), Limiter(rate, burst)))
 
 
 def test_draws_are_balanced_blind_to_order_and_never_show_a_source_twice() -> None:
@@ -126,6 +126,12 @@ def test_large_and_hasty_questions_are_refused(study: Path) -> None:
     assert codes == [200, 200, 200, 429, 429]
 
 
+def test_a_study_that_has_its_people_turns_others_away(study: Path) -> None:
+    page = client(study, people=1)
+    codes = [page.post("/begin", json={"consent": True}).status_code for _ in range(2)]
+    assert codes == [200, 410]
+
+
 def test_every_answer_bears_the_policy_and_the_page_says_the_same(study: Path) -> None:
     page = client(study)
     for path in ("/", "/nowhere"):
@@ -148,7 +154,7 @@ def test_make_draws_clips_that_tell_nothing_of_what_they_are(
     study = Study(tmp_path / "s.sqlite")
     seen = study.candidates()
     assert [c.kind for c in seen] == [REAL, GENERATED] * 3
-    study.begin("ann", lambda seen: [c.item for c in seen])
+    study.begin("ann", lambda seen: [c.item for c in seen], 1)
     for place in range(6):
         scene = study.scene("ann", place)
         assert scene

@@ -13,7 +13,7 @@ from pacmo_core.store.study import Study
 from tests.apps.studies import free_port, served, small_study
 
 PER_PERSON = 14
-PEOPLE = 40
+PEOPLE = 30
 Kept = dict[tuple[str, int], bool]
 pytestmark = pytest.mark.slow
 
@@ -29,7 +29,7 @@ async def insist(web: httpx.AsyncClient, path: str, content: object) -> httpx.Re
         try:
             return await web.post(path, json=content)
         except httpx.TransportError:
-            await asyncio.sleep(0.1)
+            await asyncio.sleep(1)
 
 
 async def participate(web: httpx.AsyncClient, number: int, kept: Kept) -> None:
@@ -79,7 +79,7 @@ def test_kills_in_the_middle_lose_nothing_that_was_acknowledged(study: Path) -> 
     def serve_until(share: float) -> None:
         with served(study, port) as (_, process):
             while len(kept) < share * PEOPLE * PER_PERSON:
-                time.sleep(0.005)
+                time.sleep(0.02)
             process.send_signal(signal.SIGKILL)
             process.wait()
         # Nobody writes now: what was acknowledged so far must stand already.
@@ -88,9 +88,9 @@ def test_kills_in_the_middle_lose_nothing_that_was_acknowledged(study: Path) -> 
         met.append(len(found))
 
     def kill_again_and_again() -> None:
-        for share in (0.2, 0.4, 0.6, 1.0):
+        for share in (0.3, 0.6, 1.0):
             serve_until(share)
 
     asyncio.run(answer_all(f"http://127.0.0.1:{port}", PEOPLE, kept, kill_again_and_again))
-    assert 0 < met[0] < met[1] < met[2] < PEOPLE * PER_PERSON
+    assert 0 < met[0] < met[1] < PEOPLE * PER_PERSON
     assert held(study) == kept

@@ -17,7 +17,8 @@ def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> flo
 
     Parameters
     ----------
-    change, target : (T, N, 3) metres
+    change : (T, N, 3) metres
+    target : (T, N + M, 3) metres, as ``target_of`` gives it
     """
     total = 0.0
     for t, moved in enumerate(change):
