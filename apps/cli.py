@@ -10,6 +10,7 @@ from apps import (
     cli_react,
     cli_status,
     cli_use,
+    cli_vary,
     cli_view,
 )
 
@@ -29,6 +30,7 @@ app.command("react")(cli_react.react_to)
 app.command("view")(cli_view.view)
 app.command("export")(cli_export.export_clip)
 app.command("augment")(cli_augment.augment)
+app.command("vary")(cli_vary.vary)
 app.command("clips")(cli_clips.list_clips)
 app.command("status")(cli_status.show_status)
 app.command("rollback")(cli_status.roll_back_model)

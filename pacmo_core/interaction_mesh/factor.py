@@ -69,9 +69,7 @@ def stiffness(energy: Quadratic, scene: Scene) -> Array:
     """
     time = in_time(energy)
     flat, same = tee(pairs_of_frames(energy, time, None))
-    loose = np.minimum(
-        _softness(flat, time, scene), _softness(_raised(same, energy), time, scene)
-    )
+    loose = np.minimum(_softness(flat, time, scene), _softness(_raised(same, energy), time, scene))
     stiff: Array = 1 / loose[: len(energy.held)]
     return stiff
 

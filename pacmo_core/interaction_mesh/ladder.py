@@ -119,7 +119,9 @@ def _figures(
 def _points(source: Source, scales: Array, number: int, held: list[Try | None]) -> Single:
     """Start from the source with its bones scaled, or from where the last try ended."""
     rung = source.settings.rungs[number]
-    bones = source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    bones = (
+        source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
+    )
     bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
     ends = source.solver(rung).guarded
     pairs = np.repeat(_between(source.scene.points, ends)[..., None], len(held), axis=-1)

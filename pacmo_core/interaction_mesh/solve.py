@@ -66,9 +66,7 @@ class Solution:
         self.iterations[rows] = number
 
 
-def solve(
-    solver: Solver, start: Start, *, iterations: int, step: float, patient: bool
-) -> Solution:
+def solve(solver: Solver, start: Start, *, iterations: int, step: float, patient: bool) -> Solution:
     """Iterate; a body stops whose ``step`` is small enough or, not ``patient``, will never be.
 
     Whatever the others do: what is found for a body does not depend on its company.

@@ -67,7 +67,9 @@ def vary_in_batches(source: Source, scales: Array) -> Iterator[Variations]:
             batch = rows[first : first + source.batch]
             tries = climb(source, own[batch], number, [waiting[row] for row in batch])
             waiting |= dict(zip(batch, tries, strict=True))
-            done = [row for row, one in zip(batch, tries, strict=True) if is_done(source, number, one)]
+            done = [
+                row for row, one in zip(batch, tries, strict=True) if is_done(source, number, one)
+            ]
             if done:
                 yield _taken(source, whole, done, waiting)
 
