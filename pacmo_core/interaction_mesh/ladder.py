@@ -62,7 +62,8 @@ def climb(source: Source, scales: Array, number: int, held: list[Try | None]) ->
     figures = _figures(source, scales, motions, held)
     figures["raw_residual"] = raw_residual(source.scene, change, scales)
     figures["last_step"] = solution.step
-    terms = energy_terms(source.energy, motions - source.scene.points[..., None], target)
+    moved = (motions - source.scene.points[..., None]).astype(np.float32)
+    terms = energy_terms(source.energy, moved, target.astype(np.float32))
     reports = [
         Report(
             rung=number,

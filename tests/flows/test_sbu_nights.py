@@ -48,7 +48,10 @@ LAB = {
 }
 # Steps so long that nothing is learnt.
 RUINED = {
-    **{"n_epochs": 6, "warmup_epochs": 1, "validate_from": 1, "ema": 0.0},
+    "n_epochs": 6,
+    "warmup_epochs": 1,
+    "validate_from": 1,
+    "ema": 0.0,
     "generator": {"learning_rate": 0.3},
 }
 
