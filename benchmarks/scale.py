@@ -97,7 +97,7 @@ def main() -> None:
             runs.append(measure(folder, size))
             shutil.rmtree(folder)
             print(f"{size} clips: {runs[-1]}", file=sys.stderr, flush=True)
-    figures = {}
+    figures: dict[str, float] = {}
     for name in runs[0]:
         slope, bend = line(options.sizes, [run[name][0] for run in runs])
         per_clip, _ = line(options.sizes, [run[name][1] for run in runs])

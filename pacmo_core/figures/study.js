@@ -39,7 +39,15 @@
     state.busy = false;
   }
 
+  // Who sees no 3-D sees no clip.
+  function draws() {
+    const found = document.createElement("canvas").getContext("webgl2");
+    found?.getExtension("WEBGL_lose_context")?.loseContext();
+    return Boolean(found);
+  }
+
   async function begin() {
+    if (!draws()) { show("flat"); return; }
     const begun = await ask("/begin", { consent: true });
     if (!begun) { show("full"); return; }
     localStorage.setItem(KEY, begun.person);
@@ -47,6 +55,7 @@
   }
 
   async function goOn(person) {
+    if (!draws()) { show("flat"); return; }
     const known = await ask(`/progress/${person}`);
     if (!known) { localStorage.removeItem(KEY); show("welcome"); return; }
     Object.assign(state, { person, count: known.count, open: Array.from({ length: known.count }, (_, k) => k).filter((k) => !known.answered.includes(k)) });

@@ -60,7 +60,7 @@ class StageRun:
 class StudyTable:
     """What people said: lines of a name and four cells, ours and the paper's of either kind."""
 
-    lines: tuple[tuple[str, str, str, str, str], ...]
+    lines: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...]
 
 

@@ -135,7 +135,10 @@ class Study:
                 "SELECT person, place, item, kind, real FROM answers "
                 "JOIN shown USING (person, place) JOIN items USING (item) ORDER BY person, place"
             ).fetchall()
-        return [Answer(*rest, bool(real)) for *rest, real in rows]
+        return [
+            Answer(person, place, item, kind, bool(real))
+            for person, place, item, kind, real in rows
+        ]
 
     def _candidates(self) -> list[Candidate]:
         rows = self._database.execute(

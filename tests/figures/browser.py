@@ -104,9 +104,9 @@ class Tab:
 
 
 @contextmanager
-def open_page(page: Path | str, profile: Path) -> Iterator[Tab]:
+def open_page(page: Path | str, profile: Path, *flags: str) -> Iterator[Tab]:
     """Open a file as a double click would, or an address, in a browser that was never used."""
-    command = [str(CHROMIUM), *_FLAGS, f"--user-data-dir={profile}", "about:blank"]
+    command = [str(CHROMIUM), *_FLAGS, *flags, f"--user-data-dir={profile}", "about:blank"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as browser:
         try:
             assert browser.stderr
