@@ -172,6 +172,7 @@ def energy_gaps(task: Task) -> Iterator[float]:
         best = banded(short.scene, source.energy, own)
         changes = np.stack([points - short.scene.points, best], axis=-1)
         target = target_of(source.energy, own[None])
+        target = np.repeat(target, 2, axis=-1)
         ours, theirs = np.sum(list(energy_terms(source.energy, changes, target).values()), axis=0)
         yield float(ours / theirs - 1)
 

@@ -8,23 +8,21 @@ Curves and clips are of the first fold and seed, tables of all.
 """
 
 import argparse
+import hashlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
-from pacmo_core.interaction import Interaction
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.clips import QuarantineFacts, read_rows
-from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._gallery import gallery, variation_sections
 from stages._params import PARAMS, read_params
+from stages._played import played
 from stages._prior_tables import prior_clips, prior_sections
 from stages._priors import Runs
-from stages._reactions import directed_clips
 from stages._tables import NOTES, main_tables, sections
 
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
@@ -54,7 +52,7 @@ def main(paths: argparse.Namespace) -> None:
     page = Report(
         title=experiment,
         summary=SUMMARY,
-        facts=made_by(experiment, runs, pacmo),
+        facts=made_by(experiment, runs, pacmo) | hashes(paths.clips, reactions),
         data=summarise(ingest, splits, paths.sequences),
         tables=main_tables(pacmo),
         notes=(*NOTES, halves_note(pacmo["rows"])),
@@ -73,6 +71,7 @@ def main(paths: argparse.Namespace) -> None:
     write_text(paths.page, render_report(page))
     data = {**ingest, "runs": asdict(runs), "folds": splits}
     tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
+    tables["pacmo_augmentation"] = pacmo["augmentation"]
     more = {
         "pacmo_sensitivity": pacmo["sensitivity"],
         "augment": read_json(paths.augment),
@@ -98,6 +97,20 @@ def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str
         "Features": f"auto-encoder {hashes['extractor']}, a fold each",
         "Matching": f"matcher {hashes['matcher']}, a fold each; among {candidates} partners",
     }
+
+
+def hashes(clips: Path, reactions: dict[str, str]) -> dict[str, str]:
+    """Say which bytes the tables and the clips are of: the beginnings of SHA-256."""
+    files = {"clips": clips, **{row: Path(folder) for row, folder in reactions.items()}}
+    return {
+        f"SHA-256, {name}": f"{_sha256(folder / MOTIONS)[:16]} {(folder / MOTIONS).as_posix()}"
+        for name, folder in files.items()
+    } | {"SHA-256, parameters": _sha256(PARAMS)[:16]}
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def counted(things: list[int], name: str) -> str:
@@ -153,35 +166,6 @@ def curve(path: Path) -> Curve:
     """Read a training curve."""
     terms = read_curve(path)
     return Curve(steps=terms.pop("step"), terms=terms, x_label="round")
-
-
-def played(folders: tuple[Path, Path], reactions: dict[str, str], n_clips: int) -> list[PlayedClip]:
-    """Choose test clips, one an action before a second of any, and set what answered beside."""
-    turn: dict[str, int] = {}
-    candidates = []
-    for name, facts, seen in directed_clips(*folders, "test"):
-        if name.endswith("#b"):
-            turn[facts.action] = turn.get(facts.action, -1) + 1
-            candidates.append((turn[facts.action], name, facts.action, seen))
-    chosen = sorted(candidates, key=lambda c: c[:2])[:n_clips]
-    answers = {row: answers_in(Path(folder)) for row, folder in reactions.items()}
-    return [
-        PlayedClip(
-            name,
-            action,
-            (
-                Panel("real", seen),
-                *(Panel(row, found[name]) for row, found in answers.items() if name in found),
-            ),
-        )
-        for _, name, action, seen in chosen
-    ]
-
-
-def answers_in(folder: Path) -> dict[str, Interaction]:
-    """Hold the first reactions of one row, by clip and person."""
-    found = ((n.rsplit("#", 1), i) for n, i in stream_motions(folder / MOTIONS))
-    return {name: interaction for (name, number), interaction in found if number == "0"}
 
 
 def arguments() -> argparse.Namespace:

@@ -28,7 +28,7 @@ class Solver:
     Parameters
     ----------
     factor : of the energy with the rows' penalties
-    ends : two of (K, 2R), which of a block's 2N points each difference goes from, and to
+    ends : two of (2KR,), which of all 2KN points each difference goes from, and to
     spread : (K, 2, N, R) float32, from differences back to points, times penalties
     source : (K, 2, R, 3, 1) float32 metres, the differences in the source
     lengths : (K, 2, E, 1) float32 metres, of bones in the source
@@ -47,19 +47,24 @@ class Solver:
     relaxation: float
 
     def iterate(self, state: State, work: Work) -> None:
-        """Take a linear and a local step."""
-        for _ in self._forward(state, work):
-            pass
+        """Take a linear and a local step.
+
+        The local one follows close behind, while the blocks are in the processor's cache.
+        """
+        self._forward(state, work)
+        last = len(self.source)
         for block in self._backward(state, work):
-            self._local_step(state, work, block)
+            if block % work.n_blocks == 0:
+                self._local_step(state, work, slice(block, last))
+                last = block
 
     def settle(self, state: State) -> None:
         """Follow up a new ``point``: what it leaves to the linear step."""
         work = state.work(self.source.shape[2])
-        for block in range(len(self.source)):
-            self._pull(state, work, block)
+        for block in range(0, len(self.source), work.n_blocks):
+            self._pull(state, work, slice(block, min(block + work.n_blocks, len(self.source))))
 
-    def _forward(self, state: State, work: Work) -> Iterator[int]:
+    def _forward(self, state: State, work: Work) -> None:
         """Eliminate: ``w_k = S_k^-1 (b_k - C_k-1 w_k-1)``."""
         split, pivots = 2 * state.n_bodies, self.factor
         for block in range(len(self.source)):
@@ -69,7 +74,6 @@ class Solver:
                 np.subtract(right, work.tied, out=right)
             np.matmul(pivots.across[block], right[:, :split], out=solved[:, :split])
             np.matmul(pivots.upright[block], right[:, split:], out=solved[:, split:])
-            yield block
 
     def _backward(self, state: State, work: Work) -> Iterator[int]:
         """Substitute: ``U_k = w_k - S_k^-1 C_k^T U_k+1``."""
@@ -84,53 +88,63 @@ class Solver:
                 np.subtract(change, moved, out=change)
             yield block
 
-    def _local_step(self, state: State, work: Work, block: int) -> None:
-        """Move the points by what the linear step and the lengths disagree, over-relaxed.
-
-        It follows the linear step block by block, while the block is in the processor's cache.
-        """
-        held, other, point = work.held, work.other, state.point[block]
-        np.take(state.change[block], self.ends[1][block], axis=0, out=work.rows(held), mode="clip")
-        np.take(state.change[block], self.ends[0][block], axis=0, out=work.rows(other), mode="clip")
-        np.subtract(held, other, out=held)
-        np.add(held, self.source[block], out=held)
-        np.multiply(state.share[block], np.float32(-self.relaxation), out=work.share)
-        np.add(work.share, np.float32(1), out=work.share)
+    def _local_step(self, state: State, work: Work, blocks: slice) -> None:
+        """Move the points by what the linear step and the lengths disagree, over-relaxed."""
+        held, other, share = work.of(blocks.stop - blocks.start)
+        point = state.point[blocks]
+        self._differences(state, blocks, held, other)
+        np.add(held, self.source[blocks], out=held)
+        np.multiply(state.share[blocks], np.float32(-self.relaxation), out=share)
+        np.add(share, np.float32(1), out=share)
         np.multiply(held, np.float32(self.relaxation), out=held)
         if work.watched:
             other[:] = point
-        np.multiply(point, work.share[:, :, None], out=point)
+        np.multiply(point, share[:, :, :, None], out=point)
         np.add(point, held, out=point)
         if work.watched:
             np.subtract(other, point, out=other)
             np.multiply(other, other, out=other)
             # Row by row, in the same order whatever the number of columns.
-            state.moved[:] += np.add.reduce(other.reshape(-1, state.n_bodies), axis=0)
-        self._pull(state, work, block)
+            for each in other.reshape(len(other), -1, state.n_bodies)[::-1]:
+                state.moved[:] += np.add.reduce(each, axis=0)
+        self._pull(state, work, blocks)
 
-    def _pull(self, state: State, work: Work, block: int) -> None:
+    def _differences(self, state: State, blocks: slice, out: Single, room: Single) -> None:
+        """Give the change of every difference."""
+        n_rows = 2 * self.source.shape[2]
+        rows = slice(n_rows * blocks.start, n_rows * blocks.stop)
+        change = state.change.reshape(-1, state.change.shape[-1])
+        for ends, values in zip(self.ends, (room, out), strict=True):
+            into = values.reshape(-1, change.shape[-1])
+            np.take(change, ends[rows], axis=0, out=into, mode="clip")
+        np.subtract(out, room, out=out)
+
+    def _pull(self, state: State, work: Work, blocks: slice) -> None:
         """Pull every difference to where it is allowed, and say what the rest must meet."""
-        held, point, share = work.held, state.point[block], state.share[block]
+        held, _, room = work.of(blocks.stop - blocks.start)
+        point, share = state.point[blocks], state.share[blocks]
         n_bones = self.lengths.shape[2]
         np.multiply(point, point, out=held)
-        np.add(held[:, :, 0], held[:, :, 1], out=share)
-        np.add(share, held[:, :, 2], out=share)
+        np.add(held[:, :, :, 0], held[:, :, :, 1], out=share)
+        np.add(share, held[:, :, :, 2], out=share)
         np.sqrt(share, out=share)
         np.maximum(share, np.float32(1e-9), out=share)
-        bones, pairs = share[:, :n_bones], share[:, n_bones:]
-        wanted = np.multiply(self.lengths[block], state.scales, out=work.share[:, :n_bones])
+        bones, pairs = share[:, :, :n_bones], share[:, :, n_bones:]
+        wanted = np.multiply(self.lengths[blocks], state.scales, out=room[:, :, :n_bones])
         np.divide(wanted, bones, out=bones)
-        np.maximum(np.divide(self.least[block], pairs, out=pairs), np.float32(1), out=pairs)
+        np.maximum(np.divide(self.least[blocks], pairs, out=pairs), np.float32(1), out=pairs)
         # The pulled point mirrored at its own place: 2 s p - p.
-        np.multiply(share, np.float32(2), out=work.share)
-        np.subtract(work.share, np.float32(1), out=work.share)
-        np.multiply(point, work.share[:, :, None], out=held)
+        np.multiply(share, np.float32(2), out=room)
+        np.subtract(room, np.float32(1), out=room)
+        np.multiply(point, room[:, :, :, None], out=held)
         # Less the source before it is summed: forces that cancel must do so to the last digit, as
         # hardly anything but the anchor holds the scene as a whole.
-        np.subtract(held, self.source[block], out=held)
-        right = state.right[block]
-        np.matmul(self.spread[block], work.halves(held), out=work.halves(right))
-        np.add(right, state.pull[block], out=right)
+        np.subtract(held, self.source[blocks], out=held)
+        right = state.right[blocks]
+        flat = (*held.shape[:3], -1)
+        halves = right.reshape(len(right), 2, -1, right.shape[-1])
+        np.matmul(self.spread[blocks], held.reshape(flat), out=halves)
+        np.add(right, state.pull[blocks], out=right)
 
     def _tie(self, rows: Single, frame: int, out: Single) -> None:
         """Multiply by C_k: from the frames of a block to those of the next."""
@@ -167,13 +181,13 @@ def solver_of(factor: Factor, rows: Rows, *, n_bones: int, relaxation: float) ->
     pairs, source = in_pairs(rows.pairs), in_pairs(rows.source[..., AXES])
     matrix = differences(rows.pairs, n_points)
     spread = in_pairs((rows.weights[..., None] * matrix).transpose(0, 2, 1).astype(np.float32))
-    lower = pairs + np.array([0, n_points])[:, None, None]
-    first, second = (lower[..., end].reshape(len(pairs), -1) for end in (0, 1))
+    frames = np.arange(2 * len(pairs)).reshape(-1, 2)
+    ends = pairs + n_points * frames[:, :, None, None]
     # A frame that only fills up the last block has no bones; any direction serves it.
     lengths = np.linalg.norm(source[:, :, :n_bones], axis=-1)
     return Solver(
         factor=factor,
-        ends=(np.ascontiguousarray(first), np.ascontiguousarray(second)),
+        ends=(ends[..., 0].reshape(-1), ends[..., 1].reshape(-1)),
         spread=np.ascontiguousarray(spread),
         source=source[..., None].astype(np.float32),
         lengths=lengths[..., None].astype(np.float32),

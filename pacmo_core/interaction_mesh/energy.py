@@ -3,14 +3,16 @@
 With U the change of the joints' positions against the source,
 
     E(U) = 1/2 sum_t |L_t U_t - r_t|^2                                  the mesh keeps its shape
+         + 1/2 shape sum_t sum_trunk |d_i - mean d|^2                   and so do trunks
          + 1/2 acceleration sum_t |U_t+1 - 2 U_t + U_t-1|^2             the change is smooth
          + 1/2 sum_t sum_pairs w_ij |U_i - U_j|^2                       what touches stays together
          + 1/2 stance sum_t h_t h_t-1 |U_t - U_t-1|^2                   what stands stays in place
          + 1/2 height sum_t h_t U_y^2                                   and on the ground
          + 1/2 anchor |U|^2
 
-where r_t is what L does to the source when each bone is scaled alone and all else stays, w_ij are
-the ties of contact, and h_t is 1 where a joint stands and fades around that.
+where r_t is what L does to the source when each bone is scaled alone and all else stays, d is U
+less what scaling the trunk's bones where they point would do, w_ij are the ties of contact, and h_t
+is 1 where a joint stands and fades around that.
 
 Unlike Ho, Komura and Tai (2010), which penalises the acceleration of the motion, this penalises
 that of the change: the source's own dynamics are free.
@@ -20,15 +22,19 @@ all directions and bodies at once.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pacmo_core.interaction_mesh.graph import contact_ties, laplacian
-from pacmo_core.interaction_mesh.scene import Array, Scene
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Settings
 from pacmo_core.interaction_mesh.supports import holds, supports
+from pacmo_core.interaction_mesh.trunk import shape_rows
+
+Real = Array | Single
 
 # The rate for which weights are stated.
 FPS = 30.0
@@ -40,8 +46,8 @@ class Quadratic:
 
     Parameters
     ----------
-    laplacians : (T, N, N), L
-    pulls : (3TN, E), metres; what a bone of twice its length adds to r
+    laplacians : (T, N + M, N), L, and below it the M joints of trunks beside their trunk's middle
+    pulls : (3T(N + M), E), metres; what a bone of twice its length adds to r, and below to d
     standing : (T, N), which joints stand
     held : (T, N), h
     ties : (T, N, N), contact between joints
@@ -78,10 +84,12 @@ def quadratic(scene: Scene, settings: Settings) -> Quadratic:
     """Take the matrices of a source; they do not depend on the bodies that are wanted."""
     weights, rate = settings.weights, scene.fps / FPS
     laplacians = laplacian(scene, weights, settings.graph)
+    beside, stretched = shape_rows(scene, weights.shape)
+    trunks = np.broadcast_to(beside, (len(laplacians), *beside.shape))
     standing = supports(scene, settings.support)
     return Quadratic(
-        laplacians=laplacians,
-        pulls=_pulls(scene, laplacians),
+        laplacians=np.concatenate([laplacians, trunks], axis=1),
+        pulls=_pulls(scene, laplacians, stretched),
         standing=standing,
         held=holds(standing, scene.fps, settings.support.fade),
         ties=contact_ties(scene, weights),
@@ -92,55 +100,66 @@ def quadratic(scene: Scene, settings: Settings) -> Quadratic:
     )
 
 
-def energy_terms(energy: Quadratic, change: Array, target: Array) -> dict[str, Array]:
-    """Say what each term of the energy is, (V,) each.
+def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Array]:
+    """Say what each term of the energy is, (V,) each; summed in float64 whatever is given.
 
     Parameters
     ----------
     change : (T, N, 3, V) metres, U
-    target : (T, N, 3, V) metres, r
+    target : (T, N + M, 3, V) metres, r, and below it what scaling the bones would do to trunks
     """
+    kind: np.dtype[Any] = change.dtype
+    n_points = change.shape[1]
     rows = change.reshape(*change.shape[:2], -1)
     steps = np.diff(change, axis=0)
-    springs = energy.ties.sum(axis=-1)[..., None] * rows - energy.ties @ rows
-    lifted = change[:, :, 1] * np.sqrt(energy.held)[..., None]
+    missed = energy.laplacians.astype(kind, copy=False) @ rows
+    missed -= target.reshape(missed.shape)
+    ties = np.eye(n_points) * energy.ties.sum(axis=-1)[..., None] - energy.ties
+    springs = (ties.astype(kind, copy=False) @ rows).reshape(change.shape)
+    lifted = change[:, :, 1] * np.sqrt(energy.held)[..., None].astype(kind, copy=False)
+    held = np.sqrt(energy.steps_held)[..., None, None].astype(kind, copy=False)
     return {
-        "laplacian": _half(energy.laplacians @ rows - target.reshape(rows.shape), change),
+        "laplacian": _half(missed[:, :n_points], change),
+        "shape": _half(missed[:, n_points:], change),
         "acceleration": energy.acceleration * _half(np.diff(steps, axis=0), change),
-        "contact": (springs * rows).reshape(-1, 3, change.shape[-1]).sum(axis=(0, 1)) / 2,
-        "stance": energy.stance
-        * _half(steps * np.sqrt(energy.steps_held)[..., None, None], change),
+        "contact": _half(springs, change, change),
+        "stance": energy.stance * _half(steps * held, change),
         "height": energy.height * _half(lifted, change),
         "anchor": energy.anchor * _half(change, change),
     }
 
 
 def target_of(energy: Quadratic, scales: Array) -> Array:
-    """``(T, N, 3, V)`` metres: r for each body.
+    """``(T, N + M, 3, V)`` metres: r for each body, and below it the same for trunks.
 
     Parameters
     ----------
     scales : (V, E)
     """
     target: Array = energy.pulls @ np.ascontiguousarray(scales.T - 1)
-    return target.reshape(*energy.held.shape, 3, -1)
+    return target.reshape(*energy.laplacians.shape[:2], 3, -1)
 
 
-def _pulls(scene: Scene, laplacians: Array) -> csr_array:
+def _pulls(scene: Scene, laplacians: Array, stretched: Array) -> csr_array:
     """Scale one bone: each of its ends sees the other farther away, by that share of the bone."""
     parent, child = scene.bones.T
-    forth = laplacians[:, parent, child, None] * scene.vectors
-    back = -laplacians[:, child, parent, None] * scene.vectors
     n_frames, n_points, _ = scene.points.shape
-    frame, bone, axis = np.indices(forth.shape)
-    rows = [3 * (n_points * frame + end[bone]) + axis for end in (parent, child)]
-    values = np.concatenate([forth, back]).reshape(-1)
-    where = (np.concatenate(rows).reshape(-1), np.tile(bone.reshape(-1), 2))
-    return csr_array((values, where), shape=(3 * n_frames * n_points, len(parent)))
+    pulls = np.zeros((n_frames, n_points + len(stretched), len(parent)))
+    bones = np.arange(len(parent))
+    pulls[:, parent, bones] += laplacians[:, parent, child]
+    pulls[:, child, bones] -= laplacians[:, child, parent]
+    pulls[:, n_points:] = stretched
+    frame, row, bone = np.nonzero(pulls)
+    values = pulls[frame, row, bone, None] * scene.vectors[frame, bone]
+    rows = 3 * (frame * pulls.shape[1] + row)[:, None] + np.arange(3)
+    where = (rows.reshape(-1), np.repeat(bone, 3))
+    return csr_array((values.reshape(-1), where), shape=(pulls[..., 0].size * 3, len(parent)))
 
 
-def _half(values: Array, like: Array) -> Array:
-    """Sum squares of all but the last axis of ``like``, and halve."""
-    rows = values.reshape(-1, like.shape[-1])
-    half: Array = np.einsum("rv,rv->v", rows, rows) / 2
+def _half(values: Real, like: Real, others: Real | None = None) -> Array:
+    """Sum squares, or products with ``others``, of all but the last axis of ``like``; halve."""
+    shape = (len(values), -1, like.shape[-1])
+    rows = values.reshape(shape)
+    beside = rows if others is None else others.reshape(shape)
+    half: Array = np.einsum("trv,trv->tv", rows, beside).sum(axis=0, dtype=np.float64) / 2
     return half

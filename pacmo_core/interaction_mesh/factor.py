@@ -77,8 +77,8 @@ def stiffness(energy: Quadratic, scene: Scene) -> Array:
 def _softness(blocks: Iterable[Array], time: InTime, scene: Scene) -> Array:
     """``(2K, E)``: a^T H^-1 a.
 
-    The blocks of the inverse on the diagonal follow from the pivots, last to first: Takahashi, Fagan
-    and Chen (1973), *Formation of a sparse bus impedance matrix*.
+    The blocks of the inverse on the diagonal follow from the pivots, last to first: Takahashi,
+    Fagan and Chen (1973), *Formation of a sparse bus impedance matrix*.
     """
     pivots = [pivot.astype(np.float32) for pivot in _pivots(blocks, time)]
     n_points = time.same.shape[1]

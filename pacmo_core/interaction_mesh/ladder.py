@@ -9,7 +9,7 @@ from pacmo_core.interaction_mesh.blocks import AXES, in_pairs
 from pacmo_core.interaction_mesh.energy import energy_terms, target_of
 from pacmo_core.interaction_mesh.finish import exact, raw_residual
 from pacmo_core.interaction_mesh.report import Report, figures_of, figures_of_naive
-from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.scene import Array, Single
 from pacmo_core.interaction_mesh.settings import Limits
 from pacmo_core.interaction_mesh.solve import Solution, Start, filled, solve
 from pacmo_core.interaction_mesh.source import Source
@@ -62,7 +62,8 @@ def climb(source: Source, scales: Array, number: int, held: list[Try | None]) ->
     figures = _figures(source, scales, motions, held)
     figures["raw_residual"] = raw_residual(source.scene, change, scales)
     figures["last_step"] = solution.step
-    terms = energy_terms(source.energy, motions - source.scene.points[..., None], target)
+    moved = (motions - source.scene.points[..., None]).astype(np.float32)
+    terms = energy_terms(source.energy, moved, target.astype(np.float32))
     reports = [
         Report(
             rung=number,
@@ -142,7 +143,7 @@ def _pull(source: Source, target: Array) -> Single:
     """``(K, 2N, 3, V)``: the energy's right-hand side, L^T r."""
     rows = target.reshape(*target.shape[:2], -1)
     pull = source.energy.laplacians.transpose(0, 2, 1) @ rows
-    blocks = _blocks(pull.reshape(target.shape))
+    blocks = _blocks(pull.reshape(len(pull), -1, *target.shape[2:]))
     return blocks.reshape(len(blocks), -1, *blocks.shape[3:])
 
 

@@ -11,6 +11,7 @@ class Weights:
     ----------
     power : of the distance in the Laplacian's weights, ``1 / (distance + softening) ** power``
     softening : metres added to distances, so that joints that touch do not silence all others
+    shape : on each joint of a trunk that leaves its place beside the others
     acceleration : of the change, at 30 frames a second
     contact : of all that a joint touches, together
     contact_reach : metres at which contact has fallen to 1/e
@@ -21,6 +22,7 @@ class Weights:
 
     power: float
     softening: float
+    shape: float
     acceleration: float
     contact: float
     contact_reach: float

@@ -13,7 +13,7 @@ from pacmo_core.interaction_mesh.settings import Rung, Settings
 from pacmo_core.interaction_mesh.solve import WIDTH
 
 # Bodies at once, and the frames of all of them together: what bounds the memory.
-BATCH = 48
+BATCH = 64
 FRAMES = 40_000
 
 
@@ -44,7 +44,8 @@ class Source:
     def grown(self, scales: Array) -> Array:
         """``(V,)`` square metres: by how much bones grow, summed over frames and bones."""
         squares = np.square(self.scene.vectors).sum(axis=(0, 2))
-        grown: Array = np.square(scales - 1) @ squares
+        # Not a product of matrices, which would round by how many bodies there are.
+        grown: Array = (np.square(scales - 1) * squares).sum(axis=1)
         return grown
 
     def solver(self, rung: Rung) -> Solver:

@@ -1,4 +1,4 @@
-"""What the solver carries from one iteration to the next, and one block's working space."""
+"""What the solver carries from one iteration to the next, and some blocks' working space."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.scene import Single
+
+# Bodies times blocks in one local step.
+COLUMNS = 64
 
 
 @dataclass(frozen=True)
@@ -38,37 +41,39 @@ class State:
 
     def of(self, bodies: NDArray[np.intp]) -> "State":
         """Take some of the bodies."""
-        taken = []
-        for values in (self.pull, self.right, self.change):
-            apart = values.reshape(*values.shape[:2], 3, -1)[..., bodies]
-            taken.append(np.ascontiguousarray(apart).reshape(*values.shape[:2], -1))
+        pull, right, change = (
+            np.ascontiguousarray(values.reshape(*values.shape[:2], 3, -1)[..., bodies]).reshape(
+                *values.shape[:2], -1
+            )
+            for values in (self.pull, self.right, self.change)
+        )
         point, share, scales = (
             np.ascontiguousarray(values[..., bodies])
             for values in (self.point, self.share, self.scales)
         )
-        return State(*taken, point, share, scales, self.moved[bodies])
+        return State(pull, right, change, point, share, scales, self.moved[bodies])
 
     def work(self, n_rows: int) -> "Work":
-        """Make room for one block."""
+        """Make room for some blocks."""
         return Work(n_rows, self.change.shape[1], self.n_bodies)
 
 
 class Work:
-    """Arrays of one block, made once. ``watched`` asks iterations to say how far they move."""
+    """Arrays that are made once. ``watched`` asks iterations to say how far they move.
+
+    ``n_blocks`` take the local step together: many where bodies are few, as each step has its
+    cost, but no more than fit into the processor's cache.
+    """
 
     def __init__(self, n_rows: int, n_points: int, n_bodies: int) -> None:
-        self._n_bodies = n_bodies
         self.watched = False
+        self.n_blocks = max(1, COLUMNS // n_bodies)
         self.tied = np.zeros((n_points, 3 * n_bodies), dtype=np.float32)
         self.moved = np.zeros_like(self.tied)
-        self.held = np.zeros((2, n_rows, 3, n_bodies), dtype=np.float32)
-        self.other = np.zeros_like(self.held)
-        self.share = np.zeros((2, n_rows, n_bodies), dtype=np.float32)
+        self._held = np.zeros((self.n_blocks, 2, n_rows, 3, n_bodies), dtype=np.float32)
+        self._other = np.zeros_like(self._held)
+        self._share = np.zeros(self._held[:, :, :, 0].shape, dtype=np.float32)
 
-    def rows(self, values: Single) -> Single:
-        """See (2, R, 3, V) as (2R, 3V)."""
-        return values.reshape(-1, 3 * self._n_bodies)
-
-    def halves(self, values: Single) -> Single:
-        """See either as (2, R, 3V)."""
-        return values.reshape(2, -1, 3 * self._n_bodies)
+    def of(self, n_blocks: int) -> tuple[Single, Single, Single]:
+        """Give room for differences, twice, (B, 2, R, 3, V), and for shares, (B, 2, R, V)."""
+        return self._held[:n_blocks], self._other[:n_blocks], self._share[:n_blocks]

@@ -17,7 +17,8 @@ def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> flo
 
     Parameters
     ----------
-    change, target : (T, N, 3) metres
+    change : (T, N, 3) metres
+    target : (T, N + M, 3) metres, as ``target_of`` gives it
     """
     total = 0.0
     for t, moved in enumerate(change):
@@ -58,13 +59,13 @@ def matrix(energy: Quadratic) -> csc_array:
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
     both = energy.held[1:] * energy.held[:-1]
     stands = diags_array(np.repeat(both.reshape(-1), 3))
-    whole = whole + energy.stance * first.T @ stands @ first
+    whole = csc_array(whole + energy.stance * first.T @ stands @ first)
     if n_frames > 2:
         second = diags_array(
             [1.0, -2.0, 1.0], offsets=[0, step, 2 * step], shape=(size - 2 * step, size)
         )
-        whole = whole + energy.acceleration * second.T @ second
-    return csc_array(whole)
+        whole = csc_array(whole + energy.acceleration * second.T @ second)
+    return whole
 
 
 def right_side(energy: Quadratic, scales: Array) -> Array:

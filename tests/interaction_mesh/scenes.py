@@ -12,6 +12,7 @@ SETTINGS = Settings(
     weights=Weights(
         power=1,
         softening=0.01,
+        shape=20,
         acceleration=10,
         contact=10,
         contact_reach=0.15,
