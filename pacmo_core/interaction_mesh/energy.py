@@ -22,6 +22,7 @@ all directions and bodies at once.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,8 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
     change : (T, N, 3, V) metres, U
     target : (T, N + M, 3, V) metres, r, and below it what scaling the bones would do to trunks
     """
-    kind, n_points = change.dtype, change.shape[1]
+    kind: np.dtype[Any] = change.dtype
+    n_points = change.shape[1]
     rows = change.reshape(*change.shape[:2], -1)
     steps = np.diff(change, axis=0)
     missed = energy.laplacians.astype(kind, copy=False) @ rows
