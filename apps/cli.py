@@ -8,8 +8,11 @@ from apps import (
     cli_export,
     cli_fetch,
     cli_react,
+    cli_report,
     cli_status,
+    cli_study,
     cli_use,
+    cli_vary,
     cli_view,
 )
 
@@ -22,13 +25,16 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 wrong usage.",
 )
 app.add_typer(cli_fetch.app, name="fetch")
+app.add_typer(cli_study.app, name="study")
 app.command("use")(cli_use.use_experiment)
 app.command("tidy")(cli_use.tidy_runs)
 app.command("experiments")(cli_use.list_experiments)
 app.command("react")(cli_react.react_to)
+app.command("report")(cli_report.report)
 app.command("view")(cli_view.view)
 app.command("export")(cli_export.export_clip)
 app.command("augment")(cli_augment.augment)
+app.command("vary")(cli_vary.vary)
 app.command("clips")(cli_clips.list_clips)
 app.command("status")(cli_status.show_status)
 app.command("rollback")(cli_status.roll_back_model)

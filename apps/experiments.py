@@ -9,7 +9,7 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from apps.failure import CommandError
-from apps.leftovers import remove_leftovers
+from apps.leftovers import Wanted, remove_leftovers
 from pacmo_core.store.atomic import write_text
 
 FOLDER = Path("experiments")
@@ -48,11 +48,7 @@ def compose(name: str) -> str:
     params = yaml.load(FOLDER / "default.yaml")
     if name != "default":
         _override(params, yaml.load(FOLDER / f"{name}.yaml"), where=name)
-    for captures in (params["ingest"], params["augment"]["second"]):
-        captures["raw"] = _resolve(captures["raw"])
-    settings = params["ingest"]["settings"]
-    if "skip_lists" in settings:
-        settings["skip_lists"] = [_resolve(path) for path in settings["skip_lists"]]
+    _fill_in(params)
     text = StringIO()
     yaml.dump(params, text)
     return text.getvalue()
@@ -88,10 +84,12 @@ def tidy() -> list[Path]:
     """
     if not PARAMS.exists():
         raise ExperimentError(f"no {PARAMS}: pacmo use NAME makes one")
-    runs = YAML(typ="safe").load(PARAMS).get("runs")
+    params = YAML(typ="safe").load(PARAMS)
+    runs, augmented = params.get("runs"), params.get("augmented", {})
     if not isinstance(runs, dict) or not all(isinstance(runs.get(k), list) for k in RUNS):
         raise ExperimentError(f"{PARAMS}: wanted runs with lists of folds and seeds, got {runs}")
-    return remove_leftovers(PARAMS.parent, runs["folds"], runs["seeds"])
+    more = [augmented.get(key, []) for key in RUNS]
+    return remove_leftovers(PARAMS.parent, Wanted(runs["folds"], runs["seeds"], *more))
 
 
 def _compositions() -> Iterator[str]:
@@ -113,10 +111,17 @@ def _override(params: Any, changes: Any, where: str) -> None:
             params[key] = value
 
 
+def _fill_in(params: Any) -> None:
+    """Put the folder of captures for ``${captures}`` wherever it stands."""
+    for key, value in params.items() if isinstance(params, dict) else enumerate(params):
+        if isinstance(value, dict | list):
+            _fill_in(value)
+        elif isinstance(value, str) and value.startswith(CAPTURES):
+            params[key] = _resolve(value)
+
+
 def _resolve(raw: str) -> str:
-    """Put the folder of captures for ``${captures}``."""
-    if not raw.startswith(CAPTURES):
-        return raw
+    """Find the folder of captures."""
     inside = raw.removeprefix(CAPTURES).lstrip("/")
     named = os.environ.get("PACMO_REAL_DATA")
     places = [Path(named)] if named else list(PLACES)

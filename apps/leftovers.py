@@ -6,6 +6,7 @@ from all files of a folder. All of these are in DVC's cache: a later run links t
 
 import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 # Below these stands FOLD or FOLD.suffix, and in a fold's folder MODEL/SEED or MODEL/SEED.suffix.
@@ -15,19 +16,44 @@ PLACES = (
 )
 
 
-def leftovers(root: Path, folds: list[int], seeds: list[int]) -> Iterator[Path]:
+AUGMENTED = "pacmo_augmented"
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which runs the parameters make.
+
+    Parameters
+    ----------
+    folds, seeds : of all models
+    augmented_folds, augmented_seeds : of PaCMO trained on variations too
+    """
+
+    folds: list[int]
+    seeds: list[int]
+    augmented_folds: list[int]
+    augmented_seeds: list[int]
+
+    def seeds_of(self, model: str, fold: int) -> list[int]:
+        """List the seeds of a model in a fold."""
+        if model == AUGMENTED:
+            return self.augmented_seeds if fold in self.augmented_folds else []
+        # The oracle is drawn once a fold, whatever the seeds.
+        return [1] if model == "oracle" else self.seeds
+
+
+def leftovers(root: Path, wanted: Wanted) -> Iterator[Path]:
     """Yield what belongs to other folds and seeds."""
     for place in PLACES:
-        yield from _others(root / place, folds)
-        for fold in folds:
+        yield from _others(root / place, wanted.folds)
+        for fold in wanted.folds:
             for model in _folders(root / place / str(fold)):
-                # The oracle is drawn once a fold, whatever the seeds.
-                yield from _others(model, [1] if model.name == "oracle" else seeds)
+                yield from _others(model, wanted.seeds_of(model.name, fold))
 
 
-def remove_leftovers(root: Path, folds: list[int], seeds: list[int]) -> list[Path]:
+def remove_leftovers(root: Path, wanted: Wanted) -> list[Path]:
     """Remove them, and say which they were."""
-    found = list(leftovers(root, folds, seeds))
+    found = list(leftovers(root, wanted))
     for path in found:
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)

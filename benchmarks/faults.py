@@ -5,6 +5,7 @@ Usage: python -m benchmarks.faults --kills N [--seed S] [--experiment NAME] [--j
 A run is ``python -m flows.reproduce STAGE ...`` in a clone of the last commit. For each kill it
 begins with nothing made, and after a random share of an undisturbed run's time one of its
 processes is killed -9: the flow, DVC or a stage's own, or all of them. Then the flow is run again.
+As many clones as the machine has processors are killed side by side; each kill has its own seed.
 ``recovered``: how many of these ended well. ``identical``: after how many every file under data,
 models and reports has the undisturbed run's bytes, no file being there beside them.
 """
@@ -18,7 +19,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
 
 from benchmarks._figures import arguments, show
 from benchmarks.pipeline import clone
@@ -90,35 +94,71 @@ def kill_one(process: "subprocess.Popen[bytes]", choice: random.Random) -> None:
     process.wait(timeout=LIMIT_S)
 
 
+@dataclass(frozen=True)
+class Undisturbed:
+    """What a run without a kill takes and leaves."""
+
+    seconds: float
+    bytes_of: dict[str, str]
+
+
+def undisturbed(folder: Path, stages: list[str]) -> Undisturbed:
+    """Run once in peace.
+
+    Raises
+    ------
+    RuntimeError
+        If even that fails, with the end of what it said.
+    """
+    clear(folder)
+    start = time.perf_counter()
+    if begin(folder, stages).wait(timeout=LIMIT_S):
+        raise RuntimeError((folder / "flow.log").read_text()[-2000:])
+    return Undisturbed(time.perf_counter() - start, hashes(folder))
+
+
+def kill_and_recover(
+    folder: Path, stages: list[str], wanted: Undisturbed, choice: random.Random
+) -> tuple[bool, bool]:
+    """Kill a run at a random moment, and run again; tell whether it ended well, and as wanted."""
+    clear(folder)
+    process = begin(folder, stages)
+    time.sleep(choice.uniform(0, wanted.seconds))
+    kill_one(process, choice)
+    well = begin(folder, stages).wait(timeout=LIMIT_S) == 0
+    same = hashes(folder) == wanted.bytes_of
+    if not (well and same):
+        print((folder / "flow.log").read_text()[-3000:], file=sys.stderr)
+    return well, same
+
+
 def main() -> None:
     """Kill, recover, compare and print."""
     parser = arguments(__doc__ or "")
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--experiment", default="smallest")
+    parser.add_argument("--clones", type=int, default=os.cpu_count() or 1, help="side by side")
     parser.add_argument("stages", nargs="*", default=list(STAGES))
     options = parser.parse_args()
-    choice = random.Random(options.seed)
-    recovered = identical = 0
-    with tempfile.TemporaryDirectory() as place:
-        folder = clone(Path(place) / "clone", options.experiment)
-        clear(folder)
-        start = time.perf_counter()
-        if begin(folder, options.stages).wait(timeout=LIMIT_S):
-            raise RuntimeError((folder / "flow.log").read_text()[-2000:])
-        whole, wanted = time.perf_counter() - start, hashes(folder)
-        for number in range(1, options.kills + 1):
-            clear(folder)
-            process = begin(folder, options.stages)
-            time.sleep(choice.uniform(0, whole))
-            kill_one(process, choice)
-            well = begin(folder, options.stages).wait(timeout=LIMIT_S) == 0
-            same = hashes(folder) == wanted
-            recovered, identical = recovered + well, identical + same
+    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(options.clones) as pool:
+        folders: SimpleQueue[Path] = SimpleQueue()
+        for number in range(options.clones):
+            folders.put(clone(Path(place) / str(number), options.experiment))
+        wanted = undisturbed(folders.get(), options.stages)
+        folders.put(Path(place) / "0")
+
+        def disturb(number: int) -> tuple[bool, bool]:
+            folder = folders.get()
+            choice = random.Random(f"{options.seed}:{number}")
+            well, same = kill_and_recover(folder, options.stages, wanted, choice)
             print(f"kill {number}: ended well {well}, identical {same}", file=sys.stderr)
-            if not (well and same):
-                print((folder / "flow.log").read_text()[-3000:], file=sys.stderr)
-    figures = {"kills": options.kills, "undisturbed_s": whole}
+            folders.put(folder)
+            return well, same
+
+        found = list(pool.map(disturb, range(1, options.kills + 1)))
+    recovered, identical = (sum(column) for column in zip(*found, strict=True))
+    figures = {"kills": options.kills, "undisturbed_s": wanted.seconds}
     show({**figures, "recovered": recovered, "identical": identical}, as_json=options.json)
 
 

@@ -1,12 +1,15 @@
 """What one more capture costs beside all of them, and what a flow with nothing to do costs.
 
-Usage: python -m benchmarks.incremental [--captures N] [--json]
+Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
-``split`` and (where the pipeline has it) ``augment``, as a share of those stages' clean run; both
-are the stages' own commands in this run, and ``same_bytes`` says whether what they then leave is
-what a clean run of N + 1 leaves. ``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes
-more than ``dvc repro`` where nothing is stale, by hand; ``served_noop_extra_s``: with a server.
+``split`` and ``augment`` (one variation a clip, the least of any plan: of more, the share is less),
+as a share of their clean run; both are the stages' own commands in this run. ``same_bytes``:
+whether what they then leave is what a clean run of all leaves, of a tenth of the captures.
+``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where
+nothing is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask
+workers beside one process, on variations (wants the extra ``dask``). ``..._processor_...``: the
+same in processor seconds, which others' load on the machine does not change.
 """
 
 import os
@@ -16,95 +19,132 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
+from ruamel.yaml import YAML
+
 from benchmarks._figures import arguments, show
+from benchmarks._spread import spread
 from benchmarks.faults import hashes
-from benchmarks.pipeline import PATH, call, clone, plain_commands
+from benchmarks.pipeline import PATH, call, clone, plain_commands, spent
 from flows.server import a_server
 
 MEASURED = ("ingest", "cut", "split", "augment")
 ACTS, REPLICATIONS = 10, 2
 REPEATS = 3
+FEWEST = 40  # of fewer, no clip may be left to test on
 PORT = 4297
 
 
 def set_captures(folder: Path, n_captures: int) -> Path:
-    """Make N captures and put one away; give the one."""
+    """Make N captures and put one away, vary each clip once; give the one."""
+    path, yaml = folder / "params.yaml", YAML()
+    params = yaml.load(path)
     pairs = -(-(n_captures + 1) // (ACTS * REPLICATIONS))
-    for path in (folder / "params.yaml", folder / "experiments" / "smallest.yaml"):
-        text = path.read_text()
-        path.write_text(
-            text.replace("n_pairs: 4", f"n_pairs: {pairs}").replace(
-                "replications: 1", f"replications: {REPLICATIONS}"
-            )
-        )
+    params["synthesise"] |= {"n_pairs": pairs, "replications": REPLICATIONS}
+    params["augment"]["clips"]["most"] = None
+    params["augment"]["plan"] |= {"people": ["a"], "uniform": [0.9], "profiles": [], "bodies": 0}
+    params["augment"]["plan"]["single"]["scales"] = []
+    yaml.dump(params, path)
     call(folder, sys.executable, "-m", "stages.synthesise", "data/raw")
     files = sorted((folder / "data/raw").rglob("*.skeleton"))
-    for path in files[n_captures + 1 :]:
-        path.unlink()
+    for file in files[n_captures + 1 :]:
+        file.unlink()
     away = folder / files[n_captures // 2].name
     shutil.move(files[n_captures // 2], away)
     return away
 
 
-def run_measured(folder: Path) -> float:
-    """Run the measured stages' own commands; seconds of all."""
-    wanted = [c for c in plain_commands(folder) if c.split()[2].removeprefix("stages.") in MEASURED]
-    return sum(call(folder, "sh", "-c", command) for command in wanted)
+def run_measured(folder: Path) -> dict[str, float]:
+    """Run the measured stages' own commands; seconds of each."""
+    commands = {c.split()[2].removeprefix("stages."): c for c in plain_commands(folder)}
+    return {name: call(folder, "sh", "-c", commands[name]) for name in MEASURED}
 
 
 def one_more(folder: Path, n_captures: int) -> dict[str, float]:
-    """Run clean, then with one more, then clean with one more."""
+    """Run clean, then with one more."""
     away = set_captures(folder, n_captures)
+    start = spent()
     clean = run_measured(folder)
     shutil.move(away, folder / "data/raw" / away.name)
+    middle = spent()
     more = run_measured(folder)
+    found = {
+        "one_more_share": sum(more.values()) / sum(clean.values()),
+        "one_more_processor_share": (spent() - middle) / (middle - start),
+    }
+    for name in MEASURED:
+        found |= {f"{name}_clean_s": clean[name], f"{name}_one_more_s": more[name]}
+    return found
+
+
+def same_bytes(folder: Path, n_captures: int) -> dict[str, float]:
+    """Tell whether one more leaves what a clean run of all leaves."""
+    one_more(folder, n_captures)
     found = hashes(folder)
     shutil.rmtree(folder / "checkpoints")
     for path in sorted((folder / "data").iterdir()):
         if path.name != "raw":
             shutil.rmtree(path)
     run_measured(folder)
-    share = {"clean_s": clean, "one_more_s": more, "one_more_share": more / clean}
-    return {**share, "same_bytes": float(hashes(folder) == found)}
+    return {"same_bytes": float(hashes(folder) == found)}
 
 
-def seconds(folder: Path, command: list[str], **environment: str) -> float:
-    """Give the median of a command's time."""
+def cost(folder: Path, command: list[str], **environment: str) -> tuple[float, float]:
+    """Give the median of a command's time, and of its processor's."""
     settings = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
     settings |= {"PATH": PATH, "PYTHONPATH": str(folder), **environment}
-    times = []
+    times, worked = [], []
     for _ in range(REPEATS):
-        start = time.perf_counter()
+        start, before = time.perf_counter(), spent()
         subprocess.run(command, cwd=folder, env=settings, check=True, capture_output=True)
         times.append(time.perf_counter() - start)
-    return statistics.median(times)
+        worked.append(spent() - before)
+    return statistics.median(times), statistics.median(worked)
 
 
 def noop(folder: Path) -> dict[str, float]:
     """Measure what a flow adds where nothing is stale."""
-    targets = ["split"]
     dvc = [sys.executable, "-m", "dvc", "repro", "split@1"]
-    flow = [sys.executable, "-m", "flows.reproduce", *targets]
+    flow = [sys.executable, "-m", "flows.reproduce", "split"]
     call(folder, *dvc)
-    plain, by_hand = seconds(folder, dvc), seconds(folder, flow)
+    (plain, plain_work), (by_hand, work) = cost(folder, dvc), cost(folder, flow)
     os.environ["PREFECT_HOME"] = str(folder / ".prefect")
     with a_server(PORT) as address:
-        served = seconds(folder, flow, PREFECT_API_URL=address)
-    found = {"noop_dvc_s": plain, "flow_noop_extra_s": by_hand - plain}
-    return {**found, "served_noop_extra_s": served - plain}
+        served, _ = cost(folder, flow, PREFECT_API_URL=address)
+    return {
+        "noop_dvc_s": plain,
+        "flow_noop_extra_s": by_hand - plain,
+        "flow_noop_extra_processor_s": work - plain_work,
+        "served_noop_extra_s": served - plain,
+    }
+
+
+def parts(place: Path, n_captures: int) -> dict[str, Callable[[], dict[str, float]]]:
+    """Name what is measured, the quick before the slow."""
+    few = max(n_captures // 10, FEWEST)
+    return {
+        "noop": lambda: noop(clone(place / "noop", "smallest")),
+        "dask": spread,
+        "bytes": lambda: same_bytes(clone(place / "few", "smallest"), few),
+        "one_more": lambda: one_more(clone(place / "many", "smallest"), n_captures),
+    }
 
 
 def main() -> None:
     """Measure and print."""
     parser = arguments(__doc__ or "")
     parser.add_argument("--captures", type=int, default=1000)
+    parser.add_argument("parts", nargs="*", help="noop, dask, bytes, one_more; none: all")
     options = parser.parse_args()
+    found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as place:
-        idle = noop(clone(Path(place) / "noop", "smallest"))
-        many = one_more(clone(Path(place) / "many", "smallest"), options.captures)
-    show({**many, **idle}, as_json=options.json)
+        for name, measure in parts(Path(place), options.captures).items():
+            if not options.parts or name in options.parts:
+                found |= measure()
+                print(f"{name} measured: {found}", file=sys.stderr, flush=True)
+    show(found, as_json=options.json)
 
 
 if __name__ == "__main__":

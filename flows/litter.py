@@ -6,7 +6,10 @@ from pathlib import Path
 from apps.lock import PROC, lives
 from apps.places import HISTORY, SHELF
 
-PLACES = (Path("data"), Path("models"), Path("reports"), HISTORY, SHELF)
+PLACES = (
+    *(Path("data"), Path("models"), Path("reports"), Path("checkpoints"), Path("live")),
+    *(HISTORY, SHELF),
+)
 _PARTIAL = re.compile(r"\..+\.(\d+)")
 
 

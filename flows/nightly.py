@@ -20,9 +20,10 @@ from apps.experiments import use
 from apps.failure import CommandError
 from apps.lock import one_writer
 from apps.log import start_log, tell
-from apps.places import LOCK, LOG, METRICS, PAGE, RUNS
+from apps.places import LOCK, LOG, METRICS, PAGE, REPORT, RUNS, WHOLE
 from apps.promote import decide
 from apps.records import DONE, HELD, SKIPPED, Run, read_runs, recorded
+from apps.whole_page import write_whole
 from flows.artifacts import link_to, publish, put_table
 from flows.cache import remove_spoilt
 from flows.ending import by_hand_or_flow
@@ -97,7 +98,10 @@ def compare(way: Way, gate: Gate, run: Run) -> None:
     publish(METRICS)
     rows = [{"metric": name, **cell} for name, cell in decision.metrics.items()]
     put_table("decision", rows, f"{decision.verdict}: {'; '.join(decision.reasons)}")
+    if REPORT.exists():
+        write_whole()
     link_to(PAGE, "history")
+    link_to(WHOLE, "report-and-history")
 
 
 def check_disk(least_free_gb: float) -> None:

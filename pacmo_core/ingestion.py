@@ -5,16 +5,19 @@ import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Self
 
+from pacmo_core.cluster import Cluster
 from pacmo_core.formats.raw import Format, FormatError, RawSequence
 from pacmo_core.quality import Limits, QualityError, check, measure
-from pacmo_core.readings import Readings, Usable, reading_key
+from pacmo_core.readings import Readings, Usable, code_key, reading_key
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts
 
 BATCH = 256  # sequences handed to the processes at a time: what may wait in memory
-
 FEW = 8  # fewer are read here: to start processes takes longer
 
 
@@ -43,7 +46,10 @@ class Recipe:
 
 
 def read_sequences(
-    recipe: Recipe, sequences: Sequence[RawSequence], kept: Readings | None = None
+    recipe: Recipe,
+    sequences: Sequence[RawSequence],
+    kept: Readings | None = None,
+    address: str = "",
 ) -> Iterator[Usable | QuarantineFacts]:
     """Read sequences in order, one process a core, and keep those that fit the set.
 
@@ -54,9 +60,10 @@ def read_sequences(
     ----------
     recipe, sequences : what is read, and how
     kept : readings that were made before; those made now are added
+    address : of a Dask scheduler to read on; empty means this machine's processes
     """
     skeleton, seen = None, dict[str, str]()
-    for outcome in _read_side_by_side(recipe, sequences, kept):
+    for outcome in _read_side_by_side(recipe, sequences, kept, address):
         if isinstance(outcome, QuarantineFacts):
             yield outcome
             continue
@@ -78,9 +85,9 @@ def read_sequences(
 
 
 def _read_side_by_side(
-    recipe: Recipe, sequences: Sequence[RawSequence], kept: Readings | None
+    recipe: Recipe, sequences: Sequence[RawSequence], kept: Readings | None, address: str
 ) -> Iterator[Usable | QuarantineFacts]:
-    with _Readers() as readers:
+    with _Readers(address) as readers:
         for start in range(0, len(sequences), BATCH):
             batch = sequences[start : start + BATCH]
             if kept is None:
@@ -96,15 +103,18 @@ def _read_side_by_side(
 
 
 class _Readers:
-    """Processes that read side by side, started when there is enough to read."""
+    """Processes that read side by side, here or on a cluster, once there is enough to read."""
 
-    def __enter__(self) -> "_Readers":
+    def __init__(self, address: str) -> None:
+        self._address, self._started = address, ExitStack()
         self._pool: ProcessPoolExecutor | None = None
+        self._cluster: Cluster | None = None
+
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._started.close()
 
     def read(
         self, recipe: Recipe, sequences: Sequence[RawSequence]
@@ -112,9 +122,16 @@ class _Readers:
         """Read in order."""
         if len(sequences) < FEW:
             return (read_sequence(recipe, sequence) for sequence in sequences)
+        if self._address:
+            if self._cluster is None:
+                self._cluster = self._started.enter_context(Cluster(self._address))
+            # Workers stand in folders of their own.
+            do = partial(read_elsewhere, code_key(), replace(recipe, root=recipe.root.resolve()))
+            return self._cluster.in_order(do, [_resolved(sequence) for sequence in sequences])
         if self._pool is None:
             context = multiprocessing.get_context("forkserver")
-            self._pool = ProcessPoolExecutor(os.cpu_count(), mp_context=context)
+            pool = ProcessPoolExecutor(os.cpu_count(), mp_context=context)
+            self._pool = self._started.enter_context(pool)
         return self._pool.map(read_sequence, [recipe] * len(sequences), sequences, chunksize=8)
 
 
@@ -153,6 +170,23 @@ def read_sequence(recipe: Recipe, sequence: RawSequence) -> Usable | QuarantineF
         filled_frames=reading.filled_frames,
     )
     return facts, interaction
+
+
+def read_elsewhere(code: str, recipe: Recipe, sequence: RawSequence) -> Usable | QuarantineFacts:
+    """Read one sequence on a worker that runs the code of who asks.
+
+    Raises
+    ------
+    RuntimeError
+        If it runs other code.
+    """
+    if code_key() != code:
+        raise RuntimeError("this worker has other code, NumPy or SciPy than who asks: restart it")
+    return read_sequence(recipe, sequence)
+
+
+def _resolved(sequence: RawSequence) -> RawSequence:
+    return replace(sequence, files=tuple(file.resolve() for file in sequence.files))
 
 
 def _relative(file: Path, root: Path) -> str:

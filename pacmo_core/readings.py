@@ -10,6 +10,7 @@ import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
@@ -49,7 +50,7 @@ class Readings:
     """
 
     def __init__(self, folder: Path, recipe: str) -> None:
-        self._own = folder / hashlib.sha256(f"{recipe}\0{_code()}".encode()).hexdigest()[:32]
+        self._own = folder / hashlib.sha256(f"{recipe}\0{code_key()}".encode()).hexdigest()[:32]
         self._places: dict[str, Path] = {}
         for path in sorted(self._own.glob("*.safetensors")):
             self._places |= dict.fromkeys(_keys(path), path)
@@ -93,7 +94,9 @@ def reading_key(sequence: RawSequence, digest: str) -> str:
     return hashlib.sha256(f"{json.dumps(facts)}\0{digest}".encode()).hexdigest()[:32]
 
 
-def _code() -> str:
+@cache
+def code_key() -> str:
+    """Hash the code that reads, as this process has loaded it, and the versions it runs on."""
     digest = hashlib.sha256()
     for package in PACKAGES:
         digest.update(f"{package} {version(package)}\0".encode())

@@ -15,6 +15,10 @@ from pacmo_core.skeleton_prior.extractor import Extractor
 
 # The supplement's A follows its B; here the second follows the first.
 CHARACTERS = ("first", "second")
+# The mean over sources, beside theirs.
+ALL = "all"
+# Between a source's name and what made the motion, in the file of samples.
+SEPARATOR = "~"
 
 
 @dataclass(frozen=True)
@@ -56,14 +60,18 @@ class Judge:
         return _means(rows)
 
     def distance(
-        self, found: Sequence[Interaction], bodies: Sequence[Example], real: Sequence[Example]
+        self,
+        found: Sequence[Interaction],
+        bodies: Sequence[Example],
+        real: Sequence[Example],
+        name: str,
     ) -> dict[str, float]:
-        """Measure the Fréchet distance of drawn motions from real ones, of each character."""
+        """Measure the Fréchet distance of motions from real ones, of each character."""
         distances = {}
-        for role, name in enumerate(CHARACTERS):
+        for role, character in enumerate(CHARACTERS):
             ours = self.features(found, bodies, role)
             theirs = self.features([example.varied for example in real], real, role)
-            distances[f"FID_{name}"] = retargeting.frechet_distance(theirs, ours)
+            distances[f"{name}_{character}"] = retargeting.frechet_distance(theirs, ours)
         return distances
 
     def features(
@@ -97,6 +105,11 @@ class Judge:
             "slide": (float(slid), float(standing)),
             "merged": (merged, len(ours)),
         }
+
+
+def of_source(examples: Sequence[Example], source: str) -> list[Example]:
+    """Take the examples of one source."""
+    return [example for example in examples if example.source == source]
 
 
 def oriented(motion: Interaction, truth: Example) -> Pair:

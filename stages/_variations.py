@@ -33,12 +33,11 @@ from pacmo_core.variations.plan import SEPARATOR, Plan, Variation, plan_variatio
 from pacmo_core.variations.segments import segments
 from pacmo_core.variations.solve import Lot, Outcome
 from pacmo_core.variations.workers import solve_on_cluster, solve_side_by_side
+from stages._cluster import scheduler_address
 from stages._files import CLIPS, MOTIONS
 from stages._sources import Family
 
 LOG = logging.getLogger(__name__)
-
-SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ def write_family(
 
 
 def _solved(lots: list[Lot]) -> Iterator[Outcome]:
-    address = os.environ.get(SCHEDULER)
+    address = scheduler_address()
     if address:
         return solve_on_cluster(lots, address)
     return solve_side_by_side(lots, processes=os.cpu_count() or 1)

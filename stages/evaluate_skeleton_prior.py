@@ -1,34 +1,36 @@
 """Judge all skeleton priors of a split: on given bodies, and on bodies that they draw.
 
 Usage: python -m stages.evaluate_skeleton_prior FAMILY SIDES.parquet MODELS SCORES.json
+           SAMPLES.parquet
 
-MODELS holds a folder a model, in it one a seed. Bodies are drawn once, by the prior of bodies of
-the first, and the solver moves them too: what it makes of them is the reference.
+MODELS holds a folder a model, in it one a seed. SAMPLES will hold what plays: for each source one
+drawn body, what the solver makes of it and what each model does.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from pacmo_core.interaction import Interaction
-from pacmo_core.interaction_mesh import Scene, prepare, vary
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
-from pacmo_core.metrics.retargeting import Limits, sample_diversity
-from pacmo_core.skeleton_prior import extractor, training
+from pacmo_core.metrics.retargeting import Limits
+from pacmo_core.priors import load_prior
+from pacmo_core.skeleton_prior import extractor
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
 from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
-from pacmo_core.store.weights import read_weights
+from pacmo_core.store.motions import write_motions
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
 from stages._params import read_params
-from stages._prior_scores import Judge, characters, oriented
+from stages._prior_scores import ALL, SEPARATOR, Judge, characters, of_source
+from stages._prior_tasks import Bodies, drawn_bodies, generation, retargeting, varied
+from stages._priors import read_priors
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class Params:
 
     threads: int
     random_seed: int
-    bodies: int  # drawn, and as many samples of one body for the diversity
+    tested: int  # variations of each source, at most
+    bodies: Bodies
     limits: Limits
     extractor: ExtractorSettings
     solver: SolverSettings
@@ -45,100 +48,103 @@ class Params:
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("evaluate_skeleton_prior", Params)
+    wanted = read_priors()
     torch.set_num_threads(params.threads)
     torch.use_deterministic_algorithms(mode=True)
     train, test = (
         [example for _, example in stream_examples(paths.family, paths.sides, side)]
         for side in ("train", "test")
     )
-    judge = judge_of(train, params)
-    runs = sorted(paths.models.glob(f"*/*/{WEIGHTS}"))
+    judge = judge_of(train + test, params)
+    chosen = sample(test, params.tested, params.random_seed)
     drawn: list[Example] = []
-    scores: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
-    for weights in runs:
-        model = prior_from(weights)
-        drawn = drawn or drawn_bodies(model, test, params)
-        name, seed = weights.parts[-3:-1]
-        scores.setdefault(name, {})[seed] = score(model, judge, test, drawn, params)
-    facts = {"extractor": extractor.fingerprint(judge.extractor), "test": len(test)}
-    write_json(paths.scores, facts | {"models": scores})
+    shown: dict[str, Interaction] = {}
+    scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
+    for name in wanted.models:
+        for seed in wanted.seeds:
+            model = load_prior(paths.models / name / str(seed) / WEIGHTS)
+            drawn = drawn or drawn_bodies(model, chosen, params.bodies, params.solver)
+            found = score(model, judge, (chosen, drawn), params)
+            scores.setdefault(name, {})[seed] = found
+            if seed == wanted.seeds[0]:
+                shown |= samples_of(model, name, drawn)
+    facts = {"extractor": extractor.fingerprint(judge.extractor), "tested": len(chosen)}
+    write_json(paths.scores, facts | {"train": len(train), "models": scores})
+    with write_motions(paths.samples, test[0].template.skeleton) as writer:
+        for name, motion in sorted((solver_samples(drawn) | shown).items()):
+            writer.add(name, motion)
 
 
-def judge_of(train: Sequence[Example], params: Params) -> Judge:
+def judge_of(real: list[Example], params: Params) -> Judge:
     """Train the extractor on both characters of the real variations."""
-    motions = [example.varied for example in train]
-    seen = [m for role in (0, 1) for m in characters(motions, train, role)]
-    skeleton = train[0].template.skeleton
+    motions = [example.varied for example in real]
+    seen = [m for role in (0, 1) for m in characters(motions, real, role)]
+    skeleton = real[0].template.skeleton
     fitted = extractor.fit(seen, skeleton, params.extractor).finish()
     return Judge(fitted, body_of(skeleton), params.limits)
 
 
-def prior_from(weights: Path) -> SkeletonPrior:
-    """Read a trained model."""
-    facts, state = read_weights(weights)
-    return training.from_state(facts["model"], state)
-
-
-def drawn_bodies(model: SkeletonPrior, test: Sequence[Example], params: Params) -> list[Example]:
-    """Draw bodies for each source of the test side, and let the solver move them."""
-    random = torch.Generator().manual_seed(params.random_seed)
-    sources = {example.source: example.template for example in test}
-    found = []
-    for name, template in sources.items():
-        scales = generate_bodies(model, params.bodies, random=random)
-        people, n_joints = (template.person_a, template.person_b), len(template.skeleton.joints)
-        scene = Scene(people, (template.skeleton,) * 2, template.fps)
-        made = vary(prepare(scene, params.solver), scales.reshape(len(scales), -1))
-        for own, points in zip(scales, made.points.astype(np.float32), strict=True):
-            first, second = (np.ascontiguousarray(p) for p in np.split(points, [n_joints], axis=1))
-            varied = replace(template, person_a=first, person_b=second)
-            found.append(Example(name, template, own, varied))
-    return found
+def sample(test: list[Example], most: int, random_seed: int) -> list[Example]:
+    """Draw so many of each source, at most, and keep their order."""
+    order = np.random.default_rng(random_seed).permutation(len(test))
+    taken: Counter[str] = Counter()
+    chosen = set()
+    for row in order.tolist():
+        taken[test[row].source] += 1
+        if taken[test[row].source] <= most:
+            chosen.add(row)
+    return [test[row] for row in sorted(chosen)]
 
 
 def score(
-    model: SkeletonPrior,
-    judge: Judge,
-    test: Sequence[Example],
-    drawn: Sequence[Example],
-    params: Params,
-) -> dict[str, dict[str, float]]:
-    """Measure both tasks."""
-    random = torch.Generator().manual_seed(params.random_seed)
-    likeliest = list(varied(model, test, None))
-    sampled = list(varied(model, drawn, random))
-    one = drawn[0]
-    (samples,) = retarget(
-        model, one.template, one.scales[None], samples=params.bodies, random=random
-    )
-    diversity = sample_diversity(np.stack([oriented(motion, one) for motion in samples]))
-    generated = judge.generated(sampled, drawn) | judge.distance(sampled, drawn, test)
+    model: SkeletonPrior, judge: Judge, sides: tuple[list[Example], list[Example]], params: Params
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Measure both tasks: by task, by source, by metric."""
+    test, drawn = sides
+    found: dict[str, dict[str, dict[str, float]]] = {"retargeting": {}, "generation": {}}
+    for source in dict.fromkeys(example.source for example in test):
+        given, own = of_source(test, source), of_source(drawn, source)
+        random = torch.Generator().manual_seed(params.bodies.random_seed)
+        found["retargeting"][source] = retargeting(model, judge, given)
+        found["generation"][source] = generation(
+            model, judge, (given, own), params.bodies.samples, random
+        )
+    return {task: means | {ALL: over_sources(means)} for task, means in found.items()}
+
+
+def first_of_each(drawn: list[Example]) -> list[Example]:
+    """Take the first drawn body of each source."""
+    return list({example.source: example for example in reversed(drawn)}.values())
+
+
+def samples_of(model: SkeletonPrior, name: str, drawn: list[Example]) -> dict[str, Interaction]:
+    """Give the likeliest motions of a model on the drawn bodies that are shown."""
     return {
-        "retargeting": judge.retargeted(likeliest, test),
-        "generation": generated | {"diversity": diversity},
+        f"{one.source}{SEPARATOR}{name}": varied(model, [one], None)[0]
+        for one in first_of_each(drawn)
     }
 
 
-def varied(
-    model: SkeletonPrior, examples: Sequence[Example], random: torch.Generator | None
-) -> Iterator[Interaction]:
-    """Vary each example's source to its body, a source's bodies together."""
-    by_source: dict[str, list[int]] = {}
-    for row, example in enumerate(examples):
-        by_source.setdefault(example.source, []).append(row)
-    found: dict[int, Interaction] = {}
-    for rows in by_source.values():
-        scales = np.stack([examples[row].scales for row in rows])
-        pairs = retarget(model, examples[rows[0]].template, scales, samples=1, random=random)
-        for row, (pair,) in zip(rows, pairs, strict=True):
-            found[row] = pair
-    return iter([found[row] for row in range(len(examples))])
+def solver_samples(drawn: list[Example]) -> dict[str, Interaction]:
+    """Give the sources, and the solver's motions on those bodies."""
+    shown = first_of_each(drawn)
+    sources = {f"{one.source}{SEPARATOR}source": one.template for one in shown}
+    return sources | {f"{one.source}{SEPARATOR}solver": one.varied for one in shown}
+
+
+def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:
+    """Average over the sources that have a metric."""
+    names = dict.fromkeys(name for metrics in found.values() for name in metrics)
+    return {
+        name: float(np.mean([metrics[name] for metrics in found.values() if name in metrics]))
+        for name in names
+    }
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("family", "sides", "models", "scores"):
+    for name in ("family", "sides", "models", "scores", "samples"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

@@ -3,7 +3,8 @@
 Usage: python -m stages.ingest [--kept=DIR] RAW SEQUENCES METRICS.json
 
 What was read before is found in the folder KEPT, which DVC does not know: only what is new is read,
-and the result is the same bytes as without it.
+and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to read on,
+whose workers see RAW under the same path.
 """
 
 import argparse
@@ -23,6 +24,7 @@ from pacmo_core.quality import Limits
 from pacmo_core.readings import Readings, Usable
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
 from pacmo_core.store.motions import write_motions
+from stages._cluster import scheduler_address
 from stages._files import CLIPS, MOTIONS, QUARANTINE, write_json
 from stages._params import read_params
 
@@ -57,7 +59,8 @@ def main(raw: Path, sequences: Path, metrics: Path, *, kept: Path | None = None)
     recipe = recipe_of(params, raw)
     aside: list[QuarantineFacts] = []
     known = Readings(kept, words_of(params)) if kept else None
-    captures = usable(read_sequences(recipe, wanted, known), aside)
+    readings = read_sequences(recipe, wanted, known, scheduler_address())
+    captures = usable(readings, aside)
     first = next(captures, None)
     if first is None:
         raise ValueError(f"{raw}: no capture of {len(wanted)} is usable; first: {aside[0].reason}")

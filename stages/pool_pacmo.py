@@ -14,6 +14,7 @@ from pacmo_core.metrics.sensitivity import PERFECT, sensitivity
 from pacmo_core.store.scores import read_scores
 from stages._files import write_json
 from stages._params import read_params
+from stages._pooled import Folds, as_json, augmentation
 
 # Of these all other models of reactions are subtracted.
 FIRST = "pacmo"
@@ -28,8 +29,6 @@ SEEN = {
     "pacmo_any_act": ("pacmo", "pacmo_permuted"),
     "pacmo_same_act": ("pacmo_same_act", "pacmo_permuted_same_act"),
 }
-
-Folds = dict[str, dict[str, list[BySeed]]]  # row, metric, then fold by fold
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,7 @@ def main(scores: Path, metrics: Path) -> None:
             "absent": absences(facts),
             "differences": differences(pooled, params.confidence),
             "sensitivity": sensitivities(pooled, params.confidence),
+            "augmentation": augmentation(table, pooled, params.confidence),
         },
     )
 
@@ -167,17 +167,6 @@ def absences(facts: dict[str, dict[str, Any]]) -> dict[str, dict[str, str]]:
         for row, reasons in fold["absent"].items():
             found.setdefault(row, {}).update(reasons)
     return found
-
-
-def as_json(metrics: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Round to what the intervals support, so that equal figures read equal."""
-    return {
-        name: {
-            part: value if isinstance(value, bool) else float(f"{value:.6g}")
-            for part, value in vars(found).items()
-        }
-        for name, found in metrics.items()
-    }
 
 
 def arguments() -> argparse.Namespace:

@@ -1,35 +1,35 @@
 """Put everything on one page, and its data beside it.
 
 Usage: python -m stages.report --sequences DIR --clips DIR --sides FILE --ingest JSON --splits DIR
-           --pacmo JSON --variations DIR --augment JSON --curve CSV ... --reactions ROW=DIR ...
-           --page HTML --metrics JSON
+           --pacmo JSON --variations DIR --augment JSON --priors DIR --prior-scores JSON
+           --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
 
 Curves and clips are of the first fold and seed, tables of all.
 """
 
 import argparse
-from dataclasses import dataclass
+import hashlib
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
-from pacmo_core.interaction import Interaction
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.clips import QuarantineFacts, read_rows
-from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._gallery import gallery, variation_sections
 from stages._params import PARAMS, read_params
-from stages._reactions import directed_clips
+from stages._played import played
+from stages._prior_tables import prior_clips, prior_sections
+from stages._priors import Runs
 from stages._tables import NOTES, main_tables, sections
 
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
 
 PATHS = (
     *("sequences", "clips", "sides", "ingest", "splits", "pacmo"),
-    *("variations", "augment", "page", "metrics"),
+    *("variations", "augment", "priors", "prior_scores", "page", "metrics"),
 )
 
 
@@ -42,40 +42,41 @@ class Params:
     variations_each: int  # at most, the worst first
 
 
-@dataclass(frozen=True)
-class Runs:
-    """The ``runs`` section of ``params.yaml``."""
-
-    folds: list[int]
-    seeds: list[int]
-
-
 def main(paths: argparse.Namespace) -> None:
     params = read_params("report", Params)
     experiment = read_params("experiment", str)
     runs = read_params("runs", Runs)
-    ingest, pacmo = map(read_json, (paths.ingest, paths.pacmo))
+    ingest, pacmo, priors = map(read_json, (paths.ingest, paths.pacmo, paths.prior_scores))
     splits = {fold: read_json(paths.splits / f"{fold}.json") for fold in runs.folds}
     reactions = dict(word.split("=") for word in paths.reactions)
     page = Report(
         title=experiment,
         summary=SUMMARY,
-        facts=made_by(experiment, runs, pacmo),
+        facts=made_by(experiment, runs, pacmo) | hashes(paths.clips, reactions),
         data=summarise(ingest, splits, paths.sequences),
         tables=main_tables(pacmo),
         notes=(*NOTES, halves_note(pacmo["rows"])),
         sections=(
             *sections(pacmo, ingest["dataset"]),
             *variation_sections(read_json(paths.augment)),
+            *prior_sections(priors),
         ),
         curves={model_of(path): curve(path) for path in paths.curve},
         clips=tuple(played((paths.clips, paths.sides), reactions, params.played_clips)),
-        gallery=tuple(gallery(paths.variations, params.varied_clips, params.variations_each)),
+        gallery=(
+            *gallery(paths.variations, params.varied_clips, params.variations_each),
+            *prior_clips(paths.priors, priors),
+        ),
     )
     write_text(paths.page, render_report(page))
-    data = {**ingest, "runs": vars(runs), "folds": splits}
+    data = {**ingest, "runs": asdict(runs), "folds": splits}
     tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
-    more = {"pacmo_sensitivity": pacmo["sensitivity"], "augment": read_json(paths.augment)}
+    tables["pacmo_augmentation"] = pacmo["augmentation"]
+    more = {
+        "pacmo_sensitivity": pacmo["sensitivity"],
+        "augment": read_json(paths.augment),
+        "skeleton_prior": priors,
+    }
     write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **more})
 
 
@@ -96,6 +97,20 @@ def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str
         "Features": f"auto-encoder {hashes['extractor']}, a fold each",
         "Matching": f"matcher {hashes['matcher']}, a fold each; among {candidates} partners",
     }
+
+
+def hashes(clips: Path, reactions: dict[str, str]) -> dict[str, str]:
+    """Say which bytes the tables and the clips are of: the beginnings of SHA-256."""
+    files = {"clips": clips, **{row: Path(folder) for row, folder in reactions.items()}}
+    return {
+        f"SHA-256, {name}": f"{_sha256(folder / MOTIONS)[:16]} {(folder / MOTIONS).as_posix()}"
+        for name, folder in files.items()
+    } | {"SHA-256, parameters": _sha256(PARAMS)[:16]}
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def counted(things: list[int], name: str) -> str:
@@ -153,40 +168,11 @@ def curve(path: Path) -> Curve:
     return Curve(steps=terms.pop("step"), terms=terms, x_label="round")
 
 
-def played(folders: tuple[Path, Path], reactions: dict[str, str], n_clips: int) -> list[PlayedClip]:
-    """Choose test clips, one an action before a second of any, and set what answered beside."""
-    turn: dict[str, int] = {}
-    candidates = []
-    for name, facts, seen in directed_clips(*folders, "test"):
-        if name.endswith("#b"):
-            turn[facts.action] = turn.get(facts.action, -1) + 1
-            candidates.append((turn[facts.action], name, facts.action, seen))
-    chosen = sorted(candidates, key=lambda c: c[:2])[:n_clips]
-    answers = {row: answers_in(Path(folder)) for row, folder in reactions.items()}
-    return [
-        PlayedClip(
-            name,
-            action,
-            (
-                Panel("real", seen),
-                *(Panel(row, found[name]) for row, found in answers.items() if name in found),
-            ),
-        )
-        for _, name, action, seen in chosen
-    ]
-
-
-def answers_in(folder: Path) -> dict[str, Interaction]:
-    """Hold the first reactions of one row, by clip and person."""
-    found = ((n.rsplit("#", 1), i) for n, i in stream_motions(folder / MOTIONS))
-    return {name: interaction for (name, number), interaction in found if number == "0"}
-
-
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
     for name in PATHS:
-        parser.add_argument(f"--{name}", type=Path, required=True)
+        parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True)
     parser.add_argument("--curve", type=Path, action="append", required=True)
     parser.add_argument("--reactions", action="append", required=True)
     return parser.parse_args()

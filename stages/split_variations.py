@@ -1,19 +1,23 @@
-"""Say on which side each variation of a family stands in a split.
+"""Say on which side each variation stands, in every split of every family.
 
-Usage: python -m stages.split_variations --split=NAME FAMILY SIDES.parquet METRICS.json
+Usage: python -m stages.split_variations VARIATIONS SIDES METRICS.json
+
+VARIATIONS holds a folder a family. SIDES will hold FAMILY/SPLIT.parquet.
 """
 
 import argparse
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from pacmo_core.skeleton_prior.splits import SIDES, SplitSettings, fewer, split
+from pacmo_core.skeleton_prior.splits import SIDES, Fact, SplitSettings, fewer, split
 from pacmo_core.store.clips import SideFacts, write_rows
 from stages._examples import kept_facts
 from stages._files import write_json
 from stages._params import read_params
+from stages._priors import read_priors, split_and_samples
 
 
 @dataclass(frozen=True)
@@ -23,35 +27,47 @@ class Params:
     held_out: tuple[str, ...]  # patterns of the sources that splits across interactions test
     test_share: float  # of variations, in the random split
     validation_share: float  # of those left, where scales do not choose them
-    samples: int | None  # to train on; none, all
     random_seed: int
 
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("split_variations", Params)
-    facts = kept_facts(paths.family)
+    counts: dict[str, dict[str, dict[str, int]]] = {}
+    paths.sides.mkdir(parents=True, exist_ok=True)
+    for family, name in read_priors().groups():
+        facts = kept_facts(paths.variations / family)
+        sides = sides_of(facts, name, params)
+        rows = [SideFacts(variation, side) for variation, side in sides.items()]
+        write_rows(paths.sides / family / f"{name}.parquet", SideFacts, rows)
+        found = Counter(sides.values())
+        counts.setdefault(family, {})[name] = {side: found[side] for side in SIDES}
+    write_json(paths.metrics, counts)
+
+
+def sides_of(facts: Mapping[str, Fact], name: str, params: Params) -> dict[str, str]:
+    """Put a family's variations on sides."""
+    kind, samples = split_and_samples(name)
     sources = {fact.source for fact in facts.values()}
-    held_out = {s for s in sources if any(fnmatchcase(s, name) for name in params.held_out)}
     settings = SplitSettings(
-        held_out=frozenset(held_out),
+        held_out=frozenset(
+            source
+            for source in sources
+            if any(fnmatchcase(source, pattern) for pattern in params.held_out)
+        ),
         test_share=params.test_share,
         validation_share=params.validation_share,
         random_seed=params.random_seed,
     )
-    sides = split(paths.split, list(facts.values()), settings)
-    if params.samples is not None:
-        sides = fewer(sides, params.samples, random_seed=params.random_seed)
-    rows = [SideFacts(name, side) for name, side in zip(facts, sides, strict=True)]
-    write_rows(paths.sides, SideFacts, rows)
-    counts = Counter(sides)
-    write_json(paths.metrics, {side: counts[side] for side in SIDES})
+    sides = split(kind, list(facts.values()), settings)
+    if samples is not None:
+        sides = fewer(sides, samples, random_seed=params.random_seed)
+    return dict(zip(facts, sides, strict=True))
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--split", required=True)
-    for name in ("family", "sides", "metrics"):
+    for name in ("variations", "sides", "metrics"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

@@ -13,6 +13,7 @@ from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.settings import PriorSettings
 from stages._examples import stream_examples
 from stages._params import read_params
+from stages._priors import room_hash
 from stages._training import Sides, Task, train
 
 SECTION = "train_skeleton_prior"
@@ -23,10 +24,11 @@ class Params(PriorSettings):
     """The ``train_skeleton_prior`` section of ``params.yaml``."""
 
     threads: int
+    code: str  # what trained it, by which checkpoints are told apart; not in the section
 
 
 def main(paths: argparse.Namespace) -> None:
-    given = {"random_seed": paths.seed, "model": paths.model_name}
+    given = {"random_seed": paths.seed, "model": paths.model_name, "code": room_hash()}
     params = read_params(SECTION, Params, given=given)
     learnt, held_out = (
         [example for _, example in stream_examples(paths.family, paths.sides, side)]

@@ -72,12 +72,29 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
     metrics = json.loads((twins[0] / "reports" / "metrics.json").read_text())
     assert metrics["data"]["usable"] == 40
     assert metrics["pacmo"].keys() >= {
-        *("real", "oracle", "pacmo", "pacmo_plain", "gru", "wrong_partner", "pacmo_permuted")
+        *("real", "oracle", "pacmo", "pacmo_plain", "gru", "wrong_partner", "pacmo_permuted"),
+        "pacmo_augmented",
     }
+    gained = metrics["pacmo_augmentation"]
+    assert len(gained["each"]["f2id"]) == 1  # a fold
+    assert set(gained["clips"]["f2id"]) == {"mean", "low", "high"}
+    assert gained["folds"] == {}  # one fold has no interval
+    assert "Does augmentation pay?" in (twins[0] / "reports" / "report.html").read_text()
     for row in metrics["pacmo"].values():
         for name in ("f2id", "f2id_excess", "mmd_a", "mmd_s", "diversity", "matching", "ape"):
             assert set(row[name]) == {"mean", "low", "high"}
             assert row[name]["low"] <= row[name]["mean"] <= row[name]["high"]
+
+
+@pytest.mark.slow
+def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(twins):
+    found = json.loads((twins[0] / "reports" / "metrics.json").read_text())["skeleton_prior"]
+    for task in ("retargeting", "generation"):
+        models = found[task]["default"]["random"]
+        assert models.keys() == {"kinematic", "f_cnn"}
+        assert set(models["kinematic"]["all"]["JPD"]) == {"mean", "low", "high"}
+        for role in ("first", "second"):
+            assert models["kinematic"]["all"][f"E_b_{role}"]["mean"] < 1e-6
 
 
 @pytest.mark.slow
@@ -108,7 +125,7 @@ def test_an_edit_of_a_parameter_runs_just_what_rests_on_it(twins):
 @pytest.mark.slow
 def test_another_seed_trains_just_its_own_models(twins):
     params = twins[1] / "params.yaml"
-    params.write_text(params.read_text().replace("seeds: [1] ", "seeds: [1, 2] "))
+    params.write_text(params.read_text().replace("seeds: [1] ", "seeds: [1, 2] ", 1))
     said = run(twins[1], sys.executable, "-m", "dvc", "repro")
     ran = {line.split("'")[1] for line in said.splitlines() if line.startswith("Running stage")}
     assert ran == {

@@ -97,7 +97,7 @@ def test_a_changed_file_or_setting_is_read_anew(raw, reads):
 def test_an_edit_of_the_code_is_read_anew_too(raw, reads, monkeypatch):
     run("before")
     reads.clear()
-    monkeypatch.setattr("pacmo_core.readings._code", lambda: "edited")
+    monkeypatch.setattr("pacmo_core.readings.code_key", lambda: "edited")
     run("after")
     assert len(reads) == 3
 

@@ -28,6 +28,7 @@ class PlayedClip:
     ----------
     name, action : shown as they are, never run
     panels : at least one; the first sets the ground and the camera
+    remark : why it is shown
 
     Raises
     ------
@@ -38,6 +39,7 @@ class PlayedClip:
     name: str
     action: str
     panels: tuple[Panel, ...]
+    remark: str = ""
 
     def __post_init__(self) -> None:
         if not self.panels:

@@ -191,6 +191,7 @@
     }
   }
 
+  Pacmo.Player = Player;
   const scenes = JSON.parse(document.getElementById("motions").textContent);
   for (const root of document.querySelectorAll(".player")) Pacmo.players.push(new Player(root, scenes[Number(root.dataset.clip)]));
   document.querySelector("[data-help]")?.addEventListener("click", () => Pacmo.players[0].do("help"));

@@ -22,7 +22,6 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, widths
 from pacmo_core.skeleton_prior.graph import neighbours
 from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.keyframes import keyframes
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class ExtractorSettings:
     ----------
     random_seed : int
     hidden, features : channels of the widest layer, and of the code
-    stride : frames from one that it sees to the next
+    frames : that it sees, spread evenly over a motion of any length
     instants : at which the decoder gives the motion back
     learning_rate, halve_every, batch_size, n_epochs : of the descent
     """
@@ -41,7 +40,7 @@ class ExtractorSettings:
     random_seed: int
     hidden: int
     features: int
-    stride: int
+    frames: int
     instants: int
     learning_rate: float
     halve_every: int
@@ -85,26 +84,23 @@ class Extractor(nn.Module):
         """``(n, D)`` of motions (T_i, J, 3) float32, metres, in the pair's canonical frame."""
         self.eval()
         with torch.inference_mode():
-            rows = [
-                self(
-                    torch.from_numpy(motion[list(keyframes(len(motion), self.settings.stride))])[
-                        None
-                    ]
-                )
-                for motion in motions
-            ]
+            rows = [self(self.seen(motion)[None]) for motion in motions]
         return torch.cat(rows).double().numpy()
+
+    def seen(self, motion: NDArray[np.float32]) -> Tensor:
+        """``(K, J, 3)``: the frames of a motion (T, J, 3) that it sees."""
+        at = np.linspace(0, len(motion) - 1, self.settings.frames).round().astype(int)
+        return torch.from_numpy(motion[at])
 
 
 def fit(
     motions: Sequence[NDArray[np.float32]], skeleton: Skeleton, settings: ExtractorSettings
 ) -> Fit[Extractor]:
-    """Train on motions of one length, (T, J, 3) float32, metres."""
+    """Train on motions (T_i, J, 3) float32, metres."""
     random = torch.Generator().manual_seed(settings.random_seed)
     model = Extractor(skeleton, settings)
     initialise(model, random)
-    at = list(keyframes(len(motions[0]), settings.stride))
-    seen = torch.from_numpy(np.stack([motion[at] for motion in motions]))
+    seen = torch.stack([model.seen(motion) for motion in motions])
     training = Supervised(
         model, len(seen), lambda rows: model.loss(seen[rows]), None, settings, random
     )

@@ -26,7 +26,7 @@ class GraphConvolution(nn.Module):
 
     def __init__(self, links: Tensor, in_channels: int, out_channels: int) -> None:
         super().__init__()
-        self.register_buffer("links", links)
+        self.register_buffer("links", links, persistent=False)
         self.mask = nn.Parameter(torch.ones_like(links))
         self.added = nn.Parameter(torch.zeros_like(links))
         self.along = nn.Linear(in_channels, out_channels, bias=False)

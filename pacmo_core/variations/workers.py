@@ -3,7 +3,6 @@
 Outcomes come as they are done, in no order; nothing rests on which process made what.
 """
 
-import importlib
 import os
 import threading
 from collections.abc import Iterator, Sequence
@@ -11,8 +10,8 @@ from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context, parent_process
-from typing import Any
 
+from pacmo_core.cluster import Cluster
 from pacmo_core.variations.solve import Lot, Outcome, solve
 
 # One thread a process: more would wait for each other, and other counts may round otherwise.
@@ -48,13 +47,8 @@ def solve_on_cluster(lots: Sequence[Lot], address: str) -> Iterator[Outcome]:
     ModuleNotFoundError
         If ``distributed`` is not installed: it is the extra ``dask``.
     """
-    distributed: Any = importlib.import_module("distributed")
-    with distributed.Client(address) as client:
-        # Not by content: Dask would take equal arguments for a result that it may have lost.
-        running = client.map(solve, list(lots), pure=False)
-        for done in distributed.as_completed(running):
-            yield done.result()
-            done.release()
+    with Cluster(address) as cluster:
+        yield from cluster.as_done(solve, lots)
 
 
 def die_with_parent() -> None:

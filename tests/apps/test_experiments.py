@@ -123,3 +123,18 @@ def test_tidying_goes_by_the_runs_in_the_parameters(project):
     (project / "params.yaml").write_text("train: {}\n")
     with pytest.raises(ExperimentError, match="wanted runs"):
         tidy()
+
+
+def test_runs_on_variations_go_where_an_experiment_has_none(project):
+    made = outputs(project)
+    for place in ("models/1/{}/1/weights", "reports/curves/1/{}/1.csv", "data/reactions/1/{}/1/m"):
+        path = project / place.format("pacmo_augmented")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    runs = "runs: {folds: [1, 2], seeds: [1, 2]}\n"
+    (project / "params.yaml").write_text(f"{runs}augmented: {{folds: [1], seeds: [1]}}\n")
+    tidy()
+    assert len(standing(project) - made) == 3
+    (project / "params.yaml").write_text(f"{runs}augmented: {{folds: [], seeds: []}}\n")
+    tidy()
+    assert standing(project) == made

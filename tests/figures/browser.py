@@ -22,7 +22,7 @@ _FLAGS = (
     "--remote-debugging-port=0",
 )
 _COMPLAINTS = {"Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled"}
-_PATIENCE_S = 30.0
+_PATIENCE_S = 120.0  # a machine may have much else to do
 
 
 class Tab:
@@ -67,6 +67,11 @@ class Tab:
                 raise TimeoutError(f"the page never came to {expression}; {self.complaints}")
             time.sleep(0.02)
 
+    def go(self, url: str) -> None:
+        """Open an address, or the same one again."""
+        self.call("Page.navigate", url=url)
+        self.wait_until("document.readyState === 'complete'")
+
     def size(self, width: int, height: int, *, dark: bool = False) -> None:
         """Take the size of a window or of a phone, and a light or dark taste."""
         self.call(
@@ -99,17 +104,16 @@ class Tab:
 
 
 @contextmanager
-def open_page(page: Path, profile: Path) -> Iterator[Tab]:
-    """Open a file as a double click would, in a browser that has never been used."""
-    command = [str(CHROMIUM), *_FLAGS, f"--user-data-dir={profile}", "about:blank"]
+def open_page(page: Path | str, profile: Path, *flags: str) -> Iterator[Tab]:
+    """Open a file as a double click would, or an address, in a browser that was never used."""
+    command = [str(CHROMIUM), *_FLAGS, *flags, f"--user-data-dir={profile}", "about:blank"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as browser:
         try:
             assert browser.stderr
             address = next(m[0] for line in browser.stderr if (m := re.search(r"ws://\S+", line)))
             with connect(address, max_size=None) as socket:
                 tab = Tab(socket)
-                tab.call("Page.navigate", url=page.as_uri())
-                tab.wait_until("document.readyState === 'complete'")
+                tab.go(page if isinstance(page, str) else page.as_uri())
                 yield tab
         finally:
             browser.kill()

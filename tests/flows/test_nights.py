@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import pyarrow.parquet as pq
 import pytest
 
 from apps.failure import CommandError
@@ -114,6 +115,19 @@ def test_a_spoilt_cache_object_is_found_and_made_again(project):
     run = night(HAND)
     assert len(run.facts["spoilt_objects"]) == 1 and "split" in run.facts["stages"]
     assert Path("sides.txt").read_bytes() == good and spoilt_objects() == []
+
+
+def test_broken_tables_are_made_again(project):
+    drop(project, range(1))
+    night(HAND)
+    table, output = Path("history/decisions/decisions.parquet"), Path("sides.txt")
+    good = output.read_bytes()
+    for file in (table, output):
+        file.unlink()  # not the cache's object, of which this may be a link
+        file.write_bytes(b"PAR1 and nothing else")
+    run = night(HAND)
+    assert output.read_bytes() == good and "split" in run.facts["stages"]
+    assert pq.read_table(table).num_rows == len(read_decisions(Path("history/decisions"))[0]) == 2
 
 
 def test_two_flows_at_once_are_one_and_a_refusal(project):

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from flows.graph import stages_below
 
 ROOT = Path(__file__).parents[2]
-ONCE = {"synthesise", "ingest", "cut", "pool_pacmo", "report"}
+ONCE = {"synthesise", "ingest", "cut", "augment", "pool_pacmo", "report"}
 ONCE_A_FOLD = {"split", "train_autoencoder", "train_matcher", "react_oracle", "evaluate_pacmo"}
 
 

@@ -15,6 +15,7 @@ import pytest
 
 from apps.records import read_runs
 from flows.missed import is_covered
+from flows.server import _start, answers
 from tests.flows.nights import drop, environment, make_project, set_params
 
 pytestmark = pytest.mark.slow
@@ -104,6 +105,45 @@ def test_the_scheduled_nightly_promotes_and_then_holds_and_says_so_on_the_server
     serving(port)
     later = wait_for_nights(before + 1)[before:]
     assert "s01s02/01/010" in later[0].facts["taken"]
+
+
+def test_a_server_that_restarts_in_the_midst_of_a_night_costs_at_most_that_night(
+    project, serving, monkeypatch
+):
+    drop(project, range(2))
+    whole = Path("make.py").read_text()
+    slow = whole.replace("import json, sys", "import json, sys, time")
+    Path("make.py").write_text(slow.replace('== "split":', '== "split":\n    time.sleep(15)'))
+    port = free_port()
+    monkeypatch.setenv("PREFECT_HOME", str(project / ".prefect"))
+    server = start_server(port)
+    serving(port)
+    while "running" not in [run.outcome for run in read_runs(Path("history/runs"))]:
+        time.sleep(0.2)
+    server.kill()
+    server.wait()
+    server = start_server(port)
+    try:
+        (first,) = wait_for_nights(1)[:1]
+        assert first.outcome in ("done", "failed")
+        later = first if first.outcome == "done" else wait_for_nights(2)[1]
+        assert later.outcome == "done" and later.facts["verdict"] == "promoted"
+        assert sorted(p.parent.name for p in Path("data/captures/lab").rglob("skeleton*")) == [
+            "000",
+            "001",
+        ]
+    finally:
+        server.kill()
+        server.wait()
+
+
+def start_server(port):
+    process = _start(port)
+    deadline = time.monotonic() + PATIENCE_S
+    while not answers(f"http://127.0.0.1:{port}/api"):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.5)
+    return process
 
 
 def test_seven_late_nights_are_one_night(project, monkeypatch):

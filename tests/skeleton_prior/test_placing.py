@@ -40,7 +40,8 @@ def test_every_bone_is_right_whatever_the_network_says(seed):
 def test_a_field_of_zero_on_the_same_body_is_the_template(seed):
     tree, template, scales, field = case(seed)
     placed = tree(torch.zeros_like(field), template, torch.ones_like(scales))
-    torch.testing.assert_close(placed, template, atol=1e-5, rtol=0)
+    # The angle of a nearly straight limb is known to the root of single precision.
+    torch.testing.assert_close(placed, template, atol=3e-4, rtol=0)
 
 
 @FIXED

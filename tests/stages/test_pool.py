@@ -18,6 +18,7 @@ VALUES = {  # fold 1 and fold 2
     ("pacmo", 2, "f2id"): (0.3, 0.4),
     ("pacmo_permuted", 1, "f2id"): (0.4, 0.5),
     ("pacmo_permuted", 2, "f2id"): (0.6, 0.7),
+    ("pacmo_augmented", 1, "f2id"): (0.05, 0.1),
     ("gru", 1, "f2id"): (0.9, 1.0),
     ("gru", 1, "multimodality"): (0.9, None),
 }
@@ -54,6 +55,7 @@ def test_rows_are_means_over_seeds_and_folds_with_the_floors_beside_them(pooled)
         "wrong_partner": [0],
         "pacmo": [1, 2],
         "pacmo_permuted": [1, 2],
+        "pacmo_augmented": [1],
         "gru": [1],
     }
     assert pooled["test_reactions"] == 8
@@ -72,6 +74,7 @@ def test_differences_are_paired_where_rows_share_draws(pooled):
     assert set(pooled["differences"]) == {
         "pacmo_minus_gru",
         "pacmo_minus_pacmo_permuted",
+        "pacmo_minus_pacmo_augmented",
         "real_pairs_minus_wrong_partner",
     }
 
@@ -80,3 +83,10 @@ def test_sensitivity_says_which_metrics_see_the_partner(pooled):
     assert set(pooled["sensitivity"]) == {"any_act", "pacmo_any_act"}
     seen = pooled["sensitivity"]["any_act"]["mmd_pair"]
     assert seen["mean"] == pytest.approx(-0.3) and seen["sees"] is True
+
+
+def test_what_variations_gain_is_told_fold_by_fold_of_equal_seeds(pooled):
+    found = pooled["augmentation"]
+    assert found["each"] == {"f2id": pytest.approx([-0.05, -0.1])}
+    assert found["folds"]["f2id"]["mean"] == pytest.approx(-0.075)
+    assert found["clips"]["f2id"]["mean"] == pytest.approx(0.075 - 0.25)

@@ -1,0 +1,192 @@
+"""Skeleton priors: the supplement's Tables 1 to 10 with ours in the same cells, and what moves."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pacmo_core.figures.columns import LOWER, UNKNOWN, Metric
+from pacmo_core.figures.paper_priors import COLUMNS, FEWER, TABLES
+from pacmo_core.figures.tables import Entry, Line, Table, entry_of, number
+
+# By model, by metric: mean, low, high.
+Found = Mapping[str, Mapping[str, Mapping[str, float]]]
+# By task, by split: the same.
+Scores = Mapping[str, Mapping[str, Found]]
+
+OURS = "kinematic"
+MODELS = {
+    OURS: Metric("Ours", UNKNOWN, "", "bones turned, lengths by forward kinematics"),
+    "paper": Metric("Paper's form", UNKNOWN, "", "offsets from the template, one body's scale"),
+    "f_cnn": Metric("F-CNN", UNKNOWN, "", "frame by frame, convolutions over joints"),
+    "f_gcn": Metric("F-GCN", UNKNOWN, "", "frame by frame, graph convolutions"),
+    "m_cnn": Metric("M-CNN", UNKNOWN, "", "whole motions, convolutions"),
+    "m_gcn": Metric("M-GCN", UNKNOWN, "", "whole motions, graph convolutions"),
+}
+BASELINES = ("f_cnn", "f_gcn", "m_cnn", "m_gcn")
+SPLITS = {
+    "random": "Random",
+    "cross_scale": "Cross-scale",
+    "cross_interaction": "Cross-interaction",
+    "cross_scale_interaction": "Cross-scale-interaction",
+}
+HARDEST = "cross_scale_interaction"
+
+
+@dataclass(frozen=True)
+class Block:
+    """One block of the supplement's tables: a metric of a task.
+
+    Parameters
+    ----------
+    task : retargeting or generation
+    metric : its name; with ``_first`` and ``_second`` where it is of each character
+    each : whether it is
+    unit : of the figures as shown
+    factor : from metres to that
+    """
+
+    task: str
+    metric: str
+    each: bool
+    unit: str
+    factor: float
+
+    @property
+    def label(self) -> str:
+        """Name it as the first column does."""
+        unit = f", {self.unit}" if self.unit else ""
+        return f"{self.metric}, {self.task}{unit}"
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Name the figures of a cell, A's first as the supplement has them."""
+        return (f"{self.metric}_second", f"{self.metric}_first") if self.each else (self.metric,)
+
+
+BLOCKS = (
+    Block("retargeting", "E_r", each=True, unit="mm", factor=1e3),
+    Block("retargeting", "E_b", each=True, unit="mm", factor=1e3),
+    Block("retargeting", "JPD", each=False, unit="mm", factor=1e3),
+    Block("generation", "FID", each=True, unit="", factor=1.0),
+    Block("generation", "E_b", each=True, unit="mm", factor=1e3),
+    Block("generation", "JPD", each=False, unit="mm", factor=1e3),
+)
+EYE = {
+    "contacts_kept": Metric("Contacts kept", "↑", "", "share of touching pairs and frames"),
+    "slide": Metric("Foot sliding", LOWER, "m/s", "of feet that stand in the source"),
+    "merged": Metric("Merged", LOWER, "", "share of frames in which the bodies merge"),
+    "diversity": Metric("Diversity", UNKNOWN, "m", "distance of joints of two samples of a body"),
+}
+NAMES = tuple(TABLES)
+
+
+def motion_table(scores: Scores, motion: str) -> Table:
+    """Lay out one motion as the supplement does, its figures small below ours.
+
+    Parameters
+    ----------
+    scores : of one source, or of all
+    motion : of the supplement, whose figures stand beside
+    """
+    printed = [line.split() for line in TABLES[motion].split("\n") if line.strip()]
+    lines = []
+    for number_of_block, block in enumerate(BLOCKS):
+        for row, split in enumerate(SPLITS):
+            theirs = dict(zip(COLUMNS, printed[4 * number_of_block + row], strict=True))
+            found = scores.get(block.task, {}).get(split, {})
+            entries = tuple(_cell(found, model, block, theirs.get(model, "")) for model in MODELS)
+            lines.append(Line(block.label, SPLITS[split], is_model=True, entries=entries))
+    return Table(tuple(MODELS.values()), tuple(lines))
+
+
+def fewer_table(scores: Scores) -> Table:
+    """Lay out Table 10: what fewer samples to train on cost ours and the best baseline."""
+    lines = []
+    for kind in ("", "_24", "_12", "_6"):
+        split = HARDEST + kind
+        for label, models in (("Ours", (OURS,)), ("Best baseline", BASELINES)):
+            entries = tuple(_best(scores, split, models, block) for block in BLOCKS)
+            samples = f"{kind[1:]} samples" if kind else "all samples"
+            lines.append(Line(label, samples, is_model=label == "Ours", entries=entries))
+    for motion, rows in FEWER.items():
+        for n, text in rows.items():
+            cells = tuple(Entry(value, "", "", "") for value in text.split())
+            lines.append(
+                Line(f"Supplement, {motion}", f"{n} samples", is_model=False, entries=cells)
+            )
+    metrics = tuple(Metric(block.label, LOWER, "", "mean of both characters") for block in BLOCKS)
+    return Table(metrics, tuple(lines))
+
+
+def eye_table(scores: Scores) -> Table:
+    """Lay out what an animator looks at."""
+    lines = []
+    for split in dict.fromkeys(split for task in scores.values() for split in task):
+        for model, metric in MODELS.items():
+            cells = [_of(scores, split, model, name) for name in EYE]
+            if any(cells):
+                entries = tuple(entry_of(cell, "") for cell in cells)
+                name = SPLITS.get(split, split.replace("_", " "))
+                lines.append(Line(metric.label, name, is_model=True, entries=entries))
+    return Table(tuple(EYE.values()), tuple(lines))
+
+
+def of_source(scores: Mapping[str, Any], family: str, source: str) -> Scores:
+    """Take one source's figures out of a family's: by task, split, model, metric."""
+    return {
+        task: {
+            split: {
+                model: sources[source] for model, sources in models.items() if source in sources
+            }
+            for split, models in families.get(family, {}).items()
+        }
+        for task, families in scores.items()
+    }
+
+
+def verdicts(scores: Scores) -> Iterator[str]:
+    """Say in how many splits ours beats every baseline, metric by metric."""
+    for block in BLOCKS:
+        splits = [s for s in SPLITS if OURS in scores.get(block.task, {}).get(s, {})]
+        won = [s for s in splits if _wins(scores[block.task][s], block)]
+        if splits:
+            yield f"{block.label}: ours is best in {len(won)} of {len(splits)} splits"
+
+
+def _wins(found: Found, block: Block) -> bool:
+    means = {model: _mean(found[model], block) for model in (OURS, *BASELINES) if model in found}
+    return len(means) > 1 and min(means, key=means.__getitem__) == OURS
+
+
+def _mean(metrics: Mapping[str, Mapping[str, float]], block: Block) -> float:
+    return sum(metrics[part]["mean"] for part in block.parts) / len(block.parts)
+
+
+def _cell(found: Found, model: str, block: Block, printed: str) -> Entry:
+    theirs = f"supplement {printed}" if printed not in ("", "-") else ""
+    if model not in found or not all(part in found[model] for part in block.parts):
+        return Entry("–", theirs, "", "")
+    cells = [found[model][part] for part in block.parts]
+    value = "/".join(number(block.factor * cell["mean"]) for cell in cells)
+    spread = [
+        f"{number(block.factor * cell['low'])} … {number(block.factor * cell['high'])}"
+        for cell in cells
+        if cell["low"] < cell["high"]
+    ]
+    complete = {m: own for m, own in found.items() if all(part in own for part in block.parts)}
+    best = min(complete, key=lambda m: _mean(complete[m], block))
+    entry = Entry(value, "; ".join([*spread, *([theirs] if theirs else [])]), "", "")
+    return replace(entry, mark="best") if model == best and len(complete) > 1 else entry
+
+
+def _best(scores: Scores, split: str, models: tuple[str, ...], block: Block) -> Entry:
+    found = scores.get(block.task, {}).get(split, {})
+    means = [_mean(found[model], block) for model in models if model in found]
+    if not means:
+        return Entry("–", "", "", "")
+    return Entry(number(block.factor * min(means)), "", "", "")
+
+
+def _of(scores: Scores, split: str, model: str, name: str) -> Mapping[str, float]:
+    tasks = (scores[task].get(split, {}).get(model, {}) for task in scores)
+    return next((metrics[name] for metrics in tasks if name in metrics), {})

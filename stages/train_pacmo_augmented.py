@@ -1,0 +1,98 @@
+"""Train PaCMO on a fold's clips and their variations, step for step as ``train_pacmo`` does.
+
+Usage: python -m stages.train_pacmo_augmented [--section=NAME] --seed=S --share=P
+           CLIPS SIDES.parquet VARIATIONS MODEL CURVE.csv
+
+Only variations of the clips that are trained on are seen. Weights are chosen on validation clips
+as they were captured.
+"""
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pacmo_core.pacmo import adversarial
+from pacmo_core.pacmo.settings import PacmoSettings
+from pacmo_core.pacmo.varied import Variations, widen
+from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.variations import VARIATIONS, read_variations
+from stages._clips import stream_side
+from stages._files import MOTIONS
+from stages._params import read_params
+from stages._training import Task, sides_of, train
+
+
+@dataclass(frozen=True)
+class Params(PacmoSettings):
+    """The ``train_pacmo`` section of ``params.yaml``, and what the command line adds."""
+
+    threads: int
+    share: float  # of a clip's showings in which a variation stands for it
+
+
+def main(paths: argparse.Namespace) -> None:
+    given = {"random_seed": paths.seed, "share": paths.share}
+    params = read_params(paths.section, Params, given=given)
+    found = sides_of(paths.clips, paths.sides)
+    variations = variations_of(paths, params.share)
+    task = Task(
+        "pacmo",
+        params,
+        # What it learns from, and so what a checkpoint is of.
+        replace(found, train=[*found.train, *variations.interactions]),
+        lambda device: widen(
+            adversarial.fit(
+                found.train,
+                params,
+                labels=found.train_actions,
+                validation=found.validation,
+                validation_labels=found.validation_actions,
+                device=device,
+            ),
+            variations,
+        ),
+        adversarial.config,
+        shares=True,
+    )
+    train(task, paths.model, paths.curve)
+
+
+def variations_of(paths: argparse.Namespace, share: float) -> Variations:
+    """Hold the variations of the training clips in memory.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    facts = [facts for facts, _ in stream_side(paths.clips, paths.sides, "train")]
+    numbers = {row.clip: number for number, row in enumerate(facts)}
+    family = paths.variations / facts[0].dataset
+    sources = {row.variation: row.clip for row in read_variations(family / VARIATIONS) if row.kept}
+    made = {
+        name: motion
+        for name, motion in stream_motions(family / MOTIONS)
+        if sources[name] in numbers
+    }
+    if not made:
+        raise ValueError(f"{family}: wanted variations of the clips of the side train, found none")
+    return Variations(
+        interactions=list(made.values()),
+        sources=[numbers[sources[name]] for name in made],
+        share=share,
+    )
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser()
+    for name in ("clips", "sides", "variations", "model", "curve"):
+        parser.add_argument(name, type=Path)
+    parser.add_argument("--section", default="train_pacmo", help="of params.yaml")
+    parser.add_argument("--seed", type=int, required=True, help="of this run")
+    parser.add_argument("--share", type=float, required=True, help="of varied showings")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main(arguments())

@@ -1,0 +1,170 @@
+"""What is trusted: the training without variations, and what an uninterrupted training writes."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pacmo_core.pacmo import adversarial
+from pacmo_core.pacmo.varied import Choice, Variations, Varied, widen
+from pacmo_core.skeleton import SBU15
+from pacmo_core.store.clips import SideFacts, write_rows
+from pacmo_core.store.motions import stream_motions, write_motions
+from pacmo_core.store.variations import VARIATIONS, VariationFacts, write_variations
+from pacmo_core.store.weights import read_weights
+from stages import train_pacmo, train_pacmo_augmented
+from tests.pacmo.problems import PACMO, clips
+from tests.stages.training import prepare
+
+CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations")
+BODY = {"head": 1.0}
+SETTINGS = replace(PACMO, n_epochs=6)
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path, monkeypatch):
+    """Stand in a folder with clips, variations of them all and parameters."""
+    prepare(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DVC_STUDIO_OFFLINE", "true")
+    vary(tmp_path / MADE / "toy")
+    threads = torch.get_num_threads()
+    yield tmp_path
+    torch.use_deterministic_algorithms(mode=False)
+    torch.set_num_threads(threads)
+
+
+def vary(folder: Path) -> None:
+    """Write two variations of each clip, taller by so much."""
+    rows = []
+    with write_motions(folder / "motions.parquet", SBU15) as writer:
+        for name, clip in stream_motions(CLIPS / "motions.parquet"):
+            for scale in (1.1, 1.2):
+                own = f"{name}~{scale}"
+                taller = replace(clip, person_a=clip.person_a * np.float32(scale))
+                writer.add(own, taller)
+                rows.append(VariationFacts(own, name, "uniform", True, "", 0.0, {}, BODY, BODY))
+    write_variations(folder / VARIATIONS, rows, list(BODY))
+
+
+def paths(share: float, model: str = "models/m") -> argparse.Namespace:
+    return argparse.Namespace(
+        clips=CLIPS, sides=SIDES, variations=MADE, model=Path(model), curve=Path("curves/m.csv"),
+        section="train_pacmo", seed=1, share=share,
+    )  # fmt: skip
+
+
+def tensors(model: str) -> dict[str, torch.Tensor]:
+    return read_weights(Path(model) / "weights.safetensors")[1]
+
+
+def test_without_a_share_it_trains_what_train_pacmo_trains():
+    train_pacmo.main(
+        CLIPS, SIDES, Path("models/p"), Path("curves/p.csv"), section="train_pacmo", seed=1
+    )
+    train_pacmo_augmented.main(paths(0.0))
+    plain, augmented = tensors("models/p"), tensors("models/m")
+    assert plain.keys() == augmented.keys()
+    assert all(torch.equal(plain[name], augmented[name]) for name in plain)
+    assert Path("curves/p.csv").read_bytes() == Path("curves/m.csv").read_bytes()
+
+
+def test_with_a_share_it_takes_as_many_steps_and_learns_something_else():
+    train_pacmo_augmented.main(paths(0.0, "models/p"))
+    train_pacmo_augmented.main(paths(0.5))
+    assert any(
+        not torch.equal(a, b)
+        for a, b in zip(tensors("models/p").values(), tensors("models/m").values(), strict=True)
+    )
+    plain, wide = (adversarial.fit(clips(8), SETTINGS).training for _ in range(2))
+    varied = Varied(wide, Variations(interactions=clips(4), sources=[0, 0, 3, 7], share=0.5))
+    varied.epoch(0)
+    assert varied.training.steps_an_epoch == plain.steps_an_epoch
+    assert len(varied.training.pairs) == len(plain.pairs)
+
+
+def test_only_variations_of_clips_that_are_trained_on_are_seen():
+    found = train_pacmo_augmented.variations_of(paths(0.5), 0.5)
+    names = [name for name, _ in stream_motions(CLIPS / "motions.parquet")]
+    trained = dict(enumerate(names[2:]))  # two are for validation
+    own = dict(stream_motions(CLIPS / "motions.parquet"))
+    assert len(found.interactions) == 2 * len(trained)
+    for source, varied in zip(found.sources, found.interactions, strict=True):
+        np.testing.assert_array_equal(varied.person_b, own[trained[source]].person_b)
+
+
+def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_folder():
+    rows = [SideFacts(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
+    rows[0] = replace(rows[0], side="train")
+    write_rows(SIDES, SideFacts, rows)
+    write_variations(MADE / "toy" / VARIATIONS, [], list(BODY))
+    with write_motions(MADE / "toy" / "motions.parquet", SBU15):
+        pass
+    with pytest.raises(ValueError, match="variations/toy"):
+        train_pacmo_augmented.variations_of(paths(0.5), 0.5)
+
+
+def test_every_form_of_a_pair_is_shown_as_often_as_it_should():
+    sources = np.array([2, 0, 2, 2])
+    choice = Choice(4, sources)
+    random = np.random.default_rng(1)
+    drawn = np.stack([choice.draw(0.6, random) for _ in range(4000)])
+    forms = {0: [5], 1: [], 2: [4, 6, 7], 3: []}
+    for pair, further in forms.items():
+        shown = drawn[:, pair]
+        assert set(shown) == {pair, *further}
+        for form in further:
+            assert (shown == form).mean() == pytest.approx(0.6 / len(further), abs=0.03)
+
+
+def test_a_variation_shows_its_own_clip_from_either_side():
+    base, made = clips(3), clips(5)[3:]
+    variations = Variations(interactions=made, sources=[2, 0], share=1.0)
+    plain = adversarial.fit(base, replace(SETTINGS, swap=True))
+    varied = widen(plain, variations).training
+    varied.epoch(0)
+    shown = varied.training.pairs
+    alone = adversarial.fit(
+        [made[1], base[1], made[0]], replace(SETTINGS, swap=True)
+    ).training.pairs
+    torch.testing.assert_close(shown.partner, alone.partner)
+    torch.testing.assert_close(shown.reaction, alone.reaction)
+
+
+def test_a_training_that_goes_on_from_a_snapshot_ends_as_the_whole():
+    def begin():
+        variations = Variations(interactions=clips(4), sources=[0, 1, 1, 5], share=0.5)
+        return widen(adversarial.fit(clips(8), SETTINGS), variations)
+
+    whole = begin()
+    whole.finish()
+    first, second = begin(), begin()
+    for _, _ in zip(range(3), first, strict=False):
+        pass
+    second.restore(first.snapshot())
+    second.finish()
+    one, two = whole.model.state_dict(), second.model.state_dict()
+    assert all(torch.equal(one[name], two[name]) for name in one)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({"share": 1.5}, "share must lie in"),
+        ({"sources": [0]}, "a source each"),
+        ({"interactions": [], "sources": []}, "a source each"),
+    ],
+)
+def test_variations_that_are_none_are_refused(fault, words):
+    given = {"interactions": clips(2), "sources": [0, 1], "share": 0.5} | fault
+    with pytest.raises(ValueError, match=words):
+        Variations(**given)
+
+
+def test_a_source_that_is_no_clip_is_refused():
+    variations = Variations(interactions=clips(1), sources=[3], share=0.5)
+    with pytest.raises(ValueError, match="numbers of 3 clips"):
+        widen(adversarial.fit(clips(3), SETTINGS), variations)
