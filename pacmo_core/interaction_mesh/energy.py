@@ -22,6 +22,7 @@ all directions and bodies at once.
 """
 
 from dataclasses import dataclass
+from math import prod
 from typing import TypeVar
 
 import numpy as np
@@ -157,7 +158,8 @@ def _pulls(scene: Scene, laplacians: Array, stretched: Array) -> csr_array:
 
 def _half(values: Real, like: Real, others: Real | None = None) -> Array:
     """Sum squares, or products with ``others``, of all but the last axis of ``like``; halve."""
-    shape = (len(values), -1, like.shape[-1])
+    # In full: motions of one or two frames have no accelerations to tell a -1 from.
+    shape = (len(values), prod(values.shape[1:]) // like.shape[-1], like.shape[-1])
     rows = values.reshape(shape)
     beside = rows if others is None else others.reshape(shape)
     half: Array = np.einsum("trv,trv->tv", rows, beside).sum(axis=0, dtype=np.float64) / 2
