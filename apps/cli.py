@@ -12,6 +12,7 @@ from apps import (
     cli_status,
     cli_study,
     cli_use,
+    cli_vary,
     cli_view,
 )
 
@@ -33,6 +34,7 @@ app.command("report")(cli_report.report)
 app.command("view")(cli_view.view)
 app.command("export")(cli_export.export_clip)
 app.command("augment")(cli_augment.augment)
+app.command("vary")(cli_vary.vary)
 app.command("clips")(cli_clips.list_clips)
 app.command("status")(cli_status.show_status)
 app.command("rollback")(cli_status.roll_back_model)

@@ -73,11 +73,11 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
     settings = {name: value for name, value in options.items() if value is not None}
     files = (first,) if second is None else (first, second)
-    with _told(" and ".join(map(str, files))):
+    with told(" and ".join(map(str, files))):
         solving = read_solving(params)
         duo = read_duo(files, form, settings, clip)
         check_out(duo, out)
-        wishes = [_factors(words) for words in (a_scale, b_scale)]
+        wishes = [factors_of(words) for words in (a_scale, b_scale)]
         scales = _bodies(duo, wishes, _profiles(profile))
         label = "_".join([*(f"{p}-{w}" for p, ws in zip(PEOPLE, (a_scale, b_scale), strict=True)
                             for w in ws), *profile]).replace("=", "-")  # fmt: skip
@@ -90,7 +90,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         typer.echo(f"{len(found.points[0])} frames in {', '.join(map(str, places))}")
 
 
-def _factors(words: list[str]) -> dict[str, float]:
+def factors_of(words: list[str]) -> dict[str, float]:
     """Read ``left_forearm=1.2`` and the like."""
     factors: dict[str, float] = {}
     for word in words:
@@ -152,7 +152,8 @@ def _lines(figures: dict[str, float], bounds: Bounds, miss: float) -> Iterator[s
 
 
 @contextmanager
-def _told(files: str) -> Iterator[None]:
+def told(files: str) -> Iterator[None]:
+    """Turn what may be wrong with two people's files into a line."""
     with told_in_one_line():
         try:
             yield

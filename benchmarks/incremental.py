@@ -4,12 +4,12 @@ Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
 ``split`` and ``augment`` (one variation a clip, the least of any plan: of more, the share is less),
-as a share of their clean run; both are the stages' own commands in this run;
-``one_more_processor_share`` is the same in processor seconds. ``same_bytes``:
+as a share of their clean run; both are the stages' own commands in this run. ``same_bytes``:
 whether what they then leave is what a clean run of all leaves, of a tenth of the captures.
 ``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where
 nothing is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask
-workers beside one process, on variations (wants the extra ``dask``).
+workers beside one process, on variations (wants the extra ``dask``). ``..._processor_...``: the
+same in processor seconds, which others' load on the machine does not change.
 """
 
 import os
@@ -91,30 +91,34 @@ def same_bytes(folder: Path, n_captures: int) -> dict[str, float]:
     return {"same_bytes": float(hashes(folder) == found)}
 
 
-def seconds(folder: Path, command: list[str], **environment: str) -> float:
-    """Give the median of a command's time."""
+def cost(folder: Path, command: list[str], **environment: str) -> tuple[float, float]:
+    """Give the median of a command's time, and of its processor's."""
     settings = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
     settings |= {"PATH": PATH, "PYTHONPATH": str(folder), **environment}
-    times = []
+    times, worked = [], []
     for _ in range(REPEATS):
-        start = time.perf_counter()
+        start, before = time.perf_counter(), spent()
         subprocess.run(command, cwd=folder, env=settings, check=True, capture_output=True)
         times.append(time.perf_counter() - start)
-    return statistics.median(times)
+        worked.append(spent() - before)
+    return statistics.median(times), statistics.median(worked)
 
 
 def noop(folder: Path) -> dict[str, float]:
     """Measure what a flow adds where nothing is stale."""
-    targets = ["split"]
     dvc = [sys.executable, "-m", "dvc", "repro", "split@1"]
-    flow = [sys.executable, "-m", "flows.reproduce", *targets]
+    flow = [sys.executable, "-m", "flows.reproduce", "split"]
     call(folder, *dvc)
-    plain, by_hand = seconds(folder, dvc), seconds(folder, flow)
+    (plain, plain_work), (by_hand, work) = cost(folder, dvc), cost(folder, flow)
     os.environ["PREFECT_HOME"] = str(folder / ".prefect")
     with a_server(PORT) as address:
-        served = seconds(folder, flow, PREFECT_API_URL=address)
-    found = {"noop_dvc_s": plain, "flow_noop_extra_s": by_hand - plain}
-    return {**found, "served_noop_extra_s": served - plain}
+        served, _ = cost(folder, flow, PREFECT_API_URL=address)
+    return {
+        "noop_dvc_s": plain,
+        "flow_noop_extra_s": by_hand - plain,
+        "flow_noop_extra_processor_s": work - plain_work,
+        "served_noop_extra_s": served - plain,
+    }
 
 
 def parts(place: Path, n_captures: int) -> dict[str, Callable[[], dict[str, float]]]:

@@ -19,12 +19,12 @@ from pacmo_core.interaction import Interaction
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import Limits
-from pacmo_core.skeleton_prior import extractor, training
+from pacmo_core.priors import load_prior
+from pacmo_core.skeleton_prior import extractor
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
 from pacmo_core.skeleton_prior.model import SkeletonPrior
 from pacmo_core.store.motions import write_motions
-from pacmo_core.store.weights import read_weights
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
 from stages._params import read_params
@@ -62,7 +62,7 @@ def main(paths: argparse.Namespace) -> None:
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
     for name in wanted.models:
         for seed in wanted.seeds:
-            model = prior_from(paths.models / name / str(seed) / WEIGHTS)
+            model = load_prior(paths.models / name / str(seed) / WEIGHTS)
             drawn = drawn or drawn_bodies(model, chosen, params.bodies, params.solver)
             found = score(model, judge, (chosen, drawn), params)
             scores.setdefault(name, {})[seed] = found
@@ -94,12 +94,6 @@ def sample(test: list[Example], most: int, random_seed: int) -> list[Example]:
         if taken[test[row].source] <= most:
             chosen.add(row)
     return [test[row] for row in sorted(chosen)]
-
-
-def prior_from(weights: Path) -> SkeletonPrior:
-    """Read a trained model."""
-    facts, state = read_weights(weights)
-    return training.from_state(facts["model"], state)
 
 
 def score(

@@ -22,16 +22,19 @@ all directions and bodies at once.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pacmo_core.interaction_mesh.graph import contact_ties, laplacian
-from pacmo_core.interaction_mesh.scene import Array, Scene
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Settings
 from pacmo_core.interaction_mesh.supports import holds, supports
 from pacmo_core.interaction_mesh.trunk import shape_rows
+
+Real = Array | Single
 
 # The rate for which weights are stated.
 FPS = 30.0
@@ -97,27 +100,30 @@ def quadratic(scene: Scene, settings: Settings) -> Quadratic:
     )
 
 
-def energy_terms(energy: Quadratic, change: Array, target: Array) -> dict[str, Array]:
-    """Say what each term of the energy is, (V,) each.
+def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Array]:
+    """Say what each term of the energy is, (V,) each; summed in float64 whatever is given.
 
     Parameters
     ----------
     change : (T, N, 3, V) metres, U
     target : (T, N + M, 3, V) metres, r, and below it what scaling the bones would do to trunks
     """
+    kind: np.dtype[Any] = change.dtype
+    n_points = change.shape[1]
     rows = change.reshape(*change.shape[:2], -1)
     steps = np.diff(change, axis=0)
-    missed = energy.laplacians @ rows - target.reshape(*target.shape[:2], -1)
-    n_points = change.shape[1]
-    springs = energy.ties.sum(axis=-1)[..., None] * rows - energy.ties @ rows
-    lifted = change[:, :, 1] * np.sqrt(energy.held)[..., None]
+    missed = energy.laplacians.astype(kind, copy=False) @ rows
+    missed -= target.reshape(missed.shape)
+    ties = np.eye(n_points) * energy.ties.sum(axis=-1)[..., None] - energy.ties
+    springs = (ties.astype(kind, copy=False) @ rows).reshape(change.shape)
+    lifted = change[:, :, 1] * np.sqrt(energy.held)[..., None].astype(kind, copy=False)
+    held = np.sqrt(energy.steps_held)[..., None, None].astype(kind, copy=False)
     return {
         "laplacian": _half(missed[:, :n_points], change),
         "shape": _half(missed[:, n_points:], change),
         "acceleration": energy.acceleration * _half(np.diff(steps, axis=0), change),
-        "contact": (springs * rows).reshape(-1, 3, change.shape[-1]).sum(axis=(0, 1)) / 2,
-        "stance": energy.stance
-        * _half(steps * np.sqrt(energy.steps_held)[..., None, None], change),
+        "contact": _half(springs, change, change),
+        "stance": energy.stance * _half(steps * held, change),
         "height": energy.height * _half(lifted, change),
         "anchor": energy.anchor * _half(change, change),
     }
@@ -150,8 +156,10 @@ def _pulls(scene: Scene, laplacians: Array, stretched: Array) -> csr_array:
     return csr_array((values.reshape(-1), where), shape=(pulls[..., 0].size * 3, len(parent)))
 
 
-def _half(values: Array, like: Array) -> Array:
-    """Sum squares of all but the last axis of ``like``, and halve."""
-    rows = values.reshape(-1, like.shape[-1])
-    half: Array = np.einsum("rv,rv->v", rows, rows) / 2
+def _half(values: Real, like: Real, others: Real | None = None) -> Array:
+    """Sum squares, or products with ``others``, of all but the last axis of ``like``; halve."""
+    shape = (len(values), -1, like.shape[-1])
+    rows = values.reshape(shape)
+    beside = rows if others is None else others.reshape(shape)
+    half: Array = np.einsum("trv,trv->tv", rows, beside).sum(axis=0, dtype=np.float64) / 2
     return half

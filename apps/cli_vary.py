@@ -1,0 +1,144 @@
+"""``pacmo vary``: two people's motion on other bodies, by a trained skeleton prior."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import typer
+from numpy.typing import NDArray
+
+from apps.cli_augment import (
+    AScale,
+    BScale,
+    Clip,
+    First,
+    FormatName,
+    Fps,
+    Out,
+    Preset,
+    Second,
+    Unit,
+    Up,
+    factors_of,
+    told,
+)
+from apps.duos import Duo, check_out, read_duo, write_duo
+from apps.failure import CommandError
+from pacmo_core.formats.partner import Capture
+from pacmo_core.interaction import Interaction
+from pacmo_core.priors import load_prior
+from pacmo_core.skeleton import Skeleton
+from pacmo_core.skeleton_prior.model import SkeletonPrior
+from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
+from pacmo_core.store.motions import write_motions
+from pacmo_core.variations.bodies import body_of, scaled
+
+WEIGHTS = Path("models/priors/default/random/kinematic/1/weights.safetensors")
+
+Weights = Annotated[Path, typer.Option(help="a trained skeleton prior")]
+Samples = Annotated[int, typer.Option(min=1, help="interactions to draw")]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed draws the same interactions")]
+
+Scales = NDArray[np.float64]
+
+
+def vary(  # noqa: PLR0913  # typer reads the options off the signature
+    first: First,
+    second: Second = None,
+    *,
+    out: Out,
+    a_scale: AScale = [],  # noqa: B006  # typer copies it
+    b_scale: BScale = [],  # noqa: B006
+    samples: Samples = 1,
+    seed: Seed = 0,
+    weights: Weights = WEIGHTS,
+    clip: Clip = "",
+    form: FormatName = None,
+    preset: Preset = None,
+    unit: Unit = None,
+    up: Up = None,
+    fps: Fps = None,
+) -> None:
+    """Give two people other bodies with a trained model, in a moment.
+
+    pacmo vary DUO_A.bvh DUO_B.bvh --preset duo_mocap --samples 20 --weights W --out other
+
+    pacmo vary DUO_A.bvh DUO_B.bvh --unit 0.01 --up y --b-scale left_forearm=1.2 --weights W
+    --out other
+
+    Without scales the bodies are drawn too, a new one for person b each time. The capture must
+    have the model's joints, by name; others are left out. Several samples come as folders 0, 1, ...
+    of BVH files, or in one Parquet file. ``pacmo augment`` solves for the same and takes longer.
+    """
+    options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
+    settings = {name: value for name, value in options.items() if value is not None}
+    files = (first,) if second is None else (first, second)
+    torch.set_num_threads(1)
+    with told(" and ".join(map(str, files))):
+        model = load_prior(weights)
+        duo = _of(read_duo(files, form, settings, clip), model.config.skeleton)
+        wishes = [factors_of(words) for words in (a_scale, b_scale)]
+        random = torch.Generator().manual_seed(seed)
+        found = list(_varied(model, duo, wishes, samples, random))
+        places = _write(duo, found, out)
+        typer.echo(
+            f"{len(found)} x {len(duo.people[0].times)} frames in "
+            f"{', '.join(map(str, places[:4]))}{' ...' if places[4:] else ''}"
+        )
+
+
+def _of(duo: Duo, skeleton: Skeleton) -> Duo:
+    """Take the model's joints of either person."""
+    a, b = (person.of(skeleton) for person in duo.people)
+    return replace(duo, people=(a, b))
+
+
+def _varied(
+    model: SkeletonPrior,
+    duo: Duo,
+    wishes: list[dict[str, float]],
+    samples: int,
+    random: torch.Generator,
+) -> Iterator[tuple[Interaction, Scales]]:
+    """Yield interactions and the scales (2, E) of their bodies: asked for, or drawn."""
+    a, b = duo.people
+    source = Interaction(model.config.skeleton, a.times - a.times[0], a.motion, b.motion)
+    if any(wishes):
+        scales = _asked(duo.people, wishes)[None]
+        (found,) = retarget(model, source, scales, samples=samples, random=random)
+        yield from ((pair, scales[0]) for pair in found)
+        return
+    scales = generate_bodies(model, samples, random=random)
+    made = retarget(model, source, scales, samples=1, random=random)
+    yield from ((pair, own) for (pair,), own in zip(made, scales, strict=True))
+
+
+def _asked(people: tuple[Capture, Capture], wishes: list[dict[str, float]]) -> Scales:
+    return np.stack(
+        [
+            scaled(body_of(person.motion, person.skeleton), factors)
+            for person, factors in zip(people, wishes, strict=True)
+        ]
+    )
+
+
+def _write(duo: Duo, found: list[tuple[Interaction, Scales]], out: Path) -> list[Path]:
+    """Write all samples: one Parquet file, or a folder each where there are several."""
+    check_out(duo, out)
+    if out.suffix.lower() == ".parquet" and not out.is_dir():
+        with write_motions(out, duo.people[0].skeleton) as writer:
+            for number, (pair, _) in enumerate(found):
+                writer.add(f"{duo.name}~{number:04d}", pair)
+        return [out]
+    if out.suffix.lower() == ".bvh" and len(found) > 1:
+        raise CommandError(f"{out}: wanted a folder or a .parquet file for {len(found)} samples")
+    places: list[Path] = []
+    for number, (pair, own) in enumerate(found):
+        moved = duo.moved((pair.person_a, pair.person_b))
+        place = out / str(number) if len(found) > 1 else out
+        files, _ = write_duo(moved, (own[0], own[1]), str(number), place)
+        places += files
+    return places

@@ -1,0 +1,81 @@
+"""Truth: the lengths that were asked for, and files that our own readers read back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner, Result
+
+from apps.cli import app
+from pacmo_core.interaction import bone_lengths
+from pacmo_core.pacmo import fit
+from pacmo_core.skeleton import SBU15
+from pacmo_core.skeleton_prior import training
+from pacmo_core.skeleton_prior.initialise import initialise
+from pacmo_core.skeleton_prior.limbs import find_limbs
+from pacmo_core.skeleton_prior.model import PriorConfig, build
+from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.weights import write_weights
+from tests.apps.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored
+
+__all__ = ["files", "stored"]  # fixtures
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a model with fresh weights."""
+    limbs = find_limbs(SBU15, CLIP.person_a)
+    model = build(PriorConfig(SBU15, limbs, "kinematic", 16, 3, 0.0))
+    initialise(model, torch.Generator().manual_seed(0))
+    path = tmp_path_factory.mktemp("model") / "weights.safetensors"
+    config = {"kind": "skeleton_prior", "model": training.config(model)}
+    write_weights(path, config, fit.state(model))
+    return path
+
+
+def pacmo(*words: object) -> Result:
+    return CliRunner().invoke(app, ["vary", *map(str, words)])
+
+
+def test_a_body_that_is_asked_for_has_its_bones(stored: Path, weights: Path, tmp_path: Path):
+    out = tmp_path / "out.parquet"
+    said = pacmo(
+        *(stored, "--clip", "one", "--weights", weights, "--b-scale", "left_forearm=1.2"),
+        *("--samples", 3, "--out", out),
+    )
+    assert said.exit_code == 0, said.output
+    found = dict(stream_motions(out))
+    assert len(found) == 3
+    wanted = bone_lengths(CLIP.person_b, SBU15)
+    wanted[:, FOREARM] *= 1.2
+    for pair in found.values():
+        np.testing.assert_allclose(bone_lengths(pair.person_b, SBU15), wanted, atol=1e-5)
+        np.testing.assert_allclose(
+            bone_lengths(pair.person_a, SBU15), bone_lengths(CLIP.person_a, SBU15), atol=1e-5
+        )
+    first, second, _ = found.values()
+    assert abs(first.person_b - second.person_b).max() > 0
+
+
+def test_drawn_bodies_differ_and_come_as_a_folder_each(
+    files: list[Path], weights: Path, tmp_path: Path
+):
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for out in folders:
+        said = pacmo(*files, *UNIT, "--weights", weights, "--samples", 2, "--out", out)
+        assert said.exit_code == 0, said.output
+    bodies = [bone_lengths(read(folders[0] / n).person_b, SBU15).mean(axis=0) for n in "01"]
+    assert abs(bodies[0] / bodies[1] - 1).max() > 1e-3
+    texts = [(out / "1" / "duo_B.bvh").read_bytes() for out in folders]
+    assert texts[0] == texts[1], "the same seed draws the same"
+
+
+def test_what_cannot_be_varied_is_told_in_one_line(
+    stored: Path, files: list[Path], weights: Path, tmp_path: Path
+):
+    given = [stored, "--clip", "one", "--weights", weights]
+    refused(pacmo(*given[:3], "--weights", stored, "--out", tmp_path), str(stored))
+    refused(pacmo(*given, "--out", stored), "write over")
+    refused(pacmo(*given, "--samples", 2, "--out", tmp_path / "x.bvh"), "2 samples")
+    refused(pacmo(*given, "--b-scale", "tail=2", "--out", tmp_path), "tail")

@@ -1,0 +1,76 @@
+"""Truth: cells worked out by hand, and the supplement's own text."""
+
+from pacmo_core.figures.paper_priors import COLUMNS, FEWER, TABLES
+from pacmo_core.figures.priors import (
+    MODELS,
+    eye_table,
+    fewer_table,
+    motion_table,
+    of_source,
+    verdicts,
+)
+
+
+def cell(mean: float, reach: float = 0.0) -> dict[str, float]:
+    return {"mean": mean, "low": mean - reach, "high": mean + reach}
+
+
+def metrics(size: float) -> dict[str, dict[str, float]]:
+    names = ("E_r", "E_b", "FID")
+    each = {f"{n}_{role}": cell(size, 0.001) for n in names for role in ("first", "second")}
+    return {**each, "JPD": cell(size), "contacts_kept": cell(0.9)}
+
+
+SCORES = {
+    task: {"random": {"kinematic": metrics(0.01), "f_cnn": metrics(0.02)}}
+    for task in ("retargeting", "generation")
+}
+
+
+def test_the_supplements_tables_are_whole():
+    assert len(TABLES) == 9 and len(FEWER) == 2
+    for motion, text in TABLES.items():
+        rows = [line.split() for line in text.split("\n") if line.strip()]
+        assert [len(row) for row in rows] == [len(COLUMNS)] * 24, motion
+        for row in range(24):
+            of_each = row // 4 not in (2, 5)
+            assert all("/" in figure or figure == "-" for figure in rows[row]) == of_each
+    missing = [figure for text in TABLES.values() for figure in text.split() if figure == "-"]
+    assert len(missing) == 19
+
+
+def test_a_cell_holds_ours_in_millimetres_and_theirs_below():
+    shown = motion_table(SCORES, "Judo")
+    assert [m.label for m in shown.metrics] == [m.label for m in MODELS.values()]
+    first = shown.lines[0]
+    assert (first.label, first.meaning) == ("E_r, retargeting, mm", "Random")
+    ours, _, f_cnn, *_ = first.entries
+    assert ours.value == "10.0/10.0" and ours.mark == "best"
+    assert "9.00 … 11.0" in ours.interval and "supplement" not in ours.interval
+    assert f_cnn.interval.endswith("supplement 0.673/2.569") and not f_cnn.mark
+    assert len(shown.lines) == 24
+    assert shown.lines[1].entries[0].value == "–"
+
+
+def test_what_is_not_measured_is_a_dash_and_table_ten_holds_the_best_baseline():
+    shown = fewer_table(
+        {task: {"cross_scale_interaction_6": SCORES[task]["random"]} for task in SCORES}
+    )
+    by_name = {(line.label, line.meaning): line.entries for line in shown.lines}
+    assert by_name["Ours", "6 samples"][0].value == "10.0"
+    assert by_name["Best baseline", "6 samples"][0].value == "20.0"
+    assert by_name["Ours", "24 samples"][0].value == "–"
+    assert by_name["Supplement, Big-ben", "6 samples"][0].value == "6.254"
+
+
+def test_verdicts_count_the_splits_that_ours_wins():
+    said = list(verdicts(SCORES))
+    assert len(said) == 6 and all("1 of 1" in line for line in said)
+    table = eye_table(SCORES)
+    assert len(table.lines) == 2 and table.lines[0].entries[0].value == "0.900"
+
+
+def test_a_sources_figures_leave_out_models_without_it():
+    scores = {"retargeting": {"f": {"random": {"kinematic": {"s": metrics(1)}, "f_cnn": {}}}}}
+    found = of_source(scores, "f", "s")
+    assert found["retargeting"]["random"].keys() == {"kinematic"}

@@ -1,0 +1,54 @@
+"""Truth: Student's interval by hand; names taken apart by eye; sides that are known."""
+
+import numpy as np
+import pytest
+
+from pacmo_core.skeleton_prior.splits import Fact
+from stages import split_variations
+from stages._priors import Priors, split_and_samples
+from stages.pool_skeleton_prior import interval, over_seeds
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("random", ("random", None)),
+        ("cross_scale", ("cross_scale", None)),
+        ("cross_scale_interaction_24", ("cross_scale_interaction", 24)),
+    ],
+)
+def test_a_number_after_a_split_is_how_many_train(name, wanted):
+    assert split_and_samples(name) == wanted
+
+
+def test_each_family_meets_each_split():
+    priors = Priors(["a", "b"], ["x", "y"], [], [])
+    assert list(priors.groups()) == [("a", "x"), ("a", "y"), ("b", "x"), ("b", "y")]
+
+
+def test_an_interval_over_three_seeds_is_students():
+    found = interval([1.0, 2.0, 3.0], 0.95)
+    reach = 4.302653 / 3**0.5  # the table's t of two degrees of freedom, deviation 1
+    assert found["mean"] == 2.0
+    assert found["high"] - 2 == pytest.approx(reach, rel=1e-5)
+    assert interval([0.3], 0.95) == {"mean": 0.3, "low": 0.3, "high": 0.3}
+
+
+def test_scores_are_pooled_source_by_source():
+    seeds = [{"s": {"E_r": 1.0}, "all": {"E_r": 2.0}}, {"s": {"E_r": 3.0}, "all": {"E_r": 2.0}}]
+    found = over_seeds(seeds, 0.9)
+    assert found["s"]["E_r"]["mean"] == 2.0 and found["s"]["E_r"]["low"] < 2
+    assert found["all"]["E_r"] == {"mean": 2.0, "low": 2.0, "high": 2.0}
+
+
+def test_patterns_hold_sources_out_and_numbers_keep_few():
+    facts = {
+        f"{source}~{k}": Fact(source, np.full((2, 3), scale))
+        for source in ("one", "two")
+        for k, scale in enumerate([0.95, 1.05, 0.9, 0.8, 1.2])
+    }
+    params = split_variations.Params(("tw*",), 0.2, 0.0, 1)
+    sides = split_variations.sides_of(facts, "cross_scale_interaction_1", params)
+    assert {n for n, side in sides.items() if side == "test"} == {"two~3", "two~4"}
+    train = [name for name, side in sides.items() if side == "train"]
+    assert len(train) == 1 and train[0] in ("one~0", "one~1")

@@ -1,0 +1,158 @@
+"""Truth: the commands as they stand in the documentation, run with small inputs."""
+
+import os
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from apps import cli_view
+from apps.cli import app
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.skeleton import SBU15
+from pacmo_core.store.motions import write_motions
+from tests.apps.test_augment import standing
+from tests.docs import PAGES, ROOT, blocks, commands
+
+PACMO = typer.main.get_command(app)
+GUIDE = ROOT / "docs" / "guide.md"
+WRITTEN = {
+    *("seen.html", "both.html", "varied.glb", "varied.csv", "varied.gif"),
+    *("duo_A.bvh", "duo_B.bvh", "varied/duo_A.bvh", "varied/duo_B.bvh"),
+}
+REDIRECTED = re.compile(r"^[<>|&]")
+
+
+def each_command(*programs: str) -> list[tuple[str, list[str]]]:
+    """List what the documentation would have a reader type, by the page."""
+    return [
+        (page.name, words) for page in PAGES for words in commands(page) if words[:1] == [*programs]
+    ]
+
+
+@pytest.mark.parametrize(("page", "words"), each_command("pacmo"))
+def test_a_command_in_the_documentation_is_one_that_pacmo_takes(
+    page: str, words: list[str]
+) -> None:
+    end = next((k for k, word in enumerate(words) if REDIRECTED.match(word)), len(words))
+    group, rest = PACMO, words[1:end]
+    while hasattr(group, "commands") and rest and not rest[0].startswith("-"):
+        group, rest = group.commands[rest[0]], rest[1:]
+    # Parses and checks every option; runs nothing.
+    group.make_context(" ".join(words), rest) if rest else None
+
+
+def test_modules_that_the_documentation_runs_are_there() -> None:
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    modules = {m for m in re.findall(r"python -m ([a-z_.]+)", text) if m != "stages.top_speed"}
+    named = {m.rstrip(".") for m in modules if m.split(".")[0] in ("flows", "benchmarks", "tests")}
+    assert len(named) > 3
+    assert [m for m in sorted(named) if m.count(".") and find_spec(m) is None] == []
+
+
+def test_pages_refer_to_pages_and_pictures_that_are_there() -> None:
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name} refers to {target}"
+
+
+def test_python_in_the_documentation_compiles() -> None:
+    for page in PAGES:
+        for block in blocks(page):
+            if block.language == "python":
+                compile(block.text, page.name, "exec")
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> Path:
+    """Write two people who sway, a file a person, in centimetres."""
+    people = standing()
+    for name, motion in (("A", people.person_a), ("B", people.person_b)):
+        text = format_bvh((100 * motion).astype(np.float32), 15, SBU15)
+        (tmp_path / f"duo_{name}.bvh").write_text(text)
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_the_guide_goes_from_two_bvh_files_to_a_varied_exported_clip(
+    captures: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(captures)
+    monkeypatch.setattr(cli_view.webbrowser, "open", lambda _: True)
+    Path("params.yaml").write_text((ROOT / "params.yaml").read_text())
+    name = next(commands(GUIDE, "sh"))[2]
+    with write_motions(Path("data/clips/motions.parquet"), SBU15) as writer:
+        writer.add(name, standing())
+    for words in commands(GUIDE, "sh"):
+        done = CliRunner().invoke(app, words[1:])
+        assert done.exit_code == 0, f"{' '.join(words)}\n{done.output}"
+    assert {name for name in WRITTEN if not Path(name).stat().st_size} == set()
+
+
+def run(folder: Path, words: list[str]) -> str:
+    """Run a command as ``./run`` would, which is set up already."""
+    program = {"pacmo": ["-m", "apps.cli"], "dvc": ["-m", "dvc"], "python": []}[words[0]]
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(folder),
+    }
+    done = subprocess.run(
+        [sys.executable, *program, *words[1:]],
+        cwd=folder, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """Clone the project, edits that are not committed yet too."""
+    folder = tmp_path / "clone"
+    subprocess.run(["git", "clone", "-q", str(ROOT), str(folder)], check=True)
+    listed = ["git", "ls-files", "--modified", "--others", "--exclude-standard"]
+    changed = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True, text=True)
+    for name in filter(lambda name: (ROOT / name).is_file(), changed.stdout.split()):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes((ROOT / name).read_bytes())
+    return folder
+
+
+@pytest.mark.slow
+def test_the_guides_of_a_new_data_set_and_a_new_stage_work(clone: Path, captures: Path) -> None:
+    folder = clone / "data" / "captures" / "mine"
+    folder.mkdir(parents=True)
+    for take in ("hug01", "push01"):
+        for person in "AB":
+            text = (captures / f"duo_{person}.bvh").read_text()
+            (folder / f"{take}_{person}.bvh").write_text(text)
+    said = follow(clone, ROOT / "docs" / "new_dataset.md")
+    assert "push01" in said
+    assert "0 of 0" in said
+    # On the same clips, so that no other stage has to run.
+    default = clone / "experiments" / "default.yaml"
+    said = follow(clone, ROOT / "docs" / "new_stage.md", instead={"default": "mine"})
+    assert "top_speed" in default.read_text()
+    assert "top_speed" in said
+    assert "up to date" in run(clone, ["dvc", "repro", "top_speed"])
+
+
+def follow(folder: Path, page: Path, instead: dict[str, str] | None = None) -> str:
+    """Do what a page says: write or lengthen the files that it names, run its commands."""
+    said = ""
+    for block in blocks(page):
+        if block.file:
+            path = folder / block.file
+            old = path.read_text() if path.exists() else ""
+            path.write_text(f"{old.rstrip()}\n\n{block.text}" if old else block.text)
+        elif block.language == "sh":
+            for line in block.text.splitlines():
+                words = [(instead or {}).get(word, word) for word in line.split()[1:]]
+                said += run(folder, [*words, "--no-open"] if words[1] == "view" else words)
+    return said
