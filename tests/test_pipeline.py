@@ -87,6 +87,17 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
 
 
 @pytest.mark.slow
+def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(twins):
+    found = json.loads((twins[0] / "reports" / "metrics.json").read_text())["skeleton_prior"]
+    for task in ("retargeting", "generation"):
+        models = found[task]["default"]["random"]
+        assert models.keys() == {"kinematic", "f_cnn"}
+        assert set(models["kinematic"]["all"]["JPD"]) == {"mean", "low", "high"}
+        for role in ("first", "second"):
+            assert models["kinematic"]["all"][f"E_b_{role}"]["mean"] < 1e-6
+
+
+@pytest.mark.slow
 def test_the_oracle_keeps_the_partner_and_changes_the_reaction(twins):
     data = twins[0] / "data"
     oracle = pl.read_parquet(data / "reactions" / "1" / "oracle" / "1" / "motions.parquet")

@@ -13,10 +13,16 @@ from pacmo_core.operators.fourier import resolved_modes
 from pacmo_core.operators.uno import UnoConfig, u_channels
 from pacmo_core.pacmo.config import RATIOS
 from pacmo_core.skeleton import DUET15, NTU25
+from pacmo_core.skeleton_prior.model import FORMS
+from pacmo_core.skeleton_prior.splits import SPLITS
 from stages._params import read_params
+from stages._priors import Runs, split_and_samples
 
 ROOT = Path(__file__).parents[2]
 SEEDED = ("train_pacmo", "train_regression", "train_gru")
+GIVEN = {name: {"random_seed": 1} for name in SEEDED} | {
+    "train_skeleton_prior": {"random_seed": 1, "model": "kinematic", "code": ""}
+}
 FULL = {"ntu": (NTU25, 21), "duetdance": (DUET15, 15)}
 
 
@@ -42,8 +48,16 @@ def test_every_stage_reads_its_section_of_an_experiment(name, tmp_path):
     (tmp_path / "params.yaml").write_text(compose(name))
     for section in sections():
         kind = importlib.import_module(f"stages.{section}").Params
-        given = {"random_seed": 1} if section in SEEDED else {}
+        given = GIVEN.get(section, {})
         assert read_params(section, kind, tmp_path / "params.yaml", given) is not None
+
+
+@pytest.mark.parametrize("name", experiment_names())
+def test_the_priors_of_an_experiment_are_known(name, tmp_path):
+    (tmp_path / "params.yaml").write_text(compose(name))
+    priors = read_params("runs", Runs, tmp_path / "params.yaml").priors
+    assert set(priors.models) <= set(FORMS)
+    assert {split_and_samples(split)[0] for split in priors.splits} <= set(SPLITS)
 
 
 @pytest.mark.parametrize("name", FULL)
