@@ -59,14 +59,14 @@ def roll_back_model(why: Why) -> None:
 def status(*, stale: bool) -> dict[str, Any]:
     """Gather what an operator asks for, in JSON's terms."""
     decisions, broken = read_decisions(DECISIONS)
-    usage = shutil.disk_usage(Path.cwd())
+    usage, writing = shutil.disk_usage(Path.cwd()), is_held(LOCK)
     return {
-        "writing": is_held(LOCK),
-        "runs": [asdict(run) for run in told(read_runs(RUNS)[-_SHOWN:], is_held(LOCK))],
+        "writing": writing,
+        "runs": [asdict(run) for run in told(read_runs(RUNS)[-_SHOWN:], writing)],
         "current": shelf.current(SHELF),
         "decisions": [asdict(decision) for decision in decisions[-_SHOWN:]],
         "broken_decisions": [fault.file.as_posix() for fault in broken],
-        "stale": stale_reasons() if stale else {},
+        "stale": stale_reasons(writing) if stale else {},
         "inbox": [file.relative_to(INBOX).as_posix() for file in _files(INBOX)],
         "unfinished_intake": PLAN.exists(),
         "quarantine": quarantine(),
@@ -83,8 +83,10 @@ def told(runs: list[Run], writing: str) -> list[Run]:
     return runs
 
 
-def stale_reasons() -> dict[str, list[str]]:
-    """Ask DVC what is stale and why, by stage; it may not tell while a stage runs."""
+def stale_reasons(writing: str) -> dict[str, list[str]]:
+    """Ask DVC what is stale and why, by stage; it cannot tell while a stage runs."""
+    if writing:
+        return {"unknown": ["a run writes now, and DVC tells only after it"]}
     command = [sys.executable, "-m", "dvc", "status", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -103,7 +105,7 @@ def quarantine() -> list[dict[str, Any]]:
 
 def lines_of(facts: dict[str, Any]) -> Iterable[str]:
     """Write it for a person."""
-    yield f"writing now   {facts['writing'] or 'nobody'}"
+    yield f"writing now   {_writer(facts['writing'])}"
     yield f"current       {facts['current'] or 'none'}"
     yield f"disk          {facts['free_gb']} GB free; DVC's cache {facts['cache_gb']} GB"
     yield from _block("runs", [_run_line(Run(**run)) for run in facts["runs"]])
@@ -116,6 +118,13 @@ def lines_of(facts: dict[str, Any]) -> Iterable[str]:
         yield "an intake was cut short; the next night finishes it"
     for file in facts["broken_decisions"]:
         yield f"unreadable: {file}"
+
+
+def _writer(held: str) -> str:
+    if not held.startswith("{"):
+        return held or "nobody"
+    facts = json.loads(held)
+    return f"{facts['job']} since {facts['since']}, process {facts['pid']}"
 
 
 def _block(name: str, lines: list[str]) -> Iterable[str]:

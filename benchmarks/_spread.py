@@ -20,7 +20,7 @@ from pacmo_core.variations.keys import maker_key, source_key
 from pacmo_core.variations.solve import Lot, Outcome, scene_of, solve
 from pacmo_core.variations.workers import ONE_THREAD, solve_on_cluster
 
-PAIRS = 3  # of people, one clip an act each
+PAIRS = 2  # of people, one clip an act each
 SCALES = (0.9, 1.1)  # of person a
 WORKERS = 2
 

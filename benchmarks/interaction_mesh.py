@@ -1,6 +1,6 @@
 """How fast and how well 967 variations of nine two-person motions are made, beside the peers.
 
-Usage: python -m benchmarks.interaction_mesh [--json]
+Usage: python -m benchmarks.interaction_mesh [--json] [--cost PICTURE]
 
 Two processes share the nine windows; times of ours include factorisation, retries and reports, not
 reading. ``times_banded`` and ``times_per_frame_peer`` compare process seconds a frame: the banded
@@ -9,30 +9,28 @@ on a few frames; both extrapolated. ``energy_gap`` is the worst of a few variati
 windows against the banded solver run to its end. Of figures of single variations the worst counts;
 ``contacts_kept`` and ``flip_share`` are means, with the worst beside them; ``near_error_gain`` is
 the mean error of naive scaling over ours, by source.
+
+``--cost`` instead measures 90 to 36,000 frames and 1 to 1,000 variations, and draws that.
 """
 
 import resource
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 
+from benchmarks._cost import FRAMES, costs, draw, growth
 from benchmarks._figures import arguments, show
-from benchmarks._per_frame import seconds_per_frame
+from benchmarks._released import released_seam_ratio
+from benchmarks._slower import beside_peers
 from benchmarks._variations import SETTINGS, Task, tasks
-from pacmo_core.interaction_mesh import Report, Scene, prepare, vary, vary_in_batches
-from pacmo_core.interaction_mesh.energy import energy_terms, quadratic, target_of
+from pacmo_core.interaction_mesh import Report, prepare, vary_in_batches
 from pacmo_core.interaction_mesh.scene import Array
-from tests.interaction_mesh.oracles import banded
 
 N_PROCESSES = 2
-SHORT = 31  # frames on which the banded solver runs
-BANDED_ROUNDS = 16  # after which its bones are within 1e-3; 40 are its end
-SAMPLE = (0, 3)  # windows of the energy sample
-PEER_FRAMES = 3
 
 
 @dataclass(frozen=True)
@@ -49,8 +47,13 @@ class Done:
 
 def main() -> None:
     """Measure and print."""
-    options = arguments(__doc__ or "").parse_args()
+    parser = arguments(__doc__ or "")
+    parser.add_argument("--cost", type=Path, metavar="PICTURE", help="draw how the cost grows")
+    options = parser.parse_args()
     kind, planned = tasks()
+    if options.cost:
+        show(growths(planned[-1], options.cost), as_json=options.json)
+        return
     print(f"{kind} windows; {sum(len(task.scales) for task in planned)} variations", flush=True)
     start = time.perf_counter()
     # Spawned, not forked: a process then holds its own memory alone.
@@ -61,7 +64,24 @@ def main() -> None:
         print(line(one), flush=True)
     figures = speed(done, wall) | quality(done)
     figures |= beside_peers(planned, 1 / figures["frames_per_s_per_core"])
+    if (released := released_seam_ratio()) is not None:
+        figures["released_seam_ratio"] = released
     show(figures, as_json=options.json)
+
+
+def growths(task: Task, path: Path) -> dict[str, float]:
+    """Measure and draw how the cost grows."""
+    measured = []
+    for cost in costs(task):
+        measured.append(cost)
+        print(
+            f"{cost.n_frames:6} frames {cost.n_variations:5} variations {cost.seconds:8.2f} s "
+            f"{cost.peak_mb:6.0f} MB",
+            flush=True,
+        )
+    draw(measured, path)
+    by_frames, by_variations = measured[: len(FRAMES)], measured[len(FRAMES) :]
+    return {"power_of_frames": growth(by_frames), "power_of_variations": growth(by_variations)}
 
 
 def run(task: Task) -> Done:
@@ -147,41 +167,6 @@ def line(one: Done) -> str:
         f"{kept:.4f}  slide {100 * slide:5.2f} cm/s  seam {seam:4.2f}  deeper {1e3 * deep:4.1f} mm"
         f"  rungs {rungs.tolist()}"
     )
-
-
-def beside_peers(planned: list[Task], our_seconds: float) -> dict[str, float]:
-    """Compare seconds a frame, and energies where the banded solver goes to its end."""
-    gaps = [gap for task in (planned[i] for i in SAMPLE) for gap in energy_gaps(task)]
-    short = shortened(planned[0])
-    energy = quadratic(short.scene, SETTINGS)
-    start = time.process_time()
-    banded(short.scene, energy, short.scales[1], n_rounds=BANDED_ROUNDS)
-    banded_seconds = (time.process_time() - start) / len(short.scene.points)
-    peer = seconds_per_frame(short.scene, energy, short.scales[1], n_frames=PEER_FRAMES)
-    found = {"energy_gap": max(gaps), "times_banded": banded_seconds / our_seconds}
-    return found if peer is None else found | {"times_per_frame_peer": peer / our_seconds}
-
-
-def energy_gaps(task: Task) -> Iterator[float]:
-    """Shares by which our energy is above the banded solver's: one body grown, and one bone."""
-    short = shortened(task)
-    scales = short.scales[[1, -1]]
-    source = prepare(short.scene, SETTINGS)
-    found = vary(source, scales)
-    for points, own in zip(found.points, scales, strict=True):
-        best = banded(short.scene, source.energy, own)
-        changes = np.stack([points - short.scene.points, best], axis=-1)
-        target = target_of(source.energy, own[None])
-        target = np.repeat(target, 2, axis=-1)
-        ours, theirs = np.sum(list(energy_terms(source.energy, changes, target).values()), axis=0)
-        yield float(ours / theirs - 1)
-
-
-def shortened(task: Task) -> Task:
-    """Take the first frames only."""
-    motions = task.scene.motions
-    cut = (motions[0][:SHORT], motions[1][:SHORT])
-    return replace(task, scene=Scene(cut, task.scene.skeletons, task.scene.fps))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,9 @@ N_ROUNDS = 3
 def main() -> None:
     """Measure and print."""
     parser = arguments(__doc__ or "")
-    parser.add_argument("--hidden", type=int, default=256, help="as params.yaml has it; ours is a quarter")
+    parser.add_argument(
+        "--hidden", type=int, default=256, help="as params.yaml has it; ours is a quarter"
+    )
     options = parser.parse_args()
     figures = varying(options.hidden) | training(options.hidden)
     show(figures, as_json=options.json)

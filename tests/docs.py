@@ -35,6 +35,7 @@ def commands(page: Path, language: str | None = None) -> Iterator[list[str]]:
     """Read the commands, ``./run`` left out; of one language or of all that are no other."""
     for block in blocks(page):
         if block.language == language or (language is None and block.language in ("", "sh")):
-            for line in block.text.splitlines():
-                words = shlex.split(line, comments=True)
+            for line in re.findall(r"^(?:\./run|pacmo) .+", block.text, re.MULTILINE):
+                # Not by shlex, which begins a comment in the midst of a name.
+                words = shlex.split(re.sub(r"\s#\s.*", "", line))
                 yield words[1:] if words[:1] == ["./run"] else words

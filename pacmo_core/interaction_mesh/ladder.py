@@ -11,7 +11,7 @@ from pacmo_core.interaction_mesh.finish import exact, raw_residual
 from pacmo_core.interaction_mesh.report import Report, figures_of, figures_of_naive
 from pacmo_core.interaction_mesh.scene import Array, Single
 from pacmo_core.interaction_mesh.settings import Limits
-from pacmo_core.interaction_mesh.solve import Solution, Start, filled, solve
+from pacmo_core.interaction_mesh.solve import Start, filled, solve
 from pacmo_core.interaction_mesh.source import Source
 
 # Metres, root mean square: bones that grow by less have settled at once.
@@ -38,36 +38,34 @@ class Try:
     pressed: Single
 
 
+@dataclass(frozen=True)
+class _Solved:
+    """The change (T, N, 3, V), the bones (T, E, 3, V), the forces that these bear, and how."""
+
+    change: Single
+    bones: Single
+    pressed: Single
+    step: Array
+    iterations: NDArray[np.intp]
+
+
 def climb(source: Source, scales: Array, number: int, held: list[Try | None]) -> list[Try]:
     """Try a rung on some bodies with scales (V, E), and keep the better of this and the last."""
-    rung, n_bodies = source.settings.rungs[number], len(scales)
-    start = Start(
-        pull=_pull(source, target_of(source.energy, scales)),
-        point=_points(source, scales, number, held),
-        scales=scales.T.astype(np.float32),
-        grown=source.grown(scales) + NOTHING**2 * source.stiffness.size,
-    )
-    solution = solve(
-        source.solver(rung),
-        start,
-        iterations=rung.iterations,
-        step=rung.step,
-        patient=number + 1 == len(source.settings.rungs),
-    )
     # Sums of few columns add up in another order: full ones, so that company makes no difference.
-    columns = np.resize(np.arange(n_bodies), filled(n_bodies))
+    columns = np.resize(np.arange(len(scales)), filled(len(scales)))
+    solved = _solve(source, scales, number, held, columns)
+    change, bones, pressed = solved.change, solved.bones, solved.pressed
     scales, target = scales[columns], target_of(source.energy, scales[columns])
-    change, bones, pressed = _columns(source, rung.penalty, solution, columns)
     motions = exact(source.scene, change, bones, scales)
     figures = _figures(source, scales, motions, held)
     figures["raw_residual"] = raw_residual(source.scene, change, scales)
-    figures["last_step"] = solution.step
+    figures["last_step"] = solved.step
     moved = (motions - source.scene.points[..., None]).astype(np.float32)
     terms = energy_terms(source.energy, moved, target.astype(np.float32))
     reports = [
         Report(
             rung=number,
-            iterations=int(solution.iterations[v]),
+            iterations=int(solved.iterations[v]),
             energy={name: float(term[v]) for name, term in terms.items()},
             **{name: float(column[v]) for name, column in figures.items()},
         )
@@ -152,10 +150,28 @@ def _blocks(columns: Array) -> Single:
     return in_pairs(columns.astype(np.float32, copy=False)[:, :, AXES])
 
 
-def _columns(
-    source: Source, penalty: float, solution: Solution, columns: NDArray[np.intp]
-) -> tuple[Single, Single, Single]:
-    """Give the change (T, N, 3, V), the bones (T, E, 3, V), and the forces that these bear."""
+def _solve(
+    source: Source,
+    scales: Array,
+    number: int,
+    held: list[Try | None],
+    columns: NDArray[np.intp],
+) -> _Solved:
+    """Iterate on a rung; the solver's own arrays end here."""
+    rung, last = source.settings.rungs[number], len(source.settings.rungs) - 1
+    start = Start(
+        pull=_pull(source, target_of(source.energy, scales)),
+        point=_points(source, scales, number, held),
+        scales=scales.T.astype(np.float32),
+        grown=source.grown(scales) + NOTHING**2 * source.stiffness.size,
+    )
+    solution = solve(
+        source.solver(rung),
+        start,
+        iterations=rung.iterations,
+        step=rung.step,
+        patient=number == last,
+    )
     n_frames, n_bones = source.stiffness.shape
     n_points = source.scene.points.shape[1]
 
@@ -165,6 +181,11 @@ def _columns(
 
     point = solution.point[:, :, :n_bones]
     bones = point * solution.share[:, :, :n_bones, None]
-    weights = (penalty * source.stiffness[..., None, None]).astype(np.float32)
-    pressed = laid_out(point - bones, n_bones) * weights
-    return laid_out(solution.change, n_points), laid_out(bones, n_bones), pressed
+    weights = (rung.penalty * source.stiffness[..., None, None]).astype(np.float32)
+    return _Solved(
+        change=laid_out(solution.change, n_points),
+        bones=laid_out(bones, n_bones),
+        pressed=laid_out(point - bones, n_bones) * weights,
+        step=solution.step,
+        iterations=solution.iterations,
+    )

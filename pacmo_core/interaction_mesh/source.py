@@ -13,7 +13,7 @@ from pacmo_core.interaction_mesh.settings import Rung, Settings
 from pacmo_core.interaction_mesh.solve import WIDTH
 
 # Bodies at once, and the frames of all of them together: what bounds the memory.
-BATCH = 64
+BATCH = 48
 FRAMES = 40_000
 
 

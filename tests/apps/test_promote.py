@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 from apps.cli import app
 from apps.failure import CommandError
-from apps.places import DECISIONS, PAGE, SHELF
+from apps.lock import one_writer
+from apps.places import DECISIONS, LOCK, PAGE, SHELF
 from apps.promote import candidate_of, decide, roll_back, settle
 from pacmo_core.promotion import shelf
 from pacmo_core.promotion.gate import Gate
@@ -137,3 +138,9 @@ def test_the_command_rolls_back_and_status_tells_of_it():
     refused = CliRunner().invoke(app, ["rollback", "--why", "more"])
     assert refused.exit_code == 1
     assert CliRunner().invoke(app, ["status", "--check", "--no-stale"]).exit_code == 1
+
+
+def test_status_says_who_writes_and_asks_dvc_nothing_meanwhile():
+    with one_writer("nightly", LOCK):
+        shown = CliRunner().invoke(app, ["status"]).output
+    assert "writing now   nightly since" in shown and "DVC tells only after it" in shown
