@@ -5,7 +5,7 @@ Usage: python -m benchmarks.interaction_mesh [--json] [--cost PICTURE]
 Two processes share the nine windows; times of ours include factorisation, retries and reports, not
 reading. ``times_banded`` and ``times_per_frame_peer`` compare process seconds a frame: the banded
 solver on one variation of a shorter window, the per-frame solver (``pip install cvxpy clarabel``)
-on a few frames; both extrapolated. ``energy_gap`` is the mean of a few variations of shorter
+on a few frames; both extrapolated. ``energy_gap`` is the worst of a few variations of shorter
 windows against the banded solver run to its end. Of figures of single variations the worst counts;
 ``contacts_kept`` and ``flip_share`` are means, with the worst beside them; ``near_error_gain`` is
 the mean error of naive scaling over ours, by source.
@@ -24,6 +24,7 @@ import numpy as np
 
 from benchmarks._cost import FRAMES, costs, draw, growth
 from benchmarks._figures import arguments, show
+from benchmarks._released import released_seam_ratio
 from benchmarks._slower import beside_peers
 from benchmarks._variations import SETTINGS, Task, tasks
 from pacmo_core.interaction_mesh import Report, prepare, vary_in_batches
@@ -63,6 +64,8 @@ def main() -> None:
         print(line(one), flush=True)
     figures = speed(done, wall) | quality(done)
     figures |= beside_peers(planned, 1 / figures["frames_per_s_per_core"])
+    if (released := released_seam_ratio()) is not None:
+        figures["released_seam_ratio"] = released
     show(figures, as_json=options.json)
 
 

@@ -5,15 +5,14 @@ Usage: python -m benchmarks.scale [--sizes 50 100 200] [--clips 1000000] [--json
 The stages' own commands, on synthetic captures of the NTU format
 (``augment``: one variation a clip; ``train_pacmo``: one epoch of the default's network, the others
 as ``smallest`` has them). For each stage: processor ``ms`` a clip, processor ``hours`` and
-``gb`` of what it leaves for all clips, and ``bend``: how much dearer a clip is between the two
-larger sizes than between the two smaller ones; far above 1, the line is not to be trusted.
+``gb`` of what it leaves for all clips, and ``bend``: what a clip costs between the two larger
+sizes, as a share of that; far above 1, the line is not to be trusted.
 ``dvc``: one ``dvc status``, which looks at every raw file.
 """
 
 import shutil
 import sys
 import tempfile
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -58,10 +57,8 @@ def measure(folder: Path, n_clips: int) -> dict[str, tuple[float, float]]:
 def line(sizes: list[int], values: list[float]) -> tuple[float, float]:
     """Fit a line; what each further clip costs, and its bend."""
     slope = float(np.polyfit(sizes, values, 1)[0])
-    steps = [
-        (b - a) / (m - n) for (n, m), (a, b) in zip(pairwise(sizes), pairwise(values), strict=True)
-    ]
-    return slope, steps[-1] / steps[0] if steps[0] > 0 else float("inf")
+    last = (values[-1] - values[-2]) / (sizes[-1] - sizes[-2])
+    return slope, last / slope if slope > 0 else 0.0
 
 
 def _is_wanted(name: str, command: str) -> bool:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,8 @@ from pacmo_core.interaction import Interaction
 from pacmo_core.quality import Limits
 from pacmo_core.split import window_edges
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
-from pacmo_core.store.motions import read_motion, stream_motions
+from pacmo_core.store.motion_groups import MotionGroups
+from pacmo_core.store.motions import stream_motions
 from pacmo_core.variations.choose import Candidate, choose, nearness_of
 from stages._files import CLIPS, MOTIONS
 
@@ -66,11 +66,8 @@ def own_family(clips: Path, choice: Choice) -> Family:
     found = ((facts[name], clip) for name, clip in stream_motions(clips / MOTIONS))
     chosen = _chosen(found, choice, clips)
 
-    @lru_cache(maxsize=2)
-    def read(name: str) -> Interaction:
-        return read_motion(clips / MOTIONS, name)
-
-    return Family(next(iter(chosen.values())).dataset, chosen, read)
+    motions = MotionGroups(clips / MOTIONS)
+    return Family(next(iter(chosen.values())).dataset, chosen, motions.read)
 
 
 def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]:

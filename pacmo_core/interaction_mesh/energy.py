@@ -21,8 +21,9 @@ Inside the room, arrays of many bodies have them last: (T, N, 3, V), so that a m
 all directions and bodies at once.
 """
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ from pacmo_core.interaction_mesh.settings import Settings
 from pacmo_core.interaction_mesh.supports import holds, supports
 from pacmo_core.interaction_mesh.trunk import shape_rows
 
-Real = Array | Single
+Real = TypeVar("Real", Array, Single)
 
 # The rate for which weights are stated.
 FPS = 30.0
@@ -108,8 +109,7 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
     change : (T, N, 3, V) metres, U
     target : (T, N + M, 3, V) metres, r, and below it what scaling the bones would do to trunks
     """
-    kind: np.dtype[Any] = change.dtype
-    n_points = change.shape[1]
+    kind, n_points = change.dtype, change.shape[1]
     rows = change.reshape(*change.shape[:2], -1)
     steps = np.diff(change, axis=0)
     missed = energy.laplacians.astype(kind, copy=False) @ rows
@@ -158,7 +158,9 @@ def _pulls(scene: Scene, laplacians: Array, stretched: Array) -> csr_array:
 
 def _half(values: Real, like: Real, others: Real | None = None) -> Array:
     """Sum squares, or products with ``others``, of all but the last axis of ``like``; halve."""
-    shape = (len(values), -1, like.shape[-1])
+    n_bodies = like.shape[-1]
+    # Not -1: the steps of one frame are none.
+    shape = (len(values), math.prod(values.shape[1:]) // n_bodies, n_bodies)
     rows = values.reshape(shape)
     beside = rows if others is None else others.reshape(shape)
     half: Array = np.einsum("trv,trv->tv", rows, beside).sum(axis=0, dtype=np.float64) / 2
