@@ -24,6 +24,7 @@ import numpy as np
 
 from benchmarks._cost import FRAMES, costs, draw, growth
 from benchmarks._figures import arguments, show
+from benchmarks._released import released_seam_ratio
 from benchmarks._slower import beside_peers
 from benchmarks._variations import SETTINGS, Task, tasks
 from pacmo_core.interaction_mesh import Report, prepare, vary_in_batches
@@ -63,6 +64,8 @@ def main() -> None:
         print(line(one), flush=True)
     figures = speed(done, wall) | quality(done)
     figures |= beside_peers(planned, 1 / figures["frames_per_s_per_core"])
+    if (released := released_seam_ratio()) is not None:
+        figures["released_seam_ratio"] = released
     show(figures, as_json=options.json)
 
 

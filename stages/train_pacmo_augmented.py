@@ -1,7 +1,7 @@
 """Train PaCMO on a fold's clips and their variations, step for step as ``train_pacmo`` does.
 
 Usage: python -m stages.train_pacmo_augmented [--section=NAME] --seed=S --share=P
-           CLIPS SIDES.parquet VARIATIONS MODEL CURVE.csv
+           CLIPS SIDES.parquet VARIATIONS.parquet MODEL CURVE.csv
 
 Only variations of the clips that are trained on are seen. Weights are chosen on validation clips
 as they were captured.
@@ -15,11 +15,11 @@ from pacmo_core.pacmo import adversarial
 from pacmo_core.pacmo.settings import PacmoSettings
 from pacmo_core.pacmo.varied import Variations, widen
 from pacmo_core.store.motions import stream_motions
-from pacmo_core.store.variations import VARIATIONS, read_variations
 from stages._clips import stream_side
-from stages._files import MOTIONS
 from stages._params import read_params
 from stages._training import Task, sides_of, train
+
+BETWEEN = "~"  # the name of a clip and that of its variation
 
 
 @dataclass(frozen=True)
@@ -65,22 +65,17 @@ def variations_of(paths: argparse.Namespace, share: float) -> Variations:
     ValueError
         If there are none.
     """
-    facts = [facts for facts, _ in stream_side(paths.clips, paths.sides, "train")]
-    numbers = {row.clip: number for number, row in enumerate(facts)}
-    family = paths.variations / facts[0].dataset
-    sources = {row.variation: row.clip for row in read_variations(family / VARIATIONS) if row.kept}
-    made = {
-        name: motion
-        for name, motion in stream_motions(family / MOTIONS)
-        if sources[name] in numbers
-    }
+    trained = stream_side(paths.clips, paths.sides, "train")
+    numbers = {facts.clip: number for number, (facts, _) in enumerate(trained)}
+    made, sources = [], []
+    for name, motion in stream_motions(paths.variations):
+        source = name.rpartition(BETWEEN)[0]
+        if source in numbers:
+            made.append(motion)
+            sources.append(numbers[source])
     if not made:
-        raise ValueError(f"{family}: wanted variations of the clips of the side train, found none")
-    return Variations(
-        interactions=list(made.values()),
-        sources=[numbers[sources[name]] for name in made],
-        share=share,
-    )
+        raise ValueError(f"{paths.variations}: wanted variations of the side train, found none")
+    return Variations(interactions=made, sources=sources, share=share)
 
 
 def arguments() -> argparse.Namespace:

@@ -128,9 +128,10 @@ def clone(tmp_path: Path) -> Path:
 def test_the_guides_of_a_new_data_set_and_a_new_stage_work(clone: Path, captures: Path) -> None:
     folder = clone / "data" / "captures" / "mine"
     folder.mkdir(parents=True)
-    for take in ("hug01", "push01"):
-        for person in "AB":
-            text = (captures / f"duo_{person}.bvh").read_text()
+    # A take of equal content would be refused: in the second they have changed places.
+    for take, people in (("hug01", "AB"), ("push01", "BA")):
+        for person, source in zip("AB", people, strict=True):
+            text = (captures / f"duo_{source}.bvh").read_text()
             (folder / f"{take}_{person}.bvh").write_text(text)
     said = follow(clone, ROOT / "docs" / "new_dataset.md")
     assert "push01" in said

@@ -22,7 +22,7 @@ all directions and bodies at once.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from pacmo_core.interaction_mesh.settings import Settings
 from pacmo_core.interaction_mesh.supports import holds, supports
 from pacmo_core.interaction_mesh.trunk import shape_rows
 
-Real = Array | Single
+Real = TypeVar("Real", Array, Single)
 
 # The rate for which weights are stated.
 FPS = 30.0
@@ -108,8 +108,7 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
     change : (T, N, 3, V) metres, U
     target : (T, N + M, 3, V) metres, r, and below it what scaling the bones would do to trunks
     """
-    kind: np.dtype[Any] = change.dtype
-    n_points = change.shape[1]
+    kind, n_points = change.dtype, change.shape[1]
     rows = change.reshape(*change.shape[:2], -1)
     steps = np.diff(change, axis=0)
     missed = energy.laplacians.astype(kind, copy=False) @ rows

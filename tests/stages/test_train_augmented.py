@@ -13,14 +13,12 @@ from pacmo_core.pacmo.varied import Choice, Variations, Varied, widen
 from pacmo_core.skeleton import SBU15
 from pacmo_core.store.clips import SideFacts, write_rows
 from pacmo_core.store.motions import stream_motions, write_motions
-from pacmo_core.store.variations import VARIATIONS, VariationFacts, write_variations
 from pacmo_core.store.weights import read_weights
 from stages import train_pacmo, train_pacmo_augmented
 from tests.pacmo.problems import PACMO, clips
 from tests.stages.training import prepare
 
-CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations")
-BODY = {"head": 1.0}
+CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations.parquet")
 SETTINGS = replace(PACMO, n_epochs=6)
 
 
@@ -30,24 +28,20 @@ def project(tmp_path, monkeypatch):
     prepare(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("DVC_STUDIO_OFFLINE", "true")
-    vary(tmp_path / MADE / "toy")
+    vary(tmp_path / MADE)
     threads = torch.get_num_threads()
     yield tmp_path
     torch.use_deterministic_algorithms(mode=False)
     torch.set_num_threads(threads)
 
 
-def vary(folder: Path) -> None:
+def vary(path: Path) -> None:
     """Write two variations of each clip, taller by so much."""
-    rows = []
-    with write_motions(folder / "motions.parquet", SBU15) as writer:
+    with write_motions(path, SBU15) as writer:
         for name, clip in stream_motions(CLIPS / "motions.parquet"):
             for scale in (1.1, 1.2):
-                own = f"{name}~{scale}"
                 taller = replace(clip, person_a=clip.person_a * np.float32(scale))
-                writer.add(own, taller)
-                rows.append(VariationFacts(own, name, "uniform", True, "", 0.0, {}, BODY, BODY))
-    write_variations(folder / VARIATIONS, rows, list(BODY))
+                writer.add(f"{name}~a-uniform-{scale:.2f}", taller)
 
 
 def paths(share: float, model: str = "models/m") -> argparse.Namespace:
@@ -84,6 +78,9 @@ def test_with_a_share_it_takes_as_many_steps_and_learns_something_else():
     varied.epoch(0)
     assert varied.training.steps_an_epoch == plain.steps_an_epoch
     assert len(varied.training.pairs) == len(plain.pairs)
+    first = varied.training.pairs.partner
+    varied.epoch(1)
+    assert not torch.equal(varied.training.pairs.partner, first)
 
 
 def test_only_variations_of_clips_that_are_trained_on_are_seen():
@@ -96,14 +93,13 @@ def test_only_variations_of_clips_that_are_trained_on_are_seen():
         np.testing.assert_array_equal(varied.person_b, own[trained[source]].person_b)
 
 
-def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_folder():
+def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
     rows = [SideFacts(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
     rows[0] = replace(rows[0], side="train")
     write_rows(SIDES, SideFacts, rows)
-    write_variations(MADE / "toy" / VARIATIONS, [], list(BODY))
-    with write_motions(MADE / "toy" / "motions.parquet", SBU15):
+    with write_motions(MADE, SBU15):
         pass
-    with pytest.raises(ValueError, match="variations/toy"):
+    with pytest.raises(ValueError, match="variations.parquet: wanted"):
         train_pacmo_augmented.variations_of(paths(0.5), 0.5)
 
 
