@@ -29,8 +29,7 @@ def beside_peers(planned: list[Task], our_seconds: float) -> dict[str, float]:
     banded_seconds = (time.process_time() - start) / len(short.scene.points)
     peer = seconds_per_frame(short.scene, energy, short.scales[1], n_frames=PEER_FRAMES)
     found = {
-        "energy_gap": float(np.mean(gaps)),
-        "energy_gap_worst": max(gaps),
+        "energy_gap": max(gaps),
         "times_banded": banded_seconds / our_seconds,
     }
     return found if peer is None else found | {"times_per_frame_peer": peer / our_seconds}
@@ -39,7 +38,7 @@ def beside_peers(planned: list[Task], our_seconds: float) -> dict[str, float]:
 def energy_gaps(task: Task) -> Iterator[float]:
     """Shares by which our energies are above the banded solver's at its end.
 
-    Bodies are not kept apart: the banded solver does not know how.
+    Bodies are not kept apart: the banded solver does not know how. Below 0 it got stuck.
     """
     short = shortened(task)
     scales = short.scales[SAMPLED]

@@ -5,7 +5,7 @@ Usage: python -m benchmarks.interaction_mesh [--json] [--cost PICTURE]
 Two processes share the nine windows; times of ours include factorisation, retries and reports, not
 reading. ``times_banded`` and ``times_per_frame_peer`` compare process seconds a frame: the banded
 solver on one variation of a shorter window, the per-frame solver (``pip install cvxpy clarabel``)
-on a few frames; both extrapolated. ``energy_gap`` is the mean of a few variations of shorter
+on a few frames; both extrapolated. ``energy_gap`` is the worst of a few variations of shorter
 windows against the banded solver run to its end. Of figures of single variations the worst counts;
 ``contacts_kept`` and ``flip_share`` are means, with the worst beside them; ``near_error_gain`` is
 the mean error of naive scaling over ours, by source.

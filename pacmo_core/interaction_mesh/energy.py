@@ -21,6 +21,7 @@ Inside the room, arrays of many bodies have them last: (T, N, 3, V), so that a m
 all directions and bodies at once.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -157,7 +158,9 @@ def _pulls(scene: Scene, laplacians: Array, stretched: Array) -> csr_array:
 
 def _half(values: Real, like: Real, others: Real | None = None) -> Array:
     """Sum squares, or products with ``others``, of all but the last axis of ``like``; halve."""
-    shape = (len(values), -1, like.shape[-1])
+    n_bodies = like.shape[-1]
+    # Not -1: the steps of one frame are none.
+    shape = (len(values), math.prod(values.shape[1:]) // n_bodies, n_bodies)
     rows = values.reshape(shape)
     beside = rows if others is None else others.reshape(shape)
     half: Array = np.einsum("trv,trv->tv", rows, beside).sum(axis=0, dtype=np.float64) / 2
