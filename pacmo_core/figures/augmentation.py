@@ -54,7 +54,7 @@ def answer(pooled: Mapping[str, Any]) -> str:
     elif found[WORSE]:
         head = "It does not pay: it costs"
     else:
-        head = "It does not pay here, nor does it cost: nothing is certain"
+        head = "It is not shown to pay, nor to cost"
     said = [
         f"{what} for certain in {', '.join(found[what])}" for what in (BETTER, WORSE) if found[what]
     ]
