@@ -138,6 +138,15 @@ def wait_for(outcome: str, verdict: str) -> Run:
     pytest.fail(f"no night was {verdict}:\n" + Path("serve.log").read_text()[-4000:])
 
 
+def wait_until_the_server_knows(state: str) -> None:
+    """Wait for what is said after a run has been written down."""
+    deadline = time.monotonic() + 60
+    while f"in state {state}" not in Path("serve.log").read_text():
+        if time.monotonic() > deadline:
+            pytest.fail(f"no run ended {state}:\n" + Path("serve.log").read_text()[-4000:])
+        time.sleep(0.2)
+
+
 def test_ten_captures_go_from_the_inbox_to_a_promotion_and_a_worse_model_is_held(lab):
     names = drop_ten()
     current = Path("promoted/current/models/1/pacmo/1/weights.safetensors")
@@ -146,6 +155,7 @@ def test_ten_captures_go_from_the_inbox_to_a_promotion_and_a_worse_model_is_held
         good = current.read_bytes()
         set_lab(**RUINED)
         second = wait_for("held", "held")
+        wait_until_the_server_knows("Held")
 
     spoilt = {names[number] for number in SPOILT}
     assert set(first.facts["aside"]) == spoilt and set(first.facts["taken"]) == set(names) - spoilt
