@@ -125,6 +125,7 @@ def clone(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.scheduled
 def test_the_guides_of_a_new_data_set_and_a_new_stage_work(clone: Path, captures: Path) -> None:
     folder = clone / "data" / "captures" / "mine"
     folder.mkdir(parents=True)

@@ -75,7 +75,9 @@ def leave(tab: Tab) -> None:
     again(tab)
 
 
-@pytest.mark.parametrize(("people", "is_drawn"), [(3, True), (50, False)])
+@pytest.mark.parametrize(
+    ("people", "is_drawn"), [(3, True), pytest.param(50, False, marks=pytest.mark.scheduled)]
+)
 def test_the_table_of_answers_through_the_page_is_what_people_were_told_to_say(
     tab: Tab, study: Path, people: int, is_drawn: bool
 ) -> None:

@@ -58,6 +58,7 @@ RUINED = {
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.scheduled,
     pytest.mark.skipif(not SBU.is_dir(), reason=f"no captures at {SBU}"),
 ]
 
