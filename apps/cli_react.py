@@ -1,8 +1,6 @@
 """``pacmo react``: the reaction to a partner's motion, from a capture or live."""
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,18 +9,16 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from apps.failure import CommandError, told_in_one_line
+from apps.failure import CommandError, told_reading
 from apps.live import answered
 from apps.reactions import Reactions, check_out, write
 from pacmo_core.formats.partner import Capture, format_of, one_of, read_partner
-from pacmo_core.formats.raw import FormatError
 from pacmo_core.models import load
 from pacmo_core.operators.encode import Spline
 from pacmo_core.pacmo.pieces import Partner, Reactor, poses
 from pacmo_core.pacmo.react import instants, react_all
 from pacmo_core.pacmo.stream import Stream
 from pacmo_core.store.motions import read_motion
-from pacmo_core.store.schema import StoreError
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
 FEWEST = 4  # frames: a cubic has no fewer
@@ -86,7 +82,7 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
     options = {"preset": preset, "unit": unit, "up": up, "fps": partner_fps}
     settings = {name: value for name, value in options.items() if value is not None}
     torch.set_num_threads(1)
-    with _told():
+    with told_reading():
         if stream:
             _live(load(weights), samples, seed, action)
             return
@@ -132,14 +128,3 @@ def _live(model: Reactor, samples: int, seed: int, action: str) -> None:
     for answer in answered(sys.stdin, live, len(model.skeleton.joints)):
         sys.stdout.write(f"{answer}\n")
         sys.stdout.flush()
-
-
-@contextmanager
-def _told() -> Iterator[None]:
-    with told_in_one_line():
-        try:
-            yield
-        except (StoreError, FormatError) as fault:
-            raise CommandError(str(fault)) from fault
-        except (ValueError, KeyError) as fault:
-            raise CommandError(str(fault.args[0])) from fault
