@@ -1,14 +1,13 @@
 """The page of decisions: what was measured from night to night, and what was decided."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib.resources import files
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from pacmo_core.figures.columns import METRICS
 from pacmo_core.figures.curves import Curve, charts
+from pacmo_core.figures.viewer import environment, part
 
 
 @dataclass(frozen=True)
@@ -26,10 +25,12 @@ class Row:
 
 def render_history(curve: Curve | None, rows: Sequence[Row]) -> str:
     """Render the page; it needs no network."""
-    here = files("pacmo_core.figures")
-    text, style = ((here / name).read_text("utf-8") for name in ("history.html", "report.css"))
-    page = Environment(autoescape=True, undefined=StrictUndefined).from_string(text)
-    drawn = charts(curve) if curve else []
+    page = environment().get_template("history.html")
+    drawn = charts(replace(curve, terms=_labelled(curve.terms))) if curve else []
+    return page.render(charts=drawn, rows=rows, style=Markup(part("report.css")))
+
+
+def _labelled(terms: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
     labels = {name: metric.label for name, metric in METRICS.items()}
     labels["f2id_floor"] = "F²ID, floor"
-    return page.render(charts=drawn, labels=labels, rows=rows, style=Markup(style))
+    return {labels.get(name, name): values for name, values in terms.items()}

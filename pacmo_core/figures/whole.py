@@ -90,7 +90,7 @@ def make_whole(page: str, beside: Beside) -> str:
     given = {
         "beside": beside,
         "columns": [METRICS[name] for name in COMPARED],
-        "drawn": _drawn(beside.runs),
+        "by_experiment": _drawn(beside.runs),
     }
     links, sections = (template.render(part=part, **given) for part in ("links", "sections"))
     return page.replace(LINKS, links).replace(SECTIONS, sections)
