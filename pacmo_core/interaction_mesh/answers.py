@@ -3,8 +3,8 @@
 Near the source the best motion is linear in the scales: least E(U) where every bone gets its
 length along the direction that it has. What is free are two ways for each bone to turn and three
 for each root, so that one block elimination, frames in pairs, tells the answer to each bone; the
-start for any body is a sum of these. It serves the solver as a start only, which is why it may be
-computed for one part of a long motion after the other.
+start for any body is a sum of these. As it serves the solver as a start only, it may be computed
+for one part of a long motion after the other, and for fewer frames a second than there are.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,10 @@ from pacmo_core.interaction_mesh.energy import Quadratic, forces, target_of
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.trunk import paths
 
-# Frames of a part, and of its neighbours that are looked at beside it.
+# Frames a second, about, for which answers are computed: with half as many, single bones start so
+# far off that they end 3 % above the least energy.
+RATE = 30
+# Such frames of a part, and of its neighbours that are looked at beside it.
 PART = 480
 BESIDE = 40
 
@@ -31,10 +34,12 @@ class Answers:
 
     Parameters
     ----------
-    turns : (T, E, 3, E) float32 metres, by which the ends of bones go sideways
-    tensions : (T, E, E) float32, the forces along bones
+    leap : frames from one of the F for which this is known to the next
+    turns : (F, E, 3, E) float32 metres, by which the ends of bones go sideways
+    tensions : (F, E, E) float32, the forces along bones
     """
 
+    leap: int
     turns: Single
     tensions: Single
 
@@ -49,12 +54,26 @@ class Answers:
         """
         source = vectors.astype(np.float32)
         growth = np.ascontiguousarray(scales.T - 1).astype(np.float32)
-        bones: Single = self.turns @ growth
+        turned = self.turns.reshape(-1, len(growth)) @ growth
+        bones = self._between(turned.reshape(*self.turns.shape[:3], -1), len(source))
         bones += source[..., None] * (1 + growth)[:, None]
         lengths = np.linalg.norm(source, axis=-1)[..., None] * (1 + growth)
-        lengths += self.tensions @ growth / bearing
+        borne = self.tensions.reshape(-1, len(growth)) @ growth
+        borne = self._between(borne.reshape(*self.tensions.shape[:2], -1), len(source))
+        lengths += borne / bearing
         bones *= (lengths / np.sqrt(np.einsum("tecv,tecv->tev", bones, bones)))[:, :, None]
         return bones
+
+    def _between(self, known: Single, n_frames: int) -> Single:
+        """Fill in frames between those for which something is known, (F, ...)."""
+        if self.leap == 1:
+            return known
+        before, beyond = np.divmod(np.arange(n_frames), self.leap)
+        after = np.minimum(before + 1, len(known) - 1)
+        share = (beyond / self.leap).astype(np.float32).reshape(-1, *[1] * (known.ndim - 1))
+        found: Single = known[before]
+        found += share * (known[after] - found)
+        return found
 
 
 @dataclass(frozen=True)
@@ -86,21 +105,21 @@ class _Freedoms:
 
 def answers(scene: Scene, energy: Quadratic) -> Answers:
     """Compute the answers to every bone, part by part."""
-    n_frames, n_bones = scene.vectors.shape[:2]
+    leap = max(1, round(scene.fps / RATE))
+    n_frames, n_bones = -(-len(scene.vectors) // leap), scene.vectors.shape[1]
     turns = np.zeros((n_frames, n_bones, 3, n_bones), dtype=np.float32)
     tensions = np.zeros((n_frames, n_bones, n_bones), dtype=np.float32)
     for first in range(0, n_frames, PART):
-        begin = max(0, first - BESIDE)
-        frames = slice(begin, first + PART + BESIDE)
+        begin, end = max(0, first - BESIDE), first + PART + BESIDE
+        part = _of_part(scene, energy, slice(begin * leap, end * leap, leap))
         own = slice(first - begin, first - begin + PART)
-        part = _of_part(scene, energy.part(frames), frames)
         turns[first : first + PART], tensions[first : first + PART] = (x[own] for x in part)
-    return Answers(turns, tensions)
+    return Answers(leap, turns, tensions)
 
 
-def _of_part(scene: Scene, energy: Quadratic, frames: slice) -> tuple[Single, Single]:
+def _of_part(scene: Scene, whole: Quadratic, frames: slice) -> tuple[Single, Single]:
     """Give turns and tensions of some frames."""
-    vectors = scene.vectors[frames].astype(np.float32)
+    energy, vectors = whole.part(frames), scene.vectors[frames].astype(np.float32)
     n_bones = vectors.shape[1]
     free = _freedoms(scene, vectors)
     # Each bone twice as long where it points, all else in place.
@@ -141,7 +160,8 @@ def _eliminate(energy: Quadratic, free: _Freedoms, right: Single) -> Array:
     """Solve for the moves (T, M, V) by block Cholesky, in float64."""
     paired = in_pairs(right.astype(np.float64))
     solved = paired.reshape(len(paired), -1, right.shape[-1])
-    pivots, ties = [], []
+    pivots: list[Array] = []
+    ties: list[Array] = []
     for number, (block, beyond) in enumerate(_blocks(energy, free)):
         if number:
             block = block - ties[-1].T @ ties[-1]
@@ -168,7 +188,7 @@ def _blocks(energy: Quadratic, free: _Freedoms) -> Iterator[tuple[Array, Array]]
     time, count = in_time(energy), len(free.bones)
     ways = in_pairs(free.ways.astype(np.float64)).reshape(-1, 2 * count, 3)
     heights = in_pairs(np.sqrt(energy.height * energy.held)).reshape(len(ways), -1)
-    reach: Array = np.kron(np.eye(2), free.reach.astype(np.float64))
+    reach = np.kron(np.eye(2), free.reach).astype(np.float64)
     rows = np.concatenate([free.bones, free.bones + free.reach.shape[1]])
     for number, flat in enumerate(pairs_of_frames(energy, time, None)):
         here, height = ways[number], heights[number]

@@ -73,7 +73,8 @@ class Quadratic:
         return steps
 
     def part(self, frames: slice) -> "Quadratic":
-        """Take some frames, as if there were no others."""
+        """Take some frames, as if there were no others; fewer a second, if ``frames`` leaps."""
+        leap = frames.step or 1
         size = len(self.laplacians)
         rows = np.arange(self.pulls.shape[0]).reshape(size, -1)[frames].reshape(-1)
         return replace(
@@ -83,6 +84,8 @@ class Quadratic:
             standing=self.standing[frames],
             held=self.held[frames],
             ties=self.ties[frames],
+            acceleration=self.acceleration / leap**4,
+            stance=self.stance / leap**2,
         )
 
     def within(self, frames: slice) -> Array:

@@ -162,14 +162,8 @@ def _blocks(columns: NDArray[np.floating]) -> Single:
 
 def _solve(source: Source, start: Start, number: int, columns: NDArray[np.intp]) -> _Solved:
     """Iterate on a rung; the solver's own arrays end here."""
-    rung, last = source.settings.rungs[number], len(source.settings.rungs) - 1
-    solution = solve(
-        source.solver(rung),
-        start,
-        iterations=rung.iterations,
-        step=rung.step,
-        patient=number == last,
-    )
+    rung = source.settings.rungs[number]
+    solution = solve(source.solver(rung), start, iterations=rung.iterations, step=rung.step)
     n_frames, n_bones = source.stiffness.shape
     n_points = source.scene.points.shape[1]
 
