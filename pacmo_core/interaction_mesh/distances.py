@@ -33,30 +33,32 @@ def distances_of(scene: Scene, settings: Settings, points: Array) -> Distances:
     """
     n_bodies = points.shape[-1]
     sums, counts = np.zeros((3, n_bodies)), np.zeros(3)
-    deepest = np.zeros(n_bodies, dtype=np.float32)
+    # Over frames pair by pair: rows of few columns are slow to reduce.
+    deeper = np.zeros((*scene.n_joints, n_bodies), dtype=np.float32).reshape(-1, n_bodies)
     for pose, frame in zip(scene.points, points, strict=True):
         before = _between(scene, pose[..., None])
-        near, touching = (before < limit for limit in (settings.near, settings.touching))
+        near, touching = (before[:, 0] < limit for limit in (settings.near, settings.touching))
         after = _between(scene, frame)
-        deepest = np.maximum(deepest, (before.clip(max=settings.clearance) - after).max(axis=0))
-        kept = after[touching[:, 0]] < settings.touching + settings.slack
-        np.abs(np.subtract(after, before, out=after), out=after)
-        close = after[near[:, 0]].sum(axis=0)
-        sums += [close, after.sum(axis=0) - close, kept.sum(axis=0)]
+        kept = after[touching] < settings.touching + settings.slack
+        np.subtract(before, after, out=after)
+        np.maximum(deeper, after - (before - settings.clearance).clip(min=0), out=deeper)
+        weights = np.stack([near, ~near]).astype(np.float32)
+        sums[:2] += weights @ np.abs(after, out=after)
+        sums[2] += kept.sum(axis=0)
         counts += [near.sum(), (~near).sum(), touching.sum()]
     means = sums / counts.clip(min=1)[:, None]
     kept_share = means[2] if counts[2] else np.ones(n_bodies)
-    return Distances(means[0], means[1], kept_share, deepest.astype(np.float64))
+    return Distances(means[0], means[1], kept_share, deeper.max(axis=0).astype(np.float64))
 
 
 def _between(scene: Scene, pose: Array) -> Single:
     """``(J_a J_b, V)`` float32 metres."""
     # About the middle of the frame, lest a common offset swallow the digits.
-    centred = (pose - pose.mean(axis=0)).astype(np.float32)
-    a, b = centred[: scene.n_joints[0], None], centred[None, scene.n_joints[0] :]
-    squared = np.zeros((a.shape[0], b.shape[1], pose.shape[-1]), dtype=np.float32)
-    for axis in range(3):
-        part = a[:, :, axis] - b[:, :, axis]
+    centred = (pose - pose.mean(axis=0)).astype(np.float32).transpose(1, 0, 2)
+    a, b = centred[:, : scene.n_joints[0], None], centred[:, None, scene.n_joints[0] :]
+    squared = part = np.zeros((a.shape[1], b.shape[2], pose.shape[-1]), dtype=np.float32)
+    for own, other in zip(a, b, strict=True):
+        part = np.subtract(own, other, out=None if part is squared else part)
         squared += np.multiply(part, part, out=part)
     distances: Single = np.sqrt(squared, out=squared).reshape(-1, pose.shape[-1])
     return distances

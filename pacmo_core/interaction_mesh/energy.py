@@ -21,7 +21,7 @@ Inside the room, arrays of many bodies have them last: (T, N, 3, V), so that a m
 all directions and bodies at once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from typing import TypeVar
 
@@ -71,6 +71,22 @@ class Quadratic:
         """``(T - 1, N)``: by how much either end of a step is held."""
         steps: Array = self.held[1:] * self.held[:-1]
         return steps
+
+    def part(self, frames: slice) -> "Quadratic":
+        """Take some frames, as if there were no others; fewer a second, if ``frames`` leaps."""
+        leap = frames.step or 1
+        size = len(self.laplacians)
+        rows = np.arange(self.pulls.shape[0]).reshape(size, -1)[frames].reshape(-1)
+        return replace(
+            self,
+            laplacians=self.laplacians[frames],
+            pulls=self.pulls[rows],
+            standing=self.standing[frames],
+            held=self.held[frames],
+            ties=self.ties[frames],
+            acceleration=self.acceleration / leap**4,
+            stance=self.stance / leap**2,
+        )
 
     def within(self, frames: slice) -> Array:
         """``(F, N, N)``: what H has within each of some frames from L, contact and anchor."""
@@ -127,6 +143,22 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
         "height": energy.height * _half(lifted, change),
         "anchor": energy.anchor * _half(change, change),
     }
+
+
+def forces(energy: Quadratic, change: Real) -> Real:
+    """``H U``, (T, N, 3, V), of changes (T, N, 3, V)."""
+    kind, rows = change.dtype, change.reshape(*change.shape[:2], -1)
+    found: Real = (energy.within(slice(None)).astype(kind, copy=False) @ rows).reshape(change.shape)
+    found[:, :, 1] += (energy.height * energy.held[..., None]).astype(kind) * change[:, :, 1]
+    steps = np.diff(change, axis=0)
+    bends = energy.acceleration * np.diff(steps, axis=0)
+    steps *= (energy.stance * energy.steps_held[..., None, None]).astype(kind)
+    # The transposes of differences, in the order of time.
+    found[1:] += steps
+    found[:-1] -= steps
+    for shift, weight in enumerate((1, -2, 1)):
+        found[shift : len(bends) + shift] += weight * bends
+    return found
 
 
 def target_of(energy: Quadratic, scales: Array) -> Array:

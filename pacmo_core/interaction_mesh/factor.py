@@ -63,13 +63,12 @@ def factorise(energy: Quadratic, rows: Rows) -> Factor:
 def stiffness(energy: Quadratic, scene: Scene) -> Array:
     """``(T, E)``: the force a metre with which the energy alone holds a bone's end to its parent.
 
-    ``1 / (a^T H^-1 a)`` with a the difference of the two points in one frame, in the direction that
-    is held harder: penalties in proportion to it suit hands in contact, feet on the ground and
+    ``1 / (a^T H^-1 a)`` with a the difference of the two points in one frame, in height, which the
+    ground holds harder: penalties in proportion to it suit hands in contact, feet on the ground and
     heads in the air alike.
     """
     time = in_time(energy)
-    flat, same = tee(pairs_of_frames(energy, time, None))
-    loose = np.minimum(_softness(flat, time, scene), _softness(_raised(same, energy), time, scene))
+    loose = _softness(_raised(pairs_of_frames(energy, time, None), energy), time, scene)
     stiff: Array = 1 / loose[: len(energy.held)]
     return stiff
 

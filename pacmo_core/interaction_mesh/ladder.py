@@ -53,15 +53,17 @@ def climb(source: Source, scales: Array, number: int, held: list[Try | None]) ->
     """Try a rung on some bodies with scales (V, E), and keep the better of this and the last."""
     # Sums of few columns add up in another order: full ones, so that company makes no difference.
     columns = np.resize(np.arange(len(scales)), filled(len(scales)))
-    solved = _solve(source, scales, number, held, columns)
+    scales = scales[columns]
+    target = target_of(source.energy, scales).astype(np.float32)
+    start = _start(source, scales, target, number, held)
+    solved = _solve(source, start, number, columns)
     change, bones, pressed = solved.change, solved.bones, solved.pressed
-    scales, target = scales[columns], target_of(source.energy, scales[columns])
     motions = exact(source.scene, change, bones, scales)
     figures = _figures(source, scales, motions, held)
     figures["raw_residual"] = raw_residual(source.scene, change, scales)
     figures["last_step"] = solved.step
     moved = (motions - source.scene.points[..., None]).astype(np.float32)
-    terms = energy_terms(source.energy, moved, target.astype(np.float32))
+    terms = energy_terms(source.energy, moved, target)
     reports = [
         Report(
             rung=number,
@@ -115,14 +117,30 @@ def _figures(
     return figures
 
 
-def _points(source: Source, scales: Array, number: int, held: list[Try | None]) -> Single:
-    """Start from the source with its bones scaled, or from where the last try ended."""
-    rung = source.settings.rungs[number]
-    bones = (
-        source.scene.vectors.astype(np.float32)[..., None] * scales.T.astype(np.float32)[:, None]
-    )
+def _start(
+    source: Source, scales: Array, target: Single, number: int, held: list[Try | None]
+) -> Start:
+    """Start those that are ``held``; scales (V, E) and target (T, N + M, 3, V) may hold more."""
+    rung, n_bodies = source.settings.rungs[number], len(held)
+    laplacians = source.energy.laplacians.transpose(0, 2, 1).astype(np.float32)
+    pull = laplacians @ target.reshape(*target.shape[:2], -1)
+    pull = _blocks(pull.reshape(*pull.shape[:2], *target.shape[2:])[..., :n_bodies])
     bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
-    ends = source.solver(rung).guarded
+    bones = source.answers.summed(source.scene.vectors, scales, bearing)[..., :n_bodies]
+    scales = scales[:n_bodies]
+    return Start(
+        pull=pull.reshape(len(pull), -1, *pull.shape[3:]),
+        point=_points(source, bones, bearing, number, held),
+        scales=scales.T.astype(np.float32),
+        grown=source.grown(scales) + NOTHING**2 * source.stiffness.size,
+    )
+
+
+def _points(
+    source: Source, bones: Single, bearing: Single, number: int, held: list[Try | None]
+) -> Single:
+    """Start from the bones (T, E, 3, V), or from where the last try ended."""
+    ends = source.solver(source.settings.rungs[number]).guarded
     pairs = np.repeat(_between(source.scene.points, ends)[..., None], len(held), axis=-1)
     for v, one in enumerate(held):
         if one is not None and not one.astray:
@@ -137,41 +155,15 @@ def _between(points: Array, ends: NDArray[np.intp]) -> Single:
     return vectors
 
 
-def _pull(source: Source, target: Array) -> Single:
-    """``(K, 2N, 3, V)``: the energy's right-hand side, L^T r."""
-    rows = target.reshape(*target.shape[:2], -1)
-    pull = source.energy.laplacians.transpose(0, 2, 1) @ rows
-    blocks = _blocks(pull.reshape(len(pull), -1, *target.shape[2:]))
-    return blocks.reshape(len(blocks), -1, *blocks.shape[3:])
-
-
-def _blocks(columns: Array) -> Single:
+def _blocks(columns: NDArray[np.floating]) -> Single:
     """Turn (T, R, 3, V) into (K, 2, R, 3, V) float32."""
     return in_pairs(columns.astype(np.float32, copy=False)[:, :, AXES])
 
 
-def _solve(
-    source: Source,
-    scales: Array,
-    number: int,
-    held: list[Try | None],
-    columns: NDArray[np.intp],
-) -> _Solved:
+def _solve(source: Source, start: Start, number: int, columns: NDArray[np.intp]) -> _Solved:
     """Iterate on a rung; the solver's own arrays end here."""
-    rung, last = source.settings.rungs[number], len(source.settings.rungs) - 1
-    start = Start(
-        pull=_pull(source, target_of(source.energy, scales)),
-        point=_points(source, scales, number, held),
-        scales=scales.T.astype(np.float32),
-        grown=source.grown(scales) + NOTHING**2 * source.stiffness.size,
-    )
-    solution = solve(
-        source.solver(rung),
-        start,
-        iterations=rung.iterations,
-        step=rung.step,
-        patient=number == last,
-    )
+    rung = source.settings.rungs[number]
+    solution = solve(source.solver(rung), start, iterations=rung.iterations, step=rung.step)
     n_frames, n_bones = source.stiffness.shape
     n_points = source.scene.points.shape[1]
 

@@ -98,7 +98,9 @@ def spikes(points: Array) -> Array:
     ----------
     points : (T, N, 3, V), T >= 3
     """
-    bends = np.diff(points, n=2, axis=0)
+    bends = points[2:] - points[1:-1]
+    bends -= points[1:-1]
+    bends += points[:-2]
     accelerations = np.sqrt(np.einsum("tncv,tncv->tnv", bends, bends)).mean(axis=1)
     padded = np.pad(accelerations, ((AROUND, AROUND), (0, 0)), mode="reflect")
     medians = np.median(sliding_window_view(padded, 2 * AROUND + 1, axis=0), axis=-1)
@@ -119,6 +121,7 @@ def _slide(points: Array, standing: NDArray[np.bool_], fps: float) -> Array:
     stands = steps_of(standing)
     if not stands.any():
         return np.zeros(points.shape[-1])
-    steps = np.diff(points[:, :, [0, 2]], axis=0)[stands]
+    frame, joint = np.nonzero(stands)
+    steps = points[frame + 1, joint, ::2] - points[frame, joint, ::2]
     speeds: Array = np.linalg.norm(steps, axis=1).mean(axis=0) * fps
     return speeds

@@ -14,8 +14,6 @@ from pacmo_core.interaction_mesh.state import State
 WIDTH = 16
 # Iterations from one look at who has settled to the next.
 EVERY = 4
-# By how much steps are taken to shrink from the first look to the second.
-PATIENCE = 0.1
 
 
 @dataclass(frozen=True)
@@ -66,8 +64,8 @@ class Solution:
         self.iterations[rows] = number
 
 
-def solve(solver: Solver, start: Start, *, iterations: int, step: float, patient: bool) -> Solution:
-    """Iterate; a body stops whose ``step`` is small enough or, not ``patient``, will never be.
+def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solution:
+    """Iterate; a body stops once its ``step`` is small enough.
 
     Whatever the others do: what is found for a body does not depend on its company.
     """
@@ -75,7 +73,6 @@ def solve(solver: Solver, start: Start, *, iterations: int, step: float, patient
     state, columns = _begun(solver, start), np.resize(np.arange(n_bodies), filled(n_bodies))
     found, work = _room(start, state), state.work(start.point.shape[2])
     going = np.arange(len(columns)) < n_bodies  # the others only fill up
-    before = np.full(len(columns), np.inf)
     for number in range(1, iterations + 1):
         work.watched = number % EVERY == 0 or number == iterations
         state.moved[:] = 0
@@ -84,27 +81,19 @@ def solve(solver: Solver, start: Start, *, iterations: int, step: float, patient
             continue
         steps = np.sqrt(state.moved / start.grown[columns])
         done = (steps <= step) | (number == iterations)
-        done |= (not patient) & _hopeless(steps, before, step, iterations - number)
         done &= going
         found.take(state, columns[done], np.flatnonzero(done), number)
         found.step[columns[done]] = steps[done]
-        going, before = going & ~done, steps
+        going &= ~done
         width = filled(int(going.sum()))
         if not width:
             break
         if width < state.n_bodies:
             kept = np.resize(np.flatnonzero(going), width)
-            state, columns, before = state.of(kept), columns[kept], before[kept]
+            state, columns = state.of(kept), columns[kept]
             going = np.arange(width) < going.sum()
             work = state.work(start.point.shape[2])
     return found
-
-
-def _hopeless(steps: Array, before: Array, wanted: float, left: int) -> NDArray[np.bool_]:
-    """Say who will not come to small enough steps if they go on to shrink as they do."""
-    shrinks = np.where(np.isfinite(before), steps / np.maximum(before, 1e-30), PATIENCE)
-    hopeless: NDArray[np.bool_] = steps * np.minimum(shrinks, 1) ** (left / EVERY) > wanted
-    return hopeless
 
 
 def _begun(solver: Solver, start: Start) -> State:

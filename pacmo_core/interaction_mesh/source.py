@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pacmo_core.interaction_mesh.admm import Solver, solver_of
+from pacmo_core.interaction_mesh.answers import Answers, answers
 from pacmo_core.interaction_mesh.energy import Quadratic, quadratic
 from pacmo_core.interaction_mesh.factor import factorise, stiffness
 from pacmo_core.interaction_mesh.rows import bone_rows, guarded_rows
@@ -26,6 +27,7 @@ class Source:
     scene, settings : as given to ``prepare``
     energy : its matrices
     stiffness : (T, E), by which penalties are stated
+    answers : to each bone that grows, from which iterations start
     solvers : by penalties, made when first wanted
     """
 
@@ -33,6 +35,7 @@ class Source:
     settings: Settings
     energy: Quadratic
     stiffness: Array
+    answers: Answers
     solvers: dict[tuple[float, float], Solver] = field(default_factory=dict)
 
     @property
@@ -68,6 +71,6 @@ class Source:
 def prepare(scene: Scene, settings: Settings) -> Source:
     """Build graph, weights and factorisation of a source."""
     energy = quadratic(scene, settings)
-    source = Source(scene, settings, energy, stiffness(energy, scene))
+    source = Source(scene, settings, energy, stiffness(energy, scene), answers(scene, energy))
     source.solver(settings.rungs[0])
     return source

@@ -1,0 +1,95 @@
+"""Trusted: the manifold oracle on bodies that hardly differ, and the energy's matrix."""
+
+import numpy as np
+import pytest
+
+from pacmo_core.interaction_mesh import Scene
+from pacmo_core.interaction_mesh import answers as module
+from pacmo_core.interaction_mesh.answers import answers
+from pacmo_core.interaction_mesh.energy import forces, quadratic, target_of
+from pacmo_core.skeleton import Skeleton
+from tests.interaction_mesh.oracles import manifold, matrix
+from tests.interaction_mesh.scenes import ARM, SETTINGS, scene
+
+LEG = Skeleton("leg", ("hip", "left_knee", "left_foot"), (-1, 0, 1))
+LITTLE = 1e-4
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 6])
+def test_forces_are_those_of_the_energys_matrix(n_frames):
+    source = scene(0, n_frames)
+    energy = quadratic(source, SETTINGS)
+    change = np.random.default_rng(0).normal(size=(*source.points.shape, 2))
+    for v in range(2):
+        expected = matrix(energy) @ change[..., v].reshape(-1)
+        found = forces(energy, change)[..., v].reshape(-1)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_frames", [2, 7, 8])
+def test_bones_that_hardly_grow_turn_as_the_oracle_turns_them(n_frames):
+    source = scene(1, n_frames, skeletons=(ARM, LEG))
+    energy = quadratic(source, SETTINGS)
+    found = answers(source, energy)
+    for bone in (0, 3, 6):
+        scales = np.ones(7)
+        scales[bone] += LITTLE
+        change = manifold(source, energy, scales)
+        parent, child = source.bones.T
+        grown = (change[:, child] - change[:, parent]) / LITTLE
+        grown[:, bone] -= source.vectors[:, bone]
+        np.testing.assert_allclose(found.turns[..., bone], grown, atol=2e-3)
+
+
+def test_tensions_are_what_keeps_joints_where_the_oracle_puts_them():
+    source = scene(2, 6)
+    energy = quadratic(source, SETTINGS)
+    found = answers(source, energy)
+    scales = 1 + LITTLE * np.random.default_rng(0).normal(size=10)
+    change = manifold(source, energy, scales)[..., None]
+    target = target_of(energy, scales[None])[..., 0]
+    left = energy.laplacians.transpose(0, 2, 1) @ target - forces(energy, change)[..., 0]
+    held = np.zeros_like(left)
+    lengths = np.linalg.norm(source.vectors, axis=-1, keepdims=True)
+    pulls = (found.tensions @ (scales - 1))[..., None] * source.vectors / lengths
+    for bone, (parent, child) in enumerate(source.bones):
+        held[:, child] += pulls[:, bone]
+        held[:, parent] -= pulls[:, bone]
+    np.testing.assert_allclose(left, held, atol=2e-2 * np.abs(left).max())
+
+
+def test_the_start_of_a_body_has_its_lengths_where_nothing_bears_on_its_bones():
+    source = scene(3, 5)
+    found = answers(source, quadratic(source, SETTINGS))
+    scales = np.random.default_rng(0).uniform(0.75, 1.25, size=(3, 10))
+    rigid = np.full((5, 10, 1), np.inf, dtype=np.float32)
+    bones = found.summed(source.vectors, scales, rigid)
+    wanted = np.linalg.norm(source.vectors, axis=-1)[..., None] * scales.T
+    np.testing.assert_allclose(np.linalg.norm(bones, axis=2), wanted, rtol=1e-5)
+
+
+def test_a_motion_of_more_frames_a_second_is_answered_at_thirty_and_filled_in_between():
+    drawn = scene(3, 9)
+    source = Scene(drawn.motions, drawn.skeletons, fps=60.0)
+    found = answers(source, quadratic(source, SETTINGS))
+    assert found.leap == 2 and len(found.turns) == len(found.tensions) == 5
+    scales = np.full((1, 10), 1.1)
+    bones = found.summed(source.vectors, scales, np.ones((9, 10, 1), dtype=np.float32))[..., 0]
+    along = bones / np.linalg.norm(bones, axis=-1, keepdims=True)
+    sideways = np.zeros((9, 10, 3))
+    sideways[::2] = found.turns @ (scales[0] - 1)
+    sideways[1::2] = (sideways[:-1:2] + sideways[2::2]) / 2
+    expected = 1.1 * source.vectors + sideways
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+    np.testing.assert_allclose(along, expected, atol=1e-5)
+
+
+def test_parts_of_a_long_motion_give_nearly_what_the_whole_does(monkeypatch):
+    source = scene(4, 60)
+    energy = quadratic(source, SETTINGS)
+    whole = answers(source, energy).turns
+    monkeypatch.setattr(module, "PART", 20)
+    monkeypatch.setattr(module, "BESIDE", 20)
+    parts = answers(source, energy).turns
+    assert parts.tobytes() != whole.tobytes()
+    np.testing.assert_allclose(parts, whole, atol=0.05 * np.abs(whole).max())
