@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pacmo_core.interaction_mesh.scene import Single
 
 # Bodies times blocks in one local step.
-COLUMNS = 64
+COLUMNS = 192
 
 
 @dataclass(frozen=True)
