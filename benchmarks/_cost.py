@@ -65,7 +65,8 @@ def draw(measured: list[Cost], path: Path) -> None:
     parts = measured[: len(FRAMES)], measured[len(FRAMES) :]
     for axes, name, part in zip(figure.subplots(1, 2), names, parts, strict=True):
         counts = [c.n_frames if part is parts[0] else c.n_variations for c in part]
-        axes.loglog(counts, [c.seconds for c in part], "o-", label="measured")
+        power = f"measured; in the end as power {growth(part):.2f}"
+        axes.loglog(counts, [c.seconds for c in part], "o-", label=power)
         straight = part[-1].seconds * np.array(counts) / counts[-1]
         axes.loglog(counts, straight, "--", label="in proportion")
         axes.set(xlabel=name, ylabel="process seconds")

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from pacmo_core.interaction_mesh.blocks import AXES, in_pairs
 from pacmo_core.interaction_mesh.factor import Factor
-from pacmo_core.interaction_mesh.rows import Rows, differences
 from pacmo_core.interaction_mesh.scene import Single
-from pacmo_core.interaction_mesh.state import State, Work
+from pacmo_core.interaction_mesh.state import TOGETHER, State, Work
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,8 @@ class Solver:
     ----------
     factor : of the energy with the rows' penalties
     ends : two of (2KR,), which of all 2KN points each difference goes from, and to
-    spread : (K, 2, N, R) float32, from differences back to points, times penalties
+    spread : of each ``TOGETHER`` blocks, from their differences back to their points, times
+        penalties
     source : (K, 2, R, 3, 1) float32 metres, the differences in the source
     lengths : (K, 2, E, 1) float32 metres, of bones in the source
     least : (K, 2, R - E, 1) float32 metres
@@ -39,7 +39,7 @@ class Solver:
 
     factor: Factor
     ends: tuple[NDArray[np.intp], NDArray[np.intp]]
-    spread: Single
+    spread: tuple[csr_array, ...]
     source: Single
     lengths: Single
     least: Single
@@ -54,15 +54,15 @@ class Solver:
         self._forward(state, work)
         last = len(self.source)
         for block in self._backward(state, work):
-            if block % work.n_blocks == 0:
+            if block % TOGETHER == 0:
                 self._local_step(state, work, slice(block, last))
                 last = block
 
     def settle(self, state: State) -> None:
         """Follow up a new ``point``: what it leaves to the linear step."""
         work = state.work(self.source.shape[2])
-        for block in range(0, len(self.source), work.n_blocks):
-            self._pull(state, work, slice(block, min(block + work.n_blocks, len(self.source))))
+        for block in range(0, len(self.source), TOGETHER):
+            self._pull(state, work, slice(block, min(block + TOGETHER, len(self.source))))
 
     def _forward(self, state: State, work: Work) -> None:
         """Eliminate: ``w_k = S_k^-1 (b_k - C_k-1 w_k-1)``."""
@@ -140,11 +140,9 @@ class Solver:
         # Less the source before it is summed: forces that cancel must do so to the last digit, as
         # hardly anything but the anchor holds the scene as a whole.
         np.subtract(held, self.source[blocks], out=held)
-        right = state.right[blocks]
-        flat = (*held.shape[:3], -1)
-        halves = right.reshape(len(right), 2, -1, right.shape[-1])
-        np.matmul(self.spread[blocks], held.reshape(flat), out=halves)
-        np.add(right, state.pull[blocks], out=right)
+        right, pull = state.right[blocks], state.pull[blocks]
+        forces = self.spread[blocks.start // TOGETHER] @ held.reshape(-1, right.shape[-1])
+        np.add(forces.reshape(right.shape), pull, out=right)
 
     def _tie(self, rows: Single, frame: int, out: Single) -> None:
         """Multiply by C_k: from the frames of a block to those of the next."""
@@ -165,33 +163,3 @@ class Solver:
         np.multiply(lower, far[frame + 1], out=out[:half])
         np.add(out[half:], out[:half], out=out[half:])
         np.multiply(upper, far[frame], out=out[:half])
-
-
-def solver_of(factor: Factor, rows: Rows, *, n_bones: int, relaxation: float) -> Solver:
-    """Lay out rows for the solver, in blocks, directions in the order of ``AXES``.
-
-    Parameters
-    ----------
-    factor : of the energy with the rows' penalties
-    rows : what is held
-    n_bones : how many of the rows are bones; the others are pairs to keep apart
-    relaxation : 1 to 2
-    """
-    n_points = factor.next_frame.shape[1]
-    pairs, source = in_pairs(rows.pairs), in_pairs(rows.source[..., AXES])
-    matrix = differences(rows.pairs, n_points)
-    spread = in_pairs((rows.weights[..., None] * matrix).transpose(0, 2, 1).astype(np.float32))
-    frames = np.arange(2 * len(pairs)).reshape(-1, 2)
-    ends = pairs + n_points * frames[:, :, None, None]
-    # A frame that only fills up the last block has no bones; any direction serves it.
-    lengths = np.linalg.norm(source[:, :, :n_bones], axis=-1)
-    return Solver(
-        factor=factor,
-        ends=(ends[..., 0].reshape(-1), ends[..., 1].reshape(-1)),
-        spread=np.ascontiguousarray(spread),
-        source=source[..., None].astype(np.float32),
-        lengths=lengths[..., None].astype(np.float32),
-        least=in_pairs(rows.least)[..., None].astype(np.float32),
-        guarded=rows.pairs[:, n_bones:],
-        relaxation=relaxation,
-    )

@@ -4,10 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pacmo_core.interaction_mesh.admm import Solver, solver_of
+from pacmo_core.interaction_mesh.admm import Solver
 from pacmo_core.interaction_mesh.answers import Answers, answers
 from pacmo_core.interaction_mesh.energy import Quadratic, quadratic
 from pacmo_core.interaction_mesh.factor import factorise, stiffness
+from pacmo_core.interaction_mesh.lay_out import solver_of
 from pacmo_core.interaction_mesh.rows import bone_rows, guarded_rows
 from pacmo_core.interaction_mesh.scene import Array, Scene
 from pacmo_core.interaction_mesh.settings import Rung, Settings

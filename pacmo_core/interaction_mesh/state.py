@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.scene import Single
 
-# Bodies times blocks in one local step.
-COLUMNS = 64
+# Blocks that take the local step together: as many as fit into the processor's cache beside what
+# they are made of, as each step has its cost.
+TOGETHER = 4
 
 
 @dataclass(frozen=True)
@@ -59,18 +60,13 @@ class State:
 
 
 class Work:
-    """Arrays that are made once. ``watched`` asks iterations to say how far they move.
-
-    ``n_blocks`` take the local step together: many where bodies are few, as each step has its
-    cost, but no more than fit into the processor's cache.
-    """
+    """Arrays that are made once. ``watched`` asks iterations to say how far they move."""
 
     def __init__(self, n_rows: int, n_points: int, n_bodies: int) -> None:
         self.watched = False
-        self.n_blocks = max(1, COLUMNS // n_bodies)
         self.tied = np.zeros((n_points, 3 * n_bodies), dtype=np.float32)
         self.moved = np.zeros_like(self.tied)
-        self._held = np.zeros((self.n_blocks, 2, n_rows, 3, n_bodies), dtype=np.float32)
+        self._held = np.zeros((TOGETHER, 2, n_rows, 3, n_bodies), dtype=np.float32)
         self._other = np.zeros_like(self._held)
         self._share = np.zeros(self._held[:, :, :, 0].shape, dtype=np.float32)
 

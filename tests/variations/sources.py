@@ -11,7 +11,7 @@ from pacmo_core.variations.solve import Lot
 from tests.interaction_mesh.scenes import scene
 
 # A first try so short that it serves easy bodies alone.
-SETTINGS = replace(USUAL, rungs=(replace(USUAL.rungs[0], iterations=6, step=0.01), *USUAL.rungs))
+SETTINGS = replace(USUAL, rungs=(replace(USUAL.rungs[0], iterations=6, step=3e-3), *USUAL.rungs))
 
 
 def source(seed: int = 0, n_frames: int = 12) -> Interaction:
