@@ -25,7 +25,7 @@ from pacmo_core.skeleton_prior.kinematic import KinematicCharacter
 from pacmo_core.skeleton_prior.losses import LossWeights, terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior, build
 from pacmo_core.skeleton_prior.vary import forward
-from tests.skeleton_prior.plain import PlainConvolution, PlainGru, PlainHead
+from tests.skeleton_prior.plain import PlainConvolution, PlainGru, PlainHead, PlainTime
 
 N_FRAMES, STRIDE, WINDOW, BATCH = 363, 3, 24, 32
 LIMBS = ((4, 5, 6), (8, 9, 10), (12, 13, 14), (16, 17, 18))
@@ -83,6 +83,7 @@ def made_plain(model: SkeletonPrior) -> SkeletonPrior:
         replace(character, "head", PlainHead(character.head))
         for layer in [*character.encoder.layers, *character.around]:
             replace(layer, "graph", PlainConvolution(layer.graph))
+            replace(layer, "time", PlainTime(layer.time))
     return model
 
 

@@ -13,9 +13,10 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import ChannelNorm, GraphGru, Head, StGcn
+from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, StGcn
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
+from pacmo_core.skeleton_prior.recurrence import GraphGru
 from pacmo_core.skeleton_prior.relations import pulls
 
 # Channels of ``KinematicCharacter.sights``.

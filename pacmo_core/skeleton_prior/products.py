@@ -1,0 +1,146 @@
+"""Products of matrices along joints and along time, with gradients that copy nothing.
+
+What autograd would do of itself is the same arithmetic; but it would gather a frame's neighbours
+side by side, forwards and backwards, and to fetch the memory for that costs more than to multiply.
+"""
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+
+class Mixing(torch.autograd.Function):
+    """``links X W + X U + b`` over the joints, of the last two axes of a tensor."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, x: Tensor, links: Tensor, along: Tensor, own: Tensor, bias: Tensor
+    ) -> Tensor:
+        """``(..., J, C)`` to ``(..., J, D)``.
+
+        Parameters
+        ----------
+        links : (J, J)
+        along, own : (D, C)
+        bias : (D,)
+        """
+        flat = x.reshape(-1, *x.shape[-2:]).contiguous()
+        out = x.new_empty(*x.shape[:-1], len(along))
+        torch.addmm(bias, _rows(flat), own.T, out=_rows(out))
+        # The narrower side is mixed over joints: mixing commutes with the weights.
+        inside = along.shape[1] <= along.shape[0]
+        if inside:
+            mixed = _over_joints(links, flat)
+            _rows(out).addmm_(_rows(mixed), along.T)
+        else:
+            mixed = (_rows(flat) @ along.T).view(*flat.shape[:2], -1)
+            out.view_as(mixed).baddbmm_(_each(links, len(mixed)), mixed)
+        ctx.inside = inside
+        ctx.save_for_backward(flat, mixed, links, along, own)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        """Give the gradients of all five."""
+        flat, mixed, links, along, own = ctx.saved_tensors
+        shape = gradients[0].shape
+        gradient = gradients[0].reshape(len(flat), shape[-2], -1).contiguous()
+        rows = _rows(gradient)
+        if ctx.inside:
+            through = (rows @ along).view_as(flat)
+            d_links = _outer(through, flat)
+            d_along = rows.T @ _rows(mixed)
+            back = _over_joints(links.T, through) if ctx.needs_input_grad[0] else None
+        else:
+            d_links = _outer(gradient, mixed)
+            through = _over_joints(links.T, gradient)
+            d_along = _rows(through).T @ _rows(flat)
+            back = (_rows(through) @ along).view_as(flat) if ctx.needs_input_grad[0] else None
+        if back is not None:
+            _rows(back).addmm_(rows, own)
+            back = back.view(*shape[:-1], -1)
+        return back, d_links, d_along, rows.T @ _rows(flat), rows.sum(dim=0)
+
+
+class Sliding(torch.autograd.Function):
+    """A convolution over frames with stride 1, centred; what is beyond the ends is zero."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+        """``(B, T, J, C)`` to ``(B, T, J, D)``.
+
+        Parameters
+        ----------
+        weight : (D, K C), the kernel's frames one after another, K odd
+        bias : (D,)
+        """
+        n_rows, n_frames, n_joints, channels = x.shape
+        kernel = weight.view(len(weight), -1, channels).permute(1, 2, 0).contiguous()
+        reach = len(kernel) // 2
+        padded = torch.nn.functional.pad(x, (0, 0, 0, 0, reach, reach)).flatten(1, 2)
+        out = bias.repeat(n_rows, n_frames, n_joints, 1)
+        for shift, weights in enumerate(kernel):
+            out.flatten(1, 2).baddbmm_(_seen(padded, shift, x.shape), _each(weights, n_rows))
+        ctx.save_for_backward(padded, kernel)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        """Give the gradients of all three."""
+        padded, kernel = ctx.saved_tensors
+        n_rows, _, n_joints, _ = shape = gradients[0].shape
+        gradient = gradients[0].contiguous().flatten(1, 2)
+        d_kernel, d_padded = torch.empty_like(kernel), torch.zeros_like(padded)
+        for shift, weights in enumerate(kernel):
+            seen = _seen(padded, shift, shape)
+            d_kernel[shift] = torch.bmm(seen.mT, gradient).sum(dim=0)
+            _seen(d_padded, shift, shape).baddbmm_(gradient, _each(weights.T, n_rows))
+        reach = len(kernel) // 2 * n_joints
+        back = d_padded[:, reach:-reach].view(n_rows, -1, n_joints, padded.shape[-1])
+        return back, d_kernel.permute(2, 0, 1).flatten(1), gradient.sum(dim=(0, 1))
+
+
+class Leaking(torch.autograd.Function):
+    """A dense layer and a leaky ReLU, of which the rectified values alone are kept."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, weight: Tensor, bias: Tensor, leak: float) -> Tensor:
+        """``(..., C)`` to ``(..., D)``."""
+        out = x.new_empty(*x.shape[:-1], len(weight))
+        torch.addmm(bias, _rows(x), weight.T, out=_rows(out))
+        torch.nn.functional.leaky_relu_(out, leak)
+        ctx.leak = leak
+        ctx.save_for_backward(x, weight, out)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        """Give the gradients of the first three."""
+        x, weight, out = ctx.saved_tensors
+        # A leaky ReLU keeps signs, so what came of it tells the slope.
+        steep = torch.where(out > 0, gradients[0], ctx.leak * gradients[0])
+        rows = _rows(steep)
+        return (rows @ weight).view_as(x), rows.T @ _rows(x), rows.sum(dim=0), None
+
+
+def _rows(x: Tensor) -> Tensor:
+    return x.view(-1, x.shape[-1])
+
+
+def _each(matrix: Tensor, n: int) -> Tensor:
+    return matrix.expand(n, *matrix.shape)
+
+
+def _over_joints(links: Tensor, x: Tensor) -> Tensor:
+    return torch.bmm(_each(links, len(x)), x)
+
+
+def _outer(rows: Tensor, columns: Tensor) -> Tensor:
+    """Sum over all frames of ``(J, C) (J, C)ᵀ``."""
+    return torch.bmm(rows, columns.mT).sum(dim=0)
+
+
+def _seen(padded: Tensor, shift: int, shape: torch.Size) -> Tensor:
+    _, n_frames, n_joints, _ = shape
+    return padded[:, shift * n_joints : (shift + n_frames) * n_joints]
