@@ -119,8 +119,7 @@ class Leaking(torch.autograd.Function):
         """Give the gradients of the first three."""
         x, weight, out = ctx.saved_tensors
         # A leaky ReLU keeps signs, so what came of it tells the slope.
-        steep = torch.where(out > 0, gradients[0], ctx.leak * gradients[0])
-        rows = _rows(steep)
+        rows = _rows(torch.ops.aten.leaky_relu_backward(gradients[0], out, ctx.leak, True))
         return (rows @ weight).view_as(x), rows.T @ _rows(x), rows.sum(dim=0), None
 
 
