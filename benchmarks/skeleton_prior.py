@@ -20,10 +20,11 @@ from torch import Tensor, nn
 
 from benchmarks._figures import arguments, show
 from pacmo_core.skeleton import NTU25
+from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.kinematic import KinematicCharacter
 from pacmo_core.skeleton_prior.losses import LossWeights, terms, total
-from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior, build
+from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.vary import forward
 from tests.skeleton_prior.plain import PlainConvolution, PlainGru, PlainHead, PlainTime
 

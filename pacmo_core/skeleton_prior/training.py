@@ -12,10 +12,11 @@ from pacmo_core.pacmo.config import skeleton_from
 from pacmo_core.pacmo.fit import Fit
 from pacmo_core.pacmo.supervised import Supervised
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
+from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.losses import terms, total
-from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior, build
+from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.settings import PriorSettings
 
 

@@ -8,7 +8,7 @@ from pacmo_core.pacmo.fit import state
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.blending import Blend
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
-from pacmo_core.skeleton_prior.model import FORMS
+from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.splits import Fact
 from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
 
