@@ -7,7 +7,7 @@ matrices over the channels.
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import Leaking, Mixing, Sliding
+from pacmo_core.skeleton_prior.products import Mixing, Sliding
 
 KERNEL = 5
 LEAK = 0.1
@@ -145,7 +145,7 @@ class Head(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """``(..., h)`` to ``(..., C)``."""
         for layer in self.layers[:-1]:
-            x = Leaking.apply(x, layer.weight, layer.bias, LEAK)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+            x = nn.functional.leaky_relu(layer(x), LEAK, inplace=True)
         out: Tensor = self.layers[-1](x)
         return out
 

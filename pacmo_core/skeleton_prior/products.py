@@ -101,28 +101,6 @@ class Sliding(torch.autograd.Function):
         return back, d_kernel.permute(2, 0, 1).flatten(1), gradient.sum(dim=(0, 1))
 
 
-class Leaking(torch.autograd.Function):
-    """A dense layer and a leaky ReLU, of which the rectified values alone are kept."""
-
-    @staticmethod
-    def forward(ctx: Any, x: Tensor, weight: Tensor, bias: Tensor, leak: float) -> Tensor:
-        """``(..., C)`` to ``(..., D)``."""
-        out = x.new_empty(*x.shape[:-1], len(weight))
-        torch.addmm(bias, _rows(x), weight.T, out=_rows(out))
-        torch.nn.functional.leaky_relu_(out, leak)
-        ctx.leak = leak
-        ctx.save_for_backward(x, weight, out)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Give the gradients of the first three."""
-        x, weight, out = ctx.saved_tensors
-        # A leaky ReLU keeps signs, so what came of it tells the slope.
-        rows = _rows(torch.ops.aten.leaky_relu_backward(gradients[0], out, ctx.leak, True))
-        return (rows @ weight).view_as(x), rows.T @ _rows(x), rows.sum(dim=0), None
-
-
 def _rows(x: Tensor) -> Tensor:
     return x.view(-1, x.shape[-1])
 
