@@ -90,10 +90,11 @@ def tidy() -> list[Path]:
     runs, augmented = params.get("runs"), params.get("augmented", {})
     if not isinstance(runs, dict) or not all(isinstance(runs.get(k), list) for k in RUNS):
         raise ExperimentError(f"{PARAMS}: wanted runs with lists of folds and seeds, got {runs}")
-    more = [augmented.get(key, []) for key in RUNS]
+    augmented_folds, augmented_seeds = (augmented.get(key, []) for key in RUNS)
     named = runs.get("priors", {})
     priors = WantedPriors(*(named.get(key, []) for key in PRIORS))
-    return remove_leftovers(PARAMS.parent, Wanted(runs["folds"], runs["seeds"], *more, priors))
+    wanted = Wanted(runs["folds"], runs["seeds"], augmented_folds, augmented_seeds, priors)
+    return remove_leftovers(PARAMS.parent, wanted)
 
 
 def _compositions() -> Iterator[str]:
