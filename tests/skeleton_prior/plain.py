@@ -6,6 +6,7 @@ The oracle of the tests, and what the benchmark compares with.
 import torch
 from torch import Tensor, nn
 
+from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.layers import (
     KERNEL,
     LEAK,
@@ -14,6 +15,8 @@ from pacmo_core.skeleton_prior.layers import (
     StGcn,
     TimeConvolution,
 )
+from pacmo_core.skeleton_prior.limbs import Limb
+from pacmo_core.skeleton_prior.placing import Tree
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 
 
@@ -170,3 +173,24 @@ class PlainTime(nn.Module):
         """Run over (B, T, J, C)."""
         out: Tensor = self.convolution(x.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
         return out
+
+
+class PlainTree(Tree):
+    """Forward kinematics joint by joint, each from its parent.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    limbs : its arms and legs
+    """
+
+    def __init__(self, skeleton: Skeleton, limbs: tuple[Limb, ...]) -> None:
+        super().__init__(skeleton, limbs)
+        self.skeleton = skeleton
+
+    def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
+        places = {self.root: root}
+        for joint in self.skeleton.order:
+            if joint != self.root:
+                places[joint] = places[self.skeleton.parents[joint]] + bones[..., joint, :]
+        return torch.stack([places[joint] for joint in range(len(places))], dim=-2)

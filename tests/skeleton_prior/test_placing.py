@@ -10,6 +10,7 @@ from pacmo_core.skeleton import DUET15, NTU25
 from pacmo_core.skeleton_prior.limbs import bend, find_limbs, settling
 from pacmo_core.skeleton_prior.placing import Offsets, Tree
 from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
+from tests.skeleton_prior.plain import PlainTree
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=30)
 
@@ -129,3 +130,11 @@ def test_a_skeleton_without_limbs_is_placed_all_the_same():
     placed = tree(field, template, scales)
     wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
     torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
+
+
+def test_one_product_places_joints_as_going_from_joint_to_joint_does():
+    tree, template, scales, field = case(0)
+    limbs = tuple((a, b, c) for a, b, c in tree.limbs.tolist())
+    torch.testing.assert_close(
+        tree(field, template, scales), PlainTree(SMALL, limbs)(field, template, scales)
+    )
