@@ -67,7 +67,7 @@ class Tree(nn.Module):
 
     def guess(self, template: Tensor, scales: Tensor) -> Tensor:
         """Place what a zero field places, (B, T, J, 3) metres; at scale 1 that is the template."""
-        return self(torch.zeros_like(template), template, scales)
+        return self.forward(torch.zeros_like(template), template, scales)
 
     def naive(self, template: Tensor, scales: Tensor) -> Tensor:
         """Scale bones along their own directions, each body for itself: what guesses must beat.
