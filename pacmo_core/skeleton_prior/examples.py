@@ -10,7 +10,6 @@ from torch import Tensor
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import Skeleton
-from pacmo_core.skeleton_prior.blending import Blend, blended
 from pacmo_core.skeleton_prior.keyframes import keyframes
 from pacmo_core.transform import Frame, frame_of
 
@@ -102,25 +101,23 @@ class ExampleSet:
         at = list(keyframes(len(template), stride))
         return Pairs(template[None, at], self.varied[row][None, at], self.scales[row][None])
 
-    def windows(
-        self, rows: Tensor, stride: int, window: int, blend: Blend, random: torch.Generator
-    ) -> Pairs:
-        """Take of each row, or a blend, ``window`` frames, ``stride`` apart, from anywhere in it.
+    def windows(self, rows: Tensor, stride: int, window: int, random: torch.Generator) -> Pairs:
+        """Take of each row ``window`` frames, ``stride`` apart, from anywhere in it.
 
         Shorter sources hold their last frame.
         """
         found = []
         for row in rows.tolist():
-            template = self.templates[int(self.sources[row])]
+            template, varied = self.templates[int(self.sources[row])], self.varied[row]
             spare = max(1, len(template) - (window - 1) * stride)
             start = int(torch.randint(spare, (), generator=random))
             at = (start + stride * torch.arange(window)).clamp(max=len(template) - 1)
-            chosen, weights = blend.draw(row, self.sources, random)
-            varied = torch.stack([self.varied[other][at] for other in chosen.tolist()])
-            seen, own = template[at], self.scales[chosen]
-            found.append((seen, *blended(seen, varied, own, weights.to(own))))
-        templates, motions, scales = (torch.stack(parts) for parts in zip(*found, strict=True))
-        return Pairs(templates, motions, scales)
+            found.append((template[at], varied[at]))
+        return Pairs(
+            torch.stack([template for template, _ in found]),
+            torch.stack([varied for _, varied in found]),
+            self.scales[rows],
+        )
 
     def to(self, device: str) -> "ExampleSet":
         """Move the tensors."""

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from pacmo_core.skeleton_prior.blending import Blend
 from pacmo_core.skeleton_prior.losses import LossWeights
 
 
@@ -19,7 +18,6 @@ class PriorSettings:
     dropout: float
     weights: LossWeights
     warmup_epochs: int  # in which the divergence's weight rises to its own
-    blend: Blend  # rows that stand for several variations at once, to first order
     turn: bool  # show each row from any side
     swap: bool  # let the characters swap roles, where the model knows both bodies
     learning_rate: float

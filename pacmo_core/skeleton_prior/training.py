@@ -65,7 +65,7 @@ class PriorTraining(Supervised[SkeletonPrior]):
 
     def _batch(self, rows: Tensor, own: torch.Generator) -> Pairs:
         settings = self.prior_settings
-        pairs = self.examples.windows(rows, settings.stride, settings.window, settings.blend, own)
+        pairs = self.examples.windows(rows, settings.stride, settings.window, own)
         turns = torch.rand(len(rows), generator=own) * 2 * math.pi
         swaps = torch.rand(len(rows), generator=own) < 0.5
         if settings.turn:

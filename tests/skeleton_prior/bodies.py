@@ -5,7 +5,6 @@ import torch
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import NTU25, Skeleton
-from pacmo_core.skeleton_prior.blending import Blend
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.graph import paths
 from pacmo_core.skeleton_prior.losses import LossWeights
@@ -92,9 +91,10 @@ def settings(**changes: object) -> PriorSettings:
         "stride": 3,
         "window": 9,
         "dropout": 0.1,
-        "weights": LossWeights(divergence=1e-3, bodies=0.1, bones=1.0, pairs=0.5, acceleration=0.1),
+        "weights": LossWeights(
+            divergence=1e-3, bodies=0.1, bones=1.0, pairs=0.5, distances=2.0, acceleration=0.1
+        ),
         "warmup_epochs": 2,
-        "blend": Blend(share=0.5, most=2),
         "turn": True,
         "swap": True,
         "learning_rate": 1e-3,

@@ -6,13 +6,10 @@ import torch
 
 from pacmo_core.pacmo.fit import state
 from pacmo_core.skeleton_prior import training
-from pacmo_core.skeleton_prior.blending import Blend
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
 from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.splits import Fact
 from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
-
-PURE = Blend(share=0.0, most=1)
 
 
 def same(one, other) -> bool:
@@ -94,7 +91,7 @@ def test_the_changed_body_comes_first():
 
 def test_turning_and_swapping_change_no_distance_and_no_bone():
     encoded = encode(examples())
-    pairs = encoded.windows(torch.arange(len(encoded)), 2, 7, PURE, generator())
+    pairs = encoded.windows(torch.arange(len(encoded)), 2, 7, generator())
     turned = pairs.turned(torch.linspace(0, 6, len(encoded)))
     assert not torch.allclose(turned.varied, pairs.varied, atol=0.1)
     torch.testing.assert_close(turned.varied[..., 1], pairs.varied[..., 1])
@@ -109,11 +106,11 @@ def test_turning_and_swapping_change_no_distance_and_no_bone():
 
 def test_windows_are_frames_of_their_rows_and_short_ones_hold_the_last():
     encoded = encode(examples())
-    pairs = encoded.windows(torch.tensor([3, 0]), 3, 20, PURE, generator())
+    pairs = encoded.windows(torch.tensor([3, 0]), 3, 20, generator())
     assert pairs.varied.shape[:2] == (2, 20)
     assert torch.equal(pairs.varied[0, -1], encoded.varied[3][-1])
     assert torch.equal(pairs.varied[0, 0], encoded.varied[3][0])
-    short = encoded.windows(torch.tensor([3]), 3, 4, PURE, generator())
+    short = encoded.windows(torch.tensor([3]), 3, 4, generator())
     frames = encoded.varied[3]
     at = int((frames - short.varied[0, 0]).abs().sum(dim=(1, 2, 3)).argmin())
     assert torch.equal(short.varied[0], frames[at : at + 12 : 3])
