@@ -145,7 +145,7 @@ class Head(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """``(..., h)`` to ``(..., C)``."""
         for layer in self.layers[:-1]:
-            x = nn.functional.leaky_relu(layer(x), LEAK, inplace=True)
+            x = nn.functional.leaky_relu(layer(x), LEAK)
         out: Tensor = self.layers[-1](x)
         return out
 

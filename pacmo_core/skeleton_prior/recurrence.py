@@ -83,9 +83,8 @@ class GraphGru(nn.Module):
 class Running(torch.autograd.Function):
     """All steps of a ``GraphGru``, and their gradients in one loop backwards.
 
-    Unlike autograd, which takes the gradient of the weights step by step, and those of seven
-    products and sums in each, the slopes of all gates are taken at once before the loop, and the
-    gradients of both weights as one product each after it.
+    Unlike autograd, which takes the gradients of the weights step by step, this takes both as one
+    product each after the loop; within it, all but two products is of one frame, in the cache.
     """
 
     @staticmethod
@@ -99,47 +98,50 @@ class Running(torch.autograd.Function):
         n_frames, n_joints, n_rows, hidden = len(given), *start.shape
         states = given.new_empty(n_frames + 1, n_joints, n_rows, hidden)
         states[0] = start
-        mixed, gates = torch.empty_like(states[1:]), torch.empty_like(given)
-        # The reset and the update of each frame, and its candidate.
-        opened, candidates = given[..., : 2 * hidden].clone(), torch.empty_like(mixed)
-        for frame in range(n_frames):
+        mixed, heard, candidates = (torch.empty_like(states[1:]) for _ in range(3))
+        # The reset and the update of each frame.
+        opened = given.new_empty(n_frames, n_joints, n_rows, 2 * hidden)
+        gates = torch.empty_like(given[0])
+        for frame, told in enumerate(given):
             torch.mm(links, states[frame].flatten(1), out=mixed[frame].flatten(1))
-            heard = gates[frame]
-            torch.mm(mixed[frame].view(-1, hidden), folded, out=heard.view(-1, 3 * hidden))
-            both = opened[frame].add_(heard[..., : 2 * hidden]).sigmoid_()
-            candidate = torch.addcmul(
-                given[frame, ..., 2 * hidden :],
-                both[..., :hidden],
-                heard[..., 2 * hidden :],
-                out=candidates[frame],
-            ).tanh_()
+            torch.mm(_rows(mixed[frame]), folded, out=_rows(gates))
+            both = torch.add(told[..., : 2 * hidden], gates[..., : 2 * hidden], out=opened[frame])
+            both.sigmoid_()
+            heard[frame] = gates[..., 2 * hidden :]
+            candidate = candidates[frame].copy_(told[..., 2 * hidden :])
+            candidate.addcmul_(both[..., :hidden], heard[frame]).tanh_()
             torch.lerp(candidate, states[frame], both[..., hidden:], out=states[frame + 1])
-        ctx.save_for_backward(links, folded, states, mixed, gates, opened, candidates)
+        ctx.save_for_backward(links, folded, states, mixed, heard, opened, candidates)
         return states[1:]
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, ...]:
         """Give the gradients of all four."""
-        links, folded, states, mixed, gates, opened, candidates = ctx.saved_tensors
-        hidden = len(folded)
-        reset, update = opened[..., :hidden], opened[..., hidden:]
-        # What a state's gradient is to each gate, before its sigmoid or tanh.
-        to_candidate = (1 - update) * (1 - candidates.square())
-        to_update = (states[:-1] - candidates) * (update * (1 - update))
-        to_reset = to_candidate * gates[..., 2 * hidden :] * (reset * (1 - reset))
-        asked = torch.cat([to_reset, to_update, to_candidate * reset], dim=-1)
-        totals, d_mixed = gradients[0].contiguous().clone(), torch.empty_like(mixed)
-        carried = torch.zeros_like(totals[0])
-        for frame in reversed(range(len(totals))):
-            total = totals[frame].add_(carried)
-            asked[frame].view(*total.shape[:2], 3, hidden).mul_(total[:, :, None])
-            torch.mm(_rows(asked[frame]), folded.T, out=_rows(d_mixed[frame]))
+        links, folded, states, mixed, heard, opened, candidates = ctx.saved_tensors
+        n_frames, n_joints, n_rows, hidden = mixed.shape
+        d_mixed, d_candidates = torch.empty_like(mixed), torch.empty_like(mixed)
+        # Of what is heard; what is given has the same, but for the candidate's part.
+        d_gates = mixed.new_empty(n_frames, n_joints, n_rows, 3 * hidden)
+        carried = torch.zeros_like(mixed[0])
+        for frame in reversed(range(n_frames)):
+            total = gradients[0][frame] + carried
+            reset, update = opened[frame, ..., :hidden], opened[frame, ..., hidden:]
+            candidate, gates = candidates[frame], d_gates[frame]
+            through = torch.addcmul(total, total, update, value=-1)
+            d_candidate = torch.ops.aten.tanh_backward(through, candidate)
+            torch.mul(d_candidate, heard[frame], out=gates[..., :hidden])
+            torch.mul(total, states[frame] - candidate, out=gates[..., hidden : 2 * hidden])
+            both = gates[..., : 2 * hidden]
+            torch.ops.aten.sigmoid_backward.grad_input(both, opened[frame], grad_input=both)
+            torch.mul(d_candidate, reset, out=gates[..., 2 * hidden :])
+            d_candidates[frame] = d_candidate
+            torch.mm(_rows(gates), folded.T, out=_rows(d_mixed[frame]))
             carried = torch.mm(links.T, d_mixed[frame].flatten(1)).view_as(total)
-            carried.addcmul_(update[frame], total)
-        d_folded = _rows(mixed).T @ _rows(asked)
+            carried.addcmul_(update, total)
+        d_folded = _rows(mixed).T @ _rows(d_gates)
         d_links = torch.bmm(d_mixed.flatten(2), states[:-1].flatten(2).mT).sum(dim=0)
-        asked[..., 2 * hidden :] = to_candidate.mul_(totals)
-        return asked, carried, d_links, d_folded
+        d_gates[..., 2 * hidden :] = d_candidates
+        return d_gates, carried, d_links, d_folded
 
 
 def _rows(x: Tensor) -> Tensor:
