@@ -19,6 +19,9 @@ from pacmo_core.skeleton_prior.losses import terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.settings import PriorSettings
 
+# Variations that are scored at once.
+AT_ONCE = 16
+
 
 class PriorTraining(Supervised[SkeletonPrior]):
     """A descent that raises the weight of the divergence over its first epochs.
@@ -105,13 +108,12 @@ def objective(
 def score(model: SkeletonPrior, examples: ExampleSet) -> Tensor:
     """Take the mean error of joints' places, metres, bodies given and latents at their mean."""
     errors = []
-    for row in range(len(examples)):
-        pairs = examples.whole(row, model.config.stride)
+    for pairs in examples.wholes(model.config.stride, AT_ONCE):
         latents = model.latents(pairs.template, pairs.scales, None)
         fields = model.fields(pairs.template, pairs.scales, latents)
         placed = model.place(fields, pairs.template, pairs.scales)
-        errors.append((placed - pairs.varied).norm(dim=-1).mean())
-    return torch.stack(errors).mean()
+        errors.append((placed - pairs.varied).norm(dim=-1).mean(dim=(1, 2, 3)))
+    return torch.cat(errors).mean()
 
 
 def fit(
