@@ -75,30 +75,34 @@ class Sliding(torch.autograd.Function):
         weight : (D, K C), the kernel's frames one after another, K odd
         bias : (D,)
         """
-        n_rows, n_frames, n_joints, channels = x.shape
-        kernel = weight.view(len(weight), -1, channels).permute(1, 2, 0).contiguous()
-        reach = len(kernel) // 2
-        padded = torch.nn.functional.pad(x, (0, 0, 0, 0, reach, reach)).flatten(1, 2)
-        out = bias.repeat(n_rows, n_frames, n_joints, 1)
+        kernel = weight.view(len(weight), -1, x.shape[-1]).permute(1, 2, 0).contiguous()
+        seen = x.contiguous().flatten(1, 2)
+        out = x.new_empty(*x.shape[:-1], len(weight))
+        put = out.flatten(1, 2)
+        middle = len(kernel) // 2
+        torch.baddbmm(bias, seen, _each(kernel[middle], len(x)), out=put)
         for shift, weights in enumerate(kernel):
-            out.flatten(1, 2).baddbmm_(_seen(padded, shift, x.shape), _each(weights, n_rows))
-        ctx.save_for_backward(padded, kernel)
+            there, here = _overlap(shift - middle, x.shape)
+            if shift != middle:
+                put[:, here].baddbmm_(seen[:, there], _each(weights, len(x)))
+        ctx.save_for_backward(seen, kernel)
         return out
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         """Give the gradients of all three."""
-        padded, kernel = ctx.saved_tensors
-        n_rows, _, n_joints, _ = shape = gradients[0].shape
+        seen, kernel = ctx.saved_tensors
+        shape, middle = gradients[0].shape, len(kernel) // 2
         gradient = gradients[0].contiguous().flatten(1, 2)
-        d_kernel, d_padded = torch.empty_like(kernel), torch.zeros_like(padded)
+        back = torch.bmm(gradient, _each(kernel[middle].T, len(seen)))
+        d_kernel = torch.empty_like(kernel)
         for shift, weights in enumerate(kernel):
-            seen = _seen(padded, shift, shape)
-            d_kernel[shift] = torch.bmm(seen.mT, gradient).sum(dim=0)
-            _seen(d_padded, shift, shape).baddbmm_(gradient, _each(weights.T, n_rows))
-        reach = len(kernel) // 2 * n_joints
-        back = d_padded[:, reach:-reach].view(n_rows, -1, n_joints, padded.shape[-1])
-        return back, d_kernel.permute(2, 0, 1).flatten(1), gradient.sum(dim=(0, 1))
+            there, here = _overlap(shift - middle, shape)
+            d_kernel[shift] = torch.bmm(seen[:, there].mT, gradient[:, here]).sum(dim=0)
+            if shift != middle:
+                back[:, there].baddbmm_(gradient[:, here], _each(weights.T, len(seen)))
+        d_weight = d_kernel.permute(2, 0, 1).flatten(1)
+        return back.view(*shape[:-1], -1), d_weight, gradient.sum(dim=(0, 1))
 
 
 def _rows(x: Tensor) -> Tensor:
@@ -118,6 +122,9 @@ def _outer(rows: Tensor, columns: Tensor) -> Tensor:
     return torch.bmm(rows, columns.mT).sum(dim=0)
 
 
-def _seen(padded: Tensor, shift: int, shape: torch.Size) -> Tensor:
+def _overlap(shift: int, shape: torch.Size) -> tuple[slice, slice]:
+    """Say which rows, frame by frame and joint by joint, are seen from which, so many frames on."""
     _, n_frames, n_joints, _ = shape
-    return padded[:, shift * n_joints : (shift + n_frames) * n_joints]
+    n = max(0, n_frames - abs(shift))
+    there, here = max(0, shift) * n_joints, max(0, -shift) * n_joints
+    return slice(there, there + n * n_joints), slice(here, here + n * n_joints)
