@@ -9,6 +9,7 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from apps.failure import CommandError
+from apps.leftover_priors import WantedPriors
 from apps.leftovers import Wanted, remove_leftovers
 from pacmo_core.store.atomic import write_text
 
@@ -16,6 +17,7 @@ FOLDER = Path("experiments")
 PARAMS = Path("params.yaml")
 CAPTURES = "${captures}"
 RUNS = ("folds", "seeds")
+PRIORS = ("families", "splits", "models", "seeds")
 PLACES = (Path("data/captures"), Path("../shared/data"))
 
 
@@ -75,7 +77,7 @@ def use(name: str, *, discard: bool) -> None:
 
 
 def tidy() -> list[Path]:
-    """Remove the outputs of folds and seeds that ``params.yaml`` does not want.
+    """Remove the outputs of folds, seeds and skeleton priors that ``params.yaml`` does not want.
 
     Raises
     ------
@@ -88,8 +90,11 @@ def tidy() -> list[Path]:
     runs, augmented = params.get("runs"), params.get("augmented", {})
     if not isinstance(runs, dict) or not all(isinstance(runs.get(k), list) for k in RUNS):
         raise ExperimentError(f"{PARAMS}: wanted runs with lists of folds and seeds, got {runs}")
-    more = [augmented.get(key, []) for key in RUNS]
-    return remove_leftovers(PARAMS.parent, Wanted(runs["folds"], runs["seeds"], *more))
+    augmented_folds, augmented_seeds = (augmented.get(key, []) for key in RUNS)
+    named = runs.get("priors", {})
+    priors = WantedPriors(*(named.get(key, []) for key in PRIORS))
+    wanted = Wanted(runs["folds"], runs["seeds"], augmented_folds, augmented_seeds, priors)
+    return remove_leftovers(PARAMS.parent, wanted)
 
 
 def _compositions() -> Iterator[str]:

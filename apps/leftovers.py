@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from apps.leftover_priors import WantedPriors, leftover_priors
+
 # Below these stands FOLD or FOLD.suffix, and in a fold's folder MODEL/SEED or MODEL/SEED.suffix.
 PLACES = (
     *("data/sides", "data/reactions", "data/scores"),
@@ -27,12 +29,14 @@ class Wanted:
     ----------
     folds, seeds : of all models
     augmented_folds, augmented_seeds : of PaCMO trained on variations too
+    priors : skeleton priors
     """
 
     folds: list[int]
     seeds: list[int]
     augmented_folds: list[int]
     augmented_seeds: list[int]
+    priors: WantedPriors
 
     def seeds_of(self, model: str, fold: int) -> list[int]:
         """List the seeds of a model in a fold."""
@@ -43,12 +47,13 @@ class Wanted:
 
 
 def leftovers(root: Path, wanted: Wanted) -> Iterator[Path]:
-    """Yield what belongs to other folds and seeds."""
+    """Yield what belongs to other folds, seeds and priors."""
     for place in PLACES:
         yield from _others(root / place, wanted.folds)
         for fold in wanted.folds:
             for model in _folders(root / place / str(fold)):
                 yield from _others(model, wanted.seeds_of(model.name, fold))
+    yield from leftover_priors(root, wanted.priors)
 
 
 def remove_leftovers(root: Path, wanted: Wanted) -> list[Path]:

@@ -6,7 +6,8 @@ Usage: python -m benchmarks.skeleton_prior [--json] [--hidden H]
 at once on two threads; ``vary_ms_single``: one alone. Wall time, best of several: other work on
 the machine only adds. ``step_share_of_plain``: process time of a step of training on one thread,
 as a share of the same network's written plainly: the same weights and the same answer, but frame
-by frame, a layer a gate, nothing folded and nothing known beforehand projected at once.
+by frame, a layer a gate, joint from joint, torch's own convolution, nothing folded and nothing
+known beforehand projected at once.
 Weights are fresh ones: time does not depend on them.
 """
 
@@ -20,16 +21,19 @@ from torch import Tensor, nn
 
 from benchmarks._figures import arguments, show
 from pacmo_core.skeleton import NTU25
+from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.kinematic import KinematicCharacter
 from pacmo_core.skeleton_prior.losses import LossWeights, terms, total
-from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior, build
+from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.vary import forward
-from tests.skeleton_prior.plain import PlainConvolution, PlainGru, PlainHead
+from tests.skeleton_prior.plain import PlainConvolution, PlainGru, PlainHead, PlainTime, PlainTree
 
 N_FRAMES, STRIDE, WINDOW, BATCH = 363, 3, 24, 32
 LIMBS = ((4, 5, 6), (8, 9, 10), (12, 13, 14), (16, 17, 18))
-WEIGHTS = LossWeights(divergence=1e-3, bodies=0.1, bones=1.0, pairs=0.5, acceleration=0.1)
+WEIGHTS = LossWeights(
+    divergence=1e-3, bodies=0.1, bones=1.0, pairs=0.5, distances=2.0, acceleration=0.1
+)
 N_ROUNDS = 3
 
 
@@ -79,10 +83,14 @@ def made_plain(model: SkeletonPrior) -> SkeletonPrior:
     for character in (model.first, model.second):
         if not isinstance(character, KinematicCharacter):
             raise TypeError(f"wanted our form; got {type(character).__name__}")
+        tree = PlainTree(model.config.skeleton, model.config.limbs)
+        replace(character, "tree", tree)
+        replace(character, "place", tree)
         replace(character, "recurrent", PlainGru(character.recurrent))
         replace(character, "head", PlainHead(character.head))
         for layer in [*character.encoder.layers, *character.around]:
             replace(layer, "graph", PlainConvolution(layer.graph))
+            replace(layer, "time", PlainTime(layer.time))
     return model
 
 

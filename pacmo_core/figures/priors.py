@@ -81,7 +81,7 @@ NAMES = tuple(TABLES)
 
 
 def motion_table(scores: Scores, motion: str) -> Table:
-    """Lay out one motion as the supplement does, its figures small below ours.
+    """Lay out one motion as the supplement does, its figures small below ours, by splits run.
 
     Parameters
     ----------
@@ -94,6 +94,8 @@ def motion_table(scores: Scores, motion: str) -> Table:
         for row, split in enumerate(SPLITS):
             theirs = dict(zip(COLUMNS, printed[4 * number_of_block + row], strict=True))
             found = scores.get(block.task, {}).get(split, {})
+            if not found:
+                continue
             entries = tuple(_cell(found, model, block, theirs.get(model, "")) for model in MODELS)
             lines.append(Line(block.label, SPLITS[split], is_model=True, entries=entries))
     return Table(tuple(MODELS.values()), tuple(lines))
@@ -104,6 +106,8 @@ def fewer_table(scores: Scores) -> Table:
     lines = []
     for kind in ("", "_24", "_12", "_6"):
         split = HARDEST + kind
+        if not any(split in task for task in scores.values()):
+            continue
         for label, models in (("Ours", (OURS,)), ("Best baseline", BASELINES)):
             entries = tuple(_best(scores, split, models, block) for block in BLOCKS)
             samples = f"{kind[1:]} samples" if kind else "all samples"

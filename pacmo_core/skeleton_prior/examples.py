@@ -1,6 +1,6 @@
 """Variations as tensors: every few frames of a window, in the source's canonical frame."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,11 +95,14 @@ class ExampleSet:
         """Count the examples."""
         return len(self.varied)
 
-    def whole(self, row: int, stride: int) -> Pairs:
-        """Take the keyframes of one example, a batch of one."""
-        template = self.templates[int(self.sources[row])]
-        at = list(keyframes(len(template), stride))
-        return Pairs(template[None, at], self.varied[row][None, at], self.scales[row][None])
+    def wholes(self, stride: int, most: int) -> Iterator[Pairs]:
+        """Yield the keyframes of all examples, a source's in batches of so many at most."""
+        for source, template in enumerate(self.templates):
+            at = list(keyframes(len(template), stride))
+            alike = torch.nonzero(self.sources == source)[:, 0]
+            for rows in alike.chunk(-(-len(alike) // most)):
+                varied = torch.stack([self.varied[row][at] for row in rows.tolist()])
+                yield Pairs(template[at].expand_as(varied), varied, self.scales[rows])
 
     def windows(self, rows: Tensor, stride: int, window: int, random: torch.Generator) -> Pairs:
         """Take of each row ``window`` frames, ``stride`` apart, from anywhere in it.

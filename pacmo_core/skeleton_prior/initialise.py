@@ -5,7 +5,8 @@ import math
 import torch
 from torch import nn
 
-from pacmo_core.skeleton_prior.layers import GraphConvolution, GraphGru
+from pacmo_core.skeleton_prior.layers import GraphConvolution
+from pacmo_core.skeleton_prior.recurrence import GraphGru
 
 # Weights that start where their constructor puts them: at the identity.
 FIXED = (GraphConvolution, GraphGru, nn.BatchNorm1d)

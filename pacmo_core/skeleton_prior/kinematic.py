@@ -13,9 +13,10 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import ChannelNorm, GraphGru, Head, StGcn
+from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, StGcn
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
+from pacmo_core.skeleton_prior.recurrence import GraphGru
 from pacmo_core.skeleton_prior.relations import pulls
 
 # Channels of ``KinematicCharacter.sights``.
@@ -24,6 +25,8 @@ SIGHTS = 30
 SMALLEST = 1e-3
 # A field for a change of 1: a network's output is of order 1.
 GAIN = 0.3
+# Frames that the head sees at once: of all of them its layers would leave the processor's cache.
+AT_ONCE = 4
 
 
 class KinematicCharacter(Character):
@@ -80,7 +83,8 @@ class KinematicCharacter(Character):
         for layer in self.around:
             seen = layer(seen, None)
         states = self.recurrent(seen, latent)
-        field: Tensor = self.head(torch.cat([states, seen], dim=-1))
+        parts = zip(states.split(AT_ONCE, dim=1), seen.split(AT_ONCE, dim=1), strict=True)
+        field = torch.cat([self.head(torch.cat(pair, dim=-1)) for pair in parts], dim=1)
         return field * (GAIN * amplitude(given))
 
     def sights(self, given: Given) -> Tensor:

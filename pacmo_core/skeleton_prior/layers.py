@@ -1,4 +1,4 @@
-"""Graph convolution in space and time, and the graph gated recurrent unit.
+"""Graph convolution in space and time, and what else all networks are made of.
 
 Tensors are ``(B, T, J, C)``: batch, time, joint, channel, so that every layer is one product of
 matrices over the channels.
@@ -6,6 +6,8 @@ matrices over the channels.
 
 import torch
 from torch import Tensor, nn
+
+from pacmo_core.skeleton_prior.products import Mixing, Sliding
 
 KERNEL = 5
 LEAK = 0.1
@@ -35,12 +37,8 @@ class GraphConvolution(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """``(..., J, C)`` to the same with other channels."""
         weights = self.links * self.mask + self.added
-        # The narrower side is mixed over joints: mixing commutes with the weights.
-        if self.along.in_features <= self.along.out_features:
-            mixed: Tensor = self.along(weights @ x)
-        else:
-            mixed = weights @ self.along(x)
-        out: Tensor = mixed + self.own(x)
+        own = self.own
+        out: Tensor = Mixing.apply(x, weights, self.along.weight, own.weight, own.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return out
 
 
@@ -48,7 +46,7 @@ class TimeConvolution(nn.Module):
     """A convolution of five frames, centred; what is beyond the ends is zero.
 
     Unlike the two-dimensional convolution of torch, which wants channels elsewhere and whose
-    gradient fails outright in some shapes on a CPU, this is a product of matrices.
+    gradient fails outright in some shapes on a CPU, this is products of matrices.
 
     Parameters
     ----------
@@ -63,6 +61,9 @@ class TimeConvolution(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """``(B, T, J, C)`` to ``(B, ceil(T / stride), J, C')``."""
+        if self.stride == 1:
+            slid: Tensor = Sliding.apply(x, self.weigh.weight, self.weigh.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+            return slid
         n_frames = x.shape[1]
         padded = nn.functional.pad(x, (0, 0, 0, 0, KERNEL // 2, KERNEL // 2))
         around = [padded[:, shift : shift + n_frames : self.stride] for shift in range(KERNEL)]
@@ -130,83 +131,6 @@ class StGcn(nn.Module):
         if self.residual:
             out = out + self.shortcut(x[:, :: self.stride])
         return out.relu_() if self.active else out
-
-
-class GraphGru(nn.Module):
-    """The graph gated recurrent unit over whole sequences.
-
-    With the message ``M = A H W``::
-
-        r  = s(r_in(x) + r_hid(M))
-        u  = s(u_in(x) + u_hid(M))
-        c  = tanh(c_in(x) + r * c_hid(M))
-        H' = u * H + (1 - u) * c
-
-    Unlike the supplement's equation 2, the gates' sums stand inside the sigmoid, without which
-    they are no gates, and all products are elementwise. One message serves all gates.
-
-    Parameters
-    ----------
-    adjacency : (J, J), each joint with itself among them
-    in_channels, hidden : int
-    """
-
-    adjacency: Tensor
-
-    def __init__(self, adjacency: Tensor, in_channels: int, hidden: int) -> None:
-        super().__init__()
-        self.register_buffer("adjacency", adjacency)
-        self.hidden = hidden
-        self.mask = nn.Parameter(torch.ones_like(adjacency))
-        self.added = nn.Parameter(torch.zeros_like(adjacency))
-        self.message = nn.Linear(hidden, hidden, bias=False)
-        self.gates_in = nn.Linear(in_channels, 3 * hidden)  # reset, update, candidate
-        self.gates_hidden = nn.Linear(hidden, 3 * hidden, bias=False)
-
-    def weights(self) -> tuple[Tensor, Tensor]:
-        """Fold what is constant over a sequence: links (J, J), message with gates (h, 3h)."""
-        folded = self.message.weight.T @ self.gates_hidden.weight.T
-        return self.adjacency * self.mask + self.added, folded
-
-    def step(self, weights: tuple[Tensor, Tensor], given: Tensor, state: Tensor) -> Tensor:
-        """Go one frame on, joints first, so that both products are of two plain matrices.
-
-        Parameters
-        ----------
-        weights : as ``weights`` folds them
-        given : (J, B, 3h), the input through ``gates_in``
-        state : (J, B, h)
-        """
-        links, folded = weights
-        n_joints, n_rows, hidden = state.shape
-        mixed = links @ state.reshape(n_joints, -1)
-        gates = (mixed.view(-1, hidden) @ folded).view(n_joints, n_rows, 3 * hidden)
-        both = torch.sigmoid(given[..., : 2 * hidden] + gates[..., : 2 * hidden])
-        reset, update = both[..., :hidden], both[..., hidden:]
-        candidate = torch.tanh(
-            torch.addcmul(given[..., 2 * hidden :], reset, gates[..., 2 * hidden :])
-        )
-        return torch.lerp(candidate, state, update)
-
-    def forward(self, x: Tensor, state: Tensor) -> Tensor:
-        """Run over an input that is all known: its projections are one product over all time.
-
-        Parameters
-        ----------
-        x : (B, T, J, C)
-        state : (B, J, h), before the first frame
-
-        Returns
-        -------
-        (B, T, J, h), the states after each frame
-        """
-        given = self.gates_in(x.permute(1, 2, 0, 3).contiguous())  # (T, J, B, 3h)
-        weights, now = self.weights(), state.transpose(0, 1)
-        states = []
-        for frame in given.unbind():
-            now = self.step(weights, frame, now)
-            states.append(now)
-        return torch.stack(states).permute(2, 0, 1, 3)
 
 
 class Head(nn.Module):

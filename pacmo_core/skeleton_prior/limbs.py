@@ -14,6 +14,10 @@ Limb = tuple[int, int, int]
 
 # Metres: height at which an end of a limb no longer counts as standing.
 STANDING = 0.2
+# Share of its upper bone by which a limb's middle must stand aside for its bend to have a slope.
+STRAIGHT = 0.05
+# Likewise of the way to the side, whose unit is about 1.
+SHORT = 0.1
 # Metres: shorter ways have no direction.
 LEAST = 1e-6
 
@@ -87,8 +91,26 @@ def bend(way: Tensor, upper: Tensor, lower: Tensor, side: Tensor) -> tuple[Tenso
     reached = way.norm(dim=-1).clamp(min=(upper - lower).abs() + LEAST, max=upper + lower)
     ahead = torch.nn.functional.normalize(way, dim=-1)
     across = side - (side * ahead).sum(dim=-1, keepdim=True) * ahead
-    across = torch.nn.functional.normalize(across, dim=-1)
+    across = _pointing(across)
     along = (upper**2 - lower**2 + reached**2) / (2 * reached)
-    aside = (upper**2 - along**2).clamp_min(0).sqrt()
-    first = along[..., None] * ahead + aside[..., None] * across
-    return first, reached[..., None] * ahead - first
+    aside = _root(upper**2 - along**2, (STRAIGHT * upper) ** 2)
+    first = _as_long(along[..., None] * ahead + aside[..., None] * across, upper)
+    return first, _as_long(reached[..., None] * ahead - first, lower)
+
+
+def _root(square: Tensor, steep: Tensor) -> Tensor:
+    """Take the root; below ``steep``, where its slope goes to infinity, without a slope."""
+    gentle = square.clamp_min(0).maximum(steep).sqrt()
+    return gentle + (square.clamp_min(0).sqrt() - gentle).detach()
+
+
+def _pointing(way: Tensor) -> Tensor:
+    """Set to unit length; what is short, whose direction turns fast, has the slope of a longer."""
+    length = way.norm(dim=-1, keepdim=True)
+    gentle = way / length.clamp_min(SHORT).detach()
+    steep = way / length.clamp_min(LEAST)
+    return torch.where(length > SHORT, steep, gentle + (steep - gentle).detach())
+
+
+def _as_long(bones: Tensor, lengths: Tensor) -> Tensor:
+    return torch.nn.functional.normalize(bones, dim=-1) * lengths[..., None]

@@ -22,6 +22,7 @@ class LossWeights:
     bodies : of the error of scales and the divergence of their latents
     bones : of the error of bones' lengths
     pairs : of the error of distances between the bodies, near ones first
+    distances : of the same, all alike
     acceleration : of the error's second difference
     """
 
@@ -29,6 +30,7 @@ class LossWeights:
     bodies: float
     bones: float
     pairs: float
+    distances: float
     acceleration: float
 
 
@@ -49,7 +51,7 @@ def terms(
         "places": _smooth(error),
         "divergence": (answer.codes[0].divergence() + answer.codes[1].divergence()) / 2,
         "bones": _smooth(bones / unit),
-        "pairs": _pairs(answer.motions, varied, template, unit),
+        **_pairs(answer.motions, varied, template, unit),
         "acceleration": _smooth(error[:, 2:] - 2 * error[:, 1:-1] + error[:, :-2]),
     }
 
@@ -65,6 +67,7 @@ def total(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Ten
         found["places"]
         + weights.bones * found["bones"]
         + weights.pairs * found["pairs"]
+        + weights.distances * found["distances"]
         + weights.acceleration * found["acceleration"]
         + warm * weights.divergence * found["divergence"]
     )
@@ -80,13 +83,15 @@ def _lengths(motion: Tensor, parents: Tensor) -> Tensor:
     return ((motion - motion[..., parents, :]).square().sum(dim=-1) + 1e-12).sqrt()
 
 
-def _pairs(motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor) -> Tensor:
-    """Weigh the error of distances by how near the template has the two joints."""
+def _pairs(motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor) -> dict[str, Tensor]:
+    """Take the error of distances, once weighed by how near the template has the two joints."""
     near = torch.exp(-((_distances(template) / REACH) ** 2))
     error = (_distances(motions) - _distances(varied)) / unit
     loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
-    total_loss: Tensor = (near * loss).sum() / near.sum().clamp_min(1)
-    return total_loss
+    return {
+        "pairs": (near * loss).sum() / near.sum().clamp_min(1),
+        "distances": loss.mean(),
+    }
 
 
 def _distances(motions: Tensor) -> Tensor:

@@ -1,8 +1,6 @@
 """The three VAEs as one model: bodies, the first character, the second given the first."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypedDict
 
 import torch
 from torch import Tensor, nn
@@ -11,11 +9,7 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.bodies import Bodies
 from pacmo_core.skeleton_prior.character import Character, Code, Given
 from pacmo_core.skeleton_prior.examples import ExampleSet
-from pacmo_core.skeleton_prior.frame_baselines import FrameCnn, FrameGcn
-from pacmo_core.skeleton_prior.kinematic import KinematicCharacter
 from pacmo_core.skeleton_prior.limbs import Limb
-from pacmo_core.skeleton_prior.motion_baselines import MotionCnn, MotionGcn
-from pacmo_core.skeleton_prior.paper import First, Second
 from pacmo_core.skeleton_prior.placing import Tree
 
 
@@ -27,7 +21,7 @@ class PriorConfig:
     ----------
     skeleton : of both characters
     limbs : of the skeleton
-    model : a name of ``FORMS``
+    model : a name of ``forms.FORMS``
     hidden : channels of the widest layers; of our form a part of them
     stride : frames from one that the networks see to the next
     dropout : share
@@ -38,13 +32,6 @@ class PriorConfig:
     model: str
     hidden: int
     stride: int
-    dropout: float
-
-
-class Sizes(TypedDict):
-    """What most networks want to know of a configuration."""
-
-    hidden: int
     dropout: float
 
 
@@ -64,8 +51,6 @@ class Answer:
 
 # Metres: below this a change is none.
 SMALLEST_UNIT = 1e-4
-# Our form is told so much that it needs a quarter of the paper's channels, a sixteenth of its work.
-NARROWER, LEAST_HIDDEN = 4, 16
 
 
 class SkeletonPrior(nn.Module):
@@ -179,56 +164,3 @@ class SkeletonPrior(nn.Module):
 def draw(shape: tuple[int, ...], random: torch.Generator | None) -> Tensor:
     """Draw from N(0, I), or give its mean."""
     return torch.zeros(shape) if random is None else torch.randn(shape, generator=random)
-
-
-def build(config: PriorConfig) -> SkeletonPrior:
-    """Build a model by name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such model.
-    """
-    if config.model not in FORMS:
-        raise ValueError(f"model must be one of {', '.join(FORMS)}; got {config.model!r}")
-    return FORMS[config.model](config)
-
-
-def _kinematic(config: PriorConfig) -> SkeletonPrior:
-    hidden = max(LEAST_HIDDEN, config.hidden // NARROWER)
-    sizes: Sizes = {"hidden": hidden, "dropout": config.dropout}
-    first, second = (KinematicCharacter(config.skeleton, config.limbs, **sizes) for _ in range(2))
-    return SkeletonPrior(config, (first, second), both_roles=True)
-
-
-def _paper(config: PriorConfig) -> SkeletonPrior:
-    sizes: Sizes = {"hidden": config.hidden, "dropout": config.dropout}
-    first, second = First(config.skeleton, **sizes), Second(config.skeleton, **sizes)
-    return SkeletonPrior(config, (first, second), both_roles=False)
-
-
-def _frames(kind: type[FrameCnn | FrameGcn | MotionCnn]) -> Callable[[PriorConfig], SkeletonPrior]:
-    def built(config: PriorConfig) -> SkeletonPrior:
-        first = kind(config.skeleton, hidden=config.hidden, first=True)
-        second = kind(config.skeleton, hidden=config.hidden, first=False)
-        return SkeletonPrior(config, (first, second), both_roles=False)
-
-    return built
-
-
-def _motion_gcn(config: PriorConfig) -> SkeletonPrior:
-    sizes: Sizes = {"hidden": config.hidden, "dropout": config.dropout}
-    first = MotionGcn(config.skeleton, **sizes, first=True)
-    second = MotionGcn(config.skeleton, **sizes, first=False)
-    return SkeletonPrior(config, (first, second), both_roles=False)
-
-
-# Ours, the paper's, and the supplement's four baselines.
-FORMS: dict[str, Callable[[PriorConfig], SkeletonPrior]] = {
-    "kinematic": _kinematic,
-    "paper": _paper,
-    "f_cnn": _frames(FrameCnn),
-    "f_gcn": _frames(FrameGcn),
-    "m_cnn": _frames(MotionCnn),
-    "m_gcn": _motion_gcn,
-}

@@ -13,8 +13,9 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, everywhere, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import GraphGru, Head
+from pacmo_core.skeleton_prior.layers import Head
 from pacmo_core.skeleton_prior.placing import Offsets
+from pacmo_core.skeleton_prior.recurrence import GraphGru
 
 # Channels of the partner's code.
 PARTNER = 16

@@ -21,11 +21,13 @@ class Offsets(nn.Module):
 
 
 class Tree(nn.Module):
-    """Our form: forward kinematics of turned bones, so that every bone has its length exactly.
+    """Our form: forward kinematics, so that every bone has its length exactly.
 
-    The field is, at each joint, what is added to the unit vector of a guess at its bone before it
-    is set to unit length again; at the root, metres from the guess. The guess is the template with
-    the trunk about its place, hands and feet in theirs, as far as limbs reach: ``guess``.
+    The field says, at the root and at the ends of limbs, by how many metres to stand elsewhere than
+    guessed; at other joints, what is added to the unit vector of the bone, or of the side to which
+    a limb bends, before it is set to unit length again. Limbs then reach for their ends, so a body
+    that moves keeps its feet where they stand. The guess is what no field gives: the template with
+    the trunk about its place, hands and feet in theirs, as far as limbs reach.
 
     Parameters
     ----------
@@ -50,21 +52,22 @@ class Tree(nn.Module):
         self.register_buffer("trunk", torch.nonzero(~carried)[:, 0], persistent=False)
 
     def forward(self, field: Tensor, template: Tensor, scales: Tensor) -> Tensor:
-        """``(B, T, J, 3)`` turns to ``(B, T, J, 3)`` places, metres.
+        """``(B, T, J, 3)`` to ``(B, T, J, 3)`` places, metres.
 
         Parameters
         ----------
         field, template : (B, T, J, 3)
         scales : (B, J)
         """
-        bones, root = self._guessed(template, scales)
-        lengths = self._lengths(template) * scales[:, None, :, None]
-        turned = nn.functional.normalize(bones / lengths.clamp_min(LEAST) + field, dim=-1)
-        return self._placed(turned * lengths, root + field[:, :, self.root])
+        bones = self.bones(template) * scales[:, None, :, None]
+        root = template[:, :, self.root] + self._settled(bones, template) + field[:, :, self.root]
+        lengths = bones.norm(dim=-1, keepdim=True)
+        bones = nn.functional.normalize(bones / lengths.clamp_min(LEAST) + field, dim=-1) * lengths
+        return self._placed(self._reaching(bones, root, field, template), root)
 
     def guess(self, template: Tensor, scales: Tensor) -> Tensor:
         """Place what a zero field places, (B, T, J, 3) metres; at scale 1 that is the template."""
-        return self._placed(*self._guessed(template, scales))
+        return self.forward(torch.zeros_like(template), template, scales)
 
     def naive(self, template: Tensor, scales: Tensor) -> Tensor:
         """Scale bones along their own directions, each body for itself: what guesses must beat.
@@ -81,27 +84,29 @@ class Tree(nn.Module):
         """``(..., J, 3)`` vectors from each joint's parent; the root's is zero."""
         return motion - motion[..., self.parents, :]
 
-    def _lengths(self, motion: Tensor) -> Tensor:
-        lengths: Tensor = self.bones(motion).norm(dim=-1, keepdim=True)
-        return lengths
-
-    def _guessed(self, template: Tensor, scales: Tensor) -> tuple[Tensor, Tensor]:
-        """Guess bones (B, T, J, 3) and the root's place (B, T, 3), metres."""
-        bones = self.bones(template) * scales[:, None, :, None]
-        root = template[:, :, self.root]
+    def _settled(self, bones: Tensor, template: Tensor) -> Tensor:
+        """Guess how far the root moves, (B, T, 3) metres: the trunk about its place, legs on it."""
         if not len(self.limbs):
-            return bones, root
+            return torch.zeros_like(template[:, :, 0])
         starts, middles, ends = self.limbs.T
-        upper, lower = bones[:, :, middles].norm(dim=-1), bones[:, :, ends].norm(dim=-1)
-        placed = self._placed(bones, root)
+        placed = self._placed(bones, template[:, :, self.root])
         centred = (template - placed)[:, :, self.trunk].mean(dim=2)
-        root, placed = root + centred, placed + centred[:, :, None]
-        moved = settling(placed[:, :, starts], template[:, :, ends], upper + lower)
-        way = template[:, :, ends] - placed[:, :, starts] - moved[:, :, None]
+        reach = bones[:, :, middles].norm(dim=-1) + bones[:, :, ends].norm(dim=-1)
+        start = (placed + centred[:, :, None])[:, :, starts]
+        return centred + settling(start, template[:, :, ends], reach)
+
+    def _reaching(self, bones: Tensor, root: Tensor, field: Tensor, template: Tensor) -> Tensor:
+        """Let limbs reach for their ends: bones (B, T, J, 3) to the same, of their lengths."""
+        if not len(self.limbs):
+            return bones
+        starts, middles, ends = self.limbs.T
+        placed = self._placed(bones, root)
+        way = (template + field)[:, :, ends] - placed[:, :, starts]
         side = template[:, :, middles] - (template[:, :, starts] + template[:, :, ends]) / 2
+        side = nn.functional.normalize(side, dim=-1) + field[:, :, middles]
+        upper, lower = bones[:, :, middles].norm(dim=-1), bones[:, :, ends].norm(dim=-1)
         first, second = bend(way, upper, lower, side)
-        bones = bones.index_copy(2, middles, first).index_copy(2, ends, second)
-        return bones, root + moved
+        return bones.index_copy(2, middles, first).index_copy(2, ends, second)
 
     def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
         at_root = torch.zeros_like(self.paths[0])

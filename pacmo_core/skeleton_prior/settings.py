@@ -11,7 +11,7 @@ class PriorSettings:
 
     random_seed: int
     device: str  # cpu, cuda or auto: cuda where there is one
-    model: str  # a name of model.FORMS
+    model: str  # a name of forms.FORMS
     hidden: int  # channels of the widest layers; 256 in the paper's size
     stride: int  # frames from one that the networks see to the next; the change is smooth
     window: int  # frames, so far apart, of a row in a batch

@@ -12,11 +12,15 @@ from pacmo_core.pacmo.config import skeleton_from
 from pacmo_core.pacmo.fit import Fit
 from pacmo_core.pacmo.supervised import Supervised
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
+from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.losses import terms, total
-from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior, build
+from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.settings import PriorSettings
+
+# Variations that are scored at once.
+AT_ONCE = 16
 
 
 class PriorTraining(Supervised[SkeletonPrior]):
@@ -104,13 +108,12 @@ def objective(
 def score(model: SkeletonPrior, examples: ExampleSet) -> Tensor:
     """Take the mean error of joints' places, metres, bodies given and latents at their mean."""
     errors = []
-    for row in range(len(examples)):
-        pairs = examples.whole(row, model.config.stride)
+    for pairs in examples.wholes(model.config.stride, AT_ONCE):
         latents = model.latents(pairs.template, pairs.scales, None)
         fields = model.fields(pairs.template, pairs.scales, latents)
         placed = model.place(fields, pairs.template, pairs.scales)
-        errors.append((placed - pairs.varied).norm(dim=-1).mean())
-    return torch.stack(errors).mean()
+        errors.append((placed - pairs.varied).norm(dim=-1).mean(dim=(1, 2, 3)))
+    return torch.cat(errors).mean()
 
 
 def fit(

@@ -12,9 +12,10 @@ from pacmo_core.interaction import bone_lengths
 from pacmo_core.pacmo import fit
 from pacmo_core.skeleton import SBU15
 from pacmo_core.skeleton_prior import training
+from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.limbs import find_limbs
-from pacmo_core.skeleton_prior.model import PriorConfig, build
+from pacmo_core.skeleton_prior.model import PriorConfig
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import write_weights
 from tests.apps.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored

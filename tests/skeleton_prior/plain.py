@@ -6,7 +6,18 @@ The oracle of the tests, and what the benchmark compares with.
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.layers import GraphConvolution, GraphGru, Head, StGcn
+from pacmo_core.skeleton import Skeleton
+from pacmo_core.skeleton_prior.layers import (
+    KERNEL,
+    LEAK,
+    GraphConvolution,
+    Head,
+    StGcn,
+    TimeConvolution,
+)
+from pacmo_core.skeleton_prior.limbs import Limb
+from pacmo_core.skeleton_prior.placing import Tree
+from pacmo_core.skeleton_prior.recurrence import GraphGru
 
 
 def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
@@ -94,7 +105,13 @@ class PlainHead(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Run over (B, T, J, C)."""
-        return torch.stack([self.head(x[:, frame]) for frame in range(x.shape[1])], dim=1)
+        return torch.stack([self._frame(x[:, frame]) for frame in range(x.shape[1])], dim=1)
+
+    def _frame(self, x: Tensor) -> Tensor:
+        for layer in self.head.layers[:-1]:
+            x = nn.functional.leaky_relu(layer(x), LEAK)
+        out: Tensor = self.head.layers[-1](x)
+        return out
 
 
 def _gates(fused: nn.Linear, hidden: int) -> nn.ModuleList:
@@ -131,3 +148,49 @@ class PlainConvolution(nn.Module):
             for frame in range(x.shape[1])
         ]
         return torch.stack(frames, dim=1)
+
+
+class PlainTime(nn.Module):
+    """A convolution of five frames by torch's own of two dimensions, one of them a single joint.
+
+    Parameters
+    ----------
+    sliding : whose weights it takes
+    """
+
+    def __init__(self, sliding: TimeConvolution) -> None:
+        super().__init__()
+        weight = sliding.weigh.weight.detach()
+        width, around = len(weight), (KERNEL, 1)
+        channels = weight.shape[1] // KERNEL
+        padding, stride = (KERNEL // 2, 0), (sliding.stride, 1)
+        self.convolution = nn.Conv2d(channels, width, around, stride=stride, padding=padding)
+        kernel = weight.view(width, KERNEL, channels).transpose(1, 2)[..., None]
+        own = {"weight": kernel.contiguous(), "bias": sliding.weigh.bias.detach()}
+        self.convolution.load_state_dict(own)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Run over (B, T, J, C)."""
+        out: Tensor = self.convolution(x.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
+        return out
+
+
+class PlainTree(Tree):
+    """Forward kinematics joint by joint, each from its parent.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    limbs : its arms and legs
+    """
+
+    def __init__(self, skeleton: Skeleton, limbs: tuple[Limb, ...]) -> None:
+        super().__init__(skeleton, limbs)
+        self.skeleton = skeleton
+
+    def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
+        places = {self.root: root}
+        for joint in self.skeleton.order:
+            if joint != self.root:
+                places[joint] = places[self.skeleton.parents[joint]] + bones[..., joint, :]
+        return torch.stack([places[joint] for joint in range(len(places))], dim=-2)

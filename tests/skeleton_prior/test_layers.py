@@ -6,7 +6,8 @@ import torch
 from pacmo_core.skeleton import DUET15, EXPI18, NTU25, SBU15
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours, paths
 from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.layers import GraphConvolution, GraphGru, Head, StGcn, drop
+from pacmo_core.skeleton_prior.layers import GraphConvolution, Head, StGcn, TimeConvolution, drop
+from pacmo_core.skeleton_prior.recurrence import GraphGru
 from tests.skeleton_prior import plain
 from tests.skeleton_prior.bodies import generator
 
@@ -72,6 +73,47 @@ def test_an_st_gcn_layer_trains_on_every_shape_its_gradient_is_the_slope():
     initialise(layer, generator())
     x = torch.randn(2, 5, 25, 3, generator=generator(), dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(lambda v: layer(v, None)[:, :, :3], x, atol=1e-4, eps=1e-6)
+
+
+def slopes_hold(layer, *inputs):
+    """Hold the gradients of inputs and of all weights against differences, in float64."""
+    weights = dict(layer.named_parameters())
+
+    def run(*given):
+        own = dict(zip(weights, given[len(inputs) :], strict=True))
+        return torch.func.functional_call(layer, own, given[: len(inputs)])
+
+    drawn = [torch.randn(shape, generator=generator(7), dtype=torch.float64) for shape in inputs]
+    given = [value.detach().requires_grad_() for value in [*drawn, *weights.values()]]
+    return torch.autograd.gradcheck(run, tuple(given), atol=1e-6, eps=1e-6)
+
+
+@pytest.mark.parametrize(("into", "out"), [(2, 4), (4, 2)])
+def test_a_graph_convolutions_gradients_are_its_slopes(into, out):
+    layer = shaken(GraphConvolution(neighbours(SBU15), into, out).double())
+    assert slopes_hold(layer, (1, 2, 15, into))
+
+
+@pytest.mark.parametrize(("n_frames", "stride"), [(1, 1), (4, 1), (7, 1), (7, 2)])
+def test_a_time_convolutions_gradients_are_its_slopes(n_frames, stride):
+    layer = shaken(TimeConvolution(2, 3, stride=stride).double())
+    assert slopes_hold(layer, (2, n_frames, 3, 2))
+
+
+@pytest.mark.parametrize(("n_frames", "stride"), [(1, 1), (4, 1), (7, 1), (7, 2), (8, 2)])
+def test_a_time_convolution_is_the_plain_one(n_frames, stride):
+    layer = shaken(TimeConvolution(4, 6, stride=stride))
+    x = torch.randn(3, n_frames, 5, 4, generator=generator())
+    torch.testing.assert_close(layer(x), plain.PlainTime(layer)(x), atol=1e-5, rtol=1e-5)
+
+
+def test_a_heads_gradients_are_its_slopes():
+    assert slopes_hold(shaken(Head(4, 3).double()), (2, 3, 4))
+
+
+def test_the_graph_grus_gradients_are_its_slopes():
+    layer = shaken(GraphGru(adjacency(SBU15), 2, 3).double())
+    assert slopes_hold(layer, (2, 3, 15, 2), (2, 15, 3))
 
 
 def test_the_graph_gru_is_its_corrected_equation():

@@ -10,6 +10,7 @@ from pacmo_core.skeleton import DUET15, NTU25
 from pacmo_core.skeleton_prior.limbs import bend, find_limbs, settling
 from pacmo_core.skeleton_prior.placing import Offsets, Tree
 from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
+from tests.skeleton_prior.plain import PlainTree
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=30)
 
@@ -129,3 +130,54 @@ def test_a_skeleton_without_limbs_is_placed_all_the_same():
     placed = tree(field, template, scales)
     wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
     torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
+
+
+def test_one_product_places_joints_as_going_from_joint_to_joint_does():
+    tree, template, scales, field = case(0)
+    limbs = tuple((a, b, c) for a, b, c in tree.limbs.tolist())
+    torch.testing.assert_close(
+        tree(field, template, scales), PlainTree(SMALL, limbs)(field, template, scales)
+    )
+
+
+def test_a_root_that_moves_leaves_hands_and_feet_in_their_places():
+    _, template, _, _ = case(1)
+    limbs = find_limbs(SMALL, interaction(1).person_a)
+    tree, ones = Tree(SMALL, limbs), torch.ones(template.shape[0], template.shape[2])
+    ends = [end for _, _, end in limbs]
+    shorter = template.clone()
+    for start, middle, end in limbs:  # bent limbs have some way to go
+        shorter[:, :, end] = template[:, :, start] + 0.8 * (
+            template[:, :, middle] - template[:, :, start]
+        ).norm(dim=-1, keepdim=True) * torch.tensor([0.0, -1.0, 0.0])
+    field = torch.zeros_like(template)
+    field[:, :, SMALL.root] = torch.tensor([0.01, 0.0, -0.02])
+    moved = tree(field, shorter, ones) - shorter
+    torch.testing.assert_close(moved[:, :, ends], torch.zeros(()).expand(moved[:, :, ends].shape))
+    torch.testing.assert_close(
+        moved[:, :, SMALL.root], field[:, :, SMALL.root], atol=1e-6, rtol=1e-5
+    )
+
+
+def test_a_field_at_a_hand_takes_it_there():
+    _, template, scales, _ = case(2)
+    limbs = find_limbs(SMALL, interaction(2).person_a)
+    tree = Tree(SMALL, limbs)
+    start, _, end = limbs[0]
+    field = torch.zeros_like(template)
+    guess = tree.guess(template, scales)
+    field[:, :, end] = 0.9 * guess[:, :, end] + 0.1 * guess[:, :, start] - template[:, :, end]
+    wanted = template[:, :, end] + field[:, :, end]
+    torch.testing.assert_close(tree(field, template, scales)[:, :, end], wanted)
+
+
+def test_a_limb_that_is_straight_has_a_slope_that_is_a_number():
+    _, template, scales, field = case(3)
+    straight = template.clone()
+    for start, middle, end in find_limbs(SMALL, interaction(3).person_a):
+        straight[:, :, end] = 2 * straight[:, :, middle] - straight[:, :, start]
+    tree = Tree(SMALL, find_limbs(SMALL, interaction(3).person_a))
+    small = (0 * field).requires_grad_()
+    tree(small, straight, scales).square().sum().backward()
+    assert small.grad is not None and small.grad.isfinite().all()
+    assert small.grad.abs().max() < 1e3 * straight.abs().max()

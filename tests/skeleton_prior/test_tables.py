@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from pacmo_core.skeleton import NTU25
-from pacmo_core.skeleton_prior.model import FORMS, PriorConfig, build
+from pacmo_core.skeleton_prior.forms import FORMS, build
+from pacmo_core.skeleton_prior.model import PriorConfig
 from tests.skeleton_prior.bodies import generator
 
 B, T, N = 2, 37, 25

@@ -7,7 +7,7 @@ import torch
 from pacmo_core.pacmo.fit import state
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
-from pacmo_core.skeleton_prior.model import FORMS
+from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.splits import Fact
 from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
 
@@ -66,7 +66,7 @@ def test_bodies_are_the_same_beside_every_model():
 def test_a_model_comes_back_from_its_state():
     model = training.fit(examples(1, 4), settings(n_epochs=1)).finish()
     again = training.from_state(training.config(model), state(model))
-    pairs = encode(examples()).whole(0, 3)
+    pairs = next(encode(examples()).wholes(3, 1))
     latents = model.latents(pairs.template, pairs.scales, None)
     with torch.no_grad():
         one, other = (
@@ -102,6 +102,17 @@ def test_turning_and_swapping_change_no_distance_and_no_bone():
     assert isinstance(back, Pairs) and torch.equal(back.varied, pairs.varied)
     assert torch.equal(pairs.swapped(every).scales[:, 0], pairs.scales[:, 1])
     assert torch.equal(pairs.swapped(~every).template, pairs.template)
+
+
+def test_wholes_are_all_rows_by_source_and_their_score_does_not_depend_on_the_batches():
+    encoded = encode(examples())
+    alone, together = (list(encoded.wholes(3, most)) for most in (1, 100))
+    assert len(alone) == len(encoded) and len(together) == len(encoded.templates)
+    for name in ("template", "varied", "scales"):
+        assert torch.equal(
+            torch.cat([getattr(pairs, name)[:, :1] for pairs in alone]),
+            torch.cat([getattr(pairs, name)[:, :1] for pairs in together]),
+        )
 
 
 def test_windows_are_frames_of_their_rows_and_short_ones_hold_the_last():

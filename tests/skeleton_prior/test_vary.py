@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from pacmo_core.interaction import bone_lengths
 from pacmo_core.skeleton_prior import training
+from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.keyframes import at_every_frame, keyframes
-from pacmo_core.skeleton_prior.model import FORMS
 from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
 from tests.skeleton_prior.bodies import SMALL, examples, generator, interaction, settings
 

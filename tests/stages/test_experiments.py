@@ -13,7 +13,7 @@ from pacmo_core.operators.fourier import resolved_modes
 from pacmo_core.operators.uno import UnoConfig, u_channels
 from pacmo_core.pacmo.config import RATIOS
 from pacmo_core.skeleton import DUET15, NTU25
-from pacmo_core.skeleton_prior.model import FORMS
+from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.splits import SPLITS
 from stages._params import read_params
 from stages._priors import Runs, split_and_samples
