@@ -1,6 +1,7 @@
 """What is varied: clips of the experiment, and captures of a second skeleton beside them."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -13,7 +14,6 @@ from pacmo_core.quality import Limits
 from pacmo_core.split import window_edges
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
 from pacmo_core.store.motion_groups import MotionGroups
-from pacmo_core.store.motions import stream_motions
 from pacmo_core.variations.choose import Candidate, choose, nearness_of
 from stages._files import CLIPS, MOTIONS
 
@@ -26,6 +26,11 @@ class Choice:
     of_each_sequence: int | None  # at most, those in which the two are nearest
     most: int | None  # in all, one an act before a second of any
     near: float  # metres between joints that count as near
+
+    def must_choose(self, n_clips: int) -> bool:
+        """Say whether of a sequence's so many clips some may be left out."""
+        of_each = n_clips if self.of_each_sequence is None else self.of_each_sequence
+        return self.most is not None or n_clips > of_each
 
 
 @dataclass(frozen=True)
@@ -63,11 +68,9 @@ class Family:
 def own_family(clips: Path, choice: Choice) -> Family:
     """Choose among the experiment's clips."""
     facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipFacts)}
-    found = ((facts[name], clip) for name, clip in stream_motions(clips / MOTIONS))
-    chosen = _chosen(found, choice, clips)
-
-    motions = MotionGroups(clips / MOTIONS)
-    return Family(next(iter(chosen.values())).dataset, chosen, motions.read)
+    read = MotionGroups(clips / MOTIONS).read
+    chosen = _chosen(facts, read, choice, clips)
+    return Family(next(iter(chosen.values())).dataset, chosen, read)
 
 
 def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]:
@@ -80,16 +83,17 @@ def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]
     """
     if second.format is None:
         return
-    clips: dict[str, tuple[ClipFacts, Interaction]] = {}
+    rows: dict[str, ClipFacts] = {}
+    clips: dict[str, Interaction] = {}
     for facts, whole in _captures(second, raw):
         edges = window_edges(len(whole.times), whole.fps, second.clip_seconds)
         for number, (start, stop) in enumerate(edges):
             name = facts.sequence if len(edges) == 1 else f"{facts.sequence}#{number:04d}"
-            clip = whole.frames(start, stop)
-            own = replace(facts, clip=name, duration=clip.duration, frames=stop - start)
-            clips[name] = (replace(own, start_frame=start), clip)
-    chosen = _chosen(clips.values(), choice, raw)
-    yield Family(second.dataset, chosen, lambda name: clips[name][1])
+            clips[name] = whole.frames(start, stop)
+            own = replace(facts, clip=name, duration=clips[name].duration, frames=stop - start)
+            rows[name] = replace(own, start_frame=start)
+    read = clips.__getitem__
+    yield Family(second.dataset, _chosen(rows, read, choice, raw), read)
 
 
 def _captures(second: Second, raw: Path) -> Iterator[tuple[ClipFacts, Interaction]]:
@@ -119,16 +123,20 @@ def _is_included(name: str, patterns: tuple[str, ...]) -> bool:
 
 
 def _chosen(
-    found: Iterable[tuple[ClipFacts, Interaction]], choice: Choice, where: Path
+    facts: Mapping[str, ClipFacts],
+    read: Callable[[str], Interaction],
+    choice: Choice,
+    where: Path,
 ) -> dict[str, ClipFacts]:
-    facts: dict[str, ClipFacts] = {}
-    candidates = []
-    for row, clip in found:
-        if _is_included(row.clip, choice.include):
-            facts[row.clip] = row
-            nearness = nearness_of(clip, choice.near)
-            candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
-    if not candidates:
+    """Choose clips by name; only those among which there is a choice are looked into."""
+    rows = [row for row in facts.values() if _is_included(row.clip, choice.include)]
+    if not rows:
         raise ValueError(f"{where}: no clip fits {', '.join(choice.include)}")
+    n_clips = Counter(row.sequence for row in rows)
+    candidates = []
+    for row in rows:
+        must_look = choice.must_choose(n_clips[row.sequence])
+        nearness = nearness_of(read(row.clip), choice.near) if must_look else 0.0
+        candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
     names = choose(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
     return {name: facts[name] for name in names}

@@ -8,6 +8,7 @@ Bones of the middle, and those beside a limb's chain, have the name of the joint
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pacmo_core.skeleton import Skeleton
 
@@ -50,6 +51,7 @@ class Segment:
         return self.name.removeprefix("left_").removeprefix("right_")
 
 
+@lru_cache(maxsize=8)
 def segments(skeleton: Skeleton) -> tuple[Segment, ...]:
     """Name every bone, in the order of ``skeleton.bones``."""
     found: dict[int, Segment] = {}
