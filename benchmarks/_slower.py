@@ -24,7 +24,8 @@ ASTRAY = 1e-3  # share by which bones miss their lengths
 
 def beside_peers(planned: list[Task], our_seconds: float) -> dict[str, float]:
     """Compare seconds a frame, and energies where the banded solver goes to its end."""
-    gaps = [gap for i in SAMPLE for gap in energy_gaps(planned[i])]
+    gaps = np.array([gap for i in SAMPLE for gap in energy_gaps(planned[i])])
+    lost = gaps[:, 1] > 0
     short = shortened(planned[0])
     energy = quadratic(short.scene, SETTINGS)
     start = time.process_time()
@@ -32,17 +33,19 @@ def beside_peers(planned: list[Task], our_seconds: float) -> dict[str, float]:
     banded_seconds = (time.process_time() - start) / len(short.scene.points)
     peer = seconds_per_frame(short.scene, energy, short.scales[1], n_frames=PEER_FRAMES)
     found = {
-        "energy_gap": max(gaps),
+        "energy_gap": float(gaps[~lost, 0].max(initial=0)),
+        "energy_gap_where_banded_is_lost": float(gaps[lost, 0].max(initial=0)),
         "times_banded": banded_seconds / our_seconds,
     }
     return found if peer is None else found | {"times_per_frame_peer": peer / our_seconds}
 
 
-def energy_gaps(task: Task) -> Iterator[float]:
+def energy_gaps(task: Task) -> Iterator[tuple[float, bool]]:
     """Shares by which our energies are above the least: the banded solver's, or ours at its end.
 
     All have bones of exactly or nearly (1e-5) their lengths. Bodies are not kept apart: the banded
-    solver does not know how. On bodies scaled as a whole it may go astray, and does not count then.
+    solver does not know how. On bodies scaled as a whole it may go astray: said beside the share,
+    which then is that of our end alone.
     """
     short = shortened(task)
     scales = short.scales[SAMPLED]
@@ -57,7 +60,7 @@ def energy_gaps(task: Task) -> Iterator[float]:
         terms = energy_terms(source.energy, changes, target)
         ours, settled, theirs = np.sum(list(terms.values()), axis=0)
         astray = bone_miss(short.scene, best, own) > ASTRAY
-        yield float(ours / (settled if astray else min(settled, theirs)) - 1)
+        yield float(ours / (settled if astray else min(settled, theirs)) - 1), astray
 
 
 def bone_miss(scene: Scene, change: Array, scales: Array) -> float:
