@@ -6,7 +6,8 @@ Two processes share the nine windows; times of ours include factorisation, retri
 reading. ``times_banded`` and ``times_per_frame_peer`` compare process seconds a frame: the banded
 solver on one variation of a shorter window, the per-frame solver (``pip install cvxpy clarabel``)
 on a few frames; both extrapolated. ``energy_gap`` is the worst of a few variations of shorter
-windows against the banded solver run to its end. Of figures of single variations the worst counts;
+windows against the banded solver or ours, either run to its end; where the banded one went astray,
+``energy_gap_where_banded_is_lost`` is. Of figures of single variations the worst counts;
 ``contacts_kept`` and ``flip_share`` are means, with the worst beside them; ``near_error_gain`` is
 the mean error of naive scaling over ours, by source.
 

@@ -22,6 +22,7 @@ all directions and bodies at once.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import prod
 from typing import TypeVar
 
@@ -29,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from pacmo_core.interaction_mesh.graph import contact_ties, laplacian
+from pacmo_core.interaction_mesh.graph import contact_ties, laplacian, pulls_of
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Settings
 from pacmo_core.interaction_mesh.supports import holds, supports
@@ -88,6 +89,11 @@ class Quadratic:
             stance=self.stance / leap**2,
         )
 
+    @cached_property
+    def inside(self) -> Array:
+        """``(T, N, N)``: ``within`` each frame."""
+        return self.within(slice(None))
+
     def within(self, frames: slice) -> Array:
         """``(F, N, N)``: what H has within each of some frames from L, contact and anchor."""
         laplacians, ties = self.laplacians[frames], self.ties[frames]
@@ -106,7 +112,7 @@ def quadratic(scene: Scene, settings: Settings) -> Quadratic:
     standing = supports(scene, settings.support)
     return Quadratic(
         laplacians=np.concatenate([laplacians, trunks], axis=1),
-        pulls=_pulls(scene, laplacians, stretched),
+        pulls=pulls_of(scene, laplacians, stretched),
         standing=standing,
         held=holds(standing, scene.fps, settings.support.fade),
         ties=contact_ties(scene, weights),
@@ -130,15 +136,15 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
     steps = np.diff(change, axis=0)
     missed = energy.laplacians.astype(kind, copy=False) @ rows
     missed -= target.reshape(missed.shape)
-    ties = np.eye(n_points) * energy.ties.sum(axis=-1)[..., None] - energy.ties
-    springs = (ties.astype(kind, copy=False) @ rows).reshape(change.shape)
+    springs = energy.ties.sum(axis=-1)[..., None].astype(kind) * rows
+    springs -= energy.ties.astype(kind, copy=False) @ rows
     lifted = change[:, :, 1] * np.sqrt(energy.held)[..., None].astype(kind, copy=False)
     held = np.sqrt(energy.steps_held)[..., None, None].astype(kind, copy=False)
     return {
         "laplacian": _half(missed[:, :n_points], change),
         "shape": _half(missed[:, n_points:], change),
         "acceleration": energy.acceleration * _half(np.diff(steps, axis=0), change),
-        "contact": _half(springs, change, change),
+        "contact": _half(springs, change, rows),
         "stance": energy.stance * _half(steps * held, change),
         "height": energy.height * _half(lifted, change),
         "anchor": energy.anchor * _half(change, change),
@@ -148,7 +154,7 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
 def forces(energy: Quadratic, change: Real) -> Real:
     """``H U``, (T, N, 3, V), of changes (T, N, 3, V)."""
     kind, rows = change.dtype, change.reshape(*change.shape[:2], -1)
-    found: Real = (energy.within(slice(None)).astype(kind, copy=False) @ rows).reshape(change.shape)
+    found: Real = (energy.inside.astype(kind, copy=False) @ rows).reshape(change.shape)
     found[:, :, 1] += (energy.height * energy.held[..., None]).astype(kind) * change[:, :, 1]
     steps = np.diff(change, axis=0)
     bends = energy.acceleration * np.diff(steps, axis=0)
@@ -170,22 +176,6 @@ def target_of(energy: Quadratic, scales: Array) -> Array:
     """
     target: Array = energy.pulls @ np.ascontiguousarray(scales.T - 1)
     return target.reshape(*energy.laplacians.shape[:2], 3, -1)
-
-
-def _pulls(scene: Scene, laplacians: Array, stretched: Array) -> csr_array:
-    """Scale one bone: each of its ends sees the other farther away, by that share of the bone."""
-    parent, child = scene.bones.T
-    n_frames, n_points, _ = scene.points.shape
-    pulls = np.zeros((n_frames, n_points + len(stretched), len(parent)))
-    bones = np.arange(len(parent))
-    pulls[:, parent, bones] += laplacians[:, parent, child]
-    pulls[:, child, bones] -= laplacians[:, child, parent]
-    pulls[:, n_points:] = stretched
-    frame, row, bone = np.nonzero(pulls)
-    values = pulls[frame, row, bone, None] * scene.vectors[frame, bone]
-    rows = 3 * (frame * pulls.shape[1] + row)[:, None] + np.arange(3)
-    where = (rows.reshape(-1), np.repeat(bone, 3))
-    return csr_array((values.reshape(-1), where), shape=(pulls[..., 0].size * 3, len(parent)))
 
 
 def _half(values: Real, like: Real, others: Real | None = None) -> Array:

@@ -6,6 +6,7 @@ of the supplement of Li et al. (2024).
 """
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import Delaunay
 
 from pacmo_core.interaction_mesh.scene import Array, Scene
@@ -30,11 +31,27 @@ def contact_ties(scene: Scene, weights: Weights) -> Array:
     A joint that touches many shares its weight among them, ``w_ij = c_ij / sqrt(s_i s_j)`` with
     ``s_i`` the larger of 1 and the sum of ``c_ij``: a hand of many joints holds no harder than one.
     """
-    closeness = np.exp(-((_distances(scene.points) / weights.contact_reach) ** 4))
+    closeness = np.exp(-np.square(np.square(_distances(scene.points) / weights.contact_reach)))
     closeness *= between(scene)
     shares = np.sqrt(closeness.sum(axis=-1).clip(min=1))
     ties: Array = weights.contact * closeness / (shares[:, :, None] * shares[:, None])
     return ties
+
+
+def pulls_of(scene: Scene, laplacians: Array, stretched: Array) -> csr_array:
+    """Scale one bone: each of its ends sees the other farther away, by that share of the bone."""
+    parent, child = scene.bones.T
+    n_frames, n_points, _ = scene.points.shape
+    pulls = np.zeros((n_frames, n_points + len(stretched), len(parent)))
+    bones = np.arange(len(parent))
+    pulls[:, parent, bones] += laplacians[:, parent, child]
+    pulls[:, child, bones] -= laplacians[:, child, parent]
+    pulls[:, n_points:] = stretched
+    frame, row, bone = np.nonzero(pulls)
+    values = pulls[frame, row, bone, None] * scene.vectors[frame, bone]
+    rows = 3 * (frame * pulls.shape[1] + row)[:, None] + np.arange(3)
+    where = (rows.reshape(-1), np.repeat(bone, 3))
+    return csr_array((values.reshape(-1), where), shape=(pulls[..., 0].size * 3, len(parent)))
 
 
 def between(scene: Scene) -> Array:
@@ -66,5 +83,8 @@ def tetrahedra(scene: Scene) -> Array:
 
 
 def _distances(points: Array) -> Array:
-    distances: Array = np.linalg.norm(points[:, :, None] - points[:, None], axis=-1)
+    squares = np.zeros((len(points), points.shape[1], points.shape[1]))
+    for axis in range(3):
+        squares += np.square(points[:, :, None, axis] - points[:, None, :, axis])
+    distances: Array = np.sqrt(squares, out=squares)
     return distances
