@@ -103,6 +103,8 @@ class Solver:
         np.add(point, held, out=point)
         if work.watched:
             np.subtract(other, point, out=other)
+            if work.longer is not None:
+                np.subtract(point, np.multiply(other, work.longer, out=held), out=point)
             np.multiply(other, other, out=other)
             # Row by row, in the same order whatever the number of columns.
             for each in other.reshape(len(other), -1, state.n_bodies)[::-1]:

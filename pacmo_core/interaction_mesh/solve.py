@@ -12,8 +12,12 @@ from pacmo_core.interaction_mesh.state import State
 # Bodies side by side are filled up to a multiple of this. Products of matrices of odd widths round
 # otherwise, and a variation must not depend on its company.
 WIDTH = 16
+TINY = 1e-30  # square metres
 # Iterations from one look at who has settled to the next.
 EVERY = 4
+# Every so many looks the step is a long one, at most so many times its own length.
+LONG_EVERY = 3
+LONGEST = 4.0
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,38 @@ class Solution:
         self.iterations[rows] = number
 
 
+@dataclass(frozen=True)
+class Pace:
+    """How steps shrink, from one look to the next.
+
+    Parameters
+    ----------
+    moved : (V,) what ``State.moved`` was at the last look
+    shrunk : (V,) that as a share of the look's before
+    """
+
+    moved: Array
+    shrunk: Array
+
+    def after(self, moved: Array) -> "Pace":
+        """Look once more."""
+        now = moved.clip(TINY, 1 / TINY)
+        return Pace(now, now / self.moved)
+
+    def of(self, bodies: NDArray[np.intp]) -> "Pace":
+        """Take some of the bodies."""
+        return Pace(self.moved[bodies], self.shrunk[bodies])
+
+    def beyond(self) -> Single:
+        """``(V,)``: the steps yet to come as a multiple of the next, were they to shrink on so.
+
+        None where they do not shrink. Aitken's extrapolation, a rate for all of a body's points.
+        """
+        rate = np.where(self.shrunk < 1, self.shrunk, 0) ** (0.5 / EVERY)
+        all_steps = 1 / (1 - rate).clip(min=1 / LONGEST)
+        return (all_steps - 1).astype(np.float32)
+
+
 def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solution:
     """Iterate; a body stops once its ``step`` is small enough.
 
@@ -73,12 +109,18 @@ def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solu
     state, columns = _begun(solver, start), np.resize(np.arange(n_bodies), filled(n_bodies))
     found, work = _room(start, state), state.work(start.point.shape[2])
     going = np.arange(len(columns)) < n_bodies  # the others only fill up
+    pace = Pace(*np.ones((2, len(columns))))
+    # Steps of bodies that push each other apart swing, and long ones would have them swing on.
+    is_free = not solver.guarded.shape[1]
     for number in range(1, iterations + 1):
+        is_long = number % (LONG_EVERY * EVERY) == 0 and number < iterations and is_free
+        work.longer = pace.beyond() if is_long else None
         work.watched = number % EVERY == 0 or number == iterations
         state.moved[:] = 0
         solver.iterate(state, work)
-        if not work.watched:
+        if is_long or not work.watched:
             continue
+        pace = pace.after(state.moved)
         steps = np.sqrt(state.moved / start.grown[columns])
         done = (steps <= step) | (number == iterations)
         done &= going
@@ -90,7 +132,7 @@ def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solu
             break
         if width < state.n_bodies:
             kept = np.resize(np.flatnonzero(going), width)
-            state, columns = state.of(kept), columns[kept]
+            state, columns, pace = state.of(kept), columns[kept], pace.of(kept)
             going = np.arange(width) < going.sum()
             work = state.work(start.point.shape[2])
     return found

@@ -60,10 +60,15 @@ class State:
 
 
 class Work:
-    """Arrays that are made once. ``watched`` asks iterations to say how far they move."""
+    """Arrays that are made once.
+
+    ``watched`` asks iterations to say how far they move; ``longer``, (V,) float32, has a watched
+    one go so many times that far beyond.
+    """
 
     def __init__(self, n_rows: int, n_points: int, n_bodies: int) -> None:
         self.watched = False
+        self.longer: Single | None = None
         self.tied = np.zeros((n_points, 3 * n_bodies), dtype=np.float32)
         self.moved = np.zeros_like(self.tied)
         self._held = np.zeros((TOGETHER, 2, n_rows, 3, n_bodies), dtype=np.float32)
