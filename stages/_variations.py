@@ -7,12 +7,12 @@ clip's name.
 import logging
 import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from pacmo_core.interaction import Interaction
 from pacmo_core.interaction_mesh import BATCH, Settings
 from pacmo_core.store.clips import ClipFacts, write_rows
 from pacmo_core.store.finish import clip_key, finish, finisher_key
@@ -31,6 +31,7 @@ from stages._files import CLIPS
 from stages._sources import Family
 
 LOG = logging.getLogger(__name__)
+COPIERS = 2  # threads: more wait for each other
 
 
 @dataclass(frozen=True)
@@ -76,18 +77,7 @@ class Found:
 
 def write_family(folder: Path, family: Family, making: Making) -> list[VariationFacts]:
     """Write what is varied, what comes of it and the facts of both, a file a clip."""
-    finisher = finisher_key(maker_key(making.solver), making.plan, making.bounds)
-    rows, waiting = [], []
-    for clip in family.clips:
-        source = family.read(clip)
-        known = source_key(source)
-        key = clip_key(finisher, clip, known, source)
-        before = making.finished.get(key)
-        if before is None:
-            waiting.append(Waiting(clip, key, known, _planned(clip, source, making.plan)))
-        else:
-            before.place(folder, clip)
-            rows += before.rows
+    rows, waiting = _copied(folder, family, making)
     n_new = sum(len(one.variations) for one in waiting)
     LOG.info("%s: %d planned, %d not finished before", family.name, len(rows) + n_new, n_new)
     for one, found in _made(family, waiting, making):
@@ -102,8 +92,31 @@ def write_family(folder: Path, family: Family, making: Making) -> list[Variation
     return rows
 
 
-def _planned(clip: str, source: Interaction, plan: Plan) -> list[tuple[str, Variation]]:
+def _copied(
+    folder: Path, family: Family, making: Making
+) -> tuple[list[VariationFacts], list[Waiting]]:
+    """Copy what is finished, beside the reading of what it must rest on; plan the rest."""
+    finisher = finisher_key(maker_key(making.solver), making.plan, making.bounds)
+    asked = []
+    with ThreadPoolExecutor(COPIERS) as pool:
+        for clip in family.clips:
+            source = family.read(clip)
+            known = source_key(source)
+            key = clip_key(finisher, clip, known, source)
+            asked.append((clip, key, known, pool.submit(making.finished.copy, key, folder, clip)))
+    rows, waiting = list[VariationFacts](), []
+    for clip, key, known, answer in asked:
+        before = answer.result()
+        if before is None:
+            waiting.append(Waiting(clip, key, known, _planned(clip, family, making.plan)))
+        else:
+            rows += before
+    return rows, waiting
+
+
+def _planned(clip: str, family: Family, plan: Plan) -> list[tuple[str, Variation]]:
     """Plan a clip's variations, each with the hash of its bodies."""
+    source = family.read(clip)
     bodies = (body_of(source.person_a, source.skeleton), body_of(source.person_b, source.skeleton))
     found = plan_variations(plan, bodies, clip)
     return [(body_key(variation.scales), variation) for variation in found]

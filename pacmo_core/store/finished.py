@@ -72,6 +72,14 @@ class Finished:
         self._used.add(path)
         return found
 
+    def copy(self, key: str, family: Path, clip: str) -> list[VariationFacts] | None:
+        """Place a clip's files and give its rows, or none where there is none."""
+        found = self.get(key)
+        if found is None:
+            return None
+        found.place(family, clip)
+        return found.rows
+
     def keep(self, key: str, clip: FinishedClip) -> None:
         """Keep a clip."""
         rows = json.dumps([asdict(row) for row in clip.rows]).encode()
