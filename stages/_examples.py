@@ -8,9 +8,15 @@ import numpy as np
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.splits import Fact
 from pacmo_core.store.clips import SideFacts, read_rows
-from pacmo_core.store.motions import stream_motions
-from pacmo_core.store.variations import SOURCES, VARIATIONS, VariationFacts, read_variations
-from stages._files import MOTIONS
+from pacmo_core.store.motion_folders import file_of, in_order
+from pacmo_core.store.motions import read_motion, stream_motions
+from pacmo_core.store.variations import (
+    GOOD,
+    SOURCES,
+    VARIATIONS,
+    VariationFacts,
+    read_variations,
+)
 
 
 def kept_facts(family: Path) -> dict[str, Fact]:
@@ -32,11 +38,12 @@ def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str,
     if facts.keys() != stands.keys():
         odd = min(facts.keys() ^ stands.keys())
         raise ValueError(f"{sides} wanted a side for each variation of {family}; differ in {odd}")
-    sources = dict(stream_motions(family / SOURCES))
-    for name, varied in stream_motions(family / MOTIONS):
-        if stands[name] == side:
-            fact = facts[name]
-            yield name, Example(fact.source, sources[fact.source], fact.scales, varied)
+    wanted = {fact.source for name, fact in facts.items() if stands[name] == side}
+    for clip in in_order(wanted):
+        source = read_motion(file_of(family / SOURCES, clip), clip)
+        for name, varied in stream_motions(file_of(family / GOOD, clip)):
+            if stands[name] == side:
+                yield name, Example(clip, source, facts[name].scales, varied)
 
 
 def _scales(row: VariationFacts) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:

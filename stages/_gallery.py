@@ -7,9 +7,16 @@ from typing import Any
 from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import variation_table, varied_clip
+from pacmo_core.store.motion_folders import file_of
 from pacmo_core.store.motions import read_motion
-from pacmo_core.store.variations import FAILED, SOURCES, VARIATIONS, VariationFacts, read_variations
-from stages._files import MOTIONS
+from pacmo_core.store.variations import (
+    FAILED,
+    GOOD,
+    SOURCES,
+    VARIATIONS,
+    VariationFacts,
+    read_variations,
+)
 
 
 def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
@@ -39,8 +46,8 @@ def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]
 def _shown(folder: Path, clip: str, rows: list[VariationFacts]) -> PlayedClip:
     shown = []
     for row in rows:
-        file = folder / (MOTIONS if row.kept else FAILED)
+        file = file_of(folder / (GOOD if row.kept else FAILED), clip)
         label = row.variation.removeprefix(f"{clip}~")
         mark = "" if row.kept else " (left out)"
         shown.append((f"{label}{mark}", row.figures, read_motion(file, row.variation)))
-    return varied_clip(clip, read_motion(folder / SOURCES, clip), shown)
+    return varied_clip(clip, read_motion(file_of(folder / SOURCES, clip), clip), shown)

@@ -1,4 +1,4 @@
-"""Make what is planned and not yet kept, and put it into files.
+"""Copy the clips that are finished; make, finish and write the rest.
 
 A variation's name is its clip's, ``~`` and what it is; ``~`` sorts after every character of a
 clip's name.
@@ -7,124 +7,151 @@ clip's name.
 import logging
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from math import inf
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from pacmo_core.interaction import Interaction
 from pacmo_core.interaction_mesh import BATCH, Settings
-from pacmo_core.skeleton import Skeleton
 from pacmo_core.store.clips import ClipFacts, write_rows
+from pacmo_core.store.finish import clip_key, finish, finisher_key
+from pacmo_core.store.finished import Finished
 from pacmo_core.store.kept import Kept, read_kept
-from pacmo_core.store.motions import write_motions
-from pacmo_core.store.variations import (
-    FAILED,
-    SOURCES,
-    VARIATIONS,
-    VariationFacts,
-    write_variations,
-)
+from pacmo_core.store.variations import VARIATIONS, VariationFacts, write_variations
 from pacmo_core.variations.bodies import body_of
-from pacmo_core.variations.keep import Bounds, reason_of, worst
+from pacmo_core.variations.keep import Bounds
 from pacmo_core.variations.keys import body_key, maker_key, source_key
-from pacmo_core.variations.plan import SEPARATOR, Plan, Variation, plan_variations
+from pacmo_core.variations.plan import Plan, Variation, plan_variations
 from pacmo_core.variations.segments import segments
-from pacmo_core.variations.solve import Lot, Outcome
+from pacmo_core.variations.solve import Lot, Made, Outcome
 from pacmo_core.variations.workers import solve_on_cluster, solve_side_by_side
 from stages._cluster import scheduler_address
-from stages._files import CLIPS, MOTIONS
+from stages._files import CLIPS
 from stages._sources import Family
 
 LOG = logging.getLogger(__name__)
+COPIERS = 2  # threads: more wait for each other
 
 
 @dataclass(frozen=True)
-class Planned:
-    """One variation of one clip, and the hashes under which it is kept."""
+class Making:
+    """How clips are varied, and where what was made before is kept."""
+
+    plan: Plan
+    solver: Settings
+    bounds: Bounds
+    kept: Kept  # variations, whatever the plan
+    finished: Finished  # clips with all that the plan gives them
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A clip that is not finished, and the hashes under which all of it is kept."""
 
     clip: str
-    variation: Variation
+    key: str
     source: str
-    body: str
-
-    @property
-    def name(self) -> str:
-        """Give the name that it has in the file."""
-        return f"{self.clip}{SEPARATOR}{self.variation.name}"
+    variations: list[tuple[str, Variation]]
 
 
 @dataclass(frozen=True)
 class Found:
     """Where variations stand, by source and body; and why sources were refused."""
 
-    files: dict[tuple[str, str], Path]
-    refused: dict[str, str]
+    files: dict[tuple[str, str], Path] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+    def lacks(self, clip: Waiting) -> list[tuple[str, Variation]]:
+        """List what a clip still waits for: nothing, once its source is refused."""
+        if clip.source in self.refused:
+            return []
+        return [one for one in clip.variations if (clip.source, one[0]) not in self.files]
+
+    def outcomes(self, clip: Waiting) -> Iterator[tuple[Variation, Made | str]]:
+        """Read what came of each variation."""
+        for body, variation in clip.variations:
+            path = self.files.get((clip.source, body))
+            yield variation, read_kept(path, body) if path else self.refused[clip.source]
 
 
-def plan_family(family: Family, plan: Plan) -> list[Planned]:
-    """Plan the variations of every clip."""
-    planned: list[Planned] = []
-    for clip in family.clips:
-        source = family.read(clip)
-        key = source_key(source)
-        bodies = (
-            body_of(source.person_a, source.skeleton),
-            body_of(source.person_b, source.skeleton),
-        )
-        planned += [
-            Planned(clip, variation, key, body_key(variation.scales))
-            for variation in plan_variations(plan, bodies, clip)
-        ]
-    return planned
-
-
-def make(family: Family, planned: Sequence[Planned], settings: Settings, kept: Kept) -> Found:
-    """Make what is not kept yet, and keep each lot as it is done."""
-    files = {
-        (source, body): path
-        for source in dict.fromkeys(one.source for one in planned)
-        for body, path in kept.find(source).items()
-    }
-    new = [one for one in planned if (one.source, one.body) not in files]
-    LOG.info("%s: %d planned, %d to make", family.name, len(planned), len(new))
-    refused, n_done = {}, 0
-    for outcome in _solved(list(_lots(family, new, settings))):
-        if outcome.refused:
-            refused[outcome.key] = outcome.refused
-        for body, path in kept.write(outcome.key, outcome.made).items():
-            files[outcome.key, body] = path
-        n_done += len(outcome.made)
-        LOG.info("%s: %d of %d made", family.name, n_done, len(new))
-    return Found(files, refused)
-
-
-def write_family(
-    folder: Path, family: Family, planned: Sequence[Planned], found: Found, bounds: Bounds
-) -> list[VariationFacts]:
-    """Write motions that are within bounds, those that are not, and the facts of all."""
-    skeleton = family.read(next(iter(family.clips))).skeleton
-    rows = []
-    _write_sources(folder, family, skeleton)
-    with (
-        write_motions(folder / MOTIONS, skeleton) as good,
-        write_motions(folder / FAILED, skeleton) as failed,
-    ):
-        for one in sorted(planned, key=lambda one: one.name):
-            path = found.files.get((one.source, one.body))
-            if path is None:
-                reason = f"refused: {found.refused[one.source]}"
-                rows.append(_facts(one, skeleton, reason, {}, bounds))
-                continue
-            made = read_kept(path, one.body)
-            source = family.read(one.clip)
-            motion = Interaction(skeleton, source.times, *made.motions)
-            reason = reason_of(made.figures, bounds)
-            (failed if reason else good).add(one.name, motion)
-            rows.append(_facts(one, skeleton, reason, made.figures, bounds))
-    write_variations(folder / VARIATIONS, rows, [s.name for s in segments(skeleton)])
+def write_family(folder: Path, family: Family, making: Making) -> list[VariationFacts]:
+    """Write what is varied, what comes of it and the facts of both, a file a clip."""
+    rows, waiting = _copied(folder, family, making)
+    n_new = sum(len(one.variations) for one in waiting)
+    LOG.info("%s: %d planned, %d not finished before", family.name, len(rows) + n_new, n_new)
+    for one, found in _made(family, waiting, making):
+        source = family.read(one.clip)
+        new = finish(folder, one.clip, source, found.outcomes(one), making.bounds)
+        making.finished.keep(one.key, new)
+        rows += new.rows
+    rows.sort(key=lambda row: row.variation)
+    names = [segment.name for segment in segments(family.read(min(family.clips)).skeleton)]
+    write_variations(folder / VARIATIONS, rows, names)
+    write_rows(folder / CLIPS, ClipFacts, list(family.clips.values()))
     return rows
+
+
+def _copied(
+    folder: Path, family: Family, making: Making
+) -> tuple[list[VariationFacts], list[Waiting]]:
+    """Copy what is finished, beside the reading of what it must rest on; plan the rest."""
+    finisher = finisher_key(maker_key(making.solver), making.plan, making.bounds)
+    asked = []
+    with ThreadPoolExecutor(COPIERS) as pool:
+        for clip in family.clips:
+            source = family.read(clip)
+            known = source_key(source)
+            key = clip_key(finisher, clip, known, source)
+            asked.append((clip, key, known, pool.submit(making.finished.copy, key, folder, clip)))
+    rows, waiting = list[VariationFacts](), []
+    for clip, key, known, answer in asked:
+        before = answer.result()
+        if before is None:
+            waiting.append(Waiting(clip, key, known, _planned(clip, family, making.plan)))
+        else:
+            rows += before
+    return rows, waiting
+
+
+def _planned(clip: str, family: Family, plan: Plan) -> list[tuple[str, Variation]]:
+    """Plan a clip's variations, each with the hash of its bodies."""
+    source = family.read(clip)
+    bodies = (body_of(source.person_a, source.skeleton), body_of(source.person_b, source.skeleton))
+    found = plan_variations(plan, bodies, clip)
+    return [(body_key(variation.scales), variation) for variation in found]
+
+
+def _made(
+    family: Family, waiting: Sequence[Waiting], making: Making
+) -> Iterator[tuple[Waiting, Found]]:
+    """Yield clips as all their variations are there; make what is not kept, a lot at a time."""
+    found = Found()
+    for source in dict.fromkeys(one.source for one in waiting):
+        found.files.update({(source, b): path for b, path in making.kept.find(source).items()})
+    lots = list(_lots(family, waiting, found, making.solver))
+    n_bodies, n_done = sum(len(lot.names) for lot in lots), 0
+    left: dict[str, list[Waiting]] = {}
+    for one in waiting:
+        if found.lacks(one):
+            left.setdefault(one.source, []).append(one)
+        else:
+            yield one, found
+    for outcome in _solved(lots):
+        _keep(outcome, found, making.kept)
+        n_done += len(outcome.made)
+        LOG.info("%s: %d of %d made", family.name, n_done, n_bodies)
+        if not any(found.lacks(one) for one in left.get(outcome.key, ())):
+            for one in left.pop(outcome.key, ()):
+                yield one, found
+
+
+def _keep(outcome: Outcome, found: Found, kept: Kept) -> None:
+    """Keep a lot as it is done."""
+    if outcome.refused:
+        found.refused[outcome.key] = outcome.refused
+    for body, path in kept.write(outcome.key, outcome.made).items():
+        found.files[outcome.key, body] = path
 
 
 def _solved(lots: list[Lot]) -> Iterator[Outcome]:
@@ -134,42 +161,20 @@ def _solved(lots: list[Lot]) -> Iterator[Outcome]:
     return solve_side_by_side(lots, processes=os.cpu_count() or 1)
 
 
-def _lots(family: Family, new: Sequence[Planned], settings: Settings) -> Iterator[Lot]:
+def _lots(
+    family: Family, waiting: Sequence[Waiting], found: Found, settings: Settings
+) -> Iterator[Lot]:
     """Gather what one source lacks, a batch of the solver at a time."""
-    sources: dict[str, dict[str, Planned]] = {}
-    for one in new:
-        sources.setdefault(one.source, {})[one.body] = one
+    sources: dict[str, dict[str, Variation]] = {}
+    clips: dict[str, str] = {}
+    for one in waiting:
+        if lacking := found.lacks(one):
+            sources.setdefault(one.source, {}).update(lacking)
+            clips.setdefault(one.source, one.clip)
     for key, bodies in sources.items():
-        waiting = list(bodies.values())
-        for first in range(0, len(waiting), BATCH):
-            batch = waiting[first : first + BATCH]
-            scales = np.stack([np.concatenate(one.variation.scales) for one in batch])
-            source = family.read(batch[0].clip)
-            names = tuple(one.body for one in batch)
-            yield Lot(key, maker_key(settings), source, settings, scales, names)
-
-
-def _write_sources(folder: Path, family: Family, skeleton: Skeleton) -> None:
-    """Write the clips that are varied, beside what comes of them."""
-    with write_motions(folder / SOURCES, skeleton) as writer:
-        for name in family.clips:
-            writer.add(name, family.read(name))
-    write_rows(folder / CLIPS, ClipFacts, list(family.clips.values()))
-
-
-def _facts(
-    one: Planned, skeleton: Skeleton, reason: str, figures: dict[str, float], bounds: Bounds
-) -> VariationFacts:
-    names = [segment.name for segment in segments(skeleton)]
-    a, b = (dict(zip(names, own.tolist(), strict=True)) for own in one.variation.scales)
-    return VariationFacts(
-        variation=one.name,
-        clip=one.clip,
-        kind=one.variation.kind,
-        kept=not reason,
-        reason=reason,
-        badness=worst(figures, bounds) if figures else inf,
-        figures=figures,
-        scales_a=a,
-        scales_b=b,
-    )
+        names = list(bodies)
+        source = family.read(clips[key])
+        for first in range(0, len(names), BATCH):
+            batch = tuple(names[first : first + BATCH])
+            scales = np.stack([np.concatenate(bodies[name].scales) for name in batch])
+            yield Lot(key, maker_key(settings), source, settings, scales, batch)

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.interaction_mesh import Settings
+from pacmo_core.store.finished import Finished
 from pacmo_core.store.kept import Kept
 from pacmo_core.store.variations import VariationFacts
 from pacmo_core.variations.keep import Bounds, excess
@@ -26,8 +27,9 @@ from pacmo_core.variations.plan import Plan
 from stages._files import write_json
 from stages._params import read_params
 from stages._sources import Choice, Second, own_family, second_family
-from stages._variations import make, plan_family, write_family
+from stages._variations import Making, write_family
 
+FINISHED = "finished"  # folder beside those of sources
 USUAL = (5, 95)  # percentiles of the figures between which most variations lie
 
 
@@ -44,18 +46,19 @@ class Params:
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("augment", Params)
-    kept = Kept(paths.kept, maker_key(params.solver))
+    maker = maker_key(params.solver)
+    kept, finished = Kept(paths.kept, maker), Finished(paths.kept / maker / FINISHED)
+    making = Making(params.plan, params.solver, params.bounds, kept, finished)
     families = [
         own_family(paths.clips, params.clips),
         *second_family(params.second, paths.second, params.clips),
     ]
     metrics = {}
     for family in families:
-        planned = plan_family(family, params.plan)
-        found = make(family, planned, params.solver, kept)
-        rows = write_family(paths.variations / family.name, family, planned, found, params.bounds)
+        rows = write_family(paths.variations / family.name, family, making)
         metrics[family.name] = summary(rows, params.bounds)
     kept.forget_others()
+    finished.forget_others()
     write_json(paths.metrics, metrics)
 
 

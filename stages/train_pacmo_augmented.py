@@ -1,10 +1,10 @@
 """Train PaCMO on a fold's clips and their variations, step for step as ``train_pacmo`` does.
 
 Usage: python -m stages.train_pacmo_augmented [--section=NAME] --seed=S --share=P
-           CLIPS SIDES.parquet VARIATIONS.parquet MODEL CURVE.csv
+           CLIPS SIDES.parquet VARIATIONS MODEL CURVE.csv
 
-Only variations of the clips that are trained on are seen. Weights are chosen on validation clips
-as they were captured.
+VARIATIONS is a folder with a file a clip. Only variations of the clips that are trained on are
+seen. Weights are chosen on validation clips as they were captured.
 """
 
 import argparse
@@ -14,12 +14,10 @@ from pathlib import Path
 from pacmo_core.pacmo import adversarial
 from pacmo_core.pacmo.settings import PacmoSettings
 from pacmo_core.pacmo.varied import Variations, widen
-from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.motion_folders import BETWEEN, stream_folder
 from stages._clips import stream_side
 from stages._params import read_params
 from stages._training import Task, sides_of, train
-
-BETWEEN = "~"  # the name of a clip and that of its variation
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ def variations_of(paths: argparse.Namespace, share: float) -> Variations:
     trained = stream_side(paths.clips, paths.sides, "train")
     numbers = {facts.clip: number for number, (facts, _) in enumerate(trained)}
     made, sources = [], []
-    for name, motion in stream_motions(paths.variations):
+    for name, motion in stream_folder(paths.variations):
         source = name.rpartition(BETWEEN)[0]
         if source in numbers:
             made.append(motion)

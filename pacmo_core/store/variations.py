@@ -15,10 +15,11 @@ import pyarrow.parquet as pq
 from pacmo_core.store.atomic import whole_file
 from pacmo_core.store.schema import VERSION, StoreError, check_version, open_parquet
 
-# Names in a family's folder: beside the motions that are kept, the clips that were varied, the
-# variations beyond a limit, and the facts of all.
-SOURCES = "sources.parquet"
-FAILED = "failed.parquet"
+# Names in a family's folder: folders of the variations that are kept, of those beyond a limit and
+# of the clips that were varied, a file a clip; and the facts of all.
+GOOD = "motions"
+FAILED = "failed"
+SOURCES = "sources"
 VARIATIONS = "variations.parquet"
 
 PLAIN = ("variation", "clip", "kind", "kept", "reason", "badness")

@@ -27,18 +27,24 @@ LENGTH = 32  # characters of a hash
 
 def maker_key(settings: Settings) -> str:
     """Hash what makes variations: the solver's settings, the code, the versions it runs on."""
-    text = json.dumps([asdict(settings), _code()], sort_keys=True)
+    text = json.dumps([asdict(settings), code_key(CODE, PACKAGES)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]
 
 
 @cache
-def _code() -> str:
-    """Hash what this process has loaded: once, for files may change while it runs."""
+def code_key(code: tuple[str, ...], packages: tuple[str, ...]) -> str:
+    """Hash what this process has loaded: once, for files may change while it runs.
+
+    Parameters
+    ----------
+    code : patterns of files of the core
+    packages : whose versions matter
+    """
     digest = hashlib.sha256()
-    for package in PACKAGES:
+    for package in packages:
         digest.update(f"{package} {version(package)}\0".encode())
     root = Path(pacmo_core.__path__[0])
-    for path in (path for pattern in CODE for path in sorted(root.glob(pattern))):
+    for path in (path for pattern in code for path in sorted(root.glob(pattern))):
         digest.update(f"{path.relative_to(root)}\0".encode() + path.read_bytes() + b"\0")
     return digest.hexdigest()
 

@@ -1,16 +1,22 @@
 """A small project for the stage ``augment``: clips of two small bodies, and its parameters."""
 
+import shutil
+from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 from ruamel.yaml import YAML
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.store.clips import ClipFacts, write_rows
 from pacmo_core.store.motions import write_motions
+from pacmo_core.variations.solve import solve
+from stages import _variations, augment
 from stages._files import CLIPS, MOTIONS
+from stages.augment import FINISHED
 from tests.interaction_mesh.scenes import ARM, SETTINGS
 
 FACTS = ClipFacts(
@@ -90,6 +96,45 @@ def result(root: Path) -> dict[str, bytes]:
 
 
 def kept_files(root: Path) -> dict[str, int]:
-    """List what was kept, and when each file was written."""
-    files = sorted((root / "kept").rglob("*.safetensors"))
+    """List the variations that were kept, and when each file was written."""
+    found = sorted((root / "kept").rglob("*.safetensors"))
+    files = [path for path in found if path.parent.name != FINISHED]
     return {str(path.relative_to(root)): path.stat().st_mtime_ns for path in files}
+
+
+def finished_files(root: Path) -> list[Path]:
+    """List the clips that were finished."""
+    return sorted(path for path in (root / "kept").rglob("*") if path.parent.name == FINISHED)
+
+
+def spoil(path: Path) -> None:
+    """Turn a bit of a file's content."""
+    data = bytearray(path.read_bytes())
+    data[-5] ^= 64
+    path.write_bytes(data)
+
+
+def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Solve lots one by one in this process; count the bodies of each."""
+    counts: list[int] = []
+
+    def one_by_one(lots, *, processes):
+        for lot in lots:
+            counts.append(len(lot.names))
+            yield solve(lot)
+
+    monkeypatch.setattr(_variations, "solve_side_by_side", one_by_one)
+    monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
+    return counts
+
+
+def run(root: Path, monkeypatch: pytest.MonkeyPatch, *, clean: bool = False) -> dict[str, bytes]:
+    """Run the stage as DVC does: its outputs are removed before."""
+    shutil.rmtree(root / "variations", ignore_errors=True)
+    if clean:
+        shutil.rmtree(root / "kept", ignore_errors=True)
+    monkeypatch.chdir(root)
+    names = ("kept", "clips", "second", "variations", "metrics")
+    values = [Path(word.removeprefix("--kept=")) for word in COMMAND]
+    augment.main(Namespace(**dict(zip(names, values, strict=True))))
+    return result(root)

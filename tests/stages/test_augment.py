@@ -3,12 +3,10 @@
 import json
 import logging
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
-from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
@@ -20,19 +18,21 @@ from ruamel.yaml import YAML
 from benchmarks._variations import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
-from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.motion_folders import stream_folder
 from pacmo_core.store.variations import read_variations
-from pacmo_core.variations.solve import solve
-from stages import _variations, augment
 from stages._params import ParamsError
 from tests.stages.augmenting import (
     BOUNDS,
     COMMAND,
     PLAN,
     SECOND,
+    finished_files,
     kept_files,
     lay_out,
     result,
+    run,
+    solve_in_process,
+    spoil,
     write_params,
 )
 from tests.variations.sources import flat_source, source
@@ -43,30 +43,9 @@ SMALL = Path("variations") / "small"
 
 
 @pytest.fixture(autouse=True)
-def in_process(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> list[int]:
-    """Solve lots one by one in this process; count the bodies of each."""
-    counts: list[int] = []
-
-    def one_by_one(lots, *, processes):
-        for lot in lots:
-            counts.append(len(lot.names))
-            yield solve(lot)
-
-    monkeypatch.setattr(_variations, "solve_side_by_side", one_by_one)
-    monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
-    return counts
-
-
-def run(root: Path, monkeypatch: pytest.MonkeyPatch, *, clean: bool = False) -> dict[str, bytes]:
-    """Run the stage as DVC does: its outputs are removed before."""
-    shutil.rmtree(root / "variations", ignore_errors=True)
-    if clean:
-        shutil.rmtree(root / "kept", ignore_errors=True)
-    monkeypatch.chdir(root)
-    names = ("kept", "clips", "second", "variations", "metrics")
-    values = [Path(word.removeprefix("--kept=")) for word in COMMAND]
-    augment.main(Namespace(**dict(zip(names, values, strict=True))))
-    return result(root)
+def in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Count the bodies of each lot."""
+    return solve_in_process(monkeypatch)
 
 
 def test_a_plan_that_grows_computes_what_is_new_and_ends_as_a_clean_run(
@@ -130,13 +109,15 @@ def test_a_damaged_file_is_made_again_with_a_warning(
     clean = run(tmp_path, monkeypatch)
     del in_process[:]
     spoilt = tmp_path / next(iter(kept_files(tmp_path)))
-    data = bytearray(spoilt.read_bytes())
-    data[-5] ^= 64
-    spoilt.write_bytes(data)
+    spoil(spoilt)
+    finished = finished_files(tmp_path)
+    for path in finished:
+        spoil(path)
     with caplog.at_level(logging.WARNING):
         assert run(tmp_path, monkeypatch) == clean
     assert in_process == [11]
-    assert "is damaged and will be made again" in caplog.text
+    for path in (spoilt, *finished):
+        assert f"{path.relative_to(tmp_path)} is damaged and will be made again" in caplog.text
 
 
 def test_files_say_what_was_kept_what_failed_and_why(
@@ -149,8 +130,8 @@ def test_files_say_what_was_kept_what_failed_and_why(
     write_params(tmp_path, bounds={**BOUNDS, "raw_residual": middle})
     run(tmp_path, monkeypatch)
     rows = {row.variation: row for row in read_variations(SMALL / "variations.parquet")}
-    good = dict(stream_motions(SMALL / "motions.parquet"))
-    failed = dict(stream_motions(SMALL / "failed.parquet"))
+    good = dict(stream_folder(SMALL / "motions"))
+    failed = dict(stream_folder(SMALL / "failed"))
     assert list(rows) == sorted(rows)
     assert set(good) == {name for name, row in rows.items() if row.kept}
     assert set(failed) == {n for n, row in rows.items() if not row.kept and row.figures}
@@ -164,7 +145,7 @@ def test_files_say_what_was_kept_what_failed_and_why(
     assert set(row.scales_a.values()) == {1.0}
     clip = (good | failed)["two~b-uniform-1.10"]
     np.testing.assert_array_equal(clip.times, CLIPS["two"].times)
-    sources = dict(stream_motions(SMALL / "sources.parquet"))
+    sources = dict(stream_folder(SMALL / "sources"))
     assert set(sources) == {*CLIPS, "flat"}
 
     facts = json.loads(Path("metrics.json").read_text())["small"]
@@ -180,7 +161,7 @@ def test_polars_joins_motions_with_their_facts(
     lay_out(tmp_path, CLIPS)
     run(tmp_path, monkeypatch)
     facts = pl.read_parquet(SMALL / "variations.parquet").filter(pl.col("kept"))
-    motions = pl.read_parquet(SMALL / "motions.parquet")
+    motions = pl.scan_parquet(SMALL.parent / "*/motions/*.parquet").collect()
     joined = motions.join(facts, left_on="clip", right_on="variation")
     assert len(joined) == len(motions)
     assert joined["person_b"].dtype == pl.Array(pl.Float32, (6, 3))
@@ -206,7 +187,7 @@ def test_captures_of_another_skeleton_are_a_family_of_their_own(
     assert {row.clip for row in read_variations(files / "variations.parquet")} == {
         *("d#0000", "d#0001")
     }
-    assert {name for name, _ in stream_motions(files / "sources.parquet")} == {"d#0000", "d#0001"}
+    assert {name for name, _ in stream_folder(files / "sources")} == {"d#0000", "d#0001"}
     assert set(json.loads(Path("metrics.json").read_text())) == {"small", "files"}
 
 

@@ -12,13 +12,14 @@ from pacmo_core.pacmo import adversarial
 from pacmo_core.pacmo.varied import Choice, Variations, Varied, widen
 from pacmo_core.skeleton import SBU15
 from pacmo_core.store.clips import SideFacts, write_rows
+from pacmo_core.store.motion_folders import file_of
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import read_weights
 from stages import train_pacmo, train_pacmo_augmented
 from tests.pacmo.problems import PACMO, clips
 from tests.stages.training import prepare
 
-CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations.parquet")
+CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations/motions")
 SETTINGS = replace(PACMO, n_epochs=6)
 
 
@@ -37,8 +38,8 @@ def project(tmp_path, monkeypatch):
 
 def vary(path: Path) -> None:
     """Write two variations of each clip, taller by so much."""
-    with write_motions(path, SBU15) as writer:
-        for name, clip in stream_motions(CLIPS / "motions.parquet"):
+    for name, clip in stream_motions(CLIPS / "motions.parquet"):
+        with write_motions(file_of(path, name), SBU15) as writer:
             for scale in (1.1, 1.2):
                 taller = replace(clip, person_a=clip.person_a * np.float32(scale))
                 writer.add(f"{name}~a-uniform-{scale:.2f}", taller)
@@ -97,9 +98,9 @@ def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
     rows = [SideFacts(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
     rows[0] = replace(rows[0], side="train")
     write_rows(SIDES, SideFacts, rows)
-    with write_motions(MADE, SBU15):
-        pass
-    with pytest.raises(ValueError, match="variations.parquet: wanted"):
+    for file in MADE.iterdir():
+        file.unlink()
+    with pytest.raises(ValueError, match="variations/motions: wanted"):
         train_pacmo_augmented.variations_of(paths(0.5), 0.5)
 
 

@@ -1,0 +1,53 @@
+"""Truth: the table of variations, and the motions that one file of each clip holds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pacmo_core.store.clips import SideFacts, write_rows
+from pacmo_core.store.motion_folders import file_of, stream_folder
+from pacmo_core.store.variations import read_variations
+from stages._examples import kept_facts, stream_examples
+from stages._gallery import gallery
+from tests.stages.augmenting import lay_out, run, solve_in_process
+from tests.variations.sources import source
+
+CLIPS = {"one": source(0), "one1": source(1), "s01/02": source(2)}
+SMALL, SIDES = Path("variations") / "small", Path("sides.parquet")
+
+
+@pytest.fixture(autouse=True)
+def varied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stand in a folder with variations; every other one is trained on."""
+    solve_in_process(monkeypatch)
+    lay_out(tmp_path, CLIPS)
+    run(tmp_path, monkeypatch)
+    names = kept_facts(SMALL)
+    rows = [SideFacts(n, ("train", "test")[i % 2]) for i, n in enumerate(names)]
+    write_rows(SIDES, SideFacts, rows)
+
+
+def test_examples_of_both_sides_are_all_variations_in_order_beside_their_sources() -> None:
+    sides = [dict(stream_examples(SMALL, SIDES, side)) for side in ("train", "test")]
+    motions = dict(stream_folder(SMALL / "motions"))
+    assert all(list(side) == sorted(side) for side in sides)
+    found = sides[0] | sides[1]
+    assert found.keys() == motions.keys()
+    rows = {row.variation: row for row in read_variations(SMALL / "variations.parquet")}
+    for name, example in found.items():
+        assert example.source == rows[name].clip
+        np.testing.assert_array_equal(example.varied.person_b, motions[name].person_b)
+        np.testing.assert_array_equal(example.template.person_a, CLIPS[example.source].person_a)
+        assert example.scales[0].tolist() == list(rows[name].scales_a.values())
+
+
+def test_a_clip_whose_file_is_gone_is_told() -> None:
+    file = file_of(SMALL / "motions", "one1")
+    file.unlink()
+    with pytest.raises(FileNotFoundError, match=r"one1\.parquet"):
+        list(stream_examples(SMALL, SIDES, "train"))
+
+
+def test_the_gallery_shows_the_worst_of_each_clip_beside_it() -> None:
+    assert len(list(gallery(Path("variations"), 2, 3))) == 2
