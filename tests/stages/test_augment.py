@@ -210,7 +210,7 @@ def test_plans_that_cannot_be_are_refused_before_any_work(
 def test_a_run_that_is_killed_goes_on_from_its_last_batch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
 ) -> None:
-    clips = {f"clip{number:02d}": source(number, n_frames=30) for number in range(12)}
+    clips = {f"clip{number:02d}": source(number, n_frames=30) for number in range(24)}
     lay_out(tmp_path, clips)
     command = [sys.executable, "-m", "stages.augment", *COMMAND]
     path = os.pathsep.join([str(Path.cwd()), os.environ.get("PYTHONPATH", "")])
