@@ -129,10 +129,9 @@ def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def run(root: Path, monkeypatch: pytest.MonkeyPatch, *, clean: bool = False) -> dict[str, bytes]:
-    """Run the stage as DVC does: its outputs are removed before."""
-    shutil.rmtree(root / "variations", ignore_errors=True)
-    if clean:
-        shutil.rmtree(root / "kept", ignore_errors=True)
+    """Run the stage beside what it left before, or on clean ground."""
+    for folder in ("variations", "kept") if clean else ():
+        shutil.rmtree(root / folder, ignore_errors=True)
     monkeypatch.chdir(root)
     names = ("kept", "clips", "second", "variations", "metrics")
     values = [Path(word.removeprefix("--kept=")) for word in COMMAND]

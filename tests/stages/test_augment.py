@@ -84,6 +84,16 @@ def test_a_clip_that_is_added_costs_itself_alone_and_the_end_is_that_of_a_clean_
     assert run(tmp_path, monkeypatch, clean=True) == grown
 
 
+def test_a_clip_that_is_gone_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
+) -> None:
+    lay_out(tmp_path, {"clip00": source(0), "clip01": source(1)})
+    run(tmp_path, monkeypatch)
+    lay_out(tmp_path, {"clip00": source(0)})
+    left = run(tmp_path, monkeypatch)
+    assert run(tmp_path, monkeypatch, clean=True) == left
+
+
 def test_other_limits_compute_nothing_and_other_settings_everything(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
 ) -> None:
