@@ -7,7 +7,7 @@ import sys
 import psutil
 import pytest
 
-from pacmo_core.variations.solve import Outcome, solve
+from pacmo_core.variations.solve import Outcome
 from pacmo_core.variations.workers import solve_on_cluster, solve_side_by_side
 from tests.variations.sources import bodies, flat_source, lot
 
@@ -62,7 +62,7 @@ def test_a_cluster_gives_what_one_process_gives() -> None:
         n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
     ) as cluster:
         found = list(solve_on_cluster(lots, cluster.scheduler_address))
-    assert comparable(found) == comparable([solve(one) for one in lots])
+    assert comparable(found) == comparable(list(solve_side_by_side(lots, processes=1)))
 
 
 def test_a_cluster_without_its_package_says_which_one(monkeypatch: pytest.MonkeyPatch) -> None:
