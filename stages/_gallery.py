@@ -7,7 +7,7 @@ from typing import Any
 from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import variation_table, varied_clip
-from pacmo_core.store.motion_folders import file_of
+from pacmo_core.store.motion_folders import SEPARATOR, file_of
 from pacmo_core.store.motions import read_motion
 from pacmo_core.store.variations import (
     FAILED,
@@ -47,7 +47,7 @@ def _shown(folder: Path, clip: str, rows: list[VariationFacts]) -> PlayedClip:
     shown = []
     for row in rows:
         file = file_of(folder / (GOOD if row.kept else FAILED), clip)
-        label = row.variation.removeprefix(f"{clip}~")
+        label = row.variation.removeprefix(f"{clip}{SEPARATOR}")
         mark = "" if row.kept else " (left out)"
         shown.append((f"{label}{mark}", row.figures, read_motion(file, row.variation)))
     return varied_clip(clip, read_motion(file_of(folder / SOURCES, clip), clip), shown)

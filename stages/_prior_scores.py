@@ -17,8 +17,6 @@ from pacmo_core.skeleton_prior.extractor import Extractor
 CHARACTERS = ("first", "second")
 # The mean over sources, beside theirs.
 ALL = "all"
-# Between a source's name and what made the motion, in the file of samples.
-SEPARATOR = "~"
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ from pacmo_core.figures.priors import (
 )
 from pacmo_core.figures.report import Section
 from pacmo_core.interaction import Interaction
+from pacmo_core.store.motion_folders import SEPARATOR
 from pacmo_core.store.motions import stream_motions
-from stages._prior_scores import ALL, SEPARATOR
+from stages._prior_scores import ALL
 
 LABELS = {"source": "source", "solver": "solver"} | {
     name: metric.label for name, metric in MODELS.items()

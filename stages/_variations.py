@@ -6,7 +6,6 @@ clip's name.
 
 import logging
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -78,8 +77,6 @@ class Found:
 
 def write_family(folder: Path, family: Family, making: Making) -> list[VariationFacts]:
     """Write what is varied, what comes of it and the facts of both, a file a clip."""
-    # As DVC does before it runs a stage: clips that are gone, and what a killed run left, go.
-    shutil.rmtree(folder, ignore_errors=True)
     rows, waiting = _copied(folder, family, making)
     n_new = sum(len(one.variations) for one in waiting)
     LOG.info("%s: %d planned, %d not finished before", family.name, len(rows) + n_new, n_new)

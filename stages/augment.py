@@ -9,6 +9,7 @@ result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster t
 
 import argparse
 import logging
+import shutil
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,6 +54,9 @@ def main(paths: argparse.Namespace) -> None:
         own_family(paths.clips, params.clips),
         *second_family(params.second, paths.second, params.clips),
     ]
+    if paths.variations.exists():
+        # As DVC does before it runs a stage: clips that are gone, and what a killed run left, go.
+        shutil.rmtree(paths.variations)
     metrics = {}
     for family in families:
         rows = write_family(paths.variations / family.name, family, making)

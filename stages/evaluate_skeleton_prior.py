@@ -24,11 +24,12 @@ from pacmo_core.skeleton_prior import extractor
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
 from pacmo_core.skeleton_prior.model import SkeletonPrior
+from pacmo_core.store.motion_folders import SEPARATOR
 from pacmo_core.store.motions import write_motions
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
 from stages._params import read_params
-from stages._prior_scores import ALL, SEPARATOR, Judge, characters, of_source
+from stages._prior_scores import ALL, Judge, characters, of_source
 from stages._prior_tasks import Bodies, drawn_bodies, generation, retargeting, varied
 from stages._priors import read_priors
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from pacmo_core.pacmo import adversarial
 from pacmo_core.pacmo.settings import PacmoSettings
 from pacmo_core.pacmo.varied import Variations, widen
-from pacmo_core.store.motion_folders import BETWEEN, stream_folder
+from pacmo_core.store.motion_folders import SEPARATOR, stream_folder
 from stages._clips import stream_side
 from stages._params import read_params
 from stages._training import Task, sides_of, train
@@ -67,7 +67,7 @@ def variations_of(paths: argparse.Namespace, share: float) -> Variations:
     numbers = {facts.clip: number for number, (facts, _) in enumerate(trained)}
     made, sources = [], []
     for name, motion in stream_folder(paths.variations):
-        source = name.rpartition(BETWEEN)[0]
+        source = name.rpartition(SEPARATOR)[0]
         if source in numbers:
             made.append(motion)
             sources.append(numbers[source])

@@ -10,12 +10,12 @@ from pathlib import Path
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import Skeleton
 from pacmo_core.store.finished import FinishedClip
-from pacmo_core.store.motion_folders import file_of
+from pacmo_core.store.motion_folders import SEPARATOR, file_of
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.variations import FAILED, GOOD, SOURCES, VariationFacts
 from pacmo_core.variations.keep import Bounds, reason_of, worst
 from pacmo_core.variations.keys import LENGTH, code_key
-from pacmo_core.variations.plan import SEPARATOR, Plan, Variation
+from pacmo_core.variations.plan import Plan, Variation
 from pacmo_core.variations.segments import segments
 from pacmo_core.variations.solve import Made
 

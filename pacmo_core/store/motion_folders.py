@@ -11,8 +11,8 @@ from urllib.parse import quote, unquote
 from pacmo_core.interaction import Interaction
 from pacmo_core.store.motions import stream_motions
 
-# Between a clip's name and what its variation is; sorts after every character of a clip's name.
-BETWEEN = "~"
+# Between a clip's name and what was made of it; sorts after every character of a clip's name.
+SEPARATOR = "~"
 SUFFIX = ".parquet"
 
 
@@ -28,7 +28,7 @@ def clip_of(file: Path) -> str:
 
 def in_order(clips: Iterable[str]) -> list[str]:
     """Sort clips so that the names of their variations ascend: ``one#0001~x`` before ``one~x``."""
-    return sorted(clips, key=lambda clip: f"{clip}{BETWEEN}")
+    return sorted(clips, key=lambda clip: f"{clip}{SEPARATOR}")
 
 
 def stream_folder(folder: Path) -> Iterator[tuple[str, Interaction]]:

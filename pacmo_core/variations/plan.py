@@ -24,7 +24,6 @@ from pacmo_core.variations.bodies import (
 
 PEOPLE = ("a", "b")
 UPPER = "upper"  # the bones above the hips, in place of a pattern
-SEPARATOR = "~"  # sorts after every character of a clip's name
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pacmo_core.store.motion_folders import BETWEEN, clip_of, file_of, in_order, stream_folder
+from pacmo_core.store.motion_folders import SEPARATOR, clip_of, file_of, in_order, stream_folder
 from pacmo_core.store.motions import write_motions
-from pacmo_core.variations.plan import SEPARATOR
 from tests.variations.sources import source
 
 NAMES = st.text("ab09_./-#", min_size=1, max_size=6)
@@ -31,7 +30,6 @@ def test_each_clip_has_a_file_of_its_own_that_bears_its_name(clips: set[str]) ->
 def test_variations_ascend_over_all_clips(clips: set[str], kinds: set[str]) -> None:
     names = [f"{clip}{SEPARATOR}{kind}" for clip in in_order(clips) for kind in sorted(kinds)]
     assert names == sorted(names)
-    assert BETWEEN == SEPARATOR
 
 
 def test_a_folder_streams_what_was_written_and_polars_reads_it(tmp_path: Path) -> None:
