@@ -31,9 +31,9 @@ from benchmarks._slower import beside_peers
 from benchmarks._variations import SETTINGS, Task, tasks
 from pacmo_core.interaction_mesh import Report, prepare, vary_in_batches
 from pacmo_core.interaction_mesh.scene import Array
-from pacmo_core.variations.workers import ONE_THREAD
 
 N_PROCESSES = 2
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def main() -> None:
         return
     print(f"{kind} windows; {sum(len(task.scales) for task in planned)} variations", flush=True)
     start = time.perf_counter()
-    # Two threads that share a core with another process wait for each other: three times as slow.
-    os.environ |= dict.fromkeys(ONE_THREAD, "1")
+    # For the peers: two threads that share a core with another process wait for each other.
+    os.environ |= dict.fromkeys(THREADS, "1")
     # Spawned, not forked: a process then holds its own memory alone, and has its own threads.
     with ProcessPoolExecutor(N_PROCESSES, mp_context=get_context("spawn")) as pool:
         done = list(pool.map(run, planned))

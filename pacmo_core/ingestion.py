@@ -4,7 +4,7 @@ import hashlib
 import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -87,13 +87,13 @@ def read_sequences(
 def _read_side_by_side(
     recipe: Recipe, sequences: Sequence[RawSequence], kept: Readings | None, address: str
 ) -> Iterator[Usable | QuarantineFacts]:
-    with _Readers(address) as readers:
+    with _Readers(address) as readers, ThreadPoolExecutor(os.cpu_count()) as hashers:
         for start in range(0, len(sequences), BATCH):
             batch = sequences[start : start + BATCH]
             if kept is None:
                 yield from readers.read(recipe, batch)
                 continue
-            keys = [reading_key(sequence, _content_hash(sequence.files)) for sequence in batch]
+            keys = list(hashers.map(_key, batch))
             known = kept.get(keys)
             new = {key: s for key, s in zip(keys, batch, strict=True) if key not in known}
             made = dict(zip(new, readers.read(recipe, list(new.values())), strict=True))
@@ -191,6 +191,10 @@ def _resolved(sequence: RawSequence) -> RawSequence:
 
 def _relative(file: Path, root: Path) -> str:
     return file.relative_to(root).as_posix() if file.is_relative_to(root) else file.name
+
+
+def _key(sequence: RawSequence) -> str:
+    return reading_key(sequence, _content_hash(sequence.files))
 
 
 def _content_hash(files: tuple[Path, ...]) -> str:

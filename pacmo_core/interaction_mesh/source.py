@@ -13,6 +13,7 @@ from pacmo_core.interaction_mesh.rows import bone_rows, guarded_rows
 from pacmo_core.interaction_mesh.scene import Array, Scene
 from pacmo_core.interaction_mesh.settings import Rung, Settings
 from pacmo_core.interaction_mesh.solve import WIDTH
+from pacmo_core.interaction_mesh.threads import one_thread
 
 # Bodies at once, and the frames of all of them together: what bounds the memory.
 BATCH = 48
@@ -71,7 +72,8 @@ class Source:
 
 def prepare(scene: Scene, settings: Settings) -> Source:
     """Build graph, weights and factorisation of a source."""
-    energy = quadratic(scene, settings)
-    source = Source(scene, settings, energy, stiffness(energy, scene), answers(scene, energy))
-    source.solver(settings.rungs[0])
+    with one_thread():
+        energy = quadratic(scene, settings)
+        source = Source(scene, settings, energy, stiffness(energy, scene), answers(scene, energy))
+        source.solver(settings.rungs[0])
     return source

@@ -10,6 +10,7 @@ from pacmo_core.interaction_mesh.ladder import Try, climb, is_done
 from pacmo_core.interaction_mesh.report import Report
 from pacmo_core.interaction_mesh.scene import Array, check_scales
 from pacmo_core.interaction_mesh.source import Source
+from pacmo_core.interaction_mesh.threads import one_thread
 from pacmo_core.interaction_mesh.whole import scale_scene, scene_scale
 
 
@@ -65,7 +66,8 @@ def vary_in_batches(source: Source, scales: Array) -> Iterator[Variations]:
         rows = list(waiting)
         for first in range(0, len(rows), source.batch):
             batch = rows[first : first + source.batch]
-            tries = climb(source, own[batch], number, [waiting[row] for row in batch])
+            with one_thread():
+                tries = climb(source, own[batch], number, [waiting[row] for row in batch])
             waiting |= dict(zip(batch, tries, strict=True))
             done = [
                 row for row, one in zip(batch, tries, strict=True) if is_done(source, number, one)

@@ -7,29 +7,23 @@ import os
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context, parent_process
 
 from pacmo_core.cluster import Cluster
 from pacmo_core.variations.solve import Lot, Outcome, solve
 
-# One thread a process: more would wait for each other, and other counts may round otherwise.
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
 
 def solve_side_by_side(lots: Sequence[Lot], *, processes: int) -> Iterator[Outcome]:
-    """Solve lots on as many processes, at most one a lot.
+    """Solve lots on as many processes, at most one a lot; where one will do, it is this one.
 
     They die with this one: a killed run leaves nothing behind that goes on.
     """
-    if not lots:
-        return
     count, waiting = min(processes, len(lots)), iter(longest_first(lots))
-    with (
-        _environment(dict.fromkeys(ONE_THREAD, "1")),
-        ProcessPoolExecutor(count, get_context("spawn"), initializer=die_with_parent) as pool,
-    ):
+    if count <= 1:
+        yield from map(solve, waiting)
+        return
+    with ProcessPoolExecutor(count, get_context("spawn"), initializer=die_with_parent) as pool:
         # Few are handed out at a time: what is done and not yet taken stands in memory.
         running = {pool.submit(solve, lot) for lot in islice(waiting, 2 * count)}
         while running:
@@ -67,18 +61,3 @@ def die_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-
-
-@contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set variables for the processes that start meanwhile."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -7,8 +7,9 @@ import sys
 import psutil
 import pytest
 
-from pacmo_core.variations.solve import Outcome
+from pacmo_core.variations.solve import Outcome, solve
 from pacmo_core.variations.workers import solve_on_cluster, solve_side_by_side
+from tests.docs import ROOT
 from tests.variations.sources import bodies, flat_source, lot
 
 
@@ -21,14 +22,29 @@ def comparable(outcomes: list[Outcome]) -> list[tuple]:
 
 @pytest.mark.slow
 def test_processes_side_by_side_give_what_one_gives() -> None:
-    # One process of the same kind: this one may have more threads, which round otherwise.
     lots = [lot(bodies(3, seed), seed) for seed in range(5)]
     lots.append(lot(bodies(2), own=flat_source()))
-    before = dict(os.environ)
     assert comparable(list(solve_side_by_side(lots, processes=2))) == comparable(
-        list(solve_side_by_side(lots, processes=1))
+        [solve(one) for one in lots]
     )
-    assert dict(os.environ) == before
+
+
+@pytest.mark.slow
+def test_the_number_of_blas_threads_leaves_no_trace() -> None:
+    program = (
+        "from hashlib import sha256\n"
+        "from pacmo_core.variations.solve import solve\n"
+        "from tests.variations.sources import bodies, lot\n"
+        "made = solve(lot(bodies(3, 1), 1)).made\n"
+        "print(sha256(b''.join(one.motions.tobytes() for one in made.values())).hexdigest())\n"
+    )
+
+    def printed(n_threads: str) -> str:
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": n_threads}
+        command = [sys.executable, "-c", program]
+        return subprocess.check_output(command, env=environment, cwd=ROOT, text=True)
+
+    assert printed("1") == printed("2")
 
 
 def test_no_lots_start_no_process() -> None:
@@ -62,7 +78,7 @@ def test_a_cluster_gives_what_one_process_gives() -> None:
         n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
     ) as cluster:
         found = list(solve_on_cluster(lots, cluster.scheduler_address))
-    assert comparable(found) == comparable(list(solve_side_by_side(lots, processes=1)))
+    assert comparable(found) == comparable([solve(one) for one in lots])
 
 
 def test_a_cluster_without_its_package_says_which_one(monkeypatch: pytest.MonkeyPatch) -> None:
