@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pacmo_core.interaction_mesh.energy import Quadratic, forces, target_of
-from pacmo_core.interaction_mesh.freedoms import eliminate, freedoms, times
+from pacmo_core.interaction_mesh.freedoms import freedoms, least, times
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 
 # Frames a second, about, for which answers are computed: with half as many, single bones start so
@@ -95,7 +95,7 @@ def _of_part(scene: Scene, whole: Quadratic, frames: slice) -> tuple[Single, Sin
     pull = target_of(energy, np.eye(n_bones) + 1).astype(np.float32)
     pull = times(energy.laplacians.transpose(0, 2, 1).astype(np.float32), pull)
     right = free.gather(pull - forces(energy, grown))
-    moves = free.vectors(eliminate(energy, free, right).astype(np.float32))
+    moves = free.vectors(least(energy, free, right))
     left = pull - forces(energy, grown + times(free.reach, moves))
     left = times(free.reach.T[:n_bones], left)
     along = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

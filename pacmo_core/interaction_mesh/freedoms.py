@@ -6,12 +6,14 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
 from pacmo_core.interaction_mesh.blocks import in_pairs, in_time, pairs_of_frames, tie
 from pacmo_core.interaction_mesh.energy import Quadratic
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.trunk import paths
+
+Floats = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
@@ -64,20 +66,39 @@ def freedoms(scene: Scene, vectors: Single) -> Freedoms:
     )
 
 
-def eliminate(energy: Quadratic, free: Freedoms, right: Single) -> Array:
-    """Solve for the moves (T, M, V) by block Cholesky, in float64."""
-    paired = in_pairs(right.astype(np.float64))
-    solved = paired.reshape(len(paired), -1, right.shape[-1])
-    pivots: list[Array] = []
-    ties: list[Array] = []
+def least(energy: Quadratic, free: Freedoms, right: Single) -> Single:
+    """Solve for the moves (T, M, V) of least energy by block Cholesky.
+
+    In float32, twice as fast; in float64 where the anchor, which alone holds the scene as a whole,
+    is lost in the rounding of the rest.
+    """
+    try:
+        return _eliminate(energy, free, right).astype(np.float32, copy=False)
+    except LinAlgError:
+        return _eliminate(energy, free, right.astype(np.float64)).astype(np.float32)
+
+
+def _eliminate(energy: Quadratic, free: Freedoms, right: Floats) -> Floats:
+    """Compute in the precision of what is given.
+
+    Raises
+    ------
+    LinAlgError
+        If a pivot is not positive.
+    """
+    paired = in_pairs(right)
+    solved = paired.reshape(len(paired), -1, right.shape[-1]).copy()
+    pivots: list[Floats] = []
+    ties: list[Floats] = []
     for number, (block, beyond) in enumerate(_blocks(energy, free)):
+        pivot = block.astype(right.dtype)
         if number:
-            block = block - ties[-1].T @ ties[-1]
+            pivot -= ties[-1].T @ ties[-1]
             solved[number] -= ties[-1].T @ solved[number - 1]
-        pivot = cholesky(block, lower=True, overwrite_a=True, check_finite=False)
+        pivot = cholesky(pivot, lower=True, overwrite_a=True, check_finite=False)
         solved[number] = _triangular(pivot, solved[number])
         pivots.append(pivot)
-        ties.append(_triangular(pivot, beyond.T))
+        ties.append(_triangular(pivot, beyond.T.astype(right.dtype)))
     for number in reversed(range(len(solved))):
         if number + 1 < len(solved):
             solved[number] -= ties[number] @ solved[number + 1]
@@ -85,9 +106,9 @@ def eliminate(energy: Quadratic, free: Freedoms, right: Single) -> Array:
     return solved.reshape(-1, *right.shape[1:])[: len(right)]
 
 
-def _triangular(pivot: Array, values: Array, *, transposed: bool = False) -> Array:
+def _triangular(pivot: Floats, values: Floats, *, transposed: bool = False) -> Floats:
     trans: Literal["N", "T"] = "T" if transposed else "N"
-    solved: Array = solve_triangular(pivot, values, trans=trans, lower=True, check_finite=False)
+    solved: Floats = solve_triangular(pivot, values, trans=trans, lower=True, check_finite=False)
     return solved
 
 

@@ -16,6 +16,9 @@ from pacmo_core.interaction_mesh.source import Source
 
 # Metres, root mean square: bones that grow by less have settled at once.
 NOTHING = 1e-6
+# Power by which steps of bodies are to be shorter whose growth is shared by more bones. With this
+# one, whole bodies and single bones end equally far from the least energy, about.
+SHARED = 0.75
 
 
 @dataclass(frozen=True)
@@ -132,8 +135,20 @@ def _start(
         pull=pull.reshape(len(pull), -1, *pull.shape[3:]),
         point=_points(source, bones, bearing, number, held),
         scales=scales.T.astype(np.float32),
-        grown=source.grown(scales) + NOTHING**2 * source.stiffness.size,
+        asked=asked_of(source.grown(scales) + NOTHING**2 * len(source.stiffness)),
     )
+
+
+def asked_of(grown: Array) -> Array:
+    """Say what a body's steps are held against, (V,), by how its bones grow, (V, E).
+
+    The more bones share its growth, the less: such bodies settle slowly as a whole, and are far
+    from their end when their steps are short already.
+    """
+    whole = grown.sum(axis=1)
+    n_bones = whole**2 / np.square(grown).sum(axis=1)
+    asked: Array = whole / n_bones**SHARED
+    return asked
 
 
 def _points(

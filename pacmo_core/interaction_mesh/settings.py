@@ -61,7 +61,8 @@ class Rung:
     iterations : of the alternating directions, at most
     apart : penalty that keeps the bodies apart; 0 leaves that out
     step : a body has settled once an iteration moves bones by no more than this share of how much
-        they grow, root mean square; one that has not goes on to the next rung
+        they grow, root mean square, where one bone grows, and less where more do
+        (``ladder.asked_of``); one that has not goes on to the next rung
     """
 
     penalty: float

@@ -1,6 +1,6 @@
 """Iterate bodies side by side until each has settled."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,12 @@ from pacmo_core.interaction_mesh.state import State
 WIDTH = 16
 TINY = 1e-30  # square metres
 # Iterations from one look at who has settled to the next.
-EVERY = 4
-# Every so many looks the step is a long one, at most so many times its own length.
-LONG_EVERY = 3
-LONGEST = 4.0
+EVERY = 3
+# Every so many looks the step is a long one, at most so many times its own length; as long as it
+# pays: since the last one, steps must have shrunk as they would in so many looks without.
+LONG_EVERY = 4
+LONGEST = 6.0
+PAYS = 3.5
 
 
 @dataclass(frozen=True)
@@ -29,13 +31,13 @@ class Start:
     pull : (K, 2N, 3, V) float32, the energy's own right-hand side
     point : (K, 2, R, 3, V) float32 metres
     scales : (E, V) float32
-    grown : (V,) square metres by which bones grow, summed over frames and bones
+    asked : (V,) square metres that steps are held against, all frames and bones together
     """
 
     pull: Single
     point: Single
     scales: Single
-    grown: Array
+    asked: Array
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Solution:
     change : (K, 2N, 3, V) float32 metres, U
     point : (K, 2, R, 3, V) float32 metres, from which to go on
     share : (K, 2, R, V) float32; ``share point`` is what the local step allows
-    step : (V,) by how much the last iteration still moved bones, a share of how much they grow,
+    step : (V,) by how much the last iteration still moved bones, as a share of what was asked,
         root mean square
     iterations : (V,)
     """
@@ -76,28 +78,39 @@ class Pace:
     ----------
     moved : (V,) what ``State.moved`` was at the last look
     shrunk : (V,) that as a share of the look's before
+    before : (V,) what it was before the last long step; 0 where that did not pay
     """
 
     moved: Array
     shrunk: Array
+    before: Array
+
+    @classmethod
+    def of_bodies(cls, n_bodies: int) -> "Pace":
+        """Begin."""
+        huge = np.full(n_bodies, 1 / TINY)
+        return cls(huge, huge, np.full(n_bodies, np.inf))
 
     def after(self, moved: Array) -> "Pace":
         """Look once more."""
         now = moved.clip(TINY, 1 / TINY)
-        return Pace(now, now / self.moved)
+        return replace(self, moved=now, shrunk=now / self.moved)
 
     def of(self, bodies: NDArray[np.intp]) -> "Pace":
         """Take some of the bodies."""
-        return Pace(self.moved[bodies], self.shrunk[bodies])
+        return Pace(self.moved[bodies], self.shrunk[bodies], self.before[bodies])
 
-    def beyond(self) -> Single:
-        """``(V,)``: the steps yet to come as a multiple of the next, were they to shrink on so.
+    def lengthened(self) -> tuple[Single, "Pace"]:
+        """Give the steps yet to come, (V,), as a multiple of the next, were they to shrink on so.
 
-        None where they do not shrink. Aitken's extrapolation, a rate for all of a body's points.
+        None where they do not shrink, or where the last long step did not pay: it has set off a
+        swing, and the next would feed it. Aitken's extrapolation, one rate for all of a body.
         """
-        rate = np.where(self.shrunk < 1, self.shrunk, 0) ** (0.5 / EVERY)
+        pays = self.moved <= self.before * self.shrunk**PAYS
+        rate = np.where((self.shrunk < 1) & pays, self.shrunk, 0) ** (0.5 / EVERY)
         all_steps = 1 / (1 - rate).clip(min=1 / LONGEST)
-        return (all_steps - 1).astype(np.float32)
+        before = np.where(pays, self.moved, 0)
+        return (all_steps - 1).astype(np.float32), replace(self, before=before)
 
 
 def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solution:
@@ -105,23 +118,23 @@ def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solu
 
     Whatever the others do: what is found for a body does not depend on its company.
     """
-    n_bodies = len(start.grown)
+    n_bodies = len(start.asked)
     state, columns = _begun(solver, start), np.resize(np.arange(n_bodies), filled(n_bodies))
     found, work = _room(start, state), state.work(start.point.shape[2])
     going = np.arange(len(columns)) < n_bodies  # the others only fill up
-    pace = Pace(*np.ones((2, len(columns))))
+    pace = Pace.of_bodies(len(columns))
     # Steps of bodies that push each other apart swing, and long ones would have them swing on.
     is_free = not solver.guarded.shape[1]
     for number in range(1, iterations + 1):
         is_long = number % (LONG_EVERY * EVERY) == 0 and number < iterations and is_free
-        work.longer = pace.beyond() if is_long else None
+        work.longer, pace = pace.lengthened() if is_long else (None, pace)
         work.watched = number % EVERY == 0 or number == iterations
         state.moved[:] = 0
         solver.iterate(state, work)
         if is_long or not work.watched:
             continue
         pace = pace.after(state.moved)
-        steps = np.sqrt(state.moved / start.grown[columns])
+        steps = np.sqrt(state.moved / start.asked[columns])
         done = (steps <= step) | (number == iterations)
         done &= going
         found.take(state, columns[done], np.flatnonzero(done), number)
@@ -139,7 +152,7 @@ def solve(solver: Solver, start: Start, *, iterations: int, step: float) -> Solu
 
 
 def _begun(solver: Solver, start: Start) -> State:
-    bodies = np.resize(np.arange(len(start.grown)), filled(len(start.grown)))
+    bodies = np.resize(np.arange(len(start.asked)), filled(len(start.asked)))
     point = np.ascontiguousarray(start.point[..., bodies])
     pull = np.ascontiguousarray(start.pull[..., bodies])
     pull = pull.reshape(*pull.shape[:2], -1)
@@ -157,7 +170,7 @@ def _begun(solver: Solver, start: Start) -> State:
 
 
 def _room(start: Start, state: State) -> Solution:
-    n_bodies = len(start.grown)
+    n_bodies = len(start.asked)
     return Solution(
         change=np.zeros_like(start.pull),
         point=np.zeros_like(start.point),

@@ -47,10 +47,9 @@ class Source:
         return min(BATCH, max(WIDTH, most))
 
     def grown(self, scales: Array) -> Array:
-        """``(V,)`` square metres: by how much bones grow, summed over frames and bones."""
+        """``(V, E)`` square metres: by how much bones grow, summed over frames."""
         squares = np.square(self.scene.vectors).sum(axis=(0, 2))
-        # Not a product of matrices, which would round by how many bodies there are.
-        grown: Array = (np.square(scales - 1) * squares).sum(axis=1)
+        grown: Array = np.square(scales - 1) * squares
         return grown
 
     def solver(self, rung: Rung) -> Solver:

@@ -61,7 +61,8 @@ def vary_in_batches(source: Source, scales: Array) -> Iterator[Variations]:
     whole = scene_scale(source.scene, scales)
     own = scales / whole[:, None]
     # Like beside like: they settle at about the same time.
-    waiting: dict[int, Try | None] = dict.fromkeys(np.argsort(-source.grown(own)).tolist())
+    in_order = np.argsort(-source.grown(own).sum(axis=1))
+    waiting: dict[int, Try | None] = dict.fromkeys(in_order.tolist())
     for number in range(len(source.settings.rungs)):
         rows = list(waiting)
         for first in range(0, len(rows), source.batch):

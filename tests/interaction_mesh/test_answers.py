@@ -1,9 +1,12 @@
 """Trusted: the manifold oracle on bodies that hardly differ, and the energy's matrix."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import LinAlgError
 
-from pacmo_core.interaction_mesh import Scene
+from pacmo_core.interaction_mesh import Scene, freedoms
 from pacmo_core.interaction_mesh import answers as module
 from pacmo_core.interaction_mesh.answers import answers
 from pacmo_core.interaction_mesh.energy import forces, quadratic, target_of
@@ -93,3 +96,28 @@ def test_parts_of_a_long_motion_give_nearly_what_the_whole_does(monkeypatch):
     parts = answers(source, energy).turns
     assert parts.tobytes() != whole.tobytes()
     np.testing.assert_allclose(parts, whole, atol=0.05 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize(("anchor", "is_lost"), [(1e-3, False), (1e-7, True)])
+def test_answers_are_those_of_float64_whether_float32_holds_the_anchor_or_not(
+    anchor, is_lost, monkeypatch
+):
+    weights = replace(SETTINGS.weights, anchor=anchor)
+    source = scene(0, 20)
+    energy = quadratic(source, replace(SETTINGS, weights=weights))
+    precisions = []
+    eliminate = freedoms._eliminate
+
+    def watched(energy, free, right):
+        precisions.append(right.dtype)
+        return eliminate(energy, free, right)
+
+    monkeypatch.setattr(freedoms, "_eliminate", watched)
+    found = answers(source, energy).turns
+    assert precisions == [np.float32, np.float64][: 1 + is_lost]
+
+    def exactly(energy, free, right):
+        return eliminate(energy, free, right.astype(np.float64)).astype(np.float32)
+
+    monkeypatch.setattr(module, "least", exactly)
+    np.testing.assert_allclose(found, answers(source, energy).turns, atol=2e-5)

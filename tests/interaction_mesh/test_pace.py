@@ -4,22 +4,43 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pacmo_core.interaction_mesh.solve import EVERY, LONGEST, Pace
+from pacmo_core.interaction_mesh.solve import EVERY, LONGEST, PAYS, Pace
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=50)
+
+
+def looked(*steps: float) -> Pace:
+    """Look at a body that moved by such steps."""
+    return after(Pace.of_bodies(1), *steps)
+
+
+def after(pace: Pace, *steps: float) -> Pace:
+    for step in steps:
+        pace = pace.after(np.array([step**2]))
+    return pace
 
 
 @FIXED
 @given(rate=st.floats(0.01, 1 - 1 / LONGEST), first=st.floats(1e-6, 1e3))
 def test_a_long_step_ends_where_shrinking_ones_would(rate: float, first: float) -> None:
-    pace = Pace(*np.ones((2, 1)))
-    for look in range(2):
-        pace = pace.after(np.array([(first * rate ** (look * EVERY)) ** 2]))
+    longer, _ = looked(first, first * rate**EVERY).lengthened()
     step = first * rate ** (2 * EVERY)
-    np.testing.assert_allclose(step * (1 + pace.beyond()), step / (1 - rate), rtol=1e-4)
+    np.testing.assert_allclose(step * (1 + longer), step / (1 - rate), rtol=1e-4)
 
 
 def test_steps_that_grow_or_end_are_no_reason_to_go_astray() -> None:
-    pace = Pace(*np.ones((2, 4))).after(np.array([1.0, 1.0, 0.0, np.inf]))
-    pace = pace.after(np.array([4.0, 0.0, 0.0, np.inf]))
-    np.testing.assert_allclose(pace.beyond(), [0, 0, 0, 0], atol=1e-3)
+    for steps in ((1.0, 2.0), (1.0, 0.0), (0.0, 0.0), (np.inf, np.inf)):
+        np.testing.assert_allclose(looked(*steps).lengthened()[0], [0], atol=1e-3)
+
+
+def test_a_body_that_a_long_step_set_swinging_takes_no_other() -> None:
+    longer, pace = looked(1.0, 0.5).lengthened()
+    assert longer[0] > 0
+    # Steps that halve from look to look would be an eleventh after 3.5 of them: 0.044.
+    assert PAYS == 3.5
+    paid, going_on = after(pace, 0.08, 0.04).lengthened()
+    swings, ended = after(pace, 0.1, 0.05).lengthened()
+    assert paid[0] > 0 and swings[0] == 0
+    # And later not either, however steps shrink then.
+    assert after(going_on, 0.006, 0.003).lengthened()[0] > 0
+    assert after(ended, 0.006, 0.003).lengthened()[0] == 0
