@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import LinAlgError
 
 from pacmo_core.interaction_mesh import Scene, freedoms
 from pacmo_core.interaction_mesh import answers as module
