@@ -42,8 +42,8 @@ SETTINGS = Settings(
     limits=Limits(residual=1e-2, penetration=0.01, seam=1.5),
     rungs=(
         Rung(penalty=2.5, iterations=80, apart=0, step=5e-3),
-        Rung(penalty=4, iterations=80, apart=60, step=5e-3),
-        Rung(penalty=6, iterations=160, apart=60, step=5e-3),
+        Rung(penalty=4, iterations=80, apart=60, step=4e-3),
+        Rung(penalty=6, iterations=160, apart=60, step=4e-3),
     ),
     relaxation=1.4,
     clearance=0.1,

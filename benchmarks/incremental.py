@@ -3,9 +3,10 @@
 Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
-``split`` and ``augment`` (every clip, in all the ways of the experiment's plan), as a share of
-their clean run; both are the stages' own commands in this run. ``same_bytes``: whether what they
-then leave is what a clean run of all leaves, of a tenth of the captures.
+``split`` and ``augment`` (four variations a clip, a quarter of the experiment's plan: of all of it
+the share is less, and a clean run takes half an hour), as a share of their clean run; both are the
+stages' own commands in this run. ``same_bytes``: whether what they then leave is what a clean run
+of all leaves, of a tenth of the captures.
 ``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where
 nothing is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask
 workers beside one process, on variations (wants the extra ``dask``). ``..._processor_...``: the
@@ -38,12 +39,14 @@ PORT = 4297
 
 
 def set_captures(folder: Path, n_captures: int) -> Path:
-    """Make N captures, all to be varied, and put one away; give the one."""
+    """Make N captures, all to be varied as wholes, and put one away; give the one."""
     path, yaml = folder / "params.yaml", YAML()
     params = yaml.load(path)
     pairs = -(-(n_captures + 1) // (ACTS * REPLICATIONS))
     params["synthesise"] |= {"n_pairs": pairs, "replications": REPLICATIONS}
     params["augment"]["clips"]["most"] = None
+    params["augment"]["plan"] |= {"profiles": [], "bodies": 0}
+    params["augment"]["plan"]["single"]["scales"] = []
     yaml.dump(params, path)
     call(folder, sys.executable, "-m", "stages.synthesise", "data/raw")
     files = sorted((folder / "data/raw").rglob("*.skeleton"))
