@@ -7,6 +7,8 @@ import numpy as np
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Settings
 
+FRAMES = 64  # whose near pairs are looked at together
+
 
 @dataclass(frozen=True)
 class Distances:
@@ -49,6 +51,21 @@ def distances_of(scene: Scene, settings: Settings, points: Array) -> Distances:
     means = sums / counts.clip(min=1)[:, None]
     kept_share = means[2] if counts[2] else np.ones(n_bodies)
     return Distances(means[0], means[1], kept_share, deeper.max(axis=0).astype(np.float64))
+
+
+def near_error(scene: Scene, settings: Settings, points: Array) -> Array:
+    """``(V,)``: what ``distances_of`` finds of near pairs, without looking at others."""
+    total, count = np.zeros(points.shape[-1]), 0
+    for first in range(0, len(points), FRAMES):
+        poses, varied = (all_[first : first + FRAMES] for all_ in (scene.points, points))
+        a, b = np.split(poses, [scene.n_joints[0]], axis=1)
+        before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
+        frames, own, other = np.nonzero(before < settings.near)
+        vectors = varied[frames, own] - varied[frames, scene.n_joints[0] + other]
+        after = np.sqrt(np.einsum("pcv,pcv->pv", vectors, vectors))
+        total += np.abs(after - before[frames, own, other, None]).sum(axis=0)
+        count += len(frames)
+    return total / max(1, count)
 
 
 def _between(scene: Scene, pose: Array) -> Single:

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.blocks import AXES, in_pairs
+from pacmo_core.interaction_mesh.distances import near_error
 from pacmo_core.interaction_mesh.energy import energy_terms, target_of
 from pacmo_core.interaction_mesh.finish import exact, raw_residual
-from pacmo_core.interaction_mesh.report import Report, figures_of, figures_of_naive
+from pacmo_core.interaction_mesh.naive import naive
+from pacmo_core.interaction_mesh.report import Report, figures_of
 from pacmo_core.interaction_mesh.scene import Array, Single
 from pacmo_core.interaction_mesh.settings import Limits
 from pacmo_core.interaction_mesh.solve import Start, filled, solve
@@ -112,12 +114,11 @@ def _figures(
 ) -> dict[str, Array]:
     """Measure the motions (T, N, 3, V), and naive scaling if that was not done before."""
     figures = figures_of(source.scene, source.settings, source.energy.standing, motions)
-    known = [one.report for one in held if one is not None]
-    if not known:
-        return figures | figures_of_naive(source.scene, source.settings, scales)
-    for name in ("near_error_naive", "far_error_naive"):
-        figures[name] = np.array([getattr(report, name) for report in known])
-    return figures
+    known = [one.report.near_error_naive for one in held if one is not None]
+    if known:
+        return figures | {"near_error_naive": np.array(known)}
+    plain = naive(source.scene, scales)
+    return figures | {"near_error_naive": near_error(source.scene, source.settings, plain)}
 
 
 def _start(

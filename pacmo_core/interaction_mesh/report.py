@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.distances import distances_of
 from pacmo_core.interaction_mesh.hinges import flips
-from pacmo_core.interaction_mesh.naive import naive
 from pacmo_core.interaction_mesh.scene import Array, Scene
 from pacmo_core.interaction_mesh.settings import Limits, Settings
 from pacmo_core.interaction_mesh.supports import steps_of
@@ -25,7 +24,7 @@ class Report:
     ----------
     near_error, far_error : metres, by how much distances between the bodies differ from the
         source's, in pairs of joints near in it and in all others
-    near_error_naive, far_error_naive : the same of naive scaling
+    near_error_naive : the same of naive scaling
     contacts_kept : share of touching pairs and frames
     added_slide : metres a second that standing joints move more than in the source
     penetration : metres that joints come closer than in the source, within the clearance, at worst
@@ -43,7 +42,6 @@ class Report:
     near_error: float
     far_error: float
     near_error_naive: float
-    far_error_naive: float
     contacts_kept: float
     added_slide: float
     penetration: float
@@ -83,12 +81,6 @@ def figures_of(
         "seam_ratio": _seam_ratio(scene, points),
         "flip_share": flips(scene, points),
     }
-
-
-def figures_of_naive(scene: Scene, settings: Settings, scales: Array) -> dict[str, Array]:
-    """Measure naive scaling with scales (V, E), (V,) each."""
-    plain = distances_of(scene, settings, naive(scene, scales))
-    return {"near_error_naive": plain.near, "far_error_naive": plain.far}
 
 
 def spikes(points: Array) -> Array:

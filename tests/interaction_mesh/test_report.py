@@ -1,12 +1,14 @@
 """Trusted: figures that follow by hand from motions changed on purpose."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.interaction_mesh.distances import distances_of
+from pacmo_core.interaction_mesh import distances as module
+from pacmo_core.interaction_mesh.distances import distances_of, near_error
 from pacmo_core.interaction_mesh.energy import quadratic
 from pacmo_core.interaction_mesh.hinges import flips, hinges
 from pacmo_core.interaction_mesh.naive import naive
@@ -129,3 +131,15 @@ def test_naive_scaling_keeps_directions_roots_and_the_ground():
         expected = np.broadcast_to(source.points[:, first:last, 1].min(axis=1), lowest.shape)
         np.testing.assert_allclose(lowest, expected, atol=1e-12)
         np.testing.assert_allclose(found[0, :, first, ::2], source.points[:, first, ::2])
+
+
+def test_near_pairs_alone_come_to_what_all_pairs_say_of_them(monkeypatch):
+    source = touching_scene(0, 11)
+    random = np.random.default_rng(0)
+    points = source.points[..., None] + 0.1 * random.normal(size=(*source.points.shape, 3))
+    whole = distances_of(source, SETTINGS, points).near
+    assert (whole > 0).all()
+    monkeypatch.setattr(module, "FRAMES", 4)
+    np.testing.assert_allclose(near_error(source, SETTINGS, points), whole, rtol=1e-5)
+    nowhere = replace(SETTINGS, near=0.0)
+    assert near_error(source, nowhere, points).tolist() == [0, 0, 0]
