@@ -1,17 +1,44 @@
-"""DVC's list of who reads and writes what, less those who died.
+"""What a killed DVC leaves and the next would stumble over.
 
-DVC forgets holders whose process number is free. One that was killed and that nobody has waited
-for yet (in a container without an init, nobody ever does) keeps its number, and its locks.
+Its list of who reads and writes what: DVC forgets holders whose process number is free. One that
+was killed and that nobody has waited for yet (in a container without an init, nobody ever does)
+keeps its number, and its locks. And ``dvc.lock``, which it writes in place.
 """
 
 import json
+import logging
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from dvc.utils.strictyaml import YAMLSyntaxError, YAMLValidationError
 
 from apps.lock import PROC, lives
+from apps.log import tell
 from pacmo_core.store.atomic import write_text
 
 RWLOCK = Path(".dvc/tmp/rwlock")
+DVC_LOCK = "dvc.lock"
+CUT = "dvc.lock.cut"
+
+Read = TypeVar("Read")
+
+
+def past_a_cut_lock(read: Callable[[], Read]) -> Read:
+    """Read what DVC says; a ``dvc.lock`` that a kill cut short is put aside first.
+
+    DVC would refuse every command for it. Without it, its run cache gives back what stages made,
+    and it is written anew. The caller holds the writers' lock: another DVC may be writing else.
+    """
+    try:
+        return read()
+    except (YAMLSyntaxError, YAMLValidationError) as fault:
+        path = Path(fault.path)
+        if path.name != DVC_LOCK:
+            raise
+        path.replace(path.with_name(CUT))
+        tell("dvc.lock was cut short and is put aside", logging.WARNING, path=CUT)
+        return read()
 
 
 def forget_the_dead(path: Path = RWLOCK) -> list[int]:

@@ -19,6 +19,7 @@ from apps.lock import one_writer
 from apps.log import start_log, tell
 from apps.places import ASIDE, HISTORY, INBOX, LOCK, LOG, PLAN, RUNS
 from apps.records import now, recorded
+from flows.dvc_locks import past_a_cut_lock
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import read_sequences
@@ -147,8 +148,12 @@ def _files() -> list[Path]:
 
 
 def _is_made(raw: Path) -> bool:
+    return raw.as_posix() in past_a_cut_lock(_made)
+
+
+def _made() -> set[str]:
     with Repo() as repo:
-        return any(out.def_path == raw.as_posix() for out in repo.index.outs)
+        return {out.def_path for out in repo.index.outs}
 
 
 def main() -> None:

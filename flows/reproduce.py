@@ -19,7 +19,7 @@ from apps.log import start_log, tell
 from apps.places import LOCK, LOG, METRICS, RUNS
 from apps.records import recorded
 from flows.artifacts import publish
-from flows.dvc_locks import forget_the_dead
+from flows.dvc_locks import forget_the_dead, past_a_cut_lock
 from flows.ending import by_hand_or_flow
 from flows.graph import survey
 from flows.litter import remove_litter
@@ -46,7 +46,7 @@ def bring_up(way: Way, targets: list[str], *, force: bool, limit_s: float) -> li
     forget_the_dead()
     for path in remove_litter():
         tell("removed what a killed run had half written", path=path)
-    below, stale = survey(targets)
+    below, stale = past_a_cut_lock(lambda: survey(targets))
     forced = {name for name in below if force and _is_target(name, targets)}
     wanted = stale | forced
     # What rests on a forced stage is looked at again after it.

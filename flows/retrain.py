@@ -15,6 +15,7 @@ from apps.lock import one_writer
 from apps.log import start_log, tell
 from apps.places import LOCK, LOG, RUNS
 from apps.records import Run, recorded
+from flows.dvc_locks import past_a_cut_lock
 from flows.ending import by_hand_or_flow
 from flows.graph import stages_below
 from flows.nightly import Params, check_disk, compare
@@ -46,7 +47,8 @@ def training_stages(models: list[str]) -> list[str]:
     CommandError
         If a model is not trained by any stage.
     """
-    stages = [name for name in stages_below([]) if name.startswith("train_")]
+    below = past_a_cut_lock(lambda: stages_below([]))
+    stages = [name for name in below if name.startswith("train_")]
     chosen = [name for name in stages if not models or {model_of(name)} & set(models)]
     unknown = set(models) - set(map(model_of, chosen))
     if unknown:

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from dvc.utils.strictyaml import YAMLValidationError
 from prefect.client.orchestration import get_client
 
 from flows.graph import stale_stages
@@ -49,3 +50,22 @@ def test_the_metrics_stand_in_prefects_page(pipeline):
         artifacts = client.read_artifacts()
     text = next(artifact.data for artifact in artifacts if artifact.key == "metrics")
     assert "# small" in text and "0.25" in text
+
+
+@pytest.mark.parametrize("share", [0, 0.3, 0.6])
+def test_a_lock_that_a_kill_cut_short_costs_nothing_that_was_made(pipeline, share):
+    reproduce([])
+    lock, ran = pipeline / "dvc.lock", spans(pipeline)
+    whole = lock.read_text()
+    lock.write_text(whole[: int(share * len(whole))])
+    reproduce([])
+    assert sorted(lock.read_text().splitlines()) == sorted(whole.splitlines())
+    assert spans(pipeline) == ran
+    assert reproduce([]) == []
+
+
+def test_another_file_that_dvc_cannot_read_is_for_its_owner(pipeline):
+    (pipeline / "dvc.yaml").write_text("stages: 3\n")
+    with pytest.raises(YAMLValidationError, match=r"dvc\.yaml"):
+        reproduce([])
+    assert (pipeline / "dvc.yaml").exists()
