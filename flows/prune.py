@@ -19,12 +19,11 @@ from apps.places import LOCK, LOG, RUNS, SHELF
 from apps.records import Run, recorded
 from flows.artifacts import put_table
 from flows.cache import remove_old
+from flows.dvc_locks import DVC_LOCK
 from flows.ending import by_hand_or_flow
 from flows.way import ByHand, ByPrefect, Way
 from pacmo_core.promotion import shelf
 from stages._params import read_params
-
-DVC_LOCK = "dvc.lock"
 
 
 @dataclass(frozen=True)
