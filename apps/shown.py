@@ -11,7 +11,9 @@ from pacmo_core.formats.partner import ONE_PERSON, PUBLISHED, format_of
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.interaction import Interaction
+from pacmo_core.store.motion_folders import file_of
 from pacmo_core.store.motions import read_motion
+from pacmo_core.store.variations import FAILED, GOOD, SOURCES, VARIATIONS, read_variations
 
 STORE = Path("data/clips")
 MOTIONS = "motions.parquet"
@@ -24,8 +26,8 @@ def read_scene(word: str, form: str | None, settings: Mapping[str, Any]) -> Scen
 
     Parameters
     ----------
-    word : ``NAME`` of a clip in ``data/clips``, ``STORE:NAME`` of one in another folder or file,
-        ``FILE`` of a capture, or ``FILE+FILE`` of two people
+    word : ``NAME`` of a clip in ``data/clips``, ``STORE:NAME`` of one in another folder or file
+        (a variation's name is ``CLIP~NAME``), ``FILE`` of a capture, or ``FILE+FILE`` of two people
     form : the captures' format, None to go by their endings
     settings : what differs from the format's published facts
 
@@ -54,11 +56,27 @@ def _stored(store: Path, name: str) -> Scene:
     """Show a clip of the store; a reaction keeps the colour of the person who reacts."""
     if not name:
         raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
-    found = read_motion(store / MOTIONS if store.is_dir() else store, name)
+    found = read_motion(_file_of(store, name) if store.is_dir() else store, name)
     # A reaction is told from others to the same partner by its folder, as pacmo/1.
     folder = "/".join(store.parts[-2:]) if _REACTION.fullmatch(name) and store.is_dir() else ""
     label = f"{folder} · {name}" if folder else name
     return Scene.of(label, found.swapped() if name.rpartition("#")[0].endswith("#a") else found)
+
+
+def _file_of(folder: Path, name: str) -> Path:
+    """Say which file of a folder holds a clip; in one of variations each source has its own."""
+    facts = folder / VARIATIONS
+    if not facts.exists():
+        return folder / MOTIONS
+    rows = [row for row in read_variations(facts) if name in (row.variation, row.clip)]
+    if not rows:
+        raise CommandError(f"{facts}: no variation {name}, and no clip of that name was varied")
+    row = rows[0]
+    if name == row.clip:
+        return file_of(folder / SOURCES, row.clip)
+    if not row.figures:
+        raise CommandError(f"{facts}: {name} was not made: {row.reason}")
+    return file_of(folder / (GOOD if row.kept else FAILED), row.clip)
 
 
 def _captured(files: list[Path], form: str | None, settings: Mapping[str, Any]) -> Scene:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,14 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import SBU15
 from pacmo_core.store.motions import write_motions
+from pacmo_core.store.variations import VariationFacts, write_variations
 from tests.figures.samples import interaction
 from tests.formats.moving import moving
 from tests.formats.real_files import real_folder
 
 REAL = interaction(1)
 ANSWER = interaction(2)
+BODY = {"head": 1.0}
 
 
 @pytest.fixture(autouse=True)
@@ -62,6 +65,27 @@ def test_a_clip_of_the_store_and_one_of_another_folder_stand_side_by_side(tmp_pa
     np.testing.assert_allclose(motions(real)[0], REAL.person_a, atol=1e-4)
     # A reaction of person a: the file has the partner, person b, first.
     np.testing.assert_allclose(motions(answer)[0], ANSWER.person_b, atol=1e-4)
+
+
+def test_a_variation_is_found_kept_or_not_and_what_was_not_made_says_why(tmp_path: Path) -> None:
+    row = VariationFacts("a/b~kept", "a/b", "random", True, "", 0.5, {"rung": 1.0}, BODY, BODY)
+    failed = replace(row, variation="a/b~far", kept=False, reason="near_error", badness=2)
+    none = replace(row, variation="c~x", clip="c", kept=False, reason="refused: why", figures={})
+    write_variations(tmp_path / "many/variations.parquet", [row, failed, none], list(BODY))
+    for folder, name, clip in (
+        ("motions", "a/b~kept", REAL),
+        ("failed", "a/b~far", ANSWER),
+        ("sources", "a/b", REAL),
+    ):
+        with write_motions(tmp_path / "many" / folder / "a%2Fb.parquet", SBU15) as writer:
+            writer.add(name, clip)
+    said = view("many:a/b", "many:a/b~kept", "many:a/b~far")
+    assert said.exit_code == 0, said.output
+    source, kept, far = packed(tmp_path / "view.html")
+    assert [facts["label"] for facts in (source, kept, far)] == ["a/b", "a/b~kept", "a/b~far"]
+    assert source["motions"] == kept["motions"] != far["motions"]
+    refused(view("many:c~x"), "c~x", "refused: why")
+    refused(view("many:a/b~other"), "many/variations.parquet", "a/b~other")
 
 
 def test_a_parquet_file_may_be_named_itself(tmp_path: Path) -> None:
