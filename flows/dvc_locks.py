@@ -28,8 +28,7 @@ def past_a_cut_lock(read: Callable[[], Read]) -> Read:
     """Read what DVC says; a ``dvc.lock`` that a kill cut short is put aside first.
 
     DVC would refuse every command for it. Without it, its run cache gives back what stages made,
-    and it is written anew. The caller holds the writers' lock, lest another
-    DVC be writing it.
+    and it is written anew. The caller holds the writers' lock, lest another DVC be writing it.
     """
     try:
         return read()

@@ -57,7 +57,8 @@ def near_error(scene: Scene, settings: Settings, points: Array) -> Array:
     """``(V,)``: what ``distances_of`` finds of near pairs, without looking at others."""
     total, count = np.zeros(points.shape[-1]), 0
     for first in range(0, len(points), FRAMES):
-        poses, varied = (all_[first : first + FRAMES] for all_ in (scene.points, points))
+        block = slice(first, first + FRAMES)
+        poses, varied = scene.points[block], points[block]
         a, b = np.split(poses, [scene.n_joints[0]], axis=1)
         before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
         frames, own, other = np.nonzero(before < settings.near)

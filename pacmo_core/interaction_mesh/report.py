@@ -33,8 +33,8 @@ class Report:
     flip_share : of frames, those where an elbow or knee bends to the other side
     rung : which try it is, from 0
     raw_residual : share of its length by which a bone missed it before it was set, at worst
-    last_step : by how much the solver's last iteration still moved bones, a share of how much they
-        grow, root mean square
+    last_step : by how much the solver's last iteration still moved bones, root mean square, as a
+        share of what the body is asked to change (``ladder.asked_of``)
     iterations : of the try
     energy : the terms
     """
