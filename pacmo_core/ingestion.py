@@ -1,10 +1,9 @@
 """Read found sequences side by side; what cannot be used becomes a row that says why."""
 
 import hashlib
-import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,6 +12,7 @@ from typing import Self
 
 from pacmo_core.cluster import Cluster
 from pacmo_core.formats.raw import Format, FormatError, RawSequence
+from pacmo_core.processes import Processes
 from pacmo_core.quality import Limits, QualityError, check, measure
 from pacmo_core.readings import Readings, Usable, code_key, reading_key
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts
@@ -107,8 +107,7 @@ class _Readers:
 
     def __init__(self, address: str) -> None:
         self._address, self._started = address, ExitStack()
-        self._pool: ProcessPoolExecutor | None = None
-        self._cluster: Cluster | None = None
+        self._workers: Cluster | Processes | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -120,19 +119,18 @@ class _Readers:
         self, recipe: Recipe, sequences: Sequence[RawSequence]
     ) -> Iterator[Usable | QuarantineFacts]:
         """Read in order."""
+        do = partial(read_sequence, recipe)
         if len(sequences) < FEW:
-            return (read_sequence(recipe, sequence) for sequence in sequences)
+            return map(do, sequences)
         if self._address:
-            if self._cluster is None:
-                self._cluster = self._started.enter_context(Cluster(self._address))
             # Workers stand in folders of their own.
             do = partial(read_elsewhere, code_key(), replace(recipe, root=recipe.root.resolve()))
-            return self._cluster.in_order(do, [_resolved(sequence) for sequence in sequences])
-        if self._pool is None:
-            context = multiprocessing.get_context("forkserver")
-            pool = ProcessPoolExecutor(os.cpu_count(), mp_context=context)
-            self._pool = self._started.enter_context(pool)
-        return self._pool.map(read_sequence, [recipe] * len(sequences), sequences, chunksize=8)
+            sequences = [_resolved(sequence) for sequence in sequences]
+        if self._workers is None:
+            address = self._address
+            self._workers = Cluster(address) if address else Processes(os.cpu_count() or 1)
+            self._started.enter_context(self._workers)
+        return self._workers.in_order(do, sequences)
 
 
 def read_sequence(recipe: Recipe, sequence: RawSequence) -> Usable | QuarantineFacts:
