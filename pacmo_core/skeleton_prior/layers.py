@@ -7,7 +7,7 @@ matrices over the channels.
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import Mixing, Sliding
+from pacmo_core.skeleton_prior.products import Mixing
 
 KERNEL = 5
 LEAK = 0.1
@@ -45,9 +45,6 @@ class GraphConvolution(nn.Module):
 class TimeConvolution(nn.Module):
     """A convolution of five frames, centred; what is beyond the ends is zero.
 
-    Unlike the two-dimensional convolution of torch, which wants channels elsewhere and whose
-    gradient fails outright in some shapes on a CPU, this is products of matrices.
-
     Parameters
     ----------
     in_channels, out_channels : int
@@ -57,18 +54,20 @@ class TimeConvolution(nn.Module):
     def __init__(self, in_channels: int, out_channels: int, *, stride: int) -> None:
         super().__init__()
         self.stride = stride
-        self.weigh = nn.Linear(KERNEL * in_channels, out_channels)
+        self.weigh = nn.Linear(KERNEL * in_channels, out_channels)  # the frames one after another
 
     def forward(self, x: Tensor) -> Tensor:
         """``(B, T, J, C)`` to ``(B, ceil(T / stride), J, C')``."""
-        if self.stride == 1:
-            slid: Tensor = Sliding.apply(x, self.weigh.weight, self.weigh.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
-            return slid
-        n_frames = x.shape[1]
-        padded = nn.functional.pad(x, (0, 0, 0, 0, KERNEL // 2, KERNEL // 2))
-        around = [padded[:, shift : shift + n_frames : self.stride] for shift in range(KERNEL)]
-        out: Tensor = self.weigh(torch.cat(around, dim=-1))
-        return out
+        kernel = self.weigh.weight.view(-1, KERNEL, x.shape[-1]).transpose(1, 2)[..., None]
+        # Axes in torch's order; in memory channels stay last, as its convolution likes them.
+        out = nn.functional.conv2d(
+            x.permute(0, 3, 1, 2),
+            kernel.contiguous(),
+            self.weigh.bias,
+            stride=(self.stride, 1),
+            padding=(KERNEL // 2, 0),
+        )
+        return out.permute(0, 2, 3, 1)
 
 
 class ChannelNorm(nn.BatchNorm1d):

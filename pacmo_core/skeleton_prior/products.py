@@ -1,4 +1,4 @@
-"""Products of matrices along joints and along time, with gradients that copy nothing.
+"""Products of matrices along joints, with gradients that copy nothing.
 
 What autograd would do of itself is the same arithmetic; but it would gather a frame's neighbours
 side by side, forwards and backwards, and to fetch the memory for that costs more than to multiply.
@@ -63,48 +63,6 @@ class Mixing(torch.autograd.Function):
         return back, d_links, d_along, rows.T @ _rows(flat), rows.sum(dim=0)
 
 
-class Sliding(torch.autograd.Function):
-    """A convolution over frames with stride 1, centred; what is beyond the ends is zero."""
-
-    @staticmethod
-    def forward(ctx: Any, x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-        """``(B, T, J, C)`` to ``(B, T, J, D)``.
-
-        Parameters
-        ----------
-        weight : (D, K C), the kernel's frames one after another, K odd
-        bias : (D,)
-        """
-        kernel = weight.view(len(weight), -1, x.shape[-1]).permute(1, 2, 0).contiguous()
-        seen = x.contiguous().flatten(1, 2)
-        out = x.new_empty(*x.shape[:-1], len(weight))
-        put = out.flatten(1, 2)
-        middle = len(kernel) // 2
-        torch.baddbmm(bias, seen, _each(kernel[middle], len(x)), out=put)
-        for shift, weights in enumerate(kernel):
-            there, here = _overlap(shift - middle, x.shape)
-            if shift != middle:
-                put[:, here].baddbmm_(seen[:, there], _each(weights, len(x)))
-        ctx.save_for_backward(seen, kernel)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Give the gradients of all three."""
-        seen, kernel = ctx.saved_tensors
-        shape, middle = gradients[0].shape, len(kernel) // 2
-        gradient = gradients[0].contiguous().flatten(1, 2)
-        back = torch.bmm(gradient, _each(kernel[middle].T, len(seen)))
-        d_kernel = torch.empty_like(kernel)
-        for shift, weights in enumerate(kernel):
-            there, here = _overlap(shift - middle, shape)
-            d_kernel[shift] = torch.bmm(seen[:, there].mT, gradient[:, here]).sum(dim=0)
-            if shift != middle:
-                back[:, there].baddbmm_(gradient[:, here], _each(weights.T, len(seen)))
-        d_weight = d_kernel.permute(2, 0, 1).flatten(1)
-        return back.view(*shape[:-1], -1), d_weight, gradient.sum(dim=(0, 1))
-
-
 def _rows(x: Tensor) -> Tensor:
     return x.view(-1, x.shape[-1])
 
@@ -120,11 +78,3 @@ def _over_joints(links: Tensor, x: Tensor) -> Tensor:
 def _outer(rows: Tensor, columns: Tensor) -> Tensor:
     """Sum over all frames of ``(J, C) (J, C)ᵀ``."""
     return torch.bmm(rows, columns.mT).sum(dim=0)
-
-
-def _overlap(shift: int, shape: torch.Size) -> tuple[slice, slice]:
-    """Say which rows, frame by frame and joint by joint, are seen from which, so many frames on."""
-    _, n_frames, n_joints, _ = shape
-    n = max(0, n_frames - abs(shift))
-    there, here = max(0, shift) * n_joints, max(0, -shift) * n_joints
-    return slice(there, there + n * n_joints), slice(here, here + n * n_joints)
