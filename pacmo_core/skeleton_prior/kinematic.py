@@ -16,6 +16,7 @@ from pacmo_core.skeleton_prior.graph import adjacency, neighbours
 from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, StGcn
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
+from pacmo_core.skeleton_prior.products import over_joints
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 from pacmo_core.skeleton_prior.relations import pulls
 
@@ -105,7 +106,8 @@ class KinematicCharacter(Character):
             dim=-1,
         )
         # What a change of each bone vector would move: the gradients of those energies by bones.
-        borne = self.tree.paths.T @ torch.cat([own_change / size, near[..., :6]], dim=-1)
+        pulled = torch.cat([own_change / size, near[..., :6]], dim=-1)
+        borne = over_joints(self.tree.paths.T, pulled)
         speed = torch.diff(template, dim=1, append=template[:, -1:]).norm(dim=-1, keepdim=True)
         constant = grown[:, None].expand(-1, template.shape[1], -1, -1)
         parts = [

@@ -10,6 +10,14 @@ import torch
 from torch import Tensor
 
 
+def over_joints(links: Tensor, x: Tensor) -> Tensor:
+    """``links X``, of (J, J) and (..., J, C) of few channels.
+
+    One product of all frames: as a product a frame, of so few channels, it takes six times as long.
+    """
+    return (x.mT.contiguous() @ links.T).mT
+
+
 class Mixing(torch.autograd.Function):
     """``links X W + X U + b`` over the joints, of the last two axes of a tensor."""
 
