@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from threadpoolctl import threadpool_limits
 
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.partners import wrong_partners
@@ -54,6 +55,13 @@ class Params:
 def main(paths: argparse.Namespace) -> None:
     params = read_params("evaluate_pacmo", Params)
     torch.set_num_threads(1)
+    # NumPy's linear algebra too: on another number of threads its last digits are others.
+    with threadpool_limits(1, user_api="blas"):
+        evaluate(paths, params)
+
+
+def evaluate(paths: argparse.Namespace, params: Params) -> None:
+    """Measure all rows and write their scores."""
     extractors = read_extractors(paths.autoencoder, paths.matcher)
     real, train = (real_side(paths.clips, paths.sides, side) for side in ("test", "train"))
     made = list(runs(paths.reactions, real))
