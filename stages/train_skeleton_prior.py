@@ -12,6 +12,7 @@ from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.settings import PriorSettings
 from stages._examples import stream_examples
+from stages._memory import keep_freed_memory
 from stages._params import read_params
 from stages._priors import room_hash
 from stages._training import Sides, Task, train
@@ -28,6 +29,7 @@ class Params(PriorSettings):
 
 
 def main(paths: argparse.Namespace) -> None:
+    keep_freed_memory()
     given = {"random_seed": paths.seed, "model": paths.model_name, "code": room_hash()}
     params = read_params(SECTION, Params, given=given)
     learnt, held_out = (

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.layers import StGcn
+from pacmo_core.skeleton_prior.layers import StGcn, by_frame
 
 STRIDES = (1, 2, 2, 2, 1)
 
@@ -38,9 +38,10 @@ class MotionEncoder(nn.Module):
 
     def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
         """``(B, T, J, C)`` to ``(B, J, C')``."""
+        x = by_frame(x)
         for layer in self.layers:
             x = layer(x, random)
-        return x.mean(dim=1)
+        return x.mean(dim=0).transpose(0, 1)
 
 
 def ends(template: Tensor) -> Tensor:

@@ -14,7 +14,7 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import everywhere
 from pacmo_core.skeleton_prior.graph import neighbours
-from pacmo_core.skeleton_prior.layers import GraphConvolution
+from pacmo_core.skeleton_prior.layers import GraphConvolution, by_frame, by_row
 from pacmo_core.skeleton_prior.lines import Line, LineUp, pooled
 from pacmo_core.skeleton_prior.paper import beside
 from pacmo_core.skeleton_prior.placing import Offsets
@@ -109,15 +109,15 @@ class FrameGcn(Character):
     def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
         """Encode each frame's offsets."""
         del random  # nothing is dropped
-        x = _through(self.before, (motion - given.template) / given.unit)
-        x = _through(self.after, torch.cat([x, self._told(given)], dim=-1))
-        mean, log_variance = self.code
-        return Code(mean(x), log_variance(x).clamp(-10, 4))
+        x = _through(self.before, by_frame((motion - given.template) / given.unit))
+        x = _through(self.after, torch.cat([x, by_frame(self._told(given))], dim=-1))
+        mean, log_variance = (by_row(layer(x)) for layer in self.code)
+        return Code(mean, log_variance.clamp(-10, 4))
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Decode each frame."""
-        x = _through(self.decoder, torch.cat([latent, self._told(given)], dim=-1))
-        field: Tensor = self.out(self.last(x))
+        x = by_frame(torch.cat([latent, self._told(given)], dim=-1))
+        field: Tensor = self.out(by_row(self.last(_through(self.decoder, x))))
         return field * given.unit
 
     def _told(self, given: Given) -> Tensor:

@@ -13,10 +13,10 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, StGcn
+from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, StGcn, by_frame, by_row
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
-from pacmo_core.skeleton_prior.products import over_joints
+from pacmo_core.skeleton_prior.products import along_joints
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 from pacmo_core.skeleton_prior.relations import pulls
 
@@ -28,6 +28,43 @@ SMALLEST = 1e-3
 GAIN = 0.3
 # Frames that the head sees at once: of all of them its layers would leave the processor's cache.
 AT_ONCE = 4
+
+
+class KinematicDecoder(nn.Module):
+    """From what is known of every joint in every frame, and a latent, to a field.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    hidden : channels
+    dropout : share
+    """
+
+    def __init__(self, skeleton: Skeleton, *, hidden: int, dropout: float) -> None:
+        super().__init__()
+        links = neighbours(skeleton)
+        # Channels have units of their own; the recurrence wants them alike.
+        self.alike = ChannelNorm(SIGHTS)
+        self.lifting = nn.Linear(SIGHTS, hidden)
+        self.whole = nn.Linear(SIGHTS, hidden, bias=False)
+        self.around = nn.ModuleList(
+            [
+                StGcn(links, hidden, hidden, stride=1, dropout=dropout, residual=True)
+                for _ in range(2)
+            ]
+        )
+        self.recurrent = GraphGru(adjacency(skeleton), hidden, hidden)
+        self.head = Head(2 * hidden, 3)
+
+    def forward(self, sights: Tensor, latent: Tensor) -> Tensor:
+        """``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
+        known = self.alike(by_frame(sights))
+        seen = self.lifting(known) + self.whole(known.mean(dim=1, keepdim=True))
+        for layer in self.around:
+            seen = layer(seen, None)
+        states = self.recurrent(seen, latent.transpose(0, 1).contiguous())
+        parts = zip(states.split(AT_ONCE), seen.split(AT_ONCE), strict=True)
+        return by_row(torch.cat([self.head(torch.cat(pair, dim=-1)) for pair in parts]))
 
 
 class KinematicCharacter(Character):
@@ -47,21 +84,9 @@ class KinematicCharacter(Character):
         super().__init__()
         self.hidden = hidden
         self.place = self.tree = Tree(skeleton, limbs)
-        links = neighbours(skeleton)
-        self.encoder = MotionEncoder(links, 4, widths(hidden), dropout=dropout)
+        self.encoder = MotionEncoder(neighbours(skeleton), 4, widths(hidden), dropout=dropout)
         self.code = Gaussian(hidden + 6, hidden)
-        # Channels have units of their own; the recurrence wants them alike.
-        self.alike = ChannelNorm(SIGHTS)
-        self.lifting = nn.Linear(SIGHTS, hidden)
-        self.whole = nn.Linear(SIGHTS, hidden, bias=False)
-        self.around = nn.ModuleList(
-            [
-                StGcn(links, hidden, hidden, stride=1, dropout=dropout, residual=True)
-                for _ in range(2)
-            ]
-        )
-        self.recurrent = GraphGru(adjacency(skeleton), hidden, hidden)
-        self.head = Head(2 * hidden, 3)
+        self.decoder = KinematicDecoder(skeleton, hidden=hidden, dropout=dropout)
 
     def latent_shape(self, given: Given) -> tuple[int, ...]:
         """One code a joint."""
@@ -79,13 +104,7 @@ class KinematicCharacter(Character):
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Turn bones by so much as the bodies change."""
-        sights = self.alike(self.sights(given))
-        seen = self.lifting(sights) + self.whole(sights.mean(dim=2, keepdim=True))
-        for layer in self.around:
-            seen = layer(seen, None)
-        states = self.recurrent(seen, latent)
-        parts = zip(states.split(AT_ONCE, dim=1), seen.split(AT_ONCE, dim=1), strict=True)
-        field = torch.cat([self.head(torch.cat(pair, dim=-1)) for pair in parts], dim=1)
+        field: Tensor = self.decoder(self.sights(given), latent)
         return field * (GAIN * amplitude(given))
 
     def sights(self, given: Given) -> Tensor:
@@ -107,7 +126,7 @@ class KinematicCharacter(Character):
         )
         # What a change of each bone vector would move: the gradients of those energies by bones.
         pulled = torch.cat([own_change / size, near[..., :6]], dim=-1)
-        borne = over_joints(self.tree.paths.T, pulled)
+        borne = along_joints(self.tree.paths.T, pulled)
         speed = torch.diff(template, dim=1, append=template[:, -1:]).norm(dim=-1, keepdim=True)
         constant = grown[:, None].expand(-1, template.shape[1], -1, -1)
         parts = [

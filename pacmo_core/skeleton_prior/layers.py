@@ -1,7 +1,7 @@
 """Graph convolution in space and time, and what else all networks are made of.
 
-Tensors are ``(B, T, J, C)``: batch, time, joint, channel, so that every layer is one product of
-matrices over the channels.
+Tensors are ``(T, J, B, C)``: time, joint, batch, channel. So channels are one product of matrices,
+joints one a frame, wide enough for the processor, and a recurrence finds each frame in one piece.
 """
 
 import torch
@@ -35,7 +35,7 @@ class GraphConvolution(nn.Module):
         self.own = nn.Linear(in_channels, out_channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        """``(..., J, C)`` to the same with other channels."""
+        """``(T, J, ..., C)`` to the same with other channels."""
         weights = self.links * self.mask + self.added
         own = self.own
         out: Tensor = Mixing.apply(x, weights, self.along.weight, own.weight, own.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
@@ -57,17 +57,19 @@ class TimeConvolution(nn.Module):
         self.weigh = nn.Linear(KERNEL * in_channels, out_channels)  # the frames one after another
 
     def forward(self, x: Tensor) -> Tensor:
-        """``(B, T, J, C)`` to ``(B, ceil(T / stride), J, C')``."""
+        """``(T, J, B, C)`` to ``(ceil(T / stride), J, B, C')``."""
+        n_frames, n_joints, n_rows, _ = x.shape
         kernel = self.weigh.weight.view(-1, KERNEL, x.shape[-1]).transpose(1, 2)[..., None]
-        # Axes in torch's order; in memory channels stay last, as its convolution likes them.
+        # An image as high as time and as wide as joints and rows. Its axes are in torch's order;
+        # in memory channels stay last, as the convolution likes them.
         out = nn.functional.conv2d(
-            x.permute(0, 3, 1, 2),
+            x.reshape(1, n_frames, n_joints * n_rows, -1).permute(0, 3, 1, 2),
             kernel.contiguous(),
             self.weigh.bias,
             stride=(self.stride, 1),
             padding=(KERNEL // 2, 0),
         )
-        return out.permute(0, 2, 3, 1)
+        return out.permute(0, 2, 3, 1).reshape(-1, n_joints, n_rows, out.shape[1])
 
 
 class ChannelNorm(nn.BatchNorm1d):
@@ -118,7 +120,7 @@ class StGcn(nn.Module):
             )
 
     def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
-        """``(B, T, J, C)`` to ``(B, ceil(T / stride), J, C')``.
+        """``(T, J, B, C)`` to ``(ceil(T / stride), J, B, C')``.
 
         Parameters
         ----------
@@ -128,7 +130,7 @@ class StGcn(nn.Module):
         spatial = self.norms[0](self.graph(x).relu_()).relu_()
         out = drop(self.norms[1](self.time(spatial)), self.dropout, random)
         if self.residual:
-            out = out + self.shortcut(x[:, :: self.stride])
+            out = out + self.shortcut(x[:: self.stride])
         return out.relu_() if self.active else out
 
 
@@ -147,6 +149,16 @@ class Head(nn.Module):
             x = nn.functional.leaky_relu(layer(x), LEAK)
         out: Tensor = self.layers[-1](x)
         return out
+
+
+def by_frame(x: Tensor) -> Tensor:
+    """``(B, T, J, C)`` to ``(T, J, B, C)``, as the layers take it."""
+    return x.permute(1, 2, 0, 3).contiguous()
+
+
+def by_row(x: Tensor) -> Tensor:
+    """``(T, J, B, C)`` back to ``(B, T, J, C)``."""
+    return x.permute(2, 0, 1, 3)
 
 
 def drop(x: Tensor, share: float, random: torch.Generator | None) -> Tensor:

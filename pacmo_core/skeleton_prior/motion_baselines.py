@@ -13,7 +13,7 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import everywhere
 from pacmo_core.skeleton_prior.graph import neighbours
-from pacmo_core.skeleton_prior.layers import StGcn
+from pacmo_core.skeleton_prior.layers import StGcn, by_frame, by_row
 from pacmo_core.skeleton_prior.lines import Plane, most_around
 from pacmo_core.skeleton_prior.paper import PARTNER, beside
 from pacmo_core.skeleton_prior.placing import Offsets
@@ -106,17 +106,19 @@ class MotionGcn(Character):
         x = (motion - given.template) / given.unit
         if self.first:
             x = torch.cat([x, self._told(given)], dim=-1)
+        x = by_frame(x)
         for layer in self.encoder:
             x = layer(x, random)
+        x = by_row(x)
         code: Code = self.code(x if self.first else torch.cat([x, self._told(given)], dim=-1))
         return code
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Decode the whole motion."""
-        x = torch.cat([latent, self._told(given)], dim=-1)
+        x = by_frame(torch.cat([latent, self._told(given)], dim=-1))
         for layer in self.decoder:
             x = layer(x, None)
-        field: Tensor = self.out(x)
+        field: Tensor = self.out(by_row(x))
         return field * given.unit
 
     def _told(self, given: Given) -> Tensor:

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.graph import parents_of, paths
 from pacmo_core.skeleton_prior.limbs import Limb, bend, settling
-from pacmo_core.skeleton_prior.products import over_joints
+from pacmo_core.skeleton_prior.products import along_joints
 
 # Metres: below this a bone's direction is left to the network.
 LEAST = 1e-6
@@ -112,4 +112,4 @@ class Tree(nn.Module):
     def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
         at_root = torch.zeros_like(self.paths[0])
         at_root[self.root] = 1
-        return over_joints(self.paths, bones + at_root[:, None] * (root[:, :, None] - bones))
+        return along_joints(self.paths, bones + at_root[:, None] * (root[:, :, None] - bones))

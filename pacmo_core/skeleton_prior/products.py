@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 
-def over_joints(links: Tensor, x: Tensor) -> Tensor:
+def along_joints(links: Tensor, x: Tensor) -> Tensor:
     """``links X``, of (J, J) and (..., J, C) of few channels.
 
     One product of all frames: as a product a frame, of so few channels, it takes six times as long.
@@ -19,13 +19,13 @@ def over_joints(links: Tensor, x: Tensor) -> Tensor:
 
 
 class Mixing(torch.autograd.Function):
-    """``links X W + X U + b`` over the joints, of the last two axes of a tensor."""
+    """``links X W + X U + b`` over the joints, the second axis of three or more."""
 
     @staticmethod
     def forward(
         ctx: Any, x: Tensor, links: Tensor, along: Tensor, own: Tensor, bias: Tensor
     ) -> Tensor:
-        """``(..., J, C)`` to ``(..., J, D)``.
+        """``(T, J, ..., C)`` to ``(T, J, ..., D)``.
 
         Parameters
         ----------
@@ -33,56 +33,58 @@ class Mixing(torch.autograd.Function):
         along, own : (D, C)
         bias : (D,)
         """
-        flat = x.reshape(-1, *x.shape[-2:]).contiguous()
+        x = x.contiguous()
         out = x.new_empty(*x.shape[:-1], len(along))
-        torch.addmm(bias, _rows(flat), own.T, out=_rows(out))
+        torch.addmm(bias, _rows(x), own.T, out=_rows(out))
         # The narrower side is mixed over joints: mixing commutes with the weights.
         inside = along.shape[1] <= along.shape[0]
         if inside:
-            mixed = _over_joints(links, flat)
+            mixed = _mixed(links, x)
             _rows(out).addmm_(_rows(mixed), along.T)
         else:
-            mixed = (_rows(flat) @ along.T).view(*flat.shape[:2], -1)
-            out.view_as(mixed).baddbmm_(_each(links, len(mixed)), mixed)
+            mixed = (_rows(x) @ along.T).view_as(out)
+            _frames(out).baddbmm_(_each(links, len(x)), _frames(mixed))
         ctx.inside = inside
-        ctx.save_for_backward(flat, mixed, links, along, own)
+        ctx.save_for_backward(x, mixed, links, along, own)
         return out
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         """Give the gradients of all five."""
-        flat, mixed, links, along, own = ctx.saved_tensors
-        shape = gradients[0].shape
-        gradient = gradients[0].reshape(len(flat), shape[-2], -1).contiguous()
-        rows = _rows(gradient)
+        x, mixed, links, along, own = ctx.saved_tensors
+        gradient = gradients[0].contiguous()
+        rows, wanted = _rows(gradient), ctx.needs_input_grad[0]
         if ctx.inside:
-            through = (rows @ along).view_as(flat)
-            d_links = _outer(through, flat)
+            through = (rows @ along).view_as(x)
+            d_links = _outer(through, x)
             d_along = rows.T @ _rows(mixed)
-            back = _over_joints(links.T, through) if ctx.needs_input_grad[0] else None
+            back = _mixed(links.T, through) if wanted else None
         else:
             d_links = _outer(gradient, mixed)
-            through = _over_joints(links.T, gradient)
-            d_along = _rows(through).T @ _rows(flat)
-            back = (_rows(through) @ along).view_as(flat) if ctx.needs_input_grad[0] else None
+            through = _mixed(links.T, gradient)
+            d_along = _rows(through).T @ _rows(x)
+            back = (_rows(through) @ along).view_as(x) if wanted else None
         if back is not None:
             _rows(back).addmm_(rows, own)
-            back = back.view(*shape[:-1], -1)
-        return back, d_links, d_along, rows.T @ _rows(flat), rows.sum(dim=0)
+        return back, d_links, d_along, rows.T @ _rows(x), rows.sum(dim=0)
 
 
 def _rows(x: Tensor) -> Tensor:
     return x.view(-1, x.shape[-1])
 
 
+def _frames(x: Tensor) -> Tensor:
+    return x.view(*x.shape[:2], -1)
+
+
 def _each(matrix: Tensor, n: int) -> Tensor:
     return matrix.expand(n, *matrix.shape)
 
 
-def _over_joints(links: Tensor, x: Tensor) -> Tensor:
-    return torch.bmm(_each(links, len(x)), x)
+def _mixed(links: Tensor, x: Tensor) -> Tensor:
+    return torch.bmm(_each(links, len(x)), _frames(x)).view_as(x)
 
 
-def _outer(rows: Tensor, columns: Tensor) -> Tensor:
-    """Sum over all frames of ``(J, C) (J, C)ᵀ``."""
-    return torch.bmm(rows, columns.mT).sum(dim=0)
+def _outer(left: Tensor, right: Tensor) -> Tensor:
+    """Sum over all frames of ``(J, N) (J, N)ᵀ``."""
+    return torch.bmm(_frames(left), _frames(right).mT).sum(dim=0)

@@ -67,84 +67,103 @@ class GraphGru(nn.Module):
 
         Parameters
         ----------
-        x : (B, T, J, C)
-        state : (B, J, h), before the first frame
+        x : (T, J, B, C)
+        state : (J, B, h), before the first frame
 
         Returns
         -------
-        (B, T, J, h), the states after each frame
+        (T, J, B, h), the states after each frame
         """
-        given = self.gates_in(x.permute(1, 2, 0, 3).contiguous())  # (T, J, B, 3h)
-        start = state.transpose(0, 1).contiguous()
-        states: Tensor = Running.apply(given, start, *self.weights())  # type: ignore[no-untyped-call]  # torch leaves it untyped
-        return states.permute(2, 0, 1, 3)
+        links, folded = self.weights()
+        into = self.gates_in
+        states: Tensor = Running.apply(x, state, links, folded, into.weight, into.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        return states
 
 
 class Running(torch.autograd.Function):
     """All steps of a ``GraphGru``, and their gradients in one loop backwards.
 
-    Unlike autograd, which takes the gradients of the weights step by step, this takes both as one
-    product each after the loop; within it, all but two products is of one frame, in the cache.
+    What a frame needs is made, used and summed up while it is in the processor's cache: to fetch
+    tensors of all frames from memory, one for each gate, would take longer than to multiply them.
     """
 
     @staticmethod
-    def forward(ctx: Any, given: Tensor, start: Tensor, links: Tensor, folded: Tensor) -> Tensor:
-        """Run from a state: ``(T, J, B, 3h)`` and ``(J, B, h)`` to states ``(T, J, B, h)``.
+    def forward(  # noqa: PLR0913  # autograd wants its tensors one by one
+        ctx: Any,
+        x: Tensor,
+        start: Tensor,
+        links: Tensor,
+        folded: Tensor,
+        told: Tensor,
+        bias: Tensor,
+    ) -> Tensor:
+        """Run from a state: ``(T, J, B, C)`` and ``(J, B, h)`` to states ``(T, J, B, h)``.
 
         Parameters
         ----------
         links, folded : as ``GraphGru.weights`` has them
+        told, bias : (3h, C) and (3h,), of what comes in
         """
-        n_frames, n_joints, n_rows, hidden = len(given), *start.shape
-        states = given.new_empty(n_frames + 1, n_joints, n_rows, hidden)
+        n_frames, n_joints, n_rows, hidden = len(x), *start.shape
+        # Without gradients one place serves all frames.
+        n_kept = n_frames if any(ctx.needs_input_grad) else 1
+        states = x.new_empty(n_frames + 1, n_joints, n_rows, hidden)
         states[0] = start
-        mixed, heard, candidates = (torch.empty_like(states[1:]) for _ in range(3))
-        # The reset and the update of each frame.
-        opened = given.new_empty(n_frames, n_joints, n_rows, 2 * hidden)
-        gates = torch.empty_like(given[0])
-        for frame, told in enumerate(given):
-            torch.mm(links, states[frame].flatten(1), out=mixed[frame].flatten(1))
-            torch.mm(_rows(mixed[frame]), folded, out=_rows(gates))
-            both = torch.add(told[..., : 2 * hidden], gates[..., : 2 * hidden], out=opened[frame])
-            both.sigmoid_()
-            heard[frame] = gates[..., 2 * hidden :]
-            candidate = candidates[frame].copy_(told[..., 2 * hidden :])
-            candidate.addcmul_(both[..., :hidden], heard[frame])
+        # Of each frame: reset, update and candidate; what the candidate hears through the reset.
+        opened = x.new_empty(n_kept, n_joints * n_rows, 3 * hidden)
+        heard = x.new_empty(n_kept, n_joints * n_rows, hidden)
+        mixed, gates = torch.empty_like(heard[0]), torch.empty_like(opened[0])
+        for frame in range(n_frames):
+            state, kept = states[frame], frame % n_kept
+            torch.mm(links, state.flatten(1), out=mixed.view(n_joints, -1))
+            torch.mm(mixed, folded, out=gates)
+            all_three = torch.addmm(bias, _rows(x[frame]), told.T, out=opened[kept])
+            both, candidate = all_three[:, : 2 * hidden], all_three[:, 2 * hidden :]
+            both.add_(gates[:, : 2 * hidden]).sigmoid_()
+            heard[kept] = gates[:, 2 * hidden :]
+            candidate.addcmul_(both[:, :hidden], heard[kept])
             # tanh x = 2 s(2x) - 1: torch's own takes six times as long.
             candidate.mul_(2).sigmoid_().mul_(2).sub_(1)
-            torch.lerp(candidate, states[frame], both[..., hidden:], out=states[frame + 1])
-        ctx.save_for_backward(links, folded, states, mixed, heard, opened, candidates)
+            torch.lerp(candidate, _rows(state), both[:, hidden:], out=_rows(states[frame + 1]))
+        ctx.save_for_backward(x, links, folded, told, states, opened, heard)
         return states[1:]
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, ...]:
-        """Give the gradients of all four."""
-        links, folded, states, mixed, heard, opened, candidates = ctx.saved_tensors
-        n_frames, n_joints, n_rows, hidden = mixed.shape
-        d_mixed, d_candidates = torch.empty_like(mixed), torch.empty_like(mixed)
-        # Of what is heard; what is given has the same, but for the candidate's part.
-        d_gates = mixed.new_empty(n_frames, n_joints, n_rows, 3 * hidden)
-        carried = torch.zeros_like(mixed[0])
+        """Give the gradients of all six."""
+        x, links, folded, told, states, opened, heard = ctx.saved_tensors
+        n_frames, n_joints, n_rows, hidden = gradients[0].shape
+        d_x, carried = torch.empty_like(x), torch.zeros_like(heard[0])
+        d_links, d_folded, d_told = (torch.zeros_like(each) for each in (links, folded, told))
+        d_bias = torch.zeros_like(told[:, 0])
+        # Of what comes in, and of what is heard: but for the candidate's part the same.
+        d_in, d_heard = torch.empty_like(opened[0]), torch.empty_like(opened[0])
+        mixed, d_mixed = torch.empty_like(carried), torch.empty_like(carried)
         for frame in reversed(range(n_frames)):
-            total = gradients[0][frame] + carried
-            reset, update = opened[frame, ..., :hidden], opened[frame, ..., hidden:]
-            candidate, gates = candidates[frame], d_gates[frame]
+            state = _rows(states[frame])
+            both, candidate = opened[frame, :, : 2 * hidden], opened[frame, :, 2 * hidden :]
+            reset, update = both[:, :hidden], both[:, hidden:]
+            total = carried.add_(_rows(gradients[0][frame]))
             through = torch.addcmul(total, total, update, value=-1)
             d_candidate = torch.ops.aten.tanh_backward(through, candidate)
-            torch.mul(d_candidate, heard[frame], out=gates[..., :hidden])
-            torch.mul(total, states[frame] - candidate, out=gates[..., hidden : 2 * hidden])
-            both = gates[..., : 2 * hidden]
-            torch.ops.aten.sigmoid_backward.grad_input(both, opened[frame], grad_input=both)
-            torch.mul(d_candidate, reset, out=gates[..., 2 * hidden :])
-            d_candidates[frame] = d_candidate
-            torch.mm(_rows(gates), folded.T, out=_rows(d_mixed[frame]))
-            carried = torch.mm(links.T, d_mixed[frame].flatten(1)).view_as(total)
-            carried.addcmul_(update, total)
-        d_folded = _rows(mixed).T @ _rows(d_gates)
-        d_links = torch.bmm(d_mixed.flatten(2), states[:-1].flatten(2).mT).sum(dim=0)
-        d_gates[..., 2 * hidden :] = d_candidates
-        return d_gates, carried, d_links, d_folded
+            torch.mul(d_candidate, heard[frame], out=d_in[:, :hidden])
+            torch.mul(total, state - candidate, out=d_in[:, hidden : 2 * hidden])
+            d_both = d_in[:, : 2 * hidden]
+            torch.ops.aten.sigmoid_backward.grad_input(d_both, both, grad_input=d_both)
+            d_heard[:, : 2 * hidden] = d_both
+            torch.mul(d_candidate, reset, out=d_heard[:, 2 * hidden :])
+            d_in[:, 2 * hidden :] = d_candidate
+            torch.mm(d_in, told, out=_rows(d_x[frame]))
+            d_told.addmm_(d_in.T, _rows(x[frame]))
+            d_bias.add_(d_in.sum(dim=0))
+            torch.mm(links, state.view(n_joints, -1), out=mixed.view(n_joints, -1))
+            d_folded.addmm_(mixed.T, d_heard)
+            torch.mm(d_heard, folded.T, out=d_mixed)
+            d_links.addmm_(d_mixed.view(n_joints, -1), state.view(n_joints, -1).T)
+            carried.mul_(update).view(n_joints, -1).addmm_(links.T, d_mixed.view(n_joints, -1))
+        start = carried.view(n_joints, n_rows, hidden)
+        return d_x, start, d_links, d_folded, d_told, d_bias
 
 
 def _rows(x: Tensor) -> Tensor:
-    return x.view(-1, x.shape[-1])
+    return x.reshape(-1, x.shape[-1])

@@ -1,12 +1,18 @@
 """The networks once more, plainly: loops over frames and joints, one layer a gate, nothing folded.
 
+Tensors are ``(B, T, J, C)`` throughout, as batches come.
+
 The oracle of the tests, and what the benchmark compares with.
 """
+
+from collections.abc import Iterable
 
 import torch
 from torch import Tensor, nn
 
 from pacmo_core.skeleton import Skeleton
+from pacmo_core.skeleton_prior.encoders import MotionEncoder
+from pacmo_core.skeleton_prior.kinematic import KinematicCharacter, KinematicDecoder
 from pacmo_core.skeleton_prior.layers import (
     KERNEL,
     LEAK,
@@ -16,6 +22,7 @@ from pacmo_core.skeleton_prior.layers import (
     TimeConvolution,
 )
 from pacmo_core.skeleton_prior.limbs import Limb
+from pacmo_core.skeleton_prior.model import SkeletonPrior
 from pacmo_core.skeleton_prior.placing import Tree
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 
@@ -41,7 +48,7 @@ def norm(layer: nn.Module, x: Tensor) -> Tensor:
 
 
 def st_gcn(layer: StGcn, x: Tensor) -> Tensor:
-    """Run one sequence (T, J, C) through a layer in evaluation."""
+    """Run one row (T, J, C) through a layer in evaluation."""
     frames = torch.stack([graph_convolution(layer.graph, frame) for frame in x]).relu()
     frames = norm(layer.norms[0], frames).relu()
     kernel = layer.time.weigh.weight.view(frames.shape[-1], 5, frames.shape[-1])
@@ -155,24 +162,94 @@ class PlainTime(nn.Module):
 
     Parameters
     ----------
-    sliding : whose weights it takes
+    folded : whose weights it takes
     """
 
-    def __init__(self, sliding: TimeConvolution) -> None:
+    def __init__(self, folded: TimeConvolution) -> None:
         super().__init__()
-        weight = sliding.weigh.weight.detach()
+        weight = folded.weigh.weight.detach()
         width, around = len(weight), (KERNEL, 1)
         channels = weight.shape[1] // KERNEL
-        padding, stride = (KERNEL // 2, 0), (sliding.stride, 1)
+        padding, stride = (KERNEL // 2, 0), (folded.stride, 1)
         self.convolution = nn.Conv2d(channels, width, around, stride=stride, padding=padding)
         kernel = weight.view(width, KERNEL, channels).transpose(1, 2)[..., None]
-        own = {"weight": kernel.contiguous(), "bias": sliding.weigh.bias.detach()}
+        own = {"weight": kernel.contiguous(), "bias": folded.weigh.bias.detach()}
         self.convolution.load_state_dict(own)
 
     def forward(self, x: Tensor) -> Tensor:
         """Run over (B, T, J, C)."""
         out: Tensor = self.convolution(x.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
         return out
+
+
+class PlainStGcn(nn.Module):
+    """An ST-GCN layer, one operation after the other.
+
+    Parameters
+    ----------
+    folded : whose weights it takes
+    """
+
+    def __init__(self, folded: StGcn) -> None:
+        super().__init__()
+        self.folded = folded
+        self.graph, self.time = PlainConvolution(folded.graph), PlainTime(folded.time)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Run over (B, T, J, C), nothing dropped."""
+        before, after = self.folded.norms
+        out: Tensor = after(self.time(before(self.graph(x).relu()).relu()))
+        if self.folded.residual:
+            out = out + self.folded.shortcut(x[:, :: self.folded.stride])
+        return out.relu() if self.folded.active else out
+
+
+def _plain(layers: Iterable[nn.Module]) -> nn.ModuleList:
+    return nn.ModuleList([PlainStGcn(layer) for layer in layers if isinstance(layer, StGcn)])
+
+
+class PlainEncoder(nn.Module):
+    """The encoder of plain layers.
+
+    Parameters
+    ----------
+    folded : whose weights it takes
+    """
+
+    def __init__(self, folded: MotionEncoder) -> None:
+        super().__init__()
+        self.layers = _plain(folded.layers)
+
+    def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
+        """``(B, T, J, C)`` to ``(B, J, C')``, nothing dropped."""
+        del random
+        for layer in self.layers:
+            x = layer(x)
+        return x.mean(dim=1)
+
+
+class PlainDecoder(nn.Module):
+    """The decoder of our form of plain layers.
+
+    Parameters
+    ----------
+    folded : whose weights it takes
+    """
+
+    def __init__(self, folded: KinematicDecoder) -> None:
+        super().__init__()
+        self.folded = folded
+        self.around = _plain(folded.around)
+        self.recurrent, self.head = PlainGru(folded.recurrent), PlainHead(folded.head)
+
+    def forward(self, sights: Tensor, latent: Tensor) -> Tensor:
+        """``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
+        known = self.folded.alike(sights)
+        seen = self.folded.lifting(known) + self.folded.whole(known.mean(dim=2, keepdim=True))
+        for layer in self.around:
+            seen = layer(seen)
+        field: Tensor = self.head(torch.cat([self.recurrent(seen, latent), seen], dim=-1))
+        return field
 
 
 class PlainTree(Tree):
@@ -194,3 +271,20 @@ class PlainTree(Tree):
             if joint != self.root:
                 places[joint] = places[self.skeleton.parents[joint]] + bones[..., joint, :]
         return torch.stack([places[joint] for joint in range(len(places))], dim=-2)
+
+
+def made_plain(model: SkeletonPrior) -> SkeletonPrior:
+    """Write a network of our form plainly, in place, its weights kept."""
+    for character in (model.first, model.second):
+        if not isinstance(character, KinematicCharacter):
+            raise TypeError(f"wanted our form; got {type(character).__name__}")
+        tree = PlainTree(model.config.skeleton, model.config.limbs)
+        parts = {
+            "tree": tree,
+            "place": tree,
+            "encoder": PlainEncoder(character.encoder),
+            "decoder": PlainDecoder(character.decoder),
+        }
+        for name, part in parts.items():
+            character.add_module(name, part)
+    return model

@@ -1,15 +1,26 @@
 """What is trusted: the layers' equations, as plain loops over frames, joints and gates."""
 
+import copy
+
 import pytest
 import torch
 
 from pacmo_core.skeleton import DUET15, EXPI18, NTU25, SBU15
+from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours, paths
 from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.layers import GraphConvolution, Head, StGcn, TimeConvolution, drop
+from pacmo_core.skeleton_prior.layers import (
+    GraphConvolution,
+    Head,
+    StGcn,
+    TimeConvolution,
+    by_frame,
+    by_row,
+    drop,
+)
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 from tests.skeleton_prior import plain
-from tests.skeleton_prior.bodies import generator
+from tests.skeleton_prior.bodies import examples, generator, settings
 
 
 def shaken(layer):
@@ -51,7 +62,8 @@ def test_a_graph_convolution_is_the_sum_over_links(into, out):
     wanted = torch.stack(
         [torch.stack([plain.graph_convolution(layer, frame) for frame in row]) for row in x]
     )
-    torch.testing.assert_close(layer(x), wanted)
+    torch.testing.assert_close(by_row(layer(by_frame(x))), wanted)
+    torch.testing.assert_close(plain.PlainConvolution(layer)(x), wanted)
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -61,7 +73,7 @@ def test_an_st_gcn_layer_is_what_the_loops_say(stride, n_frames, into, out, resi
     links = neighbours(SBU15)
     layer = shaken(StGcn(links, into, out, stride=stride, dropout=0.5, residual=residual))
     x = torch.randn(2, n_frames, 15, into, generator=generator())
-    got = layer(x, None)
+    got = by_row(layer(by_frame(x), None))
     assert got.shape == (2, -(-n_frames // stride), 15, out)
     torch.testing.assert_close(
         got, torch.stack([plain.st_gcn(layer, row) for row in x]), atol=1e-5, rtol=1e-5
@@ -71,8 +83,8 @@ def test_an_st_gcn_layer_is_what_the_loops_say(stride, n_frames, into, out, resi
 def test_an_st_gcn_layer_trains_on_every_shape_its_gradient_is_the_slope():
     layer = StGcn(neighbours(NTU25), 3, 5, stride=2, dropout=0.0, residual=True).double()
     initialise(layer, generator())
-    x = torch.randn(2, 5, 25, 3, generator=generator(), dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda v: layer(v, None)[:, :, :3], x, atol=1e-4, eps=1e-6)
+    x = torch.randn(5, 25, 2, 3, generator=generator(), dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda v: layer(v, None)[:, :3], x, atol=1e-4, eps=1e-6)
 
 
 def slopes_hold(layer, *inputs):
@@ -91,20 +103,21 @@ def slopes_hold(layer, *inputs):
 @pytest.mark.parametrize(("into", "out"), [(2, 4), (4, 2)])
 def test_a_graph_convolutions_gradients_are_its_slopes(into, out):
     layer = shaken(GraphConvolution(neighbours(SBU15), into, out).double())
-    assert slopes_hold(layer, (1, 2, 15, into))
+    assert slopes_hold(layer, (2, 15, 1, into))
 
 
 @pytest.mark.parametrize(("n_frames", "stride"), [(1, 1), (4, 1), (7, 1), (7, 2)])
 def test_a_time_convolutions_gradients_are_its_slopes(n_frames, stride):
     layer = shaken(TimeConvolution(2, 3, stride=stride).double())
-    assert slopes_hold(layer, (2, n_frames, 3, 2))
+    assert slopes_hold(layer, (n_frames, 3, 2, 2))
 
 
 @pytest.mark.parametrize(("n_frames", "stride"), [(1, 1), (4, 1), (7, 1), (7, 2), (8, 2)])
 def test_a_time_convolution_is_the_plain_one(n_frames, stride):
     layer = shaken(TimeConvolution(4, 6, stride=stride))
     x = torch.randn(3, n_frames, 5, 4, generator=generator())
-    torch.testing.assert_close(layer(x), plain.PlainTime(layer)(x), atol=1e-5, rtol=1e-5)
+    got = by_row(layer(by_frame(x)))
+    torch.testing.assert_close(got, plain.PlainTime(layer)(x), atol=1e-5, rtol=1e-5)
 
 
 def test_a_heads_gradients_are_its_slopes():
@@ -113,30 +126,34 @@ def test_a_heads_gradients_are_its_slopes():
 
 def test_the_graph_grus_gradients_are_its_slopes():
     layer = shaken(GraphGru(adjacency(SBU15), 2, 3).double())
-    assert slopes_hold(layer, (2, 3, 15, 2), (2, 15, 3))
+    assert slopes_hold(layer, (3, 15, 2, 2), (15, 2, 3))
 
 
 def test_the_graph_gru_is_its_corrected_equation():
     fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
     x = torch.randn(3, 7, 15, 5, generator=generator())
     state = torch.randn(3, 15, 8, generator=generator(1))
-    torch.testing.assert_close(fused(x, state), plain.PlainGru(fused)(x, state))
+    wanted = plain.PlainGru(fused)(x, state)
+    given = by_frame(x), state.transpose(0, 1).contiguous()
+    torch.testing.assert_close(by_row(fused(*given)), wanted)
+    with torch.no_grad():  # where nothing is kept for gradients
+        torch.testing.assert_close(by_row(fused(*given)), wanted)
 
 
 def test_the_graph_grus_gates_keep_its_state_between_what_it_was_and_one():
     fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
-    x = 100 * torch.randn(2, 50, 15, 5, generator=generator())
-    states = fused(x, torch.zeros(2, 15, 8))
+    x = 100 * torch.randn(50, 15, 2, 5, generator=generator())
+    states = fused(x, torch.zeros(15, 2, 8))
     assert states.abs().max() <= 1  # with sums outside the sigmoid they leave these bounds
 
 
 def test_the_graph_gru_looks_at_no_later_frame():
     fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
-    x = torch.randn(2, 9, 15, 5, generator=generator())
+    x = torch.randn(9, 15, 2, 5, generator=generator())
     other = x.clone()
-    other[:, 6:] = 0
-    state = torch.zeros(2, 15, 8)
-    assert torch.equal(fused(x, state)[:, :6], fused(other, state)[:, :6])
+    other[6:] = 0
+    state = torch.zeros(15, 2, 8)
+    assert torch.equal(fused(x, state)[:6], fused(other, state)[:6])
 
 
 def test_a_head_is_dense_layers_with_leaky_relus():
@@ -160,3 +177,20 @@ def test_dropping_keeps_the_mean_and_draws_from_the_generator_alone():
 def test_a_layer_of_an_unknown_kind_has_no_law():
     with pytest.raises(ValueError, match="no law for the weights of Bilinear"):
         initialise(torch.nn.Bilinear(2, 2, 2), generator())
+
+
+def test_our_form_is_the_same_network_written_plainly():
+    model = training.fit(examples(), settings(n_epochs=1, dropout=0.0)).finish()
+    (pairs, *_) = training.encode(examples()).wholes(model.config.stride, 4)
+    given = [each.double() for each in (pairs.template, pairs.scales, pairs.varied)]
+
+    def motions_and_slope(of):
+        motions = of.train().requires_grad_().reconstruct(*given, generator()).motions
+        (motions - given[-1]).square().mean().backward()
+        return motions.detach(), of.first.code.mean.weight.grad
+
+    got, slope = motions_and_slope(copy.deepcopy(model).double())
+    wanted, plain_slope = motions_and_slope(plain.made_plain(copy.deepcopy(model)).double())
+    assert slope.abs().max() > 0
+    torch.testing.assert_close(got, wanted)
+    torch.testing.assert_close(slope, plain_slope)
