@@ -18,7 +18,7 @@ from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
 from pacmo_core.skeleton_prior.products import along_joints
 from pacmo_core.skeleton_prior.recurrence import GraphGru
-from pacmo_core.skeleton_prior.relations import pulls
+from pacmo_core.skeleton_prior.relations import asked_along, pulls
 
 # Channels of ``KinematicCharacter.sights``.
 SIGHTS = 30
@@ -96,7 +96,8 @@ class KinematicCharacter(Character):
     def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
         """Encode what the guess does not explain."""
         size = amplitude(given)
-        change = (motion - self.tree.guess(given.template, given.scales)) / (size * GAIN)
+        guess = self.tree(self._along(given), given.template, given.scales)
+        change = (motion - guess) / (size * GAIN)
         grown = self._grown(given.scales, size)[:, None].expand(-1, motion.shape[1], -1, -1)
         encoded = self.encoder(torch.cat([change, grown], dim=-1), random)
         code: Code = self.code(torch.cat([encoded, ends(given.template)], dim=-1))
@@ -104,13 +105,23 @@ class KinematicCharacter(Character):
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Turn bones by so much as the bodies change."""
-        field: Tensor = self.decoder(self.sights(given), latent)
-        return field * (GAIN * amplitude(given))
+        along = self._along(given)
+        field: Tensor = self.decoder(self.sights(given, along), latent)
+        return along + field * (GAIN * amplitude(given))
 
-    def sights(self, given: Given) -> Tensor:
-        """``(B, T, J, 30)``: all that is known of a joint in a frame; changes for a change of 1."""
+    def sights(self, given: Given, along: Tensor) -> Tensor:
+        """Say all that is known of a joint in a frame; changes for a change of 1.
+
+        Parameters
+        ----------
+        along : (B, T, J, 3), the field by which the body comes along with its partner
+
+        Returns
+        -------
+        (B, T, J, 30)
+        """
         template, size = given.template, amplitude(given)
-        own_change = self.tree.guess(template, given.scales) - template
+        own_change = self.tree(along, template, given.scales) - template
         partner_change = given.partner - given.partner_template
         near = pulls(template, given.partner_template, own_change / size, partner_change / size)
         bones = self.tree.bones(template)
@@ -140,6 +151,11 @@ class KinematicCharacter(Character):
             borne / template.shape[2],
         ]
         return torch.cat(parts, dim=-1)
+
+    def _along(self, given: Given) -> Tensor:
+        change = given.partner - given.partner_template
+        shift = asked_along(given.template, given.partner_template, change)
+        return self.tree.coming_along(shift, given.template)
 
     def _grown(self, scales: Tensor, size: Tensor) -> Tensor:
         return (scales.log() / size[:, 0, :, 0])[..., None]

@@ -66,11 +66,15 @@ def settling(start: Tensor, end: Tensor, reach: Tensor) -> Tensor:
     way = end - start
     distance = way.norm(dim=-1, keepdim=True).clamp_min(LEAST)
     short = (distance - reach[..., None]).clamp_min(0)
-    standing = torch.exp(-((end[..., 1:2].clamp_min(0) / STANDING) ** 2))
-    weight = standing * short
+    weight = standing(end) * short
     moved: Tensor = (weight * short * way / distance).sum(dim=-2)
     total: Tensor = weight.sum(dim=-2).clamp_min(LEAST)
     return moved / total
+
+
+def standing(ends: Tensor) -> Tensor:
+    """``(..., L, 3)`` metres to ``(..., L, 1)``: how much ends of limbs stand, 1 on the ground."""
+    return torch.exp(-((ends[..., 1:2].clamp_min(0) / STANDING) ** 2))
 
 
 def bend(way: Tensor, upper: Tensor, lower: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:

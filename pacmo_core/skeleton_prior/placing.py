@@ -5,7 +5,7 @@ from torch import Tensor, nn
 
 from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.graph import parents_of, paths
-from pacmo_core.skeleton_prior.limbs import Limb, bend, settling
+from pacmo_core.skeleton_prior.limbs import Limb, bend, settling, standing
 from pacmo_core.skeleton_prior.products import along_joints
 
 # Metres: below this a bone's direction is left to the network.
@@ -69,6 +69,24 @@ class Tree(nn.Module):
     def guess(self, template: Tensor, scales: Tensor) -> Tensor:
         """Place what a zero field places, (B, T, J, 3) metres; at scale 1 that is the template."""
         return self.forward(torch.zeros_like(template), template, scales)
+
+    def coming_along(self, shift: Tensor, template: Tensor) -> Tensor:
+        """Give the field by which a body goes along: its trunk and all ends that do not stand.
+
+        Parameters
+        ----------
+        shift : (B, T, 3), metres
+        template : (B, T, J, 3), metres
+
+        Returns
+        -------
+        (B, T, J, 3)
+        """
+        ends = self.limbs[:, 2]
+        field = torch.zeros_like(template)
+        field[:, :, ends] = (1 - standing(template[:, :, ends])) * shift[:, :, None]
+        field[:, :, self.root] = shift
+        return field
 
     def naive(self, template: Tensor, scales: Tensor) -> Tensor:
         """Scale bones along their own directions, each body for itself: what guesses must beat.

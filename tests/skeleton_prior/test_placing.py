@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from pacmo_core.skeleton import DUET15, NTU25
 from pacmo_core.skeleton_prior.limbs import bend, find_limbs, settling
 from pacmo_core.skeleton_prior.placing import Offsets, Tree
+from pacmo_core.skeleton_prior.relations import asked_along, pulls
 from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
 from tests.skeleton_prior.plain import PlainTree
 
@@ -157,6 +158,30 @@ def test_a_root_that_moves_leaves_hands_and_feet_in_their_places():
     torch.testing.assert_close(
         moved[:, :, SMALL.root], field[:, :, SMALL.root], atol=1e-6, rtol=1e-5
     )
+
+
+@FIXED
+@given(st.integers(0, 1000))
+def test_a_body_that_comes_along_keeps_the_mesh_as_it_was_on_average(seed):
+    random = generator(seed)
+    own, partner, change = torch.randn(3, 1, 4, 15, 3, generator=random)
+    shift = asked_along(own, partner, change)
+    lags = pulls(own, partner, shift[:, :, None].expand_as(own), change)[..., :3]
+    torch.testing.assert_close(lags.mean(dim=2), torch.zeros_like(shift), atol=1e-6, rtol=0)
+
+
+def test_a_body_comes_along_but_for_what_stands():
+    tree, template, scales, _ = case(2)
+    starts, _, ends = tree.limbs.T
+    template[..., 1] -= template[:, :, ends[0], 1:2]  # that end on the ground, all frames
+    template[:, :, ends[1], 1] = 5.0
+    shift = torch.tensor([0.02, -0.03, 0.01]).expand(*template.shape[:2], 3)
+    field = tree.coming_along(shift, template)
+    torch.testing.assert_close(field[:, :, tree.root], shift)
+    torch.testing.assert_close(field[:, :, ends[0]], torch.zeros_like(shift))
+    torch.testing.assert_close(field[:, :, ends[1]], shift)
+    moved = tree(field, template, torch.ones_like(scales)) - tree.guess(template, scales * 0 + 1)
+    torch.testing.assert_close(moved[:, :, starts[0]], shift, atol=1e-5, rtol=0)
 
 
 def test_a_field_at_a_hand_takes_it_there():

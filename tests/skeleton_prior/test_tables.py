@@ -80,7 +80,7 @@ def test_st_gcn_1_and_2_are_tables_11_and_13(role, into, table):
     asked = given(form, role)
     found, code = shapes(who.encoder.layers, lambda: who.encode(asked.template, asked, None))
     channels = [32, 64, 128, 256, 256]
-    assert found == [(B, t, N, c) for t, c in zip(HALVES, channels, strict=True)]
+    assert found == [(t, N, B, c) for t, c in zip(HALVES, channels, strict=True)]
     assert code.mean.shape == code.log_variance.shape == (B, N, 256)
     assert size(who.encoder) == encoder([into, *channels])
 
@@ -96,7 +96,7 @@ def test_st_gcn_3_is_table_14_and_the_fusion_table_15():
     found, _ = shapes(
         form.second.partner.layers, lambda: form.second.encode(asked.template, asked, None)
     )
-    assert found == [(B, t, N, 16) for t in HALVES]
+    assert found == [(t, N, B, 16) for t in HALVES]
     assert size(form.second.partner) == encoder([8, 16, 16, 16, 16, 16])
     assert size(form.second.fusion) == dense(278, 256)
     assert size(form.second.code) == 2 * dense(256, 256)
