@@ -2,8 +2,8 @@
 
 Unlike the paper, whose decoders see both ends of the template and the partner as one code, every
 frame is told its template, where a guess puts the body, and how that breaks the relations to
-the partner. All of it is known beforehand, so the recurrence takes no step twice: inputs and
-outputs of all frames are single products.
+the partner. All of it is known beforehand: nothing is fed back, and of a frame's way the recurrence
+alone waits for the frame before.
 """
 
 import torch
@@ -153,6 +153,7 @@ class KinematicCharacter(Character):
         return torch.cat(parts, dim=-1)
 
     def _along(self, given: Given) -> Tensor:
+        """Give the field (B, T, J, 3) by which the body comes along, before anything is learnt."""
         change = given.partner - given.partner_template
         shift = asked_along(given.template, given.partner_template, change)
         return self.tree.coming_along(shift, given.template)
