@@ -156,7 +156,7 @@ class KinematicCharacter(Character):
         """Give the field (B, T, J, 3) by which the body comes along, before anything is learnt."""
         change = given.partner - given.partner_template
         shift = asked_along(given.template, given.partner_template, change)
-        return self.tree.coming_along(shift, given.template)
+        return self.tree.coming_along(shift, given.template, given.scales)
 
     def _grown(self, scales: Tensor, size: Tensor) -> Tensor:
         return (scales.log() / size[:, 0, :, 0])[..., None]

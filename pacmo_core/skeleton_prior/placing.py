@@ -10,6 +10,8 @@ from pacmo_core.skeleton_prior.products import along_joints
 
 # Metres: below this a bone's direction is left to the network.
 LEAST = 1e-6
+# Share of what scaled legs would raise a body by that it rises: knees bend for the rest.
+RISE = 0.25
 
 
 class Offsets(nn.Module):
@@ -70,22 +72,29 @@ class Tree(nn.Module):
         """Place what a zero field places, (B, T, J, 3) metres; at scale 1 that is the template."""
         return self.forward(torch.zeros_like(template), template, scales)
 
-    def coming_along(self, shift: Tensor, template: Tensor) -> Tensor:
-        """Give the field by which a body goes along: its trunk and all ends that do not stand.
+    def coming_along(self, shift: Tensor, template: Tensor, scales: Tensor) -> Tensor:
+        """Give the field from which a network starts: what the mesh asks of a body as a whole.
+
+        The trunk goes where the partner asks it to, and rises with legs that grow. An end that does
+        not stand is tied to its own arm as much as to the partner, so it goes half with each.
 
         Parameters
         ----------
-        shift : (B, T, 3), metres
+        shift : (B, T, 3), metres: what the partner asks for
         template : (B, T, J, 3), metres
+        scales : (B, J)
 
         Returns
         -------
         (B, T, J, 3)
         """
-        ends = self.limbs[:, 2]
+        starts, _, ends = self.limbs.T
         field = torch.zeros_like(template)
-        field[:, :, ends] = (1 - standing(template[:, :, ends])) * shift[:, :, None]
-        field[:, :, self.root] = shift
+        grown = (self.naive(template, scales) - template)[:, :, self.root]
+        field[:, :, self.root] = shift + RISE * grown.clamp_min(0)
+        carried = (self.forward(field, template, scales) - template)[:, :, starts]
+        free = 1 - standing(template[:, :, ends])
+        field[:, :, ends] = free * (shift[:, :, None] + carried) / 2
         return field
 
     def naive(self, template: Tensor, scales: Tensor) -> Tensor:
