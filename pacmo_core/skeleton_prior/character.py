@@ -2,9 +2,13 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor, nn
+
+from pacmo_core.skeleton_prior.placing import Tree
+from pacmo_core.skeleton_prior.relations import asked_shift
 
 
 @dataclass(frozen=True)
@@ -19,6 +23,7 @@ class Given:
     partner_template : (B, T, J, 3), metres
     partner_scales : (B, J)
     unit : metres, the size of changes in the data
+    tree : what places joints by bones
     """
 
     template: Tensor
@@ -27,6 +32,20 @@ class Given:
     partner_template: Tensor
     partner_scales: Tensor
     unit: Tensor
+    tree: Tree
+
+    @cached_property
+    def start(self) -> Tensor:
+        """``(B, T, J, 3)``: the field of bones that stands before anything is learnt."""
+        change = self.partner - self.partner_template
+        shift = asked_shift(self.template, self.partner_template, change)
+        return self.tree.starting_field(shift, self.template, self.scales)
+
+    @cached_property
+    def guess(self) -> Tensor:
+        """``(B, T, J, 3)``, metres: where ``start`` places joints."""
+        placed: Tensor = self.tree(self.start, self.template, self.scales)
+        return placed
 
 
 @dataclass(frozen=True)

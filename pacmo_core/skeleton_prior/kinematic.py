@@ -16,9 +16,9 @@ from pacmo_core.skeleton_prior.graph import adjacency, neighbours
 from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, StGcn, by_frame, by_row
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
-from pacmo_core.skeleton_prior.products import along_joints
+from pacmo_core.skeleton_prior.products import over_joints
 from pacmo_core.skeleton_prior.recurrence import GraphGru
-from pacmo_core.skeleton_prior.relations import asked_along, pulls
+from pacmo_core.skeleton_prior.relations import pulls
 
 # Channels of ``KinematicCharacter.sights``.
 SIGHTS = 30
@@ -64,7 +64,7 @@ class KinematicDecoder(nn.Module):
             seen = layer(seen, None)
         states = self.recurrent(seen, latent.transpose(0, 1).contiguous())
         parts = zip(states.split(AT_ONCE), seen.split(AT_ONCE), strict=True)
-        return by_row(torch.cat([self.head(torch.cat(pair, dim=-1)) for pair in parts]))
+        return by_row(torch.cat([self.head(*pair) for pair in parts]))
 
 
 class KinematicCharacter(Character):
@@ -96,8 +96,7 @@ class KinematicCharacter(Character):
     def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
         """Encode what the guess does not explain."""
         size = amplitude(given)
-        guess = self.tree(self._along(given), given.template, given.scales)
-        change = (motion - guess) / (size * GAIN)
+        change = (motion - given.guess) / (size * GAIN)
         grown = self._grown(given.scales, size)[:, None].expand(-1, motion.shape[1], -1, -1)
         encoded = self.encoder(torch.cat([change, grown], dim=-1), random)
         code: Code = self.code(torch.cat([encoded, ends(given.template)], dim=-1))
@@ -105,23 +104,13 @@ class KinematicCharacter(Character):
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Turn bones by so much as the bodies change."""
-        along = self._along(given)
-        field: Tensor = self.decoder(self.sights(given, along), latent)
-        return along + field * (GAIN * amplitude(given))
+        field: Tensor = self.decoder(self.sights(given), latent)
+        return given.start + field * (GAIN * amplitude(given))
 
-    def sights(self, given: Given, along: Tensor) -> Tensor:
-        """Say all that is known of a joint in a frame; changes for a change of 1.
-
-        Parameters
-        ----------
-        along : (B, T, J, 3), the field by which the body comes along with its partner
-
-        Returns
-        -------
-        (B, T, J, 30)
-        """
+    def sights(self, given: Given) -> Tensor:
+        """Say all that is known of a joint in a frame, (B, T, J, 30); changes for a change of 1."""
         template, size = given.template, amplitude(given)
-        own_change = self.tree(along, template, given.scales) - template
+        own_change = given.guess - template
         partner_change = given.partner - given.partner_template
         near = pulls(template, given.partner_template, own_change / size, partner_change / size)
         bones = self.tree.bones(template)
@@ -137,7 +126,7 @@ class KinematicCharacter(Character):
         )
         # What a change of each bone vector would move: the gradients of those energies by bones.
         pulled = torch.cat([own_change / size, near[..., :6]], dim=-1)
-        borne = along_joints(self.tree.paths.T, pulled)
+        borne = over_joints(self.tree.paths.T, pulled)
         speed = torch.diff(template, dim=1, append=template[:, -1:]).norm(dim=-1, keepdim=True)
         constant = grown[:, None].expand(-1, template.shape[1], -1, -1)
         parts = [
@@ -151,12 +140,6 @@ class KinematicCharacter(Character):
             borne / template.shape[2],
         ]
         return torch.cat(parts, dim=-1)
-
-    def _along(self, given: Given) -> Tensor:
-        """Give the field (B, T, J, 3) by which the body comes along, before anything is learnt."""
-        change = given.partner - given.partner_template
-        shift = asked_along(given.template, given.partner_template, change)
-        return self.tree.coming_along(shift, given.template, given.scales)
 
     def _grown(self, scales: Tensor, size: Tensor) -> Tensor:
         return (scales.log() / size[:, 0, :, 0])[..., None]

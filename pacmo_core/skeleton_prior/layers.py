@@ -7,7 +7,7 @@ joints one a frame, wide enough for the processor, and a recurrence finds each f
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import Mixing
+from pacmo_core.skeleton_prior.products import Mixing, Sliding
 
 KERNEL = 5
 LEAK = 0.1
@@ -58,26 +58,21 @@ class TimeConvolution(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """``(T, J, B, C)`` to ``(ceil(T / stride), J, B, C')``."""
-        n_frames, n_joints, n_rows, _ = x.shape
-        kernel = self.weigh.weight.view(-1, KERNEL, x.shape[-1]).transpose(1, 2)[..., None]
-        # An image as high as time and as wide as joints and rows. Its axes are in torch's order;
-        # in memory channels stay last, as the convolution likes them.
-        out = nn.functional.conv2d(
-            x.reshape(1, n_frames, n_joints * n_rows, -1).permute(0, 3, 1, 2),
-            kernel.contiguous(),
-            self.weigh.bias,
-            stride=(self.stride, 1),
-            padding=(KERNEL // 2, 0),
-        )
-        return out.permute(0, 2, 3, 1).reshape(-1, n_joints, n_rows, out.shape[1])
+        kernel = self.weigh.weight.view(-1, KERNEL, x.shape[-1])
+        out: Tensor = Sliding.apply(x, kernel, self.weigh.bias, self.stride)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        return out
 
 
 class ChannelNorm(nn.BatchNorm1d):
     """Batch normalisation of the last axis over all others."""
 
-    def forward(self, x: Tensor) -> Tensor:
-        """``(..., C)`` to the same."""
-        return super().forward(x.reshape(-1, x.shape[-1])).view(x.shape)
+    def forward(self, x: Tensor, *, active: bool = False) -> Tensor:
+        """``(..., C)`` to the same; ``active``: through a ReLU.
+
+        Done in place on a view, it would copy the whole gradient twice.
+        """
+        normed = super().forward(x.reshape(-1, x.shape[-1]))
+        return (normed.relu_() if active else normed).view(x.shape)
 
 
 class StGcn(nn.Module):
@@ -127,11 +122,25 @@ class StGcn(nn.Module):
         random : draws what is dropped; none, nothing is
         """
         # In place where torch allows: these are the largest tensors of all.
-        spatial = self.norms[0](self.graph(x).relu_()).relu_()
+        spatial = self.norms[0](self.graph(x).relu_(), active=True)
         out = drop(self.norms[1](self.time(spatial)), self.dropout, random)
         if self.residual:
-            out = out + self.shortcut(x[:: self.stride])
+            # A slice of everything would cost its gradient two passes over memory.
+            out = out + self.shortcut(x if self.stride == 1 else x[:: self.stride])
         return out.relu_() if self.active else out
+
+
+class Joined(nn.Linear):
+    """A dense layer on channels that lie apart: to join them would copy them and their slopes."""
+
+    def forward(self, *parts: Tensor) -> Tensor:
+        """``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``."""
+        rows = [part.reshape(-1, part.shape[-1]) for part in parts]
+        weights = torch.split(self.weight, [part.shape[1] for part in rows], dim=1)
+        out = nn.functional.linear(rows[0], weights[0], self.bias)
+        for part, weight in zip(rows[1:], weights[1:], strict=True):
+            out.addmm_(part, weight.T)
+        return out.view(*parts[0].shape[:-1], -1)
 
 
 class Head(nn.Module):
@@ -140,14 +149,14 @@ class Head(nn.Module):
     def __init__(self, hidden: int, out_channels: int) -> None:
         super().__init__()
         self.layers = nn.ModuleList(
-            [nn.Linear(hidden, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, out_channels)]
+            [Joined(hidden, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, out_channels)]
         )
 
-    def forward(self, x: Tensor) -> Tensor:
-        """``(..., h)`` to ``(..., C)``."""
-        for layer in self.layers[:-1]:
-            x = nn.functional.leaky_relu(layer(x), LEAK)
-        out: Tensor = self.layers[-1](x)
+    def forward(self, *parts: Tensor) -> Tensor:
+        """``(..., h)``, in one part or several, to ``(..., C)``."""
+        first, second, last = self.layers
+        x = second(nn.functional.leaky_relu(first(*parts), LEAK))
+        out: Tensor = last(nn.functional.leaky_relu(x, LEAK))
         return out
 
 

@@ -154,6 +154,7 @@ class SkeletonPrior(nn.Module):
             template[:, :, other],
             scales[:, other],
             self.unit,
+            self.tree,
         )
 
     def _place(self, character: Character, field: Tensor, given: Given) -> Tensor:

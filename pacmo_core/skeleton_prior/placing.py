@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.graph import parents_of, paths
 from pacmo_core.skeleton_prior.limbs import Limb, bend, settling, standing
-from pacmo_core.skeleton_prior.products import along_joints
+from pacmo_core.skeleton_prior.products import over_joints
 
 # Metres: below this a bone's direction is left to the network.
 LEAST = 1e-6
@@ -72,7 +72,7 @@ class Tree(nn.Module):
         """Place what a zero field places, (B, T, J, 3) metres; at scale 1 that is the template."""
         return self.forward(torch.zeros_like(template), template, scales)
 
-    def coming_along(self, shift: Tensor, template: Tensor, scales: Tensor) -> Tensor:
+    def starting_field(self, shift: Tensor, template: Tensor, scales: Tensor) -> Tensor:
         """Give the field from which a network starts: what the mesh asks of a body as a whole.
 
         The trunk goes where the partner asks it to, and rises with legs that grow. An end that does
@@ -139,4 +139,4 @@ class Tree(nn.Module):
     def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
         at_root = torch.zeros_like(self.paths[0])
         at_root[self.root] = 1
-        return along_joints(self.paths, bones + at_root[:, None] * (root[:, :, None] - bones))
+        return over_joints(self.paths, bones + at_root[:, None] * (root[:, :, None] - bones))

@@ -104,6 +104,7 @@ class Running(torch.autograd.Function):
         links, folded : as ``GraphGru.weights`` has them
         told, bias : (3h, C) and (3h,), of what comes in
         """
+        x = x.contiguous()
         n_frames, n_joints, n_rows, hidden = len(x), *start.shape
         # Without gradients one place serves all frames.
         n_kept = n_frames if any(ctx.needs_input_grad) else 1
@@ -112,15 +113,14 @@ class Running(torch.autograd.Function):
         # Of each frame: reset, update and candidate; what the candidate hears through the reset.
         opened = x.new_empty(n_kept, n_joints * n_rows, 3 * hidden)
         heard = x.new_empty(n_kept, n_joints * n_rows, hidden)
-        mixed, gates = torch.empty_like(heard[0]), torch.empty_like(opened[0])
+        mixed = torch.empty_like(heard[0])
         for frame in range(n_frames):
             state, kept = states[frame], frame % n_kept
             torch.mm(links, state.flatten(1), out=mixed.view(n_joints, -1))
-            torch.mm(mixed, folded, out=gates)
             all_three = torch.addmm(bias, _rows(x[frame]), told.T, out=opened[kept])
             both, candidate = all_three[:, : 2 * hidden], all_three[:, 2 * hidden :]
-            both.add_(gates[:, : 2 * hidden]).sigmoid_()
-            heard[kept] = gates[:, 2 * hidden :]
+            both.addmm_(mixed, folded[:, : 2 * hidden]).sigmoid_()
+            torch.mm(mixed, folded[:, 2 * hidden :], out=heard[kept])
             candidate.addcmul_(both[:, :hidden], heard[kept])
             # tanh x = 2 s(2x) - 1: torch's own takes six times as long.
             candidate.mul_(2).sigmoid_().mul_(2).sub_(1)
@@ -132,7 +132,8 @@ class Running(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, ...]:
         """Give the gradients of all six."""
         x, links, folded, told, states, opened, heard = ctx.saved_tensors
-        n_frames, n_joints, n_rows, hidden = gradients[0].shape
+        gradient = gradients[0].contiguous()
+        n_frames, n_joints, n_rows, hidden = gradient.shape
         d_x, carried = torch.empty_like(x), torch.zeros_like(heard[0])
         d_links, d_folded, d_told = (torch.zeros_like(each) for each in (links, folded, told))
         d_bias = torch.zeros_like(told[:, 0])
@@ -143,7 +144,7 @@ class Running(torch.autograd.Function):
             state = _rows(states[frame])
             both, candidate = opened[frame, :, : 2 * hidden], opened[frame, :, 2 * hidden :]
             reset, update = both[:, :hidden], both[:, hidden:]
-            total = carried.add_(_rows(gradients[0][frame]))
+            total = carried.add_(_rows(gradient[frame]))
             through = torch.addcmul(total, total, update, value=-1)
             d_candidate = torch.ops.aten.tanh_backward(through, candidate)
             torch.mul(d_candidate, heard[frame], out=d_in[:, :hidden])
@@ -161,9 +162,8 @@ class Running(torch.autograd.Function):
             torch.mm(d_heard, folded.T, out=d_mixed)
             d_links.addmm_(d_mixed.view(n_joints, -1), state.view(n_joints, -1).T)
             carried.mul_(update).view(n_joints, -1).addmm_(links.T, d_mixed.view(n_joints, -1))
-        start = carried.view(n_joints, n_rows, hidden)
-        return d_x, start, d_links, d_folded, d_told, d_bias
+        return d_x, carried.view(n_joints, n_rows, hidden), d_links, d_folded, d_told, d_bias
 
 
 def _rows(x: Tensor) -> Tensor:
-    return x.reshape(-1, x.shape[-1])
+    return x.view(-1, x.shape[-1])

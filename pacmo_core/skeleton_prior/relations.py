@@ -36,7 +36,7 @@ def pulls(own: Tensor, partner: Tensor, own_change: Tensor, partner_change: Tens
     return torch.cat([pull, contact, touched, asked[..., 3:] - own], dim=-1)
 
 
-def asked_along(own: Tensor, partner: Tensor, partner_change: Tensor) -> Tensor:
+def asked_shift(own: Tensor, partner: Tensor, partner_change: Tensor) -> Tensor:
     """By how much the partner's change asks a body as a whole to come along.
 
     Where a body goes so far, and changes in no other way, the mesh between the two is on average

@@ -275,13 +275,13 @@ class PlainTree(Tree):
 
 def made_plain(model: SkeletonPrior) -> SkeletonPrior:
     """Write a network of our form plainly, in place, its weights kept."""
+    model.tree = PlainTree(model.config.skeleton, model.config.limbs)
     for character in (model.first, model.second):
         if not isinstance(character, KinematicCharacter):
             raise TypeError(f"wanted our form; got {type(character).__name__}")
-        tree = PlainTree(model.config.skeleton, model.config.limbs)
         parts = {
-            "tree": tree,
-            "place": tree,
+            "tree": model.tree,
+            "place": model.tree,
             "encoder": PlainEncoder(character.encoder),
             "decoder": PlainDecoder(character.decoder),
         }

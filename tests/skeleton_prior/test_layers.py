@@ -129,6 +129,19 @@ def test_the_graph_grus_gradients_are_its_slopes():
     assert slopes_hold(layer, (3, 15, 2, 2), (15, 2, 3))
 
 
+def test_the_graph_gru_gives_its_gradient_to_an_input_laid_out_otherwise():
+    layer = shaken(GraphGru(adjacency(SBU15), 2, 3))
+    state = torch.zeros(15, 4, 3)
+    rows = torch.randn(4, 6, 15, 2, generator=generator())
+    found = []
+    for laid_out in (rows.permute(1, 2, 0, 3), by_frame(rows)):
+        x = laid_out.detach().requires_grad_()
+        layer(x, state).square().sum().backward()
+        found.append(x.grad)
+    assert found[1].abs().max() > 0
+    torch.testing.assert_close(*found)
+
+
 def test_the_graph_gru_is_its_corrected_equation():
     fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
     x = torch.randn(3, 7, 15, 5, generator=generator())

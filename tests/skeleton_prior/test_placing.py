@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from pacmo_core.skeleton import DUET15, NTU25
 from pacmo_core.skeleton_prior.limbs import bend, find_limbs, settling
 from pacmo_core.skeleton_prior.placing import Offsets, Tree
-from pacmo_core.skeleton_prior.relations import asked_along, pulls
+from pacmo_core.skeleton_prior.relations import asked_shift, pulls
 from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
 from tests.skeleton_prior.plain import PlainTree
 
@@ -165,7 +165,7 @@ def test_a_root_that_moves_leaves_hands_and_feet_in_their_places():
 def test_a_body_that_comes_along_keeps_the_mesh_as_it_was_on_average(seed):
     random = generator(seed)
     own, partner, change = torch.randn(3, 1, 4, 15, 3, generator=random)
-    shift = asked_along(own, partner, change)
+    shift = asked_shift(own, partner, change)
     lags = pulls(own, partner, shift[:, :, None].expand_as(own), change)[..., :3]
     torch.testing.assert_close(lags.mean(dim=2), torch.zeros_like(shift), atol=1e-6, rtol=0)
 
@@ -176,7 +176,7 @@ def test_a_body_comes_along_but_for_what_stands():
     template[..., 1] -= template[:, :, ends[0], 1:2]  # that end on the ground, all frames
     template[:, :, ends[1], 1] = 5.0
     shift = torch.tensor([0.02, -0.03, 0.01]).expand(*template.shape[:2], 3)
-    field = tree.coming_along(shift, template, torch.ones_like(scales))
+    field = tree.starting_field(shift, template, torch.ones_like(scales))
     torch.testing.assert_close(field[:, :, tree.root], shift)
     torch.testing.assert_close(field[:, :, ends[0]], torch.zeros_like(shift))
     torch.testing.assert_close(field[:, :, ends[1]], shift, atol=1e-5, rtol=0)
@@ -188,7 +188,7 @@ def test_a_body_whose_legs_grow_rises_by_a_part_of_it_and_takes_half_its_hands_a
     template[..., 1] -= template[..., 1].amin()
     template[:, :, ends[1], 1] = 5.0
     scales = torch.full_like(scales, 1.2)
-    field = tree.coming_along(torch.zeros(*template.shape[:2], 3), template, scales)
+    field = tree.starting_field(torch.zeros(*template.shape[:2], 3), template, scales)
     risen = (tree.naive(template, scales) - template)[:, :, tree.root, 1]
     assert risen.max() > 0.05
     torch.testing.assert_close(field[:, :, tree.root, 1], 0.25 * risen.clamp_min(0))
