@@ -31,9 +31,7 @@ from tests.skeleton_prior.plain import made_plain
 
 N_FRAMES, STRIDE, WINDOW, BATCH = 363, 3, 24, 32
 LIMBS = ((4, 5, 6), (8, 9, 10), (12, 13, 14), (16, 17, 18))
-WEIGHTS = LossWeights(
-    divergence=1e-3, bodies=0.1, bones=1.0, pairs=0.5, distances=2.0, acceleration=0.1
-)
+WEIGHTS = LossWeights(divergence=1e-3, bones=1.0, pairs=0.5, distances=2.0, acceleration=0.1)
 N_ROUNDS = 3
 N_TURNS = 15
 

@@ -8,6 +8,9 @@ from pacmo_core.skeleton_prior.character import Code, Gaussian
 HIDDEN, LATENT = 64, 16
 # Scales lie within 1 +- this; the data's within 0.25.
 REACH = 0.3
+# To how much of their own length bones are to come back: less, and draws vary less than the data.
+PRECISION = 3e-3
+BATCH, LEARNING_RATE = 64, 2e-3
 
 
 class Bodies(nn.Module):
@@ -41,3 +44,27 @@ class Bodies(nn.Module):
         """Draw n bodies, (n, J)."""
         latent = torch.randn(n, LATENT, generator=random)
         return self.decode(latent.to(self.into.weight.device))
+
+
+def learn(bodies: Bodies, scales: Tensor, *, n_steps: int, random: torch.Generator) -> None:
+    """Learn the bodies of the data, in place, by the evidence lower bound; no more after that.
+
+    By itself: it shares nothing with the characters, and in the few steps that a small set gives
+    them its draws would stay what its weights began with.
+
+    Parameters
+    ----------
+    scales : (N, J)
+    """
+    optimiser = torch.optim.Adam(bodies.parameters(), lr=LEARNING_RATE)
+    slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, n_steps)
+    for _ in range(n_steps):
+        batch = scales[torch.randint(len(scales), (BATCH,), generator=random)]
+        code = bodies.encode(batch)
+        errors = (bodies.decode(code.draw(random)) - batch) / PRECISION
+        bound = 0.5 * errors.square().sum(dim=1).mean() + LATENT * code.divergence()
+        optimiser.zero_grad()
+        bound.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        optimiser.step()
+        slower.step()
+    bodies.requires_grad_(False)

@@ -19,7 +19,6 @@ class LossWeights:
     Parameters
     ----------
     divergence : of the latents, a mean element
-    bodies : of the error of scales and the divergence of their latents
     bones : of the error of bones' lengths
     pairs : of the error of distances between the bodies, near ones first
     distances : of the same, all alike
@@ -27,7 +26,6 @@ class LossWeights:
     """
 
     divergence: float
-    bodies: float
     bones: float
     pairs: float
     distances: float
@@ -37,7 +35,7 @@ class LossWeights:
 def terms(
     answer: Answer, varied: Tensor, template: Tensor, parents: Tensor, unit: Tensor
 ) -> dict[str, Tensor]:
-    """Take every term but the bodies'.
+    """Take every term.
 
     Parameters
     ----------

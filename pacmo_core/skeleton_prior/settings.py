@@ -17,6 +17,7 @@ class PriorSettings:
     window: int  # frames, so far apart, of a row in a batch
     dropout: float
     weights: LossWeights
+    body_steps: int  # in which the prior of bodies learns, before all else
     warmup_epochs: int  # in which the divergence's weight rises to its own
     turn: bool  # show each row from any side
     swap: bool  # let the characters swap roles, where the model knows both bodies
@@ -28,8 +29,8 @@ class PriorSettings:
     checkpoint_every: int  # epochs
 
     def __post_init__(self) -> None:
-        if min(self.stride, self.window, self.warmup_epochs) < 1:
+        if min(self.stride, self.window, self.body_steps, self.warmup_epochs) < 1:
             raise ValueError(
-                "stride, window and warmup_epochs must be at least 1; "
-                f"got {self.stride}, {self.window}, {self.warmup_epochs}"
+                "stride, window, body_steps and warmup_epochs must be at least 1; got "
+                f"{self.stride}, {self.window}, {self.body_steps}, {self.warmup_epochs}"
             )

@@ -11,6 +11,7 @@ from torch import Tensor
 from pacmo_core.pacmo.config import skeleton_from
 from pacmo_core.pacmo.fit import Fit
 from pacmo_core.pacmo.supervised import Supervised
+from pacmo_core.skeleton_prior.bodies import learn
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
 from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
@@ -62,9 +63,7 @@ class PriorTraining(Supervised[SkeletonPrior]):
         settings = self.prior_settings
         own = torch.Generator().manual_seed(int(torch.randint(2**62, (), generator=self.random)))
         pairs = self._batch(rows, own)
-        # Before roles are swapped the first body is the one that changes.
-        bodies = body_loss(self.model, self.examples.scales[rows, 0], settings, self.warm, own)
-        return bodies + objective(self.model, pairs, settings, self.warm, own)
+        return objective(self.model, pairs, settings, self.warm, own)
 
     def _batch(self, rows: Tensor, own: torch.Generator) -> Pairs:
         settings = self.prior_settings
@@ -76,20 +75,6 @@ class PriorTraining(Supervised[SkeletonPrior]):
         if settings.swap and self.model.both_roles:
             pairs = pairs.swapped(swaps.to(pairs.template.device))
         return pairs
-
-
-def body_loss(
-    model: SkeletonPrior,
-    scales: Tensor,
-    settings: PriorSettings,
-    warm: float,
-    random: torch.Generator,
-) -> Tensor:
-    """Take the loss of the VAE of bodies (B, J): it learns the same beside every model."""
-    code = model.bodies.encode(scales)
-    error = (model.bodies.decode(code.draw(random)) - scales).abs().mean()
-    weights = settings.weights
-    return weights.bodies * (error + warm * weights.divergence * code.divergence())
 
 
 def objective(
@@ -139,6 +124,12 @@ def fit(
         )
     )
     initialise(model.bodies, random)
+    learn(
+        model.bodies,
+        learnt.scales[:, 0].cpu(),  # the first body is the one that changes
+        n_steps=settings.body_steps,
+        random=random,
+    )
     initialise(model.first, random)
     initialise(model.second, random)
     model.measure(learnt)

@@ -92,8 +92,9 @@ def settings(**changes: object) -> PriorSettings:
         "window": 9,
         "dropout": 0.1,
         "weights": LossWeights(
-            divergence=1e-3, bodies=0.1, bones=1.0, pairs=0.5, distances=2.0, acceleration=0.1
+            divergence=1e-3, bones=1.0, pairs=0.5, distances=2.0, acceleration=0.1
         ),
+        "body_steps": 20,
         "warmup_epochs": 2,
         "turn": True,
         "swap": True,

@@ -6,8 +6,10 @@ import torch
 
 from pacmo_core.pacmo.fit import state
 from pacmo_core.skeleton_prior import training
+from pacmo_core.skeleton_prior.bodies import Bodies, learn
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
 from pacmo_core.skeleton_prior.forms import FORMS
+from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.splits import Fact
 from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
 
@@ -61,6 +63,24 @@ def test_bodies_are_the_same_beside_every_model():
         for name in ("f_gcn", "kinematic")
     )
     assert same(state(one.bodies), state(other.bodies))
+
+
+@pytest.mark.parametrize("n", [6, 100])
+def test_drawn_bodies_vary_as_much_as_those_of_the_data_however_few_these_are(n):
+    random = generator()
+    scales = torch.ones(n, 20)
+    scales[torch.arange(n), torch.randint(1, 20, (n,), generator=random)] = 1.03
+    scales[: n // 3, 1:] = 0.98
+    bodies = Bodies(20, 0)
+    initialise(bodies, random)
+    before, wanted = spread(bodies.sample(500, random)), spread(scales)
+    learn(bodies, scales, n_steps=1000, random=random)
+    assert before / wanted > 2
+    assert 2 / 3 < spread(bodies.sample(500, random)) / wanted < 3 / 2
+
+
+def spread(scales: torch.Tensor) -> float:
+    return (scales - 1).square().mean().sqrt().item()
 
 
 def test_a_model_comes_back_from_its_state():
