@@ -57,12 +57,13 @@ def over_seeds(seeds: list[dict[str, dict[str, float]]], confidence: float) -> d
 
 
 def interval(values: list[float], confidence: float) -> dict[str, float]:
-    """Give a mean and Student's interval for it; of one value, the value thrice."""
-    mean, reach = float(np.mean(values)), 0.0
+    """Give a mean and Student's interval for it; of one value the mean alone."""
+    mean = float(np.mean(values))
+    bounds = {"mean": mean}
     if len(values) > 1:
         error = float(np.std(values, ddof=1)) / len(values) ** 0.5
         reach = error * float(student.ppf((1 + confidence) / 2, len(values) - 1))
-    bounds = {"mean": mean, "low": mean - reach, "high": mean + reach}
+        bounds |= {"low": mean - reach, "high": mean + reach}
     return {name: float(f"{value:.6g}") for name, value in bounds.items()}
 
 

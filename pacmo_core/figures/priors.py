@@ -175,7 +175,7 @@ def _cell(found: Found, model: str, block: Block, printed: str) -> Entry:
     spread = [
         f"{number(block.factor * cell['low'])} … {number(block.factor * cell['high'])}"
         for cell in cells
-        if cell["low"] < cell["high"]
+        if "low" in cell
     ]
     complete = {m: own for m, own in found.items() if all(part in own for part in block.parts)}
     best = min(complete, key=lambda m: _mean(complete[m], block))
