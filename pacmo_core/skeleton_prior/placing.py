@@ -10,8 +10,9 @@ from pacmo_core.skeleton_prior.products import over_joints
 
 # Metres: below this a bone's direction is left to the network.
 LEAST = 1e-6
-# Share of what scaled legs would raise a body by that it rises: knees bend for the rest.
-RISE = 0.25
+# Share of what limbs of other lengths would ask for, were they to keep their angles, that they get:
+# for the rest they bend.
+KEPT = 0.3
 
 
 class Offsets(nn.Module):
@@ -75,8 +76,9 @@ class Tree(nn.Module):
     def starting_field(self, shift: Tensor, template: Tensor, scales: Tensor) -> Tensor:
         """Give the field from which a network starts: what the mesh asks of a body as a whole.
 
-        The trunk goes where the partner asks it to, and rises with legs that grow. An end that does
-        not stand is tied to its own arm as much as to the partner, so it goes half with each.
+        The trunk goes where the partner asks it to, and some of the way to where legs that stand
+        would keep their angles. An end that does not stand is tied to its own arm as much as to the
+        partner, so it goes half with each, and some of the way to where its arm would keep its.
 
         Parameters
         ----------
@@ -88,13 +90,18 @@ class Tree(nn.Module):
         -------
         (B, T, J, 3)
         """
-        starts, _, ends = self.limbs.T
+        starts, middles, ends = self.limbs.T
+        before = self.bones(template)
+        bones = before * scales[:, None, :, None]
+        root = template[:, :, self.root] + self._settled(bones, template)
+        raised = (self._placed(bones, root) - template)[:, :, starts]
+        longer = (bones - before)[:, :, middles] + (bones - before)[:, :, ends]
+        stands = standing(template[:, :, ends])
+        sunk = (stands * (raised + longer)).sum(dim=2) / stands.sum(dim=2).clamp_min(1)
         field = torch.zeros_like(template)
-        grown = (self.naive(template, scales) - template)[:, :, self.root]
-        field[:, :, self.root] = shift + RISE * grown.clamp_min(0)
+        field[:, :, self.root] = shift - KEPT * sunk
         carried = (self.forward(field, template, scales) - template)[:, :, starts]
-        free = 1 - standing(template[:, :, ends])
-        field[:, :, ends] = free * (shift[:, :, None] + carried) / 2
+        field[:, :, ends] = (1 - stands) * ((shift[:, :, None] + carried) / 2 + KEPT * longer)
         return field
 
     def naive(self, template: Tensor, scales: Tensor) -> Tensor:

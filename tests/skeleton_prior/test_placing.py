@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 from pacmo_core.skeleton import DUET15, NTU25
 from pacmo_core.skeleton_prior.limbs import bend, find_limbs, settling
-from pacmo_core.skeleton_prior.placing import Offsets, Tree
+from pacmo_core.skeleton_prior.placing import KEPT, Offsets, Tree
 from pacmo_core.skeleton_prior.relations import asked_shift, pulls
 from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
 from tests.skeleton_prior.plain import PlainTree
@@ -182,19 +182,21 @@ def test_a_body_comes_along_but_for_what_stands():
     torch.testing.assert_close(field[:, :, ends[1]], shift, atol=1e-5, rtol=0)
 
 
-def test_a_body_whose_legs_grow_rises_by_a_part_of_it_and_takes_half_its_hands_along():
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_limb_that_grows_keeps_a_part_of_its_angles(stands):
     tree, template, scales, _ = case(2)
-    starts, _, ends = tree.limbs.T
-    template[..., 1] -= template[..., 1].amin()
-    template[:, :, ends[1], 1] = 5.0
-    scales = torch.full_like(scales, 1.2)
-    field = tree.starting_field(torch.zeros(*template.shape[:2], 3), template, scales)
-    risen = (tree.naive(template, scales) - template)[:, :, tree.root, 1]
-    assert risen.max() > 0.05
-    torch.testing.assert_close(field[:, :, tree.root, 1], 0.25 * risen.clamp_min(0))
-    placed = tree(field, template, scales)
-    carried = (placed - template)[:, :, starts[1]]
-    torch.testing.assert_close(field[:, :, ends[1]], carried / 2, atol=1e-6, rtol=1e-5)
+    start, middle, end = tree.limbs[0]
+    template[..., 1] -= template[:, :, end, 1:2]
+    template[:, :, tree.limbs[1:, 2], 1] = 5.0
+    if not stands:
+        template[..., 1] += 5.0
+    longer = torch.ones_like(scales)
+    longer[:, [middle, end]] = 1.2
+    nowhere = torch.zeros(*template.shape[:2], 3)
+    field = tree.starting_field(nowhere, template, longer)
+    wanted = KEPT * 0.2 * (template[:, :, end] - template[:, :, start])
+    torch.testing.assert_close(field[:, :, tree.root], -wanted if stands else nowhere)
+    torch.testing.assert_close(field[:, :, end], nowhere if stands else wanted)
 
 
 def test_a_field_at_a_hand_takes_it_there():
