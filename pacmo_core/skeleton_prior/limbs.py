@@ -18,6 +18,8 @@ STANDING = 0.2
 STRAIGHT = 0.05
 # Likewise of the way to the side, whose unit is about 1.
 SHORT = 0.1
+# What it costs to move the middle of a limb, of what it costs to leave a body where it was.
+RESISTANCE = 0.02
 # Metres: shorter ways have no direction.
 LEAST = 1e-6
 
@@ -56,7 +58,7 @@ def _chain(skeleton: Skeleton, leaf: int) -> list[int]:
 
 
 def settling(start: Tensor, end: Tensor, reach: Tensor) -> Tensor:
-    """Move a body to where its standing limbs reach the ground: ``(..., 3)`` metres.
+    """Move a body to where its standing limbs reach the ground on average: ``(..., 3)`` metres.
 
     Parameters
     ----------
@@ -66,10 +68,33 @@ def settling(start: Tensor, end: Tensor, reach: Tensor) -> Tensor:
     way = end - start
     distance = way.norm(dim=-1, keepdim=True).clamp_min(LEAST)
     short = (distance - reach[..., None]).clamp_min(0)
-    weight = standing(end) * short
-    moved: Tensor = (weight * short * way / distance).sum(dim=-2)
-    total: Tensor = weight.sum(dim=-2).clamp_min(LEAST)
-    return moved / total
+    return mean_of_standing(short * way / distance, end)
+
+
+def mean_of_standing(moves: Tensor, ends: Tensor) -> Tensor:
+    """``(..., L, 3)`` of limbs to ``(..., 3)``, of those whose ends stand; zero where none does."""
+    stands = standing(ends)
+    mean: Tensor = (stands * moves).sum(dim=-2) / stands.sum(dim=-2).clamp_min(1)
+    return mean
+
+
+def stiffness(start: Tensor, middle: Tensor, end: Tensor) -> tuple[Tensor, Tensor]:
+    """Say which way a limb resists, ``(..., 3)`` unit length, and how much, ``(..., 1)`` 0 to 1.
+
+    To end a little nearer to where it starts, a limb must bend, its middle going aside as much more
+    as it is straighter: by the length of the limb over four times how far the middle stands aside.
+
+    Parameters
+    ----------
+    start, middle, end : (..., 3), metres
+    """
+    way = end - start
+    length = way.norm(dim=-1, keepdim=True).clamp_min(LEAST)
+    axis = way / length
+    bent = middle - start
+    aside = (bent - (bent * axis).sum(dim=-1, keepdim=True) * axis).norm(dim=-1, keepdim=True)
+    resists = RESISTANCE * (length / (4 * aside.clamp_min(LEAST))) ** 2
+    return axis, resists / (1 + resists)
 
 
 def standing(ends: Tensor) -> Tensor:

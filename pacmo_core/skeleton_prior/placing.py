@@ -5,7 +5,14 @@ from torch import Tensor, nn
 
 from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.graph import parents_of, paths
-from pacmo_core.skeleton_prior.limbs import Limb, bend, settling, standing
+from pacmo_core.skeleton_prior.limbs import (
+    Limb,
+    bend,
+    mean_of_standing,
+    settling,
+    standing,
+    stiffness,
+)
 from pacmo_core.skeleton_prior.products import over_joints
 
 # Metres: below this a bone's direction is left to the network.
@@ -76,9 +83,10 @@ class Tree(nn.Module):
     def starting_field(self, shift: Tensor, template: Tensor, scales: Tensor) -> Tensor:
         """Give the field from which a network starts: what the mesh asks of a body as a whole.
 
-        The trunk goes where the partner asks it to, and some of the way to where legs that stand
-        would keep their angles. An end that does not stand is tied to its own arm as much as to the
-        partner, so it goes half with each, and some of the way to where its arm would keep its.
+        The trunk goes where the partner asks it to, but for what legs that stand resist, and some
+        of the way to where these would keep their angles; all of it, were they straight. An end
+        that does not stand is tied to its own arm as much as to the partner, so it goes half with
+        each, and some of the way to where its arm would keep its angles.
 
         Parameters
         ----------
@@ -96,12 +104,14 @@ class Tree(nn.Module):
         root = template[:, :, self.root] + self._settled(bones, template)
         raised = (self._placed(bones, root) - template)[:, :, starts]
         longer = (bones - before)[:, :, middles] + (bones - before)[:, :, ends]
-        stands = standing(template[:, :, ends])
-        sunk = (stands * (raised + longer)).sum(dim=2) / stands.sum(dim=2).clamp_min(1)
+        axis, stiff = stiffness(*(template[:, :, joints] for joints in (starts, middles, ends)))
+        kept = (KEPT + (1 - KEPT) * stiff) * (raised + longer) + stiff * shift[:, :, None]
+        resisted = (kept * axis).sum(dim=-1, keepdim=True) * axis
         field = torch.zeros_like(template)
-        field[:, :, self.root] = shift - KEPT * sunk
+        field[:, :, self.root] = shift - mean_of_standing(resisted, template[:, :, ends])
         carried = (self.forward(field, template, scales) - template)[:, :, starts]
-        field[:, :, ends] = (1 - stands) * ((shift[:, :, None] + carried) / 2 + KEPT * longer)
+        free = 1 - standing(template[:, :, ends])
+        field[:, :, ends] = free * ((shift[:, :, None] + carried) / 2 + KEPT * longer)
         return field
 
     def naive(self, template: Tensor, scales: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ import torch
 from hypothesis import given, settings
 
 from pacmo_core.skeleton import DUET15, NTU25
-from pacmo_core.skeleton_prior.limbs import bend, find_limbs, settling
+from pacmo_core.skeleton_prior.limbs import RESISTANCE, bend, find_limbs, settling
 from pacmo_core.skeleton_prior.placing import KEPT, Offsets, Tree
 from pacmo_core.skeleton_prior.relations import asked_shift, pulls
 from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
@@ -101,6 +101,8 @@ def test_a_body_sinks_by_what_its_legs_lack():
     torch.testing.assert_close(moved, torch.tensor([0.0, -0.2, 0.0]))
     still = settling(start, end, torch.tensor([1.2]))
     torch.testing.assert_close(still, torch.zeros(3))
+    one_of_two = settling(start.expand(2, 3), end.expand(2, 3), torch.tensor([0.8, 1.2]))
+    torch.testing.assert_close(one_of_two, moved / 2)
 
 
 def test_limbs_are_found_by_their_shape():
@@ -170,33 +172,54 @@ def test_a_body_that_comes_along_keeps_the_mesh_as_it_was_on_average(seed):
     torch.testing.assert_close(lags.mean(dim=2), torch.zeros_like(shift), atol=1e-6, rtol=0)
 
 
-def test_a_body_comes_along_but_for_what_stands():
+def standing_on_one(template: torch.Tensor, tree: Tree, aside: float) -> torch.Tensor:
+    """Set a body up on its first limb, whose middle stands aside; other limbs far in the air."""
+    start, middle, end = tree.limbs[0]
+    template[:, :, end] = torch.tensor([0.3, 0.0, 0.1])
+    template[:, :, start] = template[:, :, end] + torch.tensor([0.0, 0.8, 0.0])
+    template[:, :, middle] = template[:, :, end] + torch.tensor([aside, 0.4, 0.0])
+    template[:, :, tree.limbs[1:, 2], 1] = 5.0
+    return template
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.1, 0.4])
+def test_a_body_comes_along_but_for_what_stands_and_legs_resist(aside):
     tree, template, scales, _ = case(2)
-    _starts, _, ends = tree.limbs.T
-    template[..., 1] -= template[:, :, ends[0], 1:2]  # that end on the ground, all frames
-    template[:, :, ends[1], 1] = 5.0
+    template = standing_on_one(template, tree, aside)
     shift = torch.tensor([0.02, -0.03, 0.01]).expand(*template.shape[:2], 3)
     field = tree.starting_field(shift, template, torch.ones_like(scales))
-    torch.testing.assert_close(field[:, :, tree.root], shift)
+    # The height that minimises the way not gone along and that of the middle, weighed, squared.
+    slope = 0.8 / (4 * aside) if aside else 1e6
+    wanted = shift * torch.tensor([1.0, 1 / (1 + RESISTANCE * slope**2), 1.0])
+    torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-5, rtol=1e-4)
+    ends = tree.limbs[:, 2]
     torch.testing.assert_close(field[:, :, ends[0]], torch.zeros_like(shift))
-    torch.testing.assert_close(field[:, :, ends[1]], shift, atol=1e-5, rtol=0)
+    torch.testing.assert_close(field[:, :, ends[1]], (shift + wanted) / 2, atol=1e-5, rtol=1e-4)
 
 
-@pytest.mark.parametrize("stands", [True, False])
-def test_a_limb_that_grows_keeps_a_part_of_its_angles(stands):
+@pytest.mark.parametrize(("aside", "share"), [(0.0, 1.0), (0.4, KEPT)])
+def test_a_leg_that_grows_raises_the_body_all_the_more_the_straighter_it_is(aside, share):
+    tree, template, scales, _ = case(2)
+    template = standing_on_one(template, tree, aside)
+    longer = torch.ones_like(scales)
+    longer[:, tree.limbs[0, 1:]] = 1.2
+    nowhere = torch.zeros(*template.shape[:2], 3)
+    field = tree.starting_field(nowhere, template, longer)
+    wanted = torch.tensor([0.0, share * 0.2 * 0.8, 0.0]).expand_as(nowhere)
+    torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-3, rtol=0)
+
+
+def test_an_arm_that_grows_reaches_further_by_a_part_of_it():
     tree, template, scales, _ = case(2)
     start, middle, end = tree.limbs[0]
-    template[..., 1] -= template[:, :, end, 1:2]
-    template[:, :, tree.limbs[1:, 2], 1] = 5.0
-    if not stands:
-        template[..., 1] += 5.0
+    template[..., 1] += 5.0
     longer = torch.ones_like(scales)
     longer[:, [middle, end]] = 1.2
     nowhere = torch.zeros(*template.shape[:2], 3)
     field = tree.starting_field(nowhere, template, longer)
+    torch.testing.assert_close(field[:, :, tree.root], nowhere)
     wanted = KEPT * 0.2 * (template[:, :, end] - template[:, :, start])
-    torch.testing.assert_close(field[:, :, tree.root], -wanted if stands else nowhere)
-    torch.testing.assert_close(field[:, :, end], nowhere if stands else wanted)
+    torch.testing.assert_close(field[:, :, end], wanted)
 
 
 def test_a_field_at_a_hand_takes_it_there():
