@@ -114,17 +114,6 @@ class Tree(nn.Module):
         field[:, :, ends] = free * ((shift[:, :, None] + carried) / 2 + KEPT * longer)
         return field
 
-    def naive(self, template: Tensor, scales: Tensor) -> Tensor:
-        """Scale bones along their own directions, each body for itself: what guesses must beat.
-
-        The root stays above its place, and the lowest joint at its height.
-        """
-        bones = self.bones(template) * scales[:, None, :, None]
-        placed = self._placed(bones, template[:, :, self.root])
-        lift = template[..., 1].amin(dim=-1) - placed[..., 1].amin(dim=-1)
-        up = torch.tensor([0.0, 1.0, 0.0], device=template.device)
-        return placed + lift[..., None, None] * up
-
     def bones(self, motion: Tensor) -> Tensor:
         """``(..., J, 3)`` vectors from each joint's parent; the root's is zero."""
         return motion - motion[..., self.parents, :]

@@ -10,7 +10,7 @@ from pacmo_core.skeleton import DUET15, NTU25
 from pacmo_core.skeleton_prior.limbs import RESISTANCE, bend, find_limbs, settling
 from pacmo_core.skeleton_prior.placing import KEPT, Offsets, Tree
 from pacmo_core.skeleton_prior.relations import asked_shift, pulls
-from tests.skeleton_prior.bodies import SMALL, generator, grown, interaction
+from tests.skeleton_prior.bodies import SMALL, generator, interaction
 from tests.skeleton_prior.plain import PlainTree
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=30)
@@ -59,15 +59,6 @@ def test_hands_and_feet_stay_where_limbs_reach(seed):
     within = (wanted < 0.998 * reach) & (wanted > 1.01 * least.abs() + 1e-3)
     missed = (placed[:, :, ends] - template[:, :, ends]).norm(dim=-1)
     assert missed[within].max() < 1e-4
-
-
-def test_naive_scaling_is_joint_by_joint_and_keeps_the_lowest_joints_height():
-    tree, template, scales, _ = case(3)
-    placed = tree.naive(template, scales)
-    own = scales[0, torch.tensor(SMALL.bones[:, 1])].double().numpy()
-    plain = grown(template[0].double().numpy(), SMALL, own)
-    plain[..., 1] += (template[0].amin(1)[:, 1].numpy() - plain[..., 1].min(axis=1))[:, None]
-    np.testing.assert_allclose(placed[0].numpy(), plain, atol=1e-5)
 
 
 def test_offsets_are_added_to_the_template():
