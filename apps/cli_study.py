@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from apps.failure import CommandError, told_reading
-from apps.study_draw import MOTIONS, draw_items
+from apps.places import MOTIONS
+from apps.study_draw import draw_items
 from apps.study_server import Limiter, Terms, create_app
 from pacmo_core.metrics.survey import Share, fit_mixed, share
 from pacmo_core.store.atomic import write_text

@@ -25,7 +25,7 @@ from apps.cli_augment import (
     factors_of,
     told,
 )
-from apps.duos import Duo, check_out, read_duo, write_duo
+from apps.duos import Duo, check_out, is_parquet, read_duo, write_duo
 from apps.failure import CommandError
 from pacmo_core.formats.partner import Capture
 from pacmo_core.interaction import Interaction
@@ -80,13 +80,14 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     with told(" and ".join(map(str, files))):
         model = load_prior(weights)
         duo = _of(read_duo(files, form, settings, clip), model.config.skeleton)
+        places = _places(duo, samples, out)
         wishes = [factors_of(words) for words in (a_scale, b_scale)]
         random = torch.Generator().manual_seed(seed)
         found = list(_varied(model, duo, wishes, samples, random))
-        places = _write(duo, found, out)
+        written = _write(duo, found, places)
         typer.echo(
             f"{len(found)} x {len(duo.people[0].times)} frames in "
-            f"{', '.join(map(str, places[:4]))}{' ...' if places[4:] else ''}"
+            f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
         )
 
 
@@ -125,20 +126,29 @@ def _asked(people: tuple[Capture, Capture], wishes: list[dict[str, float]]) -> S
     )
 
 
-def _write(duo: Duo, found: list[tuple[Interaction, Scales]], out: Path) -> list[Path]:
-    """Write all samples: one Parquet file, or a folder each where there are several."""
-    check_out(duo, out)
-    if out.suffix.lower() == ".parquet" and not out.is_dir():
-        with write_motions(out, duo.people[0].skeleton) as writer:
+def _places(duo: Duo, samples: int, out: Path) -> list[Path]:
+    """Say where samples go, before any work is done: one place, or a folder for each."""
+    if samples == 1 or is_parquet(out):
+        places = [out]
+    elif out.suffix and not out.is_dir():
+        raise CommandError(f"{out}: wanted a folder or a .parquet file for {samples} samples")
+    else:
+        places = [out / str(number) for number in range(samples)]
+    for place in places:
+        check_out(duo, place)
+    return places
+
+
+def _write(duo: Duo, found: list[tuple[Interaction, Scales]], places: list[Path]) -> list[Path]:
+    """Write all samples: into one Parquet file, or each into its own place."""
+    if is_parquet(places[0]):
+        with write_motions(places[0], duo.people[0].skeleton) as writer:
             for number, (pair, _) in enumerate(found):
                 writer.add(f"{duo.name}~{number:04d}", pair)
-        return [out]
-    if out.suffix.lower() == ".bvh" and len(found) > 1:
-        raise CommandError(f"{out}: wanted a folder or a .parquet file for {len(found)} samples")
-    places: list[Path] = []
-    for number, (pair, own) in enumerate(found):
+        return places
+    written: list[Path] = []
+    for number, ((pair, own), place) in enumerate(zip(found, places, strict=True)):
         moved = duo.moved((pair.person_a, pair.person_b))
-        place = out / str(number) if len(found) > 1 else out
         files, _ = write_duo(moved, (own[0], own[1]), str(number), place)
-        places += files
-    return places
+        written += files
+    return written

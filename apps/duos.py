@@ -93,6 +93,11 @@ def read_duo(
     return _duo(clip or first.stem, files, settings, people)
 
 
+def is_parquet(out: Path) -> bool:
+    """Whether a place that was asked for is one Parquet file, not a folder of that name."""
+    return out.suffix.lower() == ".parquet" and not out.is_dir()
+
+
 def check_out(duo: Duo, out: Path) -> None:
     """Refuse a place that says no format, or where the capture itself stands."""
     suffix = out.suffix.lower()
@@ -119,7 +124,7 @@ def write_duo(
     label : what the variation is, for Parquet
     """
     a, b = duo.people
-    if out.suffix.lower() == ".parquet" and not out.is_dir():
+    if is_parquet(out):
         with write_motions(out, a.skeleton) as writer:
             times = a.times - a.times[0]
             pair = Interaction(a.skeleton, times, a.motion, b.motion)

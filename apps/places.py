@@ -19,3 +19,5 @@ SHELF = Path("promoted")
 METRICS = Path("reports/metrics.json")
 REPORT = Path("reports/report.html")
 DVC_CACHE = Path(".dvc/cache")
+# A folder's motions.
+MOTIONS = "motions.parquet"

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from apps.duos import is_parquet
 from apps.failure import CommandError
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction import Interaction, Motion
@@ -42,7 +43,7 @@ def check_out(out: Path) -> None:
 
 def write(reactions: Reactions, out: Path) -> list[Path]:
     """Write each file whole or not at all; list them."""
-    if out.suffix.lower() == ".parquet" and not out.is_dir():
+    if is_parquet(out):
         with write_motions(out, reactions.skeleton) as writer:
             for number, reaction in enumerate(reactions.samples):
                 pair = Interaction(reactions.skeleton, reactions.times, reactions.partner, reaction)

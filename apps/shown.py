@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from apps.failure import CommandError
+from apps.places import MOTIONS
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.formats.partner import ONE_PERSON, PUBLISHED, format_of
 from pacmo_core.formats.raw import RawSequence
@@ -16,7 +17,6 @@ from pacmo_core.store.motions import read_motion
 from pacmo_core.store.variations import FAILED, GOOD, SOURCES, VARIATIONS, read_variations
 
 STORE = Path("data/clips")
-MOTIONS = "motions.parquet"
 # Who reacts, and the number of the sample: the file has the partner first.
 _REACTION = re.compile(r".+#[ab]#\d+")
 

@@ -53,8 +53,8 @@ def varying(hidden: int) -> dict[str, float]:
     torch.set_num_threads(2)
     model = network(hidden).eval()
     template, scales = scene(N_FRAMES)
-    batched = best(lambda: forward(model, template[0], scales, None))
-    single = best(lambda: forward(model, template[0], scales[:1], None))
+    batched = best(lambda: forward(model, template[0], scales, None, stride=STRIDE))
+    single = best(lambda: forward(model, template[0], scales[:1], None, stride=STRIDE))
     return {"vary_ms_batched": batched / BATCH, "vary_ms_single": single}
 
 
@@ -77,7 +77,7 @@ def training(hidden: int) -> dict[str, float]:
 
 def network(hidden: int) -> SkeletonPrior:
     """Build our form with fresh weights."""
-    model = build(PriorConfig(NTU25, LIMBS, "kinematic", hidden, STRIDE, 0.0))
+    model = build(PriorConfig(NTU25, LIMBS, "kinematic", hidden, STRIDE, 30.0, 0.0))
     initialise(model, torch.Generator().manual_seed(0))
     return model
 

@@ -64,6 +64,7 @@ class Task(Generic[Model]):
     fit : device to a fit, not begun
     config : of a model, in JSON's terms
     shares : whether torchrun's processes can share its batches
+    code : hash of what trains it: no checkpoint of other code is gone on from
     """
 
     kind: str
@@ -72,6 +73,7 @@ class Task(Generic[Model]):
     fit: Callable[[str], Fit[Model]]
     config: Callable[[Model], Mapping[str, Any]]
     shares: bool
+    code: str = ""
 
 
 def sides_of(clips: Path, sides: Path) -> Sides:
@@ -95,7 +97,9 @@ def train(task: Task[Any], model: Path, curve: Path) -> None:
     with devices(params.device, threads=params.threads, shares=task.shares) as device:
         fitting = task.fit(device)
         facts = _facts(task, fitting)
-        checkpoint = Checkpoint(f"train_{task.kind}", {**facts, **_place(device)})
+        checkpoint = Checkpoint(
+            f"train_{task.kind}", {**facts, **_place(device), "code": task.code}
+        )
         checkpoint.resume(fitting)
         if leads():
             _train_watched(fitting, checkpoint, params.checkpoint_every, model)

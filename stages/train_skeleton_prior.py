@@ -25,12 +25,11 @@ class Params(PriorSettings):
     """The ``train_skeleton_prior`` section of ``params.yaml``."""
 
     threads: int
-    code: str  # what trained it, by which checkpoints are told apart; not in the section
 
 
 def main(paths: argparse.Namespace) -> None:
     keep_freed_memory()
-    given = {"random_seed": paths.seed, "model": paths.model_name, "code": room_hash()}
+    given = {"random_seed": paths.seed, "model": paths.model_name}
     params = read_params(SECTION, Params, given=given)
     learnt, held_out = (
         [example for _, example in stream_examples(paths.family, paths.sides, side)]
@@ -43,6 +42,7 @@ def main(paths: argparse.Namespace) -> None:
         lambda device: training.fit(learnt, params, validation=held_out, device=device),
         training.config,
         shares=False,
+        code=room_hash(),
     )
     train(task, paths.model, paths.curve)
 

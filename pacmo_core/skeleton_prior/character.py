@@ -35,16 +35,16 @@ class Given:
     tree: Tree
 
     @cached_property
-    def start(self) -> Tensor:
+    def starting_field(self) -> Tensor:
         """``(B, T, J, 3)``: the field of bones that stands before anything is learnt."""
         change = self.partner - self.partner_template
         shift = asked_shift(self.template, self.partner_template, change)
         return self.tree.starting_field(shift, self.template, self.scales)
 
     @cached_property
-    def guess(self) -> Tensor:
-        """``(B, T, J, 3)``, metres: where ``start`` places joints."""
-        placed: Tensor = self.tree(self.start, self.template, self.scales)
+    def starting_motion(self) -> Tensor:
+        """``(B, T, J, 3)``, metres: where that field places joints."""
+        placed: Tensor = self.tree(self.starting_field, self.template, self.scales)
         return placed
 
 

@@ -46,7 +46,7 @@ def _paper(config: PriorConfig) -> SkeletonPrior:
     return SkeletonPrior(config, (first, second), both_roles=False)
 
 
-def _frames(kind: type[FrameCnn | FrameGcn | MotionCnn]) -> Callable[[PriorConfig], SkeletonPrior]:
+def _sized(kind: type[FrameCnn | FrameGcn | MotionCnn]) -> Callable[[PriorConfig], SkeletonPrior]:
     def built(config: PriorConfig) -> SkeletonPrior:
         first = kind(config.skeleton, hidden=config.hidden, first=True)
         second = kind(config.skeleton, hidden=config.hidden, first=False)
@@ -65,8 +65,8 @@ def _motion_gcn(config: PriorConfig) -> SkeletonPrior:
 FORMS: dict[str, Callable[[PriorConfig], SkeletonPrior]] = {
     "kinematic": _kinematic,
     "paper": _paper,
-    "f_cnn": _frames(FrameCnn),
-    "f_gcn": _frames(FrameGcn),
-    "m_cnn": _frames(MotionCnn),
+    "f_cnn": _sized(FrameCnn),
+    "f_gcn": _sized(FrameGcn),
+    "m_cnn": _sized(MotionCnn),
     "m_gcn": _motion_gcn,
 }

@@ -5,7 +5,7 @@ import math
 import torch
 from torch import nn
 
-from pacmo_core.skeleton_prior.layers import GraphConvolution
+from pacmo_core.skeleton_prior.layers import GraphConvolution, Silent
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 
 # Weights that start where their constructor puts them: at the identity.
@@ -21,7 +21,10 @@ def initialise(module: nn.Module, random: torch.Generator) -> None:
         If a layer with weights of its own is of a kind that this function does not know.
     """
     for layer in module.modules():
-        if isinstance(layer, nn.Linear):
+        if isinstance(layer, Silent):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
+        elif isinstance(layer, nn.Linear):
             bound = 1 / math.sqrt(math.prod(layer.weight.shape[1:]))
             with torch.no_grad():
                 for weight in layer.parameters(recurse=False):

@@ -15,16 +15,7 @@ def keyframes(n_frames: int, stride: int) -> tuple[int, ...]:
     return tuple(np.linspace(0, n_frames - 1, n_keys).round().astype(int).tolist())
 
 
-@lru_cache(maxsize=64)
-def between(n_frames: int, stride: int) -> Tensor:
-    """``(T, K)`` float32: the cubic spline through values at keyframes, at every frame."""
-    keys = keyframes(n_frames, stride)
-    spline = CubicSpline(keys, np.eye(len(keys)))
-    return torch.tensor(spline(np.arange(n_frames)), dtype=torch.float32)
-
-
 def at_every_frame(field: Tensor, n_frames: int, stride: int) -> Tensor:
-    """``(B, K, J, C)`` at keyframes to ``(B, T, J, C)``."""
-    weights = between(n_frames, stride).to(field)
-    flat = weights @ field.reshape(*field.shape[:2], -1)
-    return flat.view(len(field), n_frames, *field.shape[2:])
+    """``(B, K, J, C)`` at keyframes to ``(B, T, J, C)``, by the cubic spline through them."""
+    spline = CubicSpline(keyframes(n_frames, stride), field.cpu().numpy(), axis=1)
+    return torch.from_numpy(spline(np.arange(n_frames)).astype(np.float32)).to(field.device)

@@ -1,7 +1,7 @@
 """Our form: turns of bones, linear in the change of the bodies, from what the mesh would pull.
 
 Unlike the paper, whose decoders see both ends of the template and the partner as one code, every
-frame is told its template, where a guess puts the body, and how that breaks the relations to
+frame is told its template, where the body starts from, and how that breaks the relations to
 the partner. All of it is known beforehand: nothing is fed back, and of a frame's way the recurrence
 alone waits for the frame before.
 """
@@ -13,7 +13,7 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, StGcn, by_frame, by_row
+from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, Silent, StGcn, by_frame, by_row
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
 from pacmo_core.skeleton_prior.products import over_joints
@@ -37,10 +37,9 @@ class KinematicDecoder(nn.Module):
     ----------
     skeleton : Skeleton
     hidden : channels
-    dropout : share
     """
 
-    def __init__(self, skeleton: Skeleton, *, hidden: int, dropout: float) -> None:
+    def __init__(self, skeleton: Skeleton, *, hidden: int) -> None:
         super().__init__()
         links = neighbours(skeleton)
         # Channels have units of their own; the recurrence wants them alike.
@@ -48,13 +47,10 @@ class KinematicDecoder(nn.Module):
         self.lifting = nn.Linear(SIGHTS, hidden)
         self.whole = nn.Linear(SIGHTS, hidden, bias=False)
         self.around = nn.ModuleList(
-            [
-                StGcn(links, hidden, hidden, stride=1, dropout=dropout, residual=True)
-                for _ in range(2)
-            ]
+            [StGcn(links, hidden, hidden, stride=1, dropout=0.0, residual=True) for _ in range(2)]
         )
         self.recurrent = GraphGru(adjacency(skeleton), hidden, hidden)
-        self.head = Head(2 * hidden, 3)
+        self.head = Head(2 * hidden, 3, last=Silent)
 
     def forward(self, sights: Tensor, latent: Tensor) -> Tensor:
         """``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
@@ -75,7 +71,7 @@ class KinematicCharacter(Character):
     skeleton : Skeleton
     limbs : its arms and legs
     hidden : channels
-    dropout : share
+    dropout : share, of the encoder
     """
 
     def __init__(
@@ -86,7 +82,7 @@ class KinematicCharacter(Character):
         self.place = self.tree = Tree(skeleton, limbs)
         self.encoder = MotionEncoder(neighbours(skeleton), 4, widths(hidden), dropout=dropout)
         self.code = Gaussian(hidden + 6, hidden)
-        self.decoder = KinematicDecoder(skeleton, hidden=hidden, dropout=dropout)
+        self.decoder = KinematicDecoder(skeleton, hidden=hidden)
 
     def latent_shape(self, given: Given) -> tuple[int, ...]:
         """One code a joint."""
@@ -94,9 +90,9 @@ class KinematicCharacter(Character):
         return (rows, joints, self.hidden)
 
     def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
-        """Encode what the guess does not explain."""
+        """Encode what the start does not explain."""
         size = amplitude(given)
-        change = (motion - given.guess) / (size * GAIN)
+        change = (motion - given.starting_motion) / (size * GAIN)
         grown = self._grown(given.scales, size)[:, None].expand(-1, motion.shape[1], -1, -1)
         encoded = self.encoder(torch.cat([change, grown], dim=-1), random)
         code: Code = self.code(torch.cat([encoded, ends(given.template)], dim=-1))
@@ -105,12 +101,12 @@ class KinematicCharacter(Character):
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Turn bones by so much as the bodies change."""
         field: Tensor = self.decoder(self.sights(given), latent)
-        return given.start + field * (GAIN * amplitude(given))
+        return given.starting_field + field * (GAIN * amplitude(given))
 
     def sights(self, given: Given) -> Tensor:
         """Say all that is known of a joint in a frame, (B, T, J, 30); changes for a change of 1."""
         template, size = given.template, amplitude(given)
-        own_change = given.guess - template
+        own_change = given.starting_motion - template
         partner_change = given.partner - given.partner_template
         near = pulls(template, given.partner_template, own_change / size, partner_change / size)
         bones = self.tree.bones(template)

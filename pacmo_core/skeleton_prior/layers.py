@@ -123,10 +123,13 @@ class StGcn(nn.Module):
         """
         # In place where torch allows: these are the largest tensors of all.
         spatial = self.norms[0](self.graph(x).relu_(), active=True)
-        out = drop(self.norms[1](self.time(spatial)), self.dropout, random)
-        if self.residual:
-            # A slice of everything would cost its gradient two passes over memory.
-            out = out + self.shortcut(x if self.stride == 1 else x[:: self.stride])
+        active = self.active and not self.residual
+        out: Tensor = self.norms[1](self.time(spatial), active=active)
+        out = drop(out, self.dropout, random)
+        if not self.residual:
+            return out
+        # A slice of everything would cost its gradient two passes over memory.
+        out = out + self.shortcut(x if self.stride == 1 else x[:: self.stride])
         return out.relu_() if self.active else out
 
 
@@ -143,13 +146,23 @@ class Joined(nn.Linear):
         return out.view(*parts[0].shape[:-1], -1)
 
 
-class Head(nn.Module):
-    """Three dense layers with leaky ReLU between them (supplement, tables 12 and 16)."""
+class Silent(nn.Linear):
+    """A dense layer that says nothing before it has learnt: its weights begin at zero."""
 
-    def __init__(self, hidden: int, out_channels: int) -> None:
+
+class Head(nn.Module):
+    """Three dense layers with leaky ReLU between them (supplement, tables 12 and 16).
+
+    Parameters
+    ----------
+    hidden, out_channels : int
+    last : the kind of the last layer
+    """
+
+    def __init__(self, hidden: int, out_channels: int, last: type[nn.Linear] = nn.Linear) -> None:
         super().__init__()
         self.layers = nn.ModuleList(
-            [Joined(hidden, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, out_channels)]
+            [Joined(hidden, hidden), nn.Linear(hidden, hidden), last(hidden, out_channels)]
         )
 
     def forward(self, *parts: Tensor) -> Tensor:

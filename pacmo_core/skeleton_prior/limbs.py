@@ -16,10 +16,10 @@ Limb = tuple[int, int, int]
 STANDING = 0.2
 # Share of its upper bone by which a limb's middle must stand aside for its bend to have a slope.
 STRAIGHT = 0.05
-# Likewise of the way to the side, whose unit is about 1.
-SHORT = 0.1
+# Likewise of the way to the side, whose unit is about 1; and below which that says nothing.
+SHORT, SILENT = 0.1, 1e-4
 # What it costs to move the middle of a limb, of what it costs to leave a body where it was.
-RESISTANCE = 0.02
+RESISTANCE = 0.1
 # Metres: shorter ways have no direction.
 LEAST = 1e-6
 
@@ -78,23 +78,42 @@ def mean_of_standing(moves: Tensor, ends: Tensor) -> Tensor:
     return mean
 
 
-def stiffness(start: Tensor, middle: Tensor, end: Tensor) -> tuple[Tensor, Tensor]:
+def stiffness(
+    start: Tensor, middle: Tensor, end: Tensor, *, asked: Tensor
+) -> tuple[Tensor, Tensor]:
     """Say which way a limb resists, ``(..., 3)`` unit length, and how much, ``(..., 1)`` 0 to 1.
 
-    To end a little nearer to where it starts, a limb must bend, its middle going aside as much more
-    as it is straighter: by the length of the limb over four times how far the middle stands aside.
+    To end nearer to where it starts, a limb must bend: of two bones alike, whose ends are L apart
+    and whose middle stands aside by a, the middle comes to stand aside by the root of
+    a^2 + d (L / 2 - d / 4) where the ends close by d. For each metre of d that is much where the
+    limb is straight and d small, and the less the further it bends. A limb opens no further than
+    straight.
 
     Parameters
     ----------
     start, middle, end : (..., 3), metres
+    asked : (..., 3), metres: how far the start is asked to go, the end in its place
     """
     way = end - start
     length = way.norm(dim=-1, keepdim=True).clamp_min(LEAST)
     axis = way / length
-    bent = middle - start
-    aside = (bent - (bent * axis).sum(dim=-1, keepdim=True) * axis).norm(dim=-1, keepdim=True)
-    resists = RESISTANCE * (length / (4 * aside.clamp_min(LEAST))) ** 2
+    aside = across(middle - start, axis).norm(dim=-1, keepdim=True)
+    straight = (length**2 + 4 * aside**2).sqrt()
+    closed = (asked * axis).sum(dim=-1, keepdim=True).clamp_max(length).maximum(length - straight)
+    further = length / 2 - closed / 4
+    then = (aside**2 + closed * further).clamp_min(0).sqrt()
+    resists = RESISTANCE * (further / (aside + then).clamp_min(LEAST)) ** 2
     return axis, resists / (1 + resists)
+
+
+def along(way: Tensor, axis: Tensor) -> Tensor:
+    """``(..., 3)``, and unit vectors: the part of a way along these."""
+    return (way * axis).sum(dim=-1, keepdim=True) * axis
+
+
+def across(way: Tensor, axis: Tensor) -> Tensor:
+    """``(..., 3)``, and unit vectors: the part of a way aside of these."""
+    return way - along(way, axis)
 
 
 def standing(ends: Tensor) -> Tensor:
@@ -109,7 +128,8 @@ def bend(way: Tensor, upper: Tensor, lower: Tensor, side: Tensor) -> tuple[Tenso
     ----------
     way : (..., 3), metres: from where the limb starts to where it should end
     upper, lower : (...), metres: lengths of the bones
-    side : (..., 3): towards where the middle joint points, of any length
+    side : (..., 3): towards where the middle joint points, of any length; where it says nothing,
+        the limb bends to any side
 
     Returns
     -------
@@ -119,12 +139,19 @@ def bend(way: Tensor, upper: Tensor, lower: Tensor, side: Tensor) -> tuple[Tenso
     way = way + torch.tensor([0.0, -LEAST, 0.0], dtype=way.dtype, device=way.device)
     reached = way.norm(dim=-1).clamp(min=(upper - lower).abs() + LEAST, max=upper + lower)
     ahead = torch.nn.functional.normalize(way, dim=-1)
-    across = side - (side * ahead).sum(dim=-1, keepdim=True) * ahead
-    across = _pointing(across)
-    along = (upper**2 - lower**2 + reached**2) / (2 * reached)
-    aside = _root(upper**2 - along**2, (STRAIGHT * upper) ** 2)
-    first = _as_long(along[..., None] * ahead + aside[..., None] * across, upper)
+    beside = _pointing(_aside(side, ahead))
+    forth = (upper**2 - lower**2 + reached**2) / (2 * reached)
+    aside = _root(upper**2 - forth**2, (STRAIGHT * upper) ** 2)
+    first = _as_long(forth[..., None] * ahead + aside[..., None] * beside, upper)
     return first, _as_long(reached[..., None] * ahead - first, lower)
+
+
+def _aside(side: Tensor, ahead: Tensor) -> Tensor:
+    """Take the part of a side across the way; of a straight limb, which has none, any."""
+    least = torch.nn.functional.one_hot(ahead.abs().argmin(dim=-1), 3).to(ahead)
+    beside = across(side, ahead)
+    known = beside.norm(dim=-1, keepdim=True) > SILENT
+    return torch.where(known, beside, across(least, ahead))
 
 
 def _root(square: Tensor, steep: Tensor) -> Tensor:

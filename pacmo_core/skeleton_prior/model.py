@@ -24,6 +24,7 @@ class PriorConfig:
     model : a name of ``forms.FORMS``
     hidden : channels of the widest layers; of our form a part of them
     stride : frames from one that the networks see to the next
+    fps : of the motions learnt from; of others the networks see frames as far apart in time
     dropout : share
     """
 
@@ -32,6 +33,7 @@ class PriorConfig:
     model: str
     hidden: int
     stride: int
+    fps: float
     dropout: float
 
 

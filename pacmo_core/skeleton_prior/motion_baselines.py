@@ -79,7 +79,7 @@ class MotionGcn(Character):
     ----------
     skeleton : Skeleton
     hidden : 256 in the paper's size, in which no layer here is wider than 128
-    dropout : share
+    dropout : share, of the encoder
     first : whether it is told its body, or its partner
     """
 
@@ -94,7 +94,7 @@ class MotionGcn(Character):
         self.encoder = _stack(links, into, dropout, first=True)
         self.code = Gaussian(wide + (0 if first else told), wide)
         out = (wide + told, wide, half, quarter, *((hidden // 16, 3) if first else ()))
-        self.decoder = _stack(links, out, dropout, first=False, active=not first)
+        self.decoder = _stack(links, out, 0.0, first=False, active=not first)
         self.out = nn.Identity() if first else nn.Linear(quarter, 3)
 
     def latent_shape(self, given: Given) -> tuple[int, ...]:

@@ -7,6 +7,7 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.graph import parents_of, paths
 from pacmo_core.skeleton_prior.limbs import (
     Limb,
+    along,
     bend,
     mean_of_standing,
     settling,
@@ -84,7 +85,8 @@ class Tree(nn.Module):
         """Give the field from which a network starts: what the mesh asks of a body as a whole.
 
         The trunk goes where the partner asks it to, but for what legs that stand resist, and some
-        of the way to where these would keep their angles; all of it, were they straight. An end
+        of the way to where these would keep their angles; all of it, were they straight; and no
+        further from the ground than they reach. An end
         that does not stand is tied to its own arm as much as to the partner, so it goes half with
         each, and some of the way to where its arm would keep its angles.
 
@@ -104,11 +106,14 @@ class Tree(nn.Module):
         root = template[:, :, self.root] + self._settled(bones, template)
         raised = (self._placed(bones, root) - template)[:, :, starts]
         longer = (bones - before)[:, :, middles] + (bones - before)[:, :, ends]
-        axis, stiff = stiffness(*(template[:, :, joints] for joints in (starts, middles, ends)))
-        kept = (KEPT + (1 - KEPT) * stiff) * (raised + longer) + stiff * shift[:, :, None]
-        resisted = (kept * axis).sum(dim=-1, keepdim=True) * axis
+        bent = raised + longer
+        limbs = (template[:, :, joints] for joints in (starts, middles, ends))
+        axis, stiff = stiffness(*limbs, asked=shift[:, :, None] + bent)
+        resisted = along((KEPT + (1 - KEPT) * stiff) * bent + stiff * shift[:, :, None], axis)
+        gone = shift - mean_of_standing(resisted, template[:, :, ends])
+        hips = self._placed(bones, root + gone)[:, :, starts]
         field = torch.zeros_like(template)
-        field[:, :, self.root] = shift - mean_of_standing(resisted, template[:, :, ends])
+        field[:, :, self.root] = gone + settling(hips, template[:, :, ends], self._reach(bones))
         carried = (self.forward(field, template, scales) - template)[:, :, starts]
         free = 1 - standing(template[:, :, ends])
         field[:, :, ends] = free * ((shift[:, :, None] + carried) / 2 + KEPT * longer)
@@ -122,12 +127,11 @@ class Tree(nn.Module):
         """Guess how far the root moves, (B, T, 3) metres: the trunk about its place, legs on it."""
         if not len(self.limbs):
             return torch.zeros_like(template[:, :, 0])
-        starts, middles, ends = self.limbs.T
+        starts, _, ends = self.limbs.T
         placed = self._placed(bones, template[:, :, self.root])
         centred = (template - placed)[:, :, self.trunk].mean(dim=2)
-        reach = bones[:, :, middles].norm(dim=-1) + bones[:, :, ends].norm(dim=-1)
         start = (placed + centred[:, :, None])[:, :, starts]
-        return centred + settling(start, template[:, :, ends], reach)
+        return centred + settling(start, template[:, :, ends], self._reach(bones))
 
     def _reaching(self, bones: Tensor, root: Tensor, field: Tensor, template: Tensor) -> Tensor:
         """Let limbs reach for their ends: bones (B, T, J, 3) to the same, of their lengths."""
@@ -141,6 +145,11 @@ class Tree(nn.Module):
         upper, lower = bones[:, :, middles].norm(dim=-1), bones[:, :, ends].norm(dim=-1)
         first, second = bend(way, upper, lower, side)
         return bones.index_copy(2, middles, first).index_copy(2, ends, second)
+
+    def _reach(self, bones: Tensor) -> Tensor:
+        _, middles, ends = self.limbs.T
+        reach: Tensor = bones[:, :, middles].norm(dim=-1) + bones[:, :, ends].norm(dim=-1)
+        return reach
 
     def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
         at_root = torch.zeros_like(self.paths[0])

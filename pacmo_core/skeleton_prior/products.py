@@ -18,6 +18,11 @@ def over_joints(links: Tensor, x: Tensor) -> Tensor:
     return (x.mT.contiguous() @ links.T).mT
 
 
+def flat(x: Tensor) -> Tensor:
+    """``(..., C)`` to the rows of one matrix, (N, C), where they lie."""
+    return x.view(-1, x.shape[-1])
+
+
 class Mixing(torch.autograd.Function):
     """``links X W + X U + b`` over the joints, the second axis of three or more."""
 
@@ -35,14 +40,14 @@ class Mixing(torch.autograd.Function):
         """
         x = x.contiguous()
         out = x.new_empty(*x.shape[:-1], len(along))
-        torch.addmm(bias, _rows(x), own.T, out=_rows(out))
+        torch.addmm(bias, flat(x), own.T, out=flat(out))
         # The narrower side is mixed over joints: mixing commutes with the weights.
         inside = along.shape[1] <= along.shape[0]
         if inside:
             mixed = _mixed(links, x)
-            _rows(out).addmm_(_rows(mixed), along.T)
+            flat(out).addmm_(flat(mixed), along.T)
         else:
-            mixed = (_rows(x) @ along.T).view_as(out)
+            mixed = (flat(x) @ along.T).view_as(out)
             _frames(out).baddbmm_(_each(links, len(x)), _frames(mixed))
         ctx.inside = inside
         ctx.save_for_backward(x, mixed, links, along, own)
@@ -53,20 +58,20 @@ class Mixing(torch.autograd.Function):
         """Give the gradients of all five."""
         x, mixed, links, along, own = ctx.saved_tensors
         gradient = gradients[0].contiguous()
-        rows, wanted = _rows(gradient), ctx.needs_input_grad[0]
+        rows, wanted = flat(gradient), ctx.needs_input_grad[0]
         if ctx.inside:
             through = (rows @ along).view_as(x)
             d_links = _outer(through, x)
-            d_along = rows.T @ _rows(mixed)
+            d_along = rows.T @ flat(mixed)
             back = _mixed(links.T, through) if wanted else None
         else:
             d_links = _outer(gradient, mixed)
             through = _mixed(links.T, gradient)
-            d_along = _rows(through).T @ _rows(x)
-            back = (_rows(through) @ along).view_as(x) if wanted else None
+            d_along = flat(through).T @ flat(x)
+            back = (flat(through) @ along).view_as(x) if wanted else None
         if back is not None:
-            _rows(back).addmm_(rows, own)
-        return back, d_links, d_along, rows.T @ _rows(x), rows.sum(dim=0)
+            flat(back).addmm_(rows, own)
+        return back, d_links, d_along, rows.T @ flat(x), rows.sum(dim=0)
 
 
 class Sliding(torch.autograd.Function):
@@ -104,7 +109,7 @@ class Sliding(torch.autograd.Function):
             last = min(len(gradient), (len(x) - 1 - shift) // ctx.stride + 1)
             if first < last:
                 seen = x[first * ctx.stride + shift :: ctx.stride][: last - first]
-                d_kernel[:, tap] = _rows(gradient[first:last]).T @ seen.reshape(-1, x.shape[-1])
+                d_kernel[:, tap] = flat(gradient[first:last]).T @ seen.reshape(-1, x.shape[-1])
         back = None
         if ctx.needs_input_grad[0]:
             stride, padding = _geometry(kernel, ctx.stride)
@@ -112,7 +117,7 @@ class Sliding(torch.autograd.Function):
             only = (True, False, False)
             image = torch.ops.aten.convolution_backward(*args, (1, 1), False, (0, 0), 1, only)[0]
             back = _from_image(image, x)
-        return back, d_kernel, _rows(gradient).sum(dim=0), None
+        return back, d_kernel, flat(gradient).sum(dim=0), None
 
 
 def _image(x: Tensor) -> Tensor:
@@ -130,10 +135,6 @@ def _taps(kernel: Tensor) -> Tensor:
 
 def _geometry(kernel: Tensor, stride: int) -> tuple[tuple[int, int], tuple[int, int]]:
     return (stride, 1), (kernel.shape[1] // 2, 0)
-
-
-def _rows(x: Tensor) -> Tensor:
-    return x.view(-1, x.shape[-1])
 
 
 def _frames(x: Tensor) -> Tensor:

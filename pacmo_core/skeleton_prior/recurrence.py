@@ -5,6 +5,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from pacmo_core.skeleton_prior.products import flat
+
 
 class GraphGru(nn.Module):
     """The graph gated recurrent unit over whole sequences.
@@ -76,7 +78,8 @@ class GraphGru(nn.Module):
         """
         links, folded = self.weights()
         into = self.gates_in
-        states: Tensor = Running.apply(x, state, links, folded, into.weight, into.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        keeps = torch.is_grad_enabled()  # which a Function is not told
+        states: Tensor = Running.apply(x, state, links, folded, into.weight, into.bias, keeps)  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return states
 
 
@@ -96,6 +99,7 @@ class Running(torch.autograd.Function):
         folded: Tensor,
         told: Tensor,
         bias: Tensor,
+        keeps: bool,
     ) -> Tensor:
         """Run from a state: ``(T, J, B, C)`` and ``(J, B, h)`` to states ``(T, J, B, h)``.
 
@@ -103,11 +107,11 @@ class Running(torch.autograd.Function):
         ----------
         links, folded : as ``GraphGru.weights`` has them
         told, bias : (3h, C) and (3h,), of what comes in
+        keeps : whether to keep of each frame what gradients need
         """
         x = x.contiguous()
         n_frames, n_joints, n_rows, hidden = len(x), *start.shape
-        # Without gradients one place serves all frames.
-        n_kept = n_frames if any(ctx.needs_input_grad) else 1
+        n_kept = n_frames if keeps else 1  # else one place serves all frames
         states = x.new_empty(n_frames + 1, n_joints, n_rows, hidden)
         states[0] = start
         # Of each frame: reset, update and candidate; what the candidate hears through the reset.
@@ -117,20 +121,20 @@ class Running(torch.autograd.Function):
         for frame in range(n_frames):
             state, kept = states[frame], frame % n_kept
             torch.mm(links, state.flatten(1), out=mixed.view(n_joints, -1))
-            all_three = torch.addmm(bias, _rows(x[frame]), told.T, out=opened[kept])
+            all_three = torch.addmm(bias, flat(x[frame]), told.T, out=opened[kept])
             both, candidate = all_three[:, : 2 * hidden], all_three[:, 2 * hidden :]
             both.addmm_(mixed, folded[:, : 2 * hidden]).sigmoid_()
             torch.mm(mixed, folded[:, 2 * hidden :], out=heard[kept])
             candidate.addcmul_(both[:, :hidden], heard[kept])
             # tanh x = 2 s(2x) - 1: torch's own takes six times as long.
             candidate.mul_(2).sigmoid_().mul_(2).sub_(1)
-            torch.lerp(candidate, _rows(state), both[:, hidden:], out=_rows(states[frame + 1]))
+            torch.lerp(candidate, flat(state), both[:, hidden:], out=flat(states[frame + 1]))
         ctx.save_for_backward(x, links, folded, told, states, opened, heard)
         return states[1:]
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, ...]:
-        """Give the gradients of all six."""
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        """Give the gradients of all six tensors."""
         x, links, folded, told, states, opened, heard = ctx.saved_tensors
         gradient = gradients[0].contiguous()
         n_frames, n_joints, n_rows, hidden = gradient.shape
@@ -138,13 +142,14 @@ class Running(torch.autograd.Function):
         d_links, d_folded, d_told = (torch.zeros_like(each) for each in (links, folded, told))
         d_bias = torch.zeros_like(told[:, 0])
         # Of what comes in, and of what is heard: but for the candidate's part the same.
-        d_in, d_heard = torch.empty_like(opened[0]), torch.empty_like(opened[0])
-        mixed, d_mixed = torch.empty_like(carried), torch.empty_like(carried)
+        d_in, d_heard, mixed, d_mixed = (
+            torch.empty_like(each) for each in (opened[0], opened[0], carried, carried)
+        )
         for frame in reversed(range(n_frames)):
-            state = _rows(states[frame])
+            state = flat(states[frame])
             both, candidate = opened[frame, :, : 2 * hidden], opened[frame, :, 2 * hidden :]
             reset, update = both[:, :hidden], both[:, hidden:]
-            total = carried.add_(_rows(gradient[frame]))
+            total = carried.add_(flat(gradient[frame]))
             through = torch.addcmul(total, total, update, value=-1)
             d_candidate = torch.ops.aten.tanh_backward(through, candidate)
             torch.mul(d_candidate, heard[frame], out=d_in[:, :hidden])
@@ -154,16 +159,13 @@ class Running(torch.autograd.Function):
             d_heard[:, : 2 * hidden] = d_both
             torch.mul(d_candidate, reset, out=d_heard[:, 2 * hidden :])
             d_in[:, 2 * hidden :] = d_candidate
-            torch.mm(d_in, told, out=_rows(d_x[frame]))
-            d_told.addmm_(d_in.T, _rows(x[frame]))
+            torch.mm(d_in, told, out=flat(d_x[frame]))
+            d_told.addmm_(d_in.T, flat(x[frame]))
             d_bias.add_(d_in.sum(dim=0))
             torch.mm(links, state.view(n_joints, -1), out=mixed.view(n_joints, -1))
             d_folded.addmm_(mixed.T, d_heard)
             torch.mm(d_heard, folded.T, out=d_mixed)
             d_links.addmm_(d_mixed.view(n_joints, -1), state.view(n_joints, -1).T)
             carried.mul_(update).view(n_joints, -1).addmm_(links.T, d_mixed.view(n_joints, -1))
-        return d_x, carried.view(n_joints, n_rows, hidden), d_links, d_folded, d_told, d_bias
-
-
-def _rows(x: Tensor) -> Tensor:
-    return x.view(-1, x.shape[-1])
+        d_start = carried.view(n_joints, n_rows, hidden)
+        return d_x, d_start, d_links, d_folded, d_told, d_bias, None

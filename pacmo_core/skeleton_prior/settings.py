@@ -29,8 +29,12 @@ class PriorSettings:
     checkpoint_every: int  # epochs
 
     def __post_init__(self) -> None:
-        if min(self.stride, self.window, self.body_steps, self.warmup_epochs) < 1:
+        if min(self.stride, self.body_steps, self.warmup_epochs) < 1:
             raise ValueError(
-                "stride, window, body_steps and warmup_epochs must be at least 1; got "
-                f"{self.stride}, {self.window}, {self.body_steps}, {self.warmup_epochs}"
+                "stride, body_steps and warmup_epochs must be at least 1; got "
+                f"{self.stride}, {self.body_steps}, {self.warmup_epochs}"
+            )
+        if self.window < 3:
+            raise ValueError(
+                f"window must be at least 3, for a second difference; got {self.window}"
             )

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -120,6 +121,7 @@ def fit(
             model=settings.model,
             hidden=settings.hidden,
             stride=settings.stride,
+            fps=float(np.median([example.template.fps for example in examples])),
             dropout=settings.dropout,
         )
     )

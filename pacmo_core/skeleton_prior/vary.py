@@ -39,29 +39,41 @@ def retarget(
         If the skeleton is not the model's, or scales or samples are not as described.
     """
     _check(model, source, scales, samples)
+    repeated, made = np.repeat(scales, samples, axis=0), list[Interaction]()
+    for row in range(0, len(repeated), BATCH):
+        made += _varied(model, source, repeated[row : row + BATCH], random)
+        while len(made) >= samples:
+            yield made[:samples]
+            made = made[samples:]
+
+
+def _varied(
+    model: SkeletonPrior,
+    source: Interaction,
+    scales: NDArray[np.float64],
+    random: torch.Generator | None,
+) -> list[Interaction]:
+    """Give a source the bodies asked for in one pass for each order of the characters."""
     frame = canonical_frame(source)
-    for row in range(0, len(scales), max(1, BATCH // samples)):
-        chosen = scales[row : row + max(1, BATCH // samples)]
-        repeated = np.repeat(chosen, samples, axis=0)
-        shape = (len(repeated), len(source.times), 2, len(source.skeleton.joints), 3)
-        placed = np.zeros(shape, dtype=np.float32)
-        for b_first in (False, True):
-            rows = [i for i, own in enumerate(repeated) if first_is_b(own) == b_first]
-            if rows:
-                template = stack(source, frame, b_first=b_first)
-                own = by_joint(repeated[rows], source.skeleton)
-                motions = forward(model, template, own.flip(1) if b_first else own, random)
-                placed[rows] = (motions.flip(2) if b_first else motions).numpy()
-        world = frame.to_world(placed)
-        for first in range(0, len(world), samples):
-            yield [
-                replace(
-                    source,
-                    person_a=np.ascontiguousarray(both[:, 0]),
-                    person_b=np.ascontiguousarray(both[:, 1]),
-                )
-                for both in world[first : first + samples]
-            ]
+    stride = max(1, round(model.config.stride * source.fps / model.config.fps))
+    shape = (len(scales), len(source.times), 2, len(source.skeleton.joints), 3)
+    placed = np.zeros(shape, dtype=np.float32)
+    for b_first in (False, True):
+        rows = [i for i, own in enumerate(scales) if first_is_b(own) == b_first]
+        if rows:
+            template = stack(source, frame, b_first=b_first)
+            own = by_joint(scales[rows], source.skeleton)
+            own = own.flip(1) if b_first else own
+            motions = forward(model, template, own, random, stride=stride)
+            placed[rows] = (motions.flip(2) if b_first else motions).numpy()
+    return [
+        replace(
+            source,
+            person_a=np.ascontiguousarray(both[:, 0]),
+            person_b=np.ascontiguousarray(both[:, 1]),
+        )
+        for both in frame.to_world(placed)
+    ]
 
 
 def generate_bodies(
@@ -81,7 +93,12 @@ def generate_bodies(
 
 
 def forward(
-    model: SkeletonPrior, template: Tensor, scales: Tensor, random: torch.Generator | None
+    model: SkeletonPrior,
+    template: Tensor,
+    scales: Tensor,
+    random: torch.Generator | None,
+    *,
+    stride: int,
 ) -> Tensor:
     """Vary one template in all ways at once, at its own rate.
 
@@ -89,12 +106,13 @@ def forward(
     ----------
     template : (T, 2, J, 3), metres, the first character first
     scales : (V, 2, J)
+    stride : frames from one that the networks see to the next
 
     Returns
     -------
     (V, T, 2, J, 3), metres, on the CPU
     """
-    device, stride, n_frames = model.unit.device, model.config.stride, len(template)
+    device, n_frames = model.unit.device, len(template)
     with torch.inference_mode():
         own = scales.to(device)
         whole = template.to(device).expand(len(scales), *template.shape)

@@ -17,7 +17,7 @@ from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.model import PriorConfig
 from pacmo_core.store.motions import stream_motions
-from pacmo_core.store.weights import write_weights
+from pacmo_core.store.weights import read_weights, write_weights
 from tests.apps.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored
 
 __all__ = ["files", "stored"]  # fixtures
@@ -27,8 +27,11 @@ __all__ = ["files", "stored"]  # fixtures
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a model with fresh weights."""
     limbs = find_limbs(SBU15, CLIP.person_a)
-    model = build(PriorConfig(SBU15, limbs, "kinematic", 16, 3, 0.0))
+    model = build(PriorConfig(SBU15, limbs, "kinematic", 16, 3, CLIP.fps, 0.0))
     initialise(model, torch.Generator().manual_seed(0))
+    for weight in model.parameters():  # where the network begins at nothing too
+        if not weight.any():
+            torch.nn.init.constant_(weight, 0.01)
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
     config = {"kind": "skeleton_prior", "model": training.config(model)}
     write_weights(path, config, fit.state(model))
@@ -72,11 +75,30 @@ def test_drawn_bodies_differ_and_come_as_a_folder_each(
     assert texts[0] == texts[1], "the same seed draws the same"
 
 
+def test_samples_do_not_write_over_the_capture_that_they_come_from(
+    files: list[Path], weights: Path, tmp_path: Path
+):
+    folder = tmp_path / "1"
+    folder.mkdir()
+    captures = [folder / file.name for file in files]
+    for file, capture in zip(files, captures, strict=True):
+        capture.write_bytes(file.read_bytes())
+    said = pacmo(*captures, *UNIT, "--weights", weights, "--samples", 2, "--out", tmp_path)
+    refused(said, "write over")
+    assert [file.read_bytes() for file in files] == [file.read_bytes() for file in captures]
+    assert not (tmp_path / "0").exists()
+
+
 def test_what_cannot_be_varied_is_told_in_one_line(
     stored: Path, files: list[Path], weights: Path, tmp_path: Path
 ):
     given = [stored, "--clip", "one", "--weights", weights]
     refused(pacmo(*given[:3], "--weights", stored, "--out", tmp_path), str(stored))
+    config, state = read_weights(weights)
+    del config["model"]["fps"]
+    write_weights(tmp_path / "old.safetensors", config, state)
+    old = ["--weights", tmp_path / "old.safetensors"]
+    refused(pacmo(*given[:3], *old, "--out", tmp_path), "another version")
     refused(pacmo(*given, "--out", stored), "write over")
     refused(pacmo(*given, "--samples", 2, "--out", tmp_path / "x.bvh"), "2 samples")
     refused(pacmo(*given, "--b-scale", "tail=2", "--out", tmp_path), "tail")

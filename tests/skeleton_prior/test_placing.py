@@ -1,5 +1,8 @@
 """What is trusted: bones' lengths, the law of cosines, joints placed one by one."""
 
+import math
+
+import hypothesis
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -7,7 +10,7 @@ import torch
 from hypothesis import given, settings
 
 from pacmo_core.skeleton import DUET15, NTU25
-from pacmo_core.skeleton_prior.limbs import RESISTANCE, bend, find_limbs, settling
+from pacmo_core.skeleton_prior.limbs import RESISTANCE, bend, find_limbs, settling, stiffness
 from pacmo_core.skeleton_prior.placing import KEPT, Offsets, Tree
 from pacmo_core.skeleton_prior.relations import asked_shift, pulls
 from tests.skeleton_prior.bodies import SMALL, generator, interaction
@@ -86,6 +89,15 @@ def test_two_bones_keep_their_lengths_and_end_where_they_should(upper, lower, di
         assert float(first @ across) >= -1e-6
 
 
+@pytest.mark.parametrize("way", [(0.0, -0.1, 0.0), (0.1, 0.0, 0.0), (0.06, 0.0, -0.08)])
+@pytest.mark.parametrize("along", [0.0, 1.0])
+def test_a_straight_limb_bends_to_some_side_to_end_where_it_should(way, along):
+    there = torch.tensor(way)
+    first, second = bend(there, torch.tensor(0.3), torch.tensor(0.3), along * there)
+    torch.testing.assert_close(first + second, there, atol=1e-5, rtol=0)
+    torch.testing.assert_close(torch.stack([first, second]).norm(dim=-1), torch.full((2,), 0.3))
+
+
 def test_a_body_sinks_by_what_its_legs_lack():
     start, end = torch.tensor([[0.0, 1.0, 0.0]]), torch.tensor([[0.0, 0.0, 0.0]])
     moved = settling(start, end, torch.tensor([0.8]))
@@ -124,6 +136,8 @@ def test_a_skeleton_without_limbs_is_placed_all_the_same():
     placed = tree(field, template, scales)
     wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
     torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
+    start = tree.starting_field(template[:, :, 1], template, scales)
+    torch.testing.assert_close(start[:, :, SMALL.root], template[:, :, 1])
 
 
 def test_one_product_places_joints_as_going_from_joint_to_joint_does():
@@ -173,31 +187,70 @@ def standing_on_one(template: torch.Tensor, tree: Tree, aside: float) -> torch.T
     return template
 
 
+def resisting(aside: float, closed: float) -> float:
+    """How much of a way a leg 0.8 m long resists, from where its knee stands before and after.
+
+    That is at the height which minimises the way not gone and that of the knee, weighed, squared,
+    were the knee to go as far for each metre as it does for all of them.
+    """
+    thigh = math.hypot(0.4, aside)
+    then = math.sqrt(max(thigh**2 - ((0.8 - closed) / 2) ** 2, 0))
+    slope = abs(then - aside) / abs(closed)
+    return 1 - 1 / (1 + RESISTANCE * slope**2)
+
+
+@FIXED
+@given(st.floats(0.01, 0.4), st.floats(-0.01, 0.3))
+def test_a_leg_resists_by_how_far_its_knee_goes_aside(aside, closed):
+    closed = max(closed, 0.8 - 2 * math.hypot(0.4, aside))
+    hypothesis.assume(abs(closed) > 1e-3)
+    leg = torch.tensor([[0, 0.8, 0], [aside, 0.4, 0], [0, 0, 0]], dtype=torch.float64)
+    asked = torch.tensor([0.1, -closed, 0.2], dtype=torch.float64)
+    axis, resists = stiffness(*leg, asked=asked)
+    torch.testing.assert_close(axis, torch.tensor([0.0, -1.0, 0.0]).double())
+    assert float(resists) == pytest.approx(resisting(aside, closed), rel=1e-4)
+
+
+def test_a_leg_that_is_straight_opens_no_further():
+    leg = torch.tensor([[0, 0.8, 0], [0, 0.4, 0], [0, 0, 0]])
+    _, resists = stiffness(*leg, asked=torch.tensor([0.0, 0.1, 0.0]))
+    assert float(resists) == pytest.approx(1, abs=1e-6)
+
+
 @pytest.mark.parametrize("aside", [0.0, 0.1, 0.4])
 def test_a_body_comes_along_but_for_what_stands_and_legs_resist(aside):
     tree, template, scales, _ = case(2)
     template = standing_on_one(template, tree, aside)
     shift = torch.tensor([0.02, -0.03, 0.01]).expand(*template.shape[:2], 3)
     field = tree.starting_field(shift, template, torch.ones_like(scales))
-    # The height that minimises the way not gone along and that of the middle, weighed, squared.
-    slope = 0.8 / (4 * aside) if aside else 1e6
-    wanted = shift * torch.tensor([1.0, 1 / (1 + RESISTANCE * slope**2), 1.0])
+    wanted = shift * torch.tensor([1.0, 1 - resisting(aside, 0.03), 1.0])
     torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-5, rtol=1e-4)
     ends = tree.limbs[:, 2]
     torch.testing.assert_close(field[:, :, ends[0]], torch.zeros_like(shift))
     torch.testing.assert_close(field[:, :, ends[1]], (shift + wanted) / 2, atol=1e-5, rtol=1e-4)
 
 
-@pytest.mark.parametrize(("aside", "share"), [(0.0, 1.0), (0.4, KEPT)])
-def test_a_leg_that_grows_raises_the_body_all_the_more_the_straighter_it_is(aside, share):
+@pytest.mark.parametrize("aside", [0.0, 0.1, 0.4])
+def test_a_leg_that_grows_raises_the_body_all_the_more_the_straighter_it_is(aside):
     tree, template, scales, _ = case(2)
     template = standing_on_one(template, tree, aside)
     longer = torch.ones_like(scales)
     longer[:, tree.limbs[0, 1:]] = 1.2
     nowhere = torch.zeros(*template.shape[:2], 3)
     field = tree.starting_field(nowhere, template, longer)
-    wanted = torch.tensor([0.0, share * 0.2 * 0.8, 0.0]).expand_as(nowhere)
+    share = KEPT + (1 - KEPT) * resisting(aside, 0.16)
+    wanted = torch.tensor([0.0, share * 0.16, 0.0]).expand_as(nowhere)
     torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-3, rtol=0)
+
+
+def test_a_body_rises_no_further_than_its_legs_reach():
+    tree, template, scales, _ = case(2)
+    template = standing_on_one(template, tree, 0.1)
+    up = torch.tensor([0.0, 0.5, 0.0]).expand(*template.shape[:2], 3)
+    field = tree.starting_field(up, template, torch.ones_like(scales))
+    straight = 2 * math.hypot(0.4, 0.1) - 0.8
+    wanted = torch.tensor([0.0, straight, 0.0]).expand_as(up)
+    torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-5, rtol=0)
 
 
 def test_an_arm_that_grows_reaches_further_by_a_part_of_it():

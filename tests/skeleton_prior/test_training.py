@@ -57,6 +57,20 @@ def test_training_lowers_the_loss():
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
 
 
+def test_our_network_begins_with_what_it_starts_from_and_says_more_after_a_step():
+    fitting = training.fit(examples(1, 4), settings(n_epochs=1))
+    pairs = next(encode(examples()).wholes(3, 1))
+    said = []
+    for _ in range(2):
+        given = fitting.model.given_first(pairs.template, pairs.scales)
+        latents = fitting.model.latents(pairs.template, pairs.scales, generator())
+        with torch.no_grad():
+            field, _ = fitting.model.fields(pairs.template, pairs.scales, latents)
+        said.append(field - given.starting_field)
+        fitting.finish()
+    assert not said[0].any() and said[1].any()
+
+
 def test_bodies_are_the_same_beside_every_model():
     one, other = (
         training.fit(examples(1, 4), settings(model=name)).finish()
@@ -77,6 +91,22 @@ def test_drawn_bodies_vary_as_much_as_those_of_the_data_however_few_these_are(n)
     learn(bodies, scales, n_steps=1000, random=random)
     assert before / wanted > 2
     assert 2 / 3 < spread(bodies.sample(500, random)) / wanted < 3 / 2
+
+
+def test_bodies_further_from_the_template_than_usual_can_be_drawn():
+    scales = torch.ones(50, 4)
+    scales[::2, 1:] = 0.6
+    bodies = Bodies(4, 0)
+    initialise(bodies, generator())
+    learn(bodies, scales, n_steps=500, random=generator())
+    drawn = bodies.sample(500, generator())
+    assert drawn.min() < 0.7
+    assert bodies.decode(100 * torch.randn(500, 16, generator=generator())).min() > 0
+
+
+def test_a_window_that_has_no_second_difference_is_refused():
+    with pytest.raises(ValueError, match="window must be at least 3.*got 2"):
+        settings(window=2)
 
 
 def spread(scales: torch.Tensor) -> float:

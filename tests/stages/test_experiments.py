@@ -21,7 +21,7 @@ from stages._priors import Runs, split_and_samples
 ROOT = Path(__file__).parents[2]
 SEEDED = ("train_pacmo", "train_regression", "train_gru")
 GIVEN = {name: {"random_seed": 1} for name in SEEDED} | {
-    "train_skeleton_prior": {"random_seed": 1, "model": "kinematic", "code": ""}
+    "train_skeleton_prior": {"random_seed": 1, "model": "kinematic"}
 }
 FULL = {"ntu": (NTU25, 21), "duetdance": (DUET15, 15)}
 
