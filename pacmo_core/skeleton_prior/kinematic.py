@@ -13,7 +13,7 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import ChannelNorm, Head, Silent, StGcn, by_frame, by_row
+from pacmo_core.skeleton_prior.layers import ChannelNorm, Dense, Head, Silent, StGcn, by_frame, by_row
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
 from pacmo_core.skeleton_prior.products import over_joints
@@ -44,8 +44,8 @@ class KinematicDecoder(nn.Module):
         links = neighbours(skeleton)
         # Channels have units of their own; the recurrence wants them alike.
         self.alike = ChannelNorm(SIGHTS)
-        self.lifting = nn.Linear(SIGHTS, hidden)
-        self.whole = nn.Linear(SIGHTS, hidden, bias=False)
+        self.lifting = Dense(SIGHTS, hidden)
+        self.whole = Dense(SIGHTS, hidden, bias=False)
         self.around = nn.ModuleList(
             [StGcn(links, hidden, hidden, stride=1, dropout=0.0, residual=True) for _ in range(2)]
         )

@@ -7,10 +7,28 @@ joints one a frame, wide enough for the processor, and a recurrence finds each f
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import Mixing, Sliding
+from pacmo_core.skeleton_prior.products import Mixing, Sliding, Weighing, Weighing
 
 KERNEL = 5
 LEAK = 0.1
+
+
+class Dense(nn.Linear):
+    """A dense layer on channels, for as many rows as frames, joints and bodies make."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """``(..., C)`` to ``(..., D)``."""
+        out: Tensor = Weighing.apply(x, self.weight, self.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        return out
+
+
+class Dense(nn.Linear):
+    """A dense layer on channels, for as many rows as frames, joints and bodies make."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """``(..., C)`` to ``(..., D)``."""
+        out: Tensor = Weighing.apply(x, self.weight, self.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        return out
 
 
 class GraphConvolution(nn.Module):
@@ -111,7 +129,7 @@ class StGcn(nn.Module):
         self.shortcut: nn.Module = nn.Identity()
         if residual and not same:
             self.shortcut = nn.Sequential(
-                nn.Linear(in_channels, out_channels), ChannelNorm(out_channels)
+                Dense(in_channels, out_channels), ChannelNorm(out_channels)
             )
 
     def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
@@ -138,12 +156,11 @@ class Joined(nn.Linear):
 
     def forward(self, *parts: Tensor) -> Tensor:
         """``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``."""
-        rows = [part.reshape(-1, part.shape[-1]) for part in parts]
-        weights = torch.split(self.weight, [part.shape[1] for part in rows], dim=1)
-        out = nn.functional.linear(rows[0], weights[0], self.bias)
-        for part, weight in zip(rows[1:], weights[1:], strict=True):
-            out.addmm_(part, weight.T)
-        return out.view(*parts[0].shape[:-1], -1)
+        weights = torch.split(self.weight, [part.shape[-1] for part in parts], dim=1)
+        out: Tensor = Weighing.apply(parts[0], weights[0], self.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        for part, weight in zip(parts[1:], weights[1:], strict=True):
+            out = out + Weighing.apply(part, weight, None)  # type: ignore[no-untyped-call]  # as above
+        return out
 
 
 class Silent(nn.Linear):
@@ -162,7 +179,7 @@ class Head(nn.Module):
     def __init__(self, hidden: int, out_channels: int, last: type[nn.Linear] = nn.Linear) -> None:
         super().__init__()
         self.layers = nn.ModuleList(
-            [Joined(hidden, hidden), nn.Linear(hidden, hidden), last(hidden, out_channels)]
+            [Joined(hidden, hidden), Dense(hidden, hidden), last(hidden, out_channels)]
         )
 
     def forward(self, *parts: Tensor) -> Tensor:

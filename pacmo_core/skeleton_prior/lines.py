@@ -3,6 +3,8 @@
 import torch
 from torch import Tensor, nn
 
+from pacmo_core.skeleton_prior.layers import Dense
+
 KERNEL = 3
 
 
@@ -16,7 +18,7 @@ class Line(nn.Module):
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__()
-        self.weigh = nn.Linear(KERNEL * in_channels, out_channels)
+        self.weigh = Dense(KERNEL * in_channels, out_channels)
 
     def forward(self, x: Tensor) -> Tensor:
         """``(..., J, C)`` to the same with other channels."""
@@ -38,7 +40,7 @@ class LineUp(nn.Module):
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__()
-        self.weigh = nn.Linear(KERNEL * in_channels, out_channels)
+        self.weigh = Dense(KERNEL * in_channels, out_channels)
 
     def forward(self, x: Tensor, n_joints: int) -> Tensor:
         """``(..., J, C)`` to ``(..., n_joints, C')``: 2 J - 1, or with the last one twice 2 J."""
@@ -64,7 +66,7 @@ class Plane(nn.Module):
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__()
-        self.weigh = nn.Linear(KERNEL * KERNEL * in_channels, out_channels)
+        self.weigh = Dense(KERNEL * KERNEL * in_channels, out_channels)
 
     def forward(self, x: Tensor) -> Tensor:
         """``(B, T, J, C)`` to the same with other channels."""

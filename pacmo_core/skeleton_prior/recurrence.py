@@ -5,7 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import flat
+from pacmo_core.skeleton_prior.products import dense, outer
 
 
 class GraphGru(nn.Module):
@@ -115,20 +115,20 @@ class Running(torch.autograd.Function):
         states = x.new_empty(n_frames + 1, n_joints, n_rows, hidden)
         states[0] = start
         # Of each frame: reset, update and candidate; what the candidate hears through the reset.
-        opened = x.new_empty(n_kept, n_joints * n_rows, 3 * hidden)
-        heard = x.new_empty(n_kept, n_joints * n_rows, hidden)
-        mixed = torch.empty_like(heard[0])
+        opened = x.new_empty(n_kept, n_joints, n_rows, 3 * hidden)
+        heard = x.new_empty(n_kept, n_joints, n_rows, hidden)
+        mixed = torch.empty_like(start)
         for frame in range(n_frames):
             state, kept = states[frame], frame % n_kept
-            torch.mm(links, state.flatten(1), out=mixed.view(n_joints, -1))
-            all_three = torch.addmm(bias, flat(x[frame]), told.T, out=opened[kept])
-            both, candidate = all_three[:, : 2 * hidden], all_three[:, 2 * hidden :]
-            both.addmm_(mixed, folded[:, : 2 * hidden]).sigmoid_()
-            torch.mm(mixed, folded[:, 2 * hidden :], out=heard[kept])
-            candidate.addcmul_(both[:, :hidden], heard[kept])
+            torch.mm(links, state.flatten(1), out=mixed.flatten(1))
+            given, gates = dense(x[frame], told, bias), dense(mixed, folded.T)
+            both, candidate = opened[kept, ..., : 2 * hidden], opened[kept, ..., 2 * hidden :]
+            torch.add(given[..., : 2 * hidden], gates[..., : 2 * hidden], out=both).sigmoid_()
+            heard[kept] = gates[..., 2 * hidden :]
+            torch.addcmul(given[..., 2 * hidden :], both[..., :hidden], heard[kept], out=candidate)
             # tanh x = 2 s(2x) - 1: torch's own takes six times as long.
             candidate.mul_(2).sigmoid_().mul_(2).sub_(1)
-            torch.lerp(candidate, flat(state), both[:, hidden:], out=flat(states[frame + 1]))
+            torch.lerp(candidate, state, both[..., hidden:], out=states[frame + 1])
         ctx.save_for_backward(x, links, folded, told, states, opened, heard)
         return states[1:]
 
@@ -137,35 +137,32 @@ class Running(torch.autograd.Function):
         """Give the gradients of all six tensors."""
         x, links, folded, told, states, opened, heard = ctx.saved_tensors
         gradient = gradients[0].contiguous()
-        n_frames, n_joints, n_rows, hidden = gradient.shape
-        d_x, carried = torch.empty_like(x), torch.zeros_like(heard[0])
+        hidden = gradient.shape[-1]
+        d_x, carried = torch.empty_like(x), torch.zeros_like(states[0])
         d_links, d_folded, d_told = (torch.zeros_like(each) for each in (links, folded, told))
         d_bias = torch.zeros_like(told[:, 0])
         # Of what comes in, and of what is heard: but for the candidate's part the same.
-        d_in, d_heard, mixed, d_mixed = (
-            torch.empty_like(each) for each in (opened[0], opened[0], carried, carried)
-        )
-        for frame in reversed(range(n_frames)):
-            state = flat(states[frame])
-            both, candidate = opened[frame, :, : 2 * hidden], opened[frame, :, 2 * hidden :]
-            reset, update = both[:, :hidden], both[:, hidden:]
-            total = carried.add_(flat(gradient[frame]))
+        d_in, d_heard, mixed = (torch.empty_like(each) for each in (opened[0], opened[0], carried))
+        for frame in reversed(range(len(gradient))):
+            state = states[frame]
+            both, candidate = opened[frame, ..., : 2 * hidden], opened[frame, ..., 2 * hidden :]
+            reset, update = both[..., :hidden], both[..., hidden:]
+            total = carried.add_(gradient[frame])
             through = torch.addcmul(total, total, update, value=-1)
             d_candidate = torch.ops.aten.tanh_backward(through, candidate)
-            torch.mul(d_candidate, heard[frame], out=d_in[:, :hidden])
-            torch.mul(total, state - candidate, out=d_in[:, hidden : 2 * hidden])
-            d_both = d_in[:, : 2 * hidden]
+            torch.mul(d_candidate, heard[frame], out=d_in[..., :hidden])
+            torch.mul(total, state - candidate, out=d_in[..., hidden : 2 * hidden])
+            d_both = d_in[..., : 2 * hidden]
             torch.ops.aten.sigmoid_backward.grad_input(d_both, both, grad_input=d_both)
-            d_heard[:, : 2 * hidden] = d_both
-            torch.mul(d_candidate, reset, out=d_heard[:, 2 * hidden :])
-            d_in[:, 2 * hidden :] = d_candidate
-            torch.mm(d_in, told, out=flat(d_x[frame]))
-            d_told.addmm_(d_in.T, flat(x[frame]))
-            d_bias.add_(d_in.sum(dim=0))
-            torch.mm(links, state.view(n_joints, -1), out=mixed.view(n_joints, -1))
-            d_folded.addmm_(mixed.T, d_heard)
-            torch.mm(d_heard, folded.T, out=d_mixed)
-            d_links.addmm_(d_mixed.view(n_joints, -1), state.view(n_joints, -1).T)
-            carried.mul_(update).view(n_joints, -1).addmm_(links.T, d_mixed.view(n_joints, -1))
-        d_start = carried.view(n_joints, n_rows, hidden)
-        return d_x, d_start, d_links, d_folded, d_told, d_bias, None
+            d_heard[..., : 2 * hidden] = d_both
+            torch.mul(d_candidate, reset, out=d_heard[..., 2 * hidden :])
+            d_in[..., 2 * hidden :] = d_candidate
+            d_x[frame] = dense(d_in, told.T)
+            d_told += outer(d_in, x[frame])
+            d_bias += d_in.sum(dim=(0, 1))
+            torch.mm(links, state.flatten(1), out=mixed.flatten(1))
+            d_folded += outer(mixed, d_heard)
+            d_mixed = dense(d_heard, folded).flatten(1)
+            d_links.addmm_(d_mixed, state.flatten(1).T)
+            carried.mul_(update).flatten(1).addmm_(links.T, d_mixed)
+        return d_x, carried, d_links, d_folded, d_told, d_bias, None

@@ -27,6 +27,18 @@ from pacmo_core.skeleton_prior.placing import Tree
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 
 
+def dense(layer: nn.Module, x: Tensor) -> Tensor:
+    """Weigh channels by a dense layer's weights, with torch's own product."""
+    weights = dict(layer.named_parameters())
+    return nn.functional.linear(x, weights["weight"], weights.get("bias"))
+
+
+def dense(layer: nn.Module, x: Tensor) -> Tensor:
+    """Weigh channels by a dense layer's weights, with torch's own product."""
+    weights = dict(layer.named_parameters())
+    return nn.functional.linear(x, weights["weight"], weights.get("bias"))
+
+
 def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
     """Sum over the joints' links one by one, (J, C) of one frame."""
     weights = layer.links * layer.mask + layer.added
@@ -116,9 +128,8 @@ class PlainHead(nn.Module):
 
     def _frame(self, x: Tensor) -> Tensor:
         for layer in self.head.layers[:-1]:
-            x = nn.functional.leaky_relu(layer(x), LEAK)
-        out: Tensor = self.head.layers[-1](x)
-        return out
+            x = nn.functional.leaky_relu(dense(layer, x), LEAK)
+        return dense(self.head.layers[-1], x)
 
 
 def _gates(fused: nn.Linear, hidden: int) -> nn.ModuleList:
@@ -200,8 +211,15 @@ class PlainStGcn(nn.Module):
         before, after = self.folded.norms
         out: Tensor = after(self.time(before(self.graph(x).relu()).relu()))
         if self.folded.residual:
-            out = out + self.folded.shortcut(x[:, :: self.folded.stride])
+            out = out + self._short(x[:, :: self.folded.stride])
         return out.relu() if self.folded.active else out
+
+    def _short(self, x: Tensor) -> Tensor:
+        if not isinstance(self.folded.shortcut, nn.Sequential):
+            return x
+        layer, after = self.folded.shortcut
+        out: Tensor = after(dense(layer, x))
+        return out
 
 
 def _plain(layers: Iterable[nn.Module]) -> nn.ModuleList:
@@ -245,7 +263,8 @@ class PlainDecoder(nn.Module):
     def forward(self, sights: Tensor, latent: Tensor) -> Tensor:
         """``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
         known = self.folded.alike(sights)
-        seen = self.folded.lifting(known) + self.folded.whole(known.mean(dim=2, keepdim=True))
+        seen = dense(self.folded.lifting, known)
+        seen = seen + dense(self.folded.whole, known.mean(dim=2, keepdim=True))
         for layer in self.around:
             seen = layer(seen)
         field: Tensor = self.head(torch.cat([self.recurrent(seen, latent), seen], dim=-1))
