@@ -13,7 +13,15 @@ from pacmo_core.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import ChannelNorm, Dense, Head, Silent, StGcn, by_frame, by_row
+from pacmo_core.skeleton_prior.layers import (
+    ChannelNorm,
+    Dense,
+    Head,
+    Silent,
+    StGcn,
+    by_frame,
+    by_row,
+)
 from pacmo_core.skeleton_prior.limbs import Limb
 from pacmo_core.skeleton_prior.placing import LEAST, Tree
 from pacmo_core.skeleton_prior.products import over_joints

@@ -7,27 +7,18 @@ joints one a frame, wide enough for the processor, and a recurrence finds each f
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import Mixing, Sliding, Weighing, Weighing
+from pacmo_core.skeleton_prior.products import Mixing, Sliding, Weighing
 
 KERNEL = 5
 LEAK = 0.1
 
 
 class Dense(nn.Linear):
-    """A dense layer on channels, for as many rows as frames, joints and bodies make."""
+    """A dense layer on channels, which may come in several parts."""
 
-    def forward(self, x: Tensor) -> Tensor:
-        """``(..., C)`` to ``(..., D)``."""
-        out: Tensor = Weighing.apply(x, self.weight, self.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
-        return out
-
-
-class Dense(nn.Linear):
-    """A dense layer on channels, for as many rows as frames, joints and bodies make."""
-
-    def forward(self, x: Tensor) -> Tensor:
-        """``(..., C)`` to ``(..., D)``."""
-        out: Tensor = Weighing.apply(x, self.weight, self.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+    def forward(self, *parts: Tensor) -> Tensor:
+        """``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``."""
+        out: Tensor = Weighing.apply(self.weight, self.bias, *parts)  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return out
 
 
@@ -140,7 +131,7 @@ class StGcn(nn.Module):
         random : draws what is dropped; none, nothing is
         """
         # In place where torch allows: these are the largest tensors of all.
-        spatial = self.norms[0](self.graph(x).relu_(), active=True)
+        spatial = self.norms[0](self.graph(x).relu(), active=True)
         active = self.active and not self.residual
         out: Tensor = self.norms[1](self.time(spatial), active=active)
         out = drop(out, self.dropout, random)
@@ -149,18 +140,6 @@ class StGcn(nn.Module):
         # A slice of everything would cost its gradient two passes over memory.
         out = out + self.shortcut(x if self.stride == 1 else x[:: self.stride])
         return out.relu_() if self.active else out
-
-
-class Joined(nn.Linear):
-    """A dense layer on channels that lie apart: to join them would copy them and their slopes."""
-
-    def forward(self, *parts: Tensor) -> Tensor:
-        """``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``."""
-        weights = torch.split(self.weight, [part.shape[-1] for part in parts], dim=1)
-        out: Tensor = Weighing.apply(parts[0], weights[0], self.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
-        for part, weight in zip(parts[1:], weights[1:], strict=True):
-            out = out + Weighing.apply(part, weight, None)  # type: ignore[no-untyped-call]  # as above
-        return out
 
 
 class Silent(nn.Linear):
@@ -179,7 +158,7 @@ class Head(nn.Module):
     def __init__(self, hidden: int, out_channels: int, last: type[nn.Linear] = nn.Linear) -> None:
         super().__init__()
         self.layers = nn.ModuleList(
-            [Joined(hidden, hidden), Dense(hidden, hidden), last(hidden, out_channels)]
+            [Dense(hidden, hidden), Dense(hidden, hidden), last(hidden, out_channels)]
         )
 
     def forward(self, *parts: Tensor) -> Tensor:

@@ -17,7 +17,7 @@ STANDING = 0.2
 # Share of its upper bone by which a limb's middle must stand aside for its bend to have a slope.
 STRAIGHT = 0.05
 # Likewise of the way to the side, whose unit is about 1; and below which that says nothing.
-SHORT, SILENT = 0.1, 1e-4
+SHORT, SIDELESS = 0.1, 1e-4
 # What it costs to move the middle of a limb, of what it costs to leave a body where it was.
 RESISTANCE = 0.1
 # Metres: shorter ways have no direction.
@@ -150,7 +150,7 @@ def _aside(side: Tensor, ahead: Tensor) -> Tensor:
     """Take the part of a side across the way; of a straight limb, which has none, any."""
     least = torch.nn.functional.one_hot(ahead.abs().argmin(dim=-1), 3).to(ahead)
     beside = across(side, ahead)
-    known = beside.norm(dim=-1, keepdim=True) > SILENT
+    known = beside.norm(dim=-1, keepdim=True) > SIDELESS
     return torch.where(known, beside, across(least, ahead))
 
 

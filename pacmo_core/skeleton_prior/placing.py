@@ -85,10 +85,10 @@ class Tree(nn.Module):
         """Give the field from which a network starts: what the mesh asks of a body as a whole.
 
         The trunk goes where the partner asks it to, but for what legs that stand resist, and some
-        of the way to where these would keep their angles; all of it, were they straight; and no
-        further from the ground than they reach. An end
-        that does not stand is tied to its own arm as much as to the partner, so it goes half with
-        each, and some of the way to where its arm would keep its angles.
+        of the way to where these would keep their angles: the more, the straighter they are; and no
+        further from the ground than they reach. An end that does not stand is tied to its own arm
+        as much as to the partner, so it goes half with each, and some of the way to where its arm
+        would keep its angles.
 
         Parameters
         ----------

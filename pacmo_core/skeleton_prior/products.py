@@ -3,10 +3,14 @@
 What autograd would do of itself is the same arithmetic; but it would gather a frame's neighbours
 side by side, forwards and backwards, and to fetch the memory for that costs more than to multiply.
 
-Along channels they are oneDNN's, which goes by what a processor can do. Torch's own are MKL's, which
-goes by who made it: on AMD's with vectors of 512 bits they take twice the time.
+Torch's own products are MKL's, which goes by who made a processor: of one with vectors of 512 bits
+that is not Intel's it leaves half idle. There products along channels are oneDNN's, which goes by
+what a processor can do.
 """
 
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -16,14 +20,34 @@ from torch import Tensor, nn
 PIXELS = 25
 
 
+@cache
+def _mkl_is_slow() -> bool:
+    described = Path("/proc/cpuinfo")
+    wide = torch.backends.cpu.get_cpu_capability() == "AVX512"
+    others = described.exists() and "GenuineIntel" not in described.read_text()
+    return wide and others and bool(torch.backends.mkldnn.is_available())  # type: ignore[no-untyped-call]  # torch leaves it untyped
+
+
+def _by_onednn(x: Tensor) -> bool:
+    return x.dtype == torch.float32 and x.device.type == "cpu" and _mkl_is_slow()
+
+
 def dense(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
     """``X Wᵀ + b``, of (..., C), (D, C) and (D,); gradients are the caller's."""
     if not _by_onednn(x):
         return nn.functional.linear(x, weight, bias)
-    # For a part of wider weights it has a loop alone, a thousand times slower.
+    # Of weights that are a part of wider ones it has a plain loop, a thousand times slower.
     whole = weight if weight.T.is_contiguous() else weight.contiguous()
     out: Tensor = torch.ops.mkldnn._linear_pointwise(x, whole, bias, "none", [], "")
     return out
+
+
+def add_dense(out: Tensor, x: Tensor, weight: Tensor) -> None:
+    """Add ``X Wᵀ`` to ``(..., D)`` in place."""
+    if _by_onednn(x):
+        out += dense(x, weight)
+    else:
+        flat(out).addmm_(flat(x), weight.T)
 
 
 def outer(left: Tensor, right: Tensor) -> Tensor:
@@ -44,28 +68,42 @@ def outer(left: Tensor, right: Tensor) -> Tensor:
     return total
 
 
-def _by_onednn(x: Tensor) -> bool:
-    return x.dtype == torch.float32 and not x.is_cuda and torch.backends.mkldnn.is_available()
-
-
 class Weighing(torch.autograd.Function):
-    """``X Wᵀ + b`` of the last axis."""
+    """``X Wᵀ + b`` of channels in several parts: to join them would copy them and their slopes."""
 
     @staticmethod
-    def forward(ctx: Any, x: Tensor, weight: Tensor, bias: Tensor | None) -> Tensor:
-        """``(..., C)``, (D, C) and (D,) or none to ``(..., D)``."""
-        x = x.contiguous()
-        ctx.save_for_backward(x, weight)
-        return dense(x, weight, bias)
+    def forward(ctx: Any, weight: Tensor, bias: Tensor | None, *parts: Tensor) -> Tensor:
+        """``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``.
+
+        Parameters
+        ----------
+        weight : (D, C1 + C2 + ...)
+        bias : (D,) or none
+        """
+        parts = tuple(part.contiguous() for part in parts)
+        first, *others = _shares(weight, parts)
+        out = dense(parts[0], first, bias)
+        for part, share in zip(parts[1:], others, strict=True):
+            add_dense(out, part, share)
+        ctx.save_for_backward(weight, *parts)
+        return out
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Give the gradients of all three."""
-        x, weight = ctx.saved_tensors
-        wanted, _, biased = ctx.needs_input_grad
+        """Give the gradients of weight, bias and all parts."""
+        weight, *parts = ctx.saved_tensors
+        _, biased, *wanted = ctx.needs_input_grad
         gradient = gradients[0].contiguous()
-        back = dense(gradient, weight.T) if wanted else None
-        return back, outer(gradient, x), flat(gradient).sum(dim=0) if biased else None
+        d_weight = torch.cat([outer(gradient, part) for part in parts], dim=1)
+        back = [
+            dense(gradient, share.T) if want else None
+            for share, want in zip(_shares(weight, parts), wanted, strict=True)
+        ]
+        return d_weight, flat(gradient).sum(dim=0) if biased else None, *back
+
+
+def _shares(weight: Tensor, parts: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    return torch.split(weight, [part.shape[-1] for part in parts], dim=1)
 
 
 def over_joints(links: Tensor, x: Tensor) -> Tensor:
@@ -99,10 +137,13 @@ class Mixing(torch.autograd.Function):
         x = x.contiguous()
         # The narrower side is mixed over joints: mixing commutes with the weights.
         inside = along.shape[1] <= along.shape[0]
-        mixed = _mixed(links, x) if inside else dense(x, along)
-        others = dense(mixed, along) if inside else _mixed(links, mixed)
-        # Into memory of its own: a view might not be changed in place.
-        out = torch.add(dense(x, own, bias), others, out=torch.empty_like(others))
+        out = dense(x, own, bias)
+        if inside:
+            mixed = _mixed(links, x)
+            add_dense(out, mixed, along)
+        else:
+            mixed = dense(x, along)
+            _add_mixed(out, links, mixed)
         ctx.inside = inside
         ctx.save_for_backward(x, mixed, links, along, own)
         return out
@@ -117,20 +158,19 @@ class Mixing(torch.autograd.Function):
             through = dense(gradient, along.T)
             d_links, d_along = _over_frames(through, x), outer(gradient, mixed)
             if back is not None:
-                back += _mixed(links.T, through)
+                _add_mixed(back, links.T, through)
         else:
             through = _mixed(links.T, gradient)
             d_links, d_along = _over_frames(gradient, mixed), outer(through, x)
             if back is not None:
-                back += dense(through, along.T)
+                add_dense(back, through, along.T)
         return back, d_links, d_along, outer(gradient, x), flat(gradient).sum(dim=0)
 
 
 class Sliding(torch.autograd.Function):
     """A convolution over time, the first axis, centred; what is beyond the ends is zero.
 
-    torch's own, but for the weights' gradient: as a product a frame of the kernel it takes half the
-    time.
+    torch's own, but for the weights' gradient, which takes less time a frame of the kernel at once.
     """
 
     @staticmethod
@@ -192,9 +232,17 @@ def _frames(x: Tensor) -> Tensor:
     return x.view(*x.shape[:2], -1)
 
 
+def _each(links: Tensor, x: Tensor) -> Tensor:
+    return links.expand(len(x), *links.shape)
+
+
 def _mixed(links: Tensor, x: Tensor) -> Tensor:
     """``links X`` of each frame."""
-    return torch.bmm(links.expand(len(x), *links.shape), _frames(x)).view_as(x)
+    return torch.bmm(_each(links, x), _frames(x)).view_as(x)
+
+
+def _add_mixed(out: Tensor, links: Tensor, x: Tensor) -> None:
+    _frames(out).baddbmm_(_each(links, x), _frames(x))
 
 
 def _over_frames(left: Tensor, right: Tensor) -> Tensor:

@@ -5,7 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import dense, outer
+from pacmo_core.skeleton_prior.products import add_dense, dense, outer
 
 
 class GraphGru(nn.Module):
@@ -111,46 +111,50 @@ class Running(torch.autograd.Function):
         """
         x = x.contiguous()
         n_frames, n_joints, n_rows, hidden = len(x), *start.shape
-        n_kept = n_frames if keeps else 1  # else one place serves all frames
         states = x.new_empty(n_frames + 1, n_joints, n_rows, hidden)
         states[0] = start
-        # Of each frame: reset, update and candidate; what the candidate hears through the reset.
-        opened = x.new_empty(n_kept, n_joints, n_rows, 3 * hidden)
-        heard = x.new_empty(n_kept, n_joints, n_rows, hidden)
         mixed = torch.empty_like(start)
+        parts = torch.split(folded.T, [2 * hidden, hidden])
+        to_gates, to_candidate = (part.contiguous() for part in parts)
+        # Of each frame: reset, update and candidate; what the candidate hears through the reset.
+        all_opened, all_heard = [], []
         for frame in range(n_frames):
-            state, kept = states[frame], frame % n_kept
+            state = states[frame]
             torch.mm(links, state.flatten(1), out=mixed.flatten(1))
-            given, gates = dense(x[frame], told, bias), dense(mixed, folded.T)
-            both, candidate = opened[kept, ..., : 2 * hidden], opened[kept, ..., 2 * hidden :]
-            torch.add(given[..., : 2 * hidden], gates[..., : 2 * hidden], out=both).sigmoid_()
-            heard[kept] = gates[..., 2 * hidden :]
-            torch.addcmul(given[..., 2 * hidden :], both[..., :hidden], heard[kept], out=candidate)
+            opened, heard = dense(x[frame], told, bias), dense(mixed, to_candidate)
+            both, candidate = opened[..., : 2 * hidden], opened[..., 2 * hidden :]
+            add_dense(both, mixed, to_gates)
+            both.sigmoid_()
+            candidate.addcmul_(both[..., :hidden], heard)
             # tanh x = 2 s(2x) - 1: torch's own takes six times as long.
             candidate.mul_(2).sigmoid_().mul_(2).sub_(1)
             torch.lerp(candidate, state, both[..., hidden:], out=states[frame + 1])
-        ctx.save_for_backward(x, links, folded, told, states, opened, heard)
+            if keeps:
+                all_opened.append(opened)
+                all_heard.append(heard)
+        ctx.save_for_backward(x, links, folded, told, states, *all_opened, *all_heard)
         return states[1:]
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         """Give the gradients of all six tensors."""
-        x, links, folded, told, states, opened, heard = ctx.saved_tensors
+        x, links, folded, told, states, *kept = ctx.saved_tensors
+        all_opened, all_heard = kept[: len(x)], kept[len(x) :]
         gradient = gradients[0].contiguous()
         hidden = gradient.shape[-1]
         d_x, carried = torch.empty_like(x), torch.zeros_like(states[0])
         d_links, d_folded, d_told = (torch.zeros_like(each) for each in (links, folded, told))
         d_bias = torch.zeros_like(told[:, 0])
         # Of what comes in, and of what is heard: but for the candidate's part the same.
-        d_in, d_heard, mixed = (torch.empty_like(each) for each in (opened[0], opened[0], carried))
+        d_in, d_heard, mixed = (torch.empty_like(each) for each in (kept[0], kept[0], carried))
         for frame in reversed(range(len(gradient))):
-            state = states[frame]
-            both, candidate = opened[frame, ..., : 2 * hidden], opened[frame, ..., 2 * hidden :]
+            state, opened, heard = states[frame], all_opened[frame], all_heard[frame]
+            both, candidate = opened[..., : 2 * hidden], opened[..., 2 * hidden :]
             reset, update = both[..., :hidden], both[..., hidden:]
             total = carried.add_(gradient[frame])
             through = torch.addcmul(total, total, update, value=-1)
             d_candidate = torch.ops.aten.tanh_backward(through, candidate)
-            torch.mul(d_candidate, heard[frame], out=d_in[..., :hidden])
+            torch.mul(d_candidate, heard, out=d_in[..., :hidden])
             torch.mul(total, state - candidate, out=d_in[..., hidden : 2 * hidden])
             d_both = d_in[..., : 2 * hidden]
             torch.ops.aten.sigmoid_backward.grad_input(d_both, both, grad_input=d_both)

@@ -2,11 +2,13 @@
 
 import numpy as np
 import torch
+from torch import nn
 
 from pacmo_core.interaction import Interaction
 from pacmo_core.skeleton import NTU25, Skeleton
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.graph import paths
+from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.losses import LossWeights
 from pacmo_core.skeleton_prior.settings import PriorSettings
 
@@ -112,4 +114,15 @@ def generator(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
-__all__ = ["NTU25", "SMALL", "examples", "generator", "interaction", "settings"]
+def shaken(layer: nn.Module) -> nn.Module:
+    """Draw all weights at random, those that start at one or zero too."""
+    random = generator(1)
+    initialise(layer, random)
+    with torch.no_grad():
+        for value in [*layer.parameters(), *layer.buffers()]:
+            if value.is_floating_point():
+                value += 0.1 * torch.rand(value.shape, generator=random)
+    return layer.eval()
+
+
+__all__ = ["NTU25", "SMALL", "examples", "generator", "interaction", "settings", "shaken"]

@@ -33,12 +33,6 @@ def dense(layer: nn.Module, x: Tensor) -> Tensor:
     return nn.functional.linear(x, weights["weight"], weights.get("bias"))
 
 
-def dense(layer: nn.Module, x: Tensor) -> Tensor:
-    """Weigh channels by a dense layer's weights, with torch's own product."""
-    weights = dict(layer.named_parameters())
-    return nn.functional.linear(x, weights["weight"], weights.get("bias"))
-
-
 def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
     """Sum over the joints' links one by one, (J, C) of one frame."""
     weights = layer.links * layer.mask + layer.added

@@ -20,18 +20,7 @@ from pacmo_core.skeleton_prior.layers import (
 )
 from pacmo_core.skeleton_prior.recurrence import GraphGru
 from tests.skeleton_prior import plain
-from tests.skeleton_prior.bodies import examples, generator, settings
-
-
-def shaken(layer):
-    """Draw all weights at random, those that start at one or zero too."""
-    random = generator(1)
-    initialise(layer, random)
-    with torch.no_grad():
-        for value in [*layer.parameters(), *layer.buffers()]:
-            if value.is_floating_point():
-                value += 0.1 * torch.rand(value.shape, generator=random)
-    return layer.eval()
+from tests.skeleton_prior.bodies import examples, generator, settings, shaken
 
 
 @pytest.mark.parametrize("skeleton", [NTU25, DUET15, SBU15, EXPI18], ids=lambda s: s.name)
