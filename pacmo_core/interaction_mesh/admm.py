@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pacmo_core.interaction_mesh.factor import Factor
+from pacmo_core.interaction_mesh.products import multiply
 from pacmo_core.interaction_mesh.scene import Single
 from pacmo_core.interaction_mesh.state import TOGETHER, State, Work
 
@@ -72,8 +73,8 @@ class Solver:
             if block:
                 self._tie(state.change[block - 1], 2 * block - 2, work.tied)
                 np.subtract(right, work.tied, out=right)
-            np.matmul(pivots.across[block], right[:, :split], out=solved[:, :split])
-            np.matmul(pivots.upright[block], right[:, split:], out=solved[:, split:])
+            multiply(pivots.across[block], right[:, :split], out=solved[:, :split])
+            multiply(pivots.upright[block], right[:, split:], out=solved[:, split:])
 
     def _backward(self, state: State, work: Work) -> Iterator[int]:
         """Substitute: ``U_k = w_k - S_k^-1 C_k^T U_k+1``."""
@@ -83,8 +84,8 @@ class Solver:
             change, moved = state.change[block], work.moved
             if block < last:
                 self._tie_back(state.change[block + 1], 2 * block, work.tied)
-                np.matmul(pivots.across[block], work.tied[:, :split], out=moved[:, :split])
-                np.matmul(pivots.upright[block], work.tied[:, split:], out=moved[:, split:])
+                multiply(pivots.across[block], work.tied[:, :split], out=moved[:, :split])
+                multiply(pivots.upright[block], work.tied[:, split:], out=moved[:, split:])
                 np.subtract(change, moved, out=change)
             yield block
 

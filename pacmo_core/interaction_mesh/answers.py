@@ -13,6 +13,7 @@ import numpy as np
 
 from pacmo_core.interaction_mesh.energy import Quadratic, forces, target_of
 from pacmo_core.interaction_mesh.freedoms import freedoms, least, times
+from pacmo_core.interaction_mesh.products import product
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 
 # Frames a second, about, for which answers are computed: with half as many, single bones start so
@@ -49,11 +50,11 @@ class Answers:
         """
         source = vectors.astype(np.float32)
         growth = np.ascontiguousarray(scales.T - 1).astype(np.float32)
-        turned = self.turns.reshape(-1, len(growth)) @ growth
+        turned = product(self.turns.reshape(-1, len(growth)), growth)
         bones = self._between(turned.reshape(*self.turns.shape[:3], -1), len(source))
         bones += source[..., None] * (1 + growth)[:, None]
         lengths = np.linalg.norm(source, axis=-1)[..., None] * (1 + growth)
-        borne = self.tensions.reshape(-1, len(growth)) @ growth
+        borne = product(self.tensions.reshape(-1, len(growth)), growth)
         borne = self._between(borne.reshape(*self.tensions.shape[:2], -1), len(source))
         lengths += borne / bearing
         bones *= (lengths / np.sqrt(np.einsum("tecv,tecv->tev", bones, bones)))[:, :, None]

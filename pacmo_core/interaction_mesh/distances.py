@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pacmo_core.interaction_mesh.products import product
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Settings
 
@@ -44,8 +45,9 @@ def distances_of(scene: Scene, settings: Settings, points: Array) -> Distances:
         kept = after[touching] < settings.touching + settings.slack
         np.subtract(before, after, out=after)
         np.maximum(deeper, after - (before - settings.clearance).clip(min=0), out=deeper)
-        weights = np.stack([near, ~near]).astype(np.float32)
-        sums[:2] += weights @ np.abs(after, out=after)
+        weights: Single = np.stack([near, ~near]).astype(np.float32)
+        np.abs(after, out=after)
+        sums[:2] += product(weights, after)
         sums[2] += kept.sum(axis=0)
         counts += [near.sum(), (~near).sum(), touching.sum()]
     means = sums / counts.clip(min=1)[:, None]

@@ -24,19 +24,17 @@ all directions and bodies at once.
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pacmo_core.interaction_mesh.graph import contact_ties, laplacian, pulls_of
-from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.products import product
+from pacmo_core.interaction_mesh.scene import Array, Real, Scene
 from pacmo_core.interaction_mesh.settings import Settings
 from pacmo_core.interaction_mesh.supports import holds, supports
 from pacmo_core.interaction_mesh.trunk import shape_rows
-
-Real = TypeVar("Real", Array, Single)
 
 # The rate for which weights are stated.
 FPS = 30.0
@@ -134,10 +132,10 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
     kind, n_points = change.dtype, change.shape[1]
     rows = change.reshape(*change.shape[:2], -1)
     steps = np.diff(change, axis=0)
-    missed = energy.laplacians.astype(kind, copy=False) @ rows
+    missed = product(energy.laplacians.astype(kind, copy=False), rows)
     missed -= target.reshape(missed.shape)
     springs = energy.ties.sum(axis=-1)[..., None].astype(kind) * rows
-    springs -= energy.ties.astype(kind, copy=False) @ rows
+    springs -= product(energy.ties.astype(kind, copy=False), rows)
     lifted = change[:, :, 1] * np.sqrt(energy.held)[..., None].astype(kind, copy=False)
     held = np.sqrt(energy.steps_held)[..., None, None].astype(kind, copy=False)
     return {
@@ -154,7 +152,7 @@ def energy_terms(energy: Quadratic, change: Real, target: Real) -> dict[str, Arr
 def forces(energy: Quadratic, change: Real) -> Real:
     """``H U``, (T, N, 3, V), of changes (T, N, 3, V)."""
     kind, rows = change.dtype, change.reshape(*change.shape[:2], -1)
-    found: Real = (energy.inside.astype(kind, copy=False) @ rows).reshape(change.shape)
+    found = product(energy.inside.astype(kind, copy=False), rows).reshape(change.shape)
     found[:, :, 1] += (energy.height * energy.held[..., None]).astype(kind) * change[:, :, 1]
     steps = np.diff(change, axis=0)
     bends = energy.acceleration * np.diff(steps, axis=0)

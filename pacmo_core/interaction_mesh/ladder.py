@@ -10,10 +10,11 @@ from pacmo_core.interaction_mesh.distances import near_error
 from pacmo_core.interaction_mesh.energy import energy_terms, target_of
 from pacmo_core.interaction_mesh.finish import exact, raw_residual
 from pacmo_core.interaction_mesh.naive import naive
+from pacmo_core.interaction_mesh.products import filled, product
 from pacmo_core.interaction_mesh.report import Report, figures_of
 from pacmo_core.interaction_mesh.scene import Array, Single
 from pacmo_core.interaction_mesh.settings import Limits
-from pacmo_core.interaction_mesh.solve import Start, filled, solve
+from pacmo_core.interaction_mesh.solve import Start, solve
 from pacmo_core.interaction_mesh.source import Source
 
 # Metres, root mean square: bones that grow by less have settled at once.
@@ -127,7 +128,7 @@ def _start(
     """Start those that are ``held``; scales (V, E) and target (T, N + M, 3, V) may hold more."""
     rung, n_bodies = source.settings.rungs[number], len(held)
     laplacians = source.energy.laplacians.transpose(0, 2, 1).astype(np.float32)
-    pull = laplacians @ target.reshape(*target.shape[:2], -1)
+    pull = product(laplacians, target.reshape(*target.shape[:2], -1))
     pull = _blocks(pull.reshape(*pull.shape[:2], *target.shape[2:])[..., :n_bodies])
     bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
     bones = source.answers.summed(source.scene.vectors, scales, bearing)[..., :n_bodies]

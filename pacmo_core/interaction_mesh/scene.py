@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from pacmo_core.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
+Real = TypeVar("Real", Array, Single)
 
 # Metres: a bone shorter than this has no direction, a body thinner than this no volume.
 LEAST = 1e-3

@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.admm import Solver
+from pacmo_core.interaction_mesh.products import filled
 from pacmo_core.interaction_mesh.scene import Array, Single
 from pacmo_core.interaction_mesh.state import State
 
-# Bodies side by side are filled up to a multiple of this. Products of matrices of odd widths round
-# otherwise, and a variation must not depend on its company.
-WIDTH = 16
 TINY = 1e-30  # square metres
 # Iterations from one look at who has settled to the next.
 EVERY = 3
@@ -178,8 +176,3 @@ def _room(start: Start, state: State) -> Solution:
         step=np.zeros(n_bodies),
         iterations=np.zeros(n_bodies, dtype=np.intp),
     )
-
-
-def filled(n_bodies: int) -> int:
-    """Round up to full width."""
-    return -(-n_bodies // WIDTH) * WIDTH

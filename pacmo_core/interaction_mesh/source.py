@@ -9,10 +9,10 @@ from pacmo_core.interaction_mesh.answers import Answers, answers
 from pacmo_core.interaction_mesh.energy import Quadratic, quadratic
 from pacmo_core.interaction_mesh.factor import factorise, stiffness
 from pacmo_core.interaction_mesh.lay_out import solver_of
+from pacmo_core.interaction_mesh.products import WIDTH
 from pacmo_core.interaction_mesh.rows import bone_rows, guarded_rows
 from pacmo_core.interaction_mesh.scene import Array, Scene
 from pacmo_core.interaction_mesh.settings import Rung, Settings
-from pacmo_core.interaction_mesh.solve import WIDTH
 from pacmo_core.interaction_mesh.threads import one_thread
 
 # Bodies at once, and the frames of all of them together: what bounds the memory.
