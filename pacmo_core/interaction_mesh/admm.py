@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pacmo_core.interaction_mesh.factor import Factor
-from pacmo_core.interaction_mesh.products import multiply
+from pacmo_core.interaction_mesh.products import in_parts
 from pacmo_core.interaction_mesh.scene import Single
 from pacmo_core.interaction_mesh.state import TOGETHER, State, Work
 
@@ -67,27 +67,29 @@ class Solver:
 
     def _forward(self, state: State, work: Work) -> None:
         """Eliminate: ``w_k = S_k^-1 (b_k - C_k-1 w_k-1)``."""
-        split, pivots = 2 * state.n_bodies, self.factor
+        right, solved = in_parts(state.right), in_parts(state.change)
         for block in range(len(self.source)):
-            right, solved = state.right[block], state.change[block]
             if block:
                 self._tie(state.change[block - 1], 2 * block - 2, work.tied)
-                np.subtract(right, work.tied, out=right)
-            multiply(pivots.across[block], right[:, :split], out=solved[:, :split])
-            multiply(pivots.upright[block], right[:, split:], out=solved[:, split:])
+                np.subtract(state.right[block], work.tied, out=state.right[block])
+            self._solve(block, right[block], solved[block])
 
     def _backward(self, state: State, work: Work) -> Iterator[int]:
         """Substitute: ``U_k = w_k - S_k^-1 C_k^T U_k+1``."""
-        split, pivots = 2 * state.n_bodies, self.factor
+        tied, moved = in_parts(work.tied), in_parts(work.moved)
         last = len(self.source) - 1
         for block in range(last, -1, -1):
-            change, moved = state.change[block], work.moved
             if block < last:
                 self._tie_back(state.change[block + 1], 2 * block, work.tied)
-                multiply(pivots.across[block], work.tied[:, :split], out=moved[:, :split])
-                multiply(pivots.upright[block], work.tied[:, split:], out=moved[:, split:])
-                np.subtract(change, moved, out=change)
+                self._solve(block, tied, moved)
+                np.subtract(state.change[block], work.moved, out=state.change[block])
             yield block
+
+    def _solve(self, block: int, right: Single, out: Single) -> None:
+        """Multiply by S_k^-1; two thirds of the columns are of horizontal directions."""
+        split = 2 * len(right) // 3
+        np.matmul(self.factor.across[block], right[:split], out=out[:split])
+        np.matmul(self.factor.upright[block], right[split:], out=out[split:])
 
     def _local_step(self, state: State, work: Work, blocks: slice) -> None:
         """Move the points by what the linear step and the lengths disagree, over-relaxed."""

@@ -24,16 +24,11 @@ def product(matrices: Real, columns: Real) -> Real:
     full: Real = np.zeros((*columns.shape[:-1], filled(n_columns)), dtype=columns.dtype)
     full[..., :n_columns] = columns
     found: Real = np.zeros((*columns.shape[:-2], matrices.shape[-2], full.shape[-1]), full.dtype)
-    multiply(matrices, full, out=found)
+    np.matmul(matrices[..., None, :, :], in_parts(full), out=in_parts(found))
     return found[..., :n_columns]
 
 
-def multiply(matrices: Real, columns: Real, *, out: Real) -> None:
-    """Multiply so into ``(..., R, C)``; C must be of full width."""
-    np.matmul(matrices[..., None, :, :], _side_by_side(columns), out=_side_by_side(out))
-
-
-def _side_by_side(columns: Real) -> Real:
-    """``(..., C / WIDTH, N, WIDTH)``, the same memory."""
+def in_parts(columns: Real) -> Real:
+    """See ``(..., N, C)``, C of full width, as ``(..., C / WIDTH, N, WIDTH)``: the same memory."""
     n_parts = columns.shape[-1] // WIDTH
     return np.moveaxis(columns.reshape(*columns.shape[:-1], n_parts, WIDTH), -2, -3)
