@@ -1,4 +1,7 @@
-"""Experiments by name: ``default.yaml`` is whole, every other file says what differs."""
+"""Experiments by name: ``default.yaml`` is whole, every other file says what differs from it.
+
+Or from another that it names in ``from``.
+"""
 
 import os
 from collections.abc import Iterator
@@ -16,6 +19,7 @@ from pacmo_core.store.atomic import write_text
 FOLDER = Path("experiments")
 PARAMS = Path("params.yaml")
 CAPTURES = "${captures}"
+BASE = "from"
 RUNS = ("folds", "seeds")
 PRIORS = ("families", "splits", "models", "seeds")
 PLACES = (Path("data/captures"), Path("../shared/data"))
@@ -37,23 +41,33 @@ def compose(name: str) -> str:
     Raises
     ------
     ExperimentError
-        If there is no such experiment, it sets what the default does not know, or its captures
-        are not at hand.
+        If there is no such experiment, it sets what the default does not know, it differs from
+        itself, or its captures are not at hand.
     """
-    if name not in experiment_names():
-        raise ExperimentError(
-            f"no experiment {name}; there are {', '.join(experiment_names())} in {FOLDER}/"
-        )
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = 100
-    params = yaml.load(FOLDER / "default.yaml")
-    if name != "default":
-        _override(params, yaml.load(FOLDER / f"{name}.yaml"), where=name)
+    params = _load(yaml, name, above=())
     _fill_in(params)
     text = StringIO()
     yaml.dump(params, text)
     return text.getvalue()
+
+
+def _load(yaml: YAML, name: str, above: tuple[str, ...]) -> Any:
+    """Load an experiment over what it differs from; ``above`` are those that differ from it."""
+    if name not in experiment_names():
+        raise ExperimentError(
+            f"no experiment {name}; there are {', '.join(experiment_names())} in {FOLDER}/"
+        )
+    if name in above:
+        raise ExperimentError(f"{name}.{BASE}: {' from '.join((*above, name))} has no beginning")
+    own = yaml.load(FOLDER / f"{name}.yaml")
+    if name == "default":
+        return own
+    params = _load(yaml, own.pop(BASE, "default"), (*above, name))
+    _override(params, own, where=name)
+    return params
 
 
 def use(name: str, *, discard: bool) -> None:

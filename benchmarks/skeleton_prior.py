@@ -7,12 +7,15 @@ at once on two threads; ``vary_ms_single``: one alone. Wall time, best of severa
 the machine only adds. ``step_share_of_plain``: process time of a step of training on one thread,
 as a share of the same network's written plainly (``tests/skeleton_prior/plain.py``): the same
 weights and the same answer, but batches first, frame by frame, a layer a gate, kinematics joint
-from joint, nothing folded and nothing known beforehand projected at once. The share is the median
-of steps taken in turn, with its quartiles. Weights are fresh ones: time does not depend on them.
+from joint, nothing folded and nothing known beforehand projected at once, all in float32. Ours
+rounds factors of products to bfloat16, as it learns at this size (experiment variations_paper),
+where the processor multiplies them; ``exact_step_share_of_plain`` is without. Shares are medians of
+steps taken in turn, with quartiles. Weights are fresh ones: time does not depend on them.
 """
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import torch
@@ -25,6 +28,7 @@ from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.losses import LossWeights, terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
+from pacmo_core.skeleton_prior.products import has_bfloat16, rounding
 from pacmo_core.skeleton_prior.vary import forward
 from stages._memory import keep_freed_memory
 from tests.skeleton_prior.plain import made_plain
@@ -59,19 +63,28 @@ def varying(hidden: int) -> dict[str, float]:
 
 
 def training(hidden: int) -> dict[str, float]:
-    """Time a step of ours and of the plain network, in turn."""
+    """Time a step of ours, rounding factors and not, and of the plain network, in turn."""
     torch.set_num_threads(1)
     ours, plain = network(hidden), made_plain(network(hidden))
     template, scales = scene(WINDOW)
-    times = rounds([lambda: step(ours, template, scales), lambda: step(plain, template, scales)])
-    shares = times[:, 0] / times[:, 1]
-    low, middle, high = np.quantile(shares, [0.25, 0.5, 0.75]).tolist()
+    steps = [(ours, True), (ours, False), (plain, False)]
+    times = in_turn([partial(step, model, template, scales, brief) for model, brief in steps])
+    shares = times[:, :2] / times[:, 2:]
+    (low, exact_low), (middle, exact), (high, exact_high) = np.quantile(
+        shares, [0.25, 0.5, 0.75], axis=0
+    )
+    step_ms, exact_ms, plain_ms = np.median(times, axis=0)
     return {
         "step_share_of_plain": middle,
         "step_share_low": low,
         "step_share_high": high,
-        "step_ms": float(np.median(times[:, 0])),
-        "plain_step_ms": float(np.median(times[:, 1])),
+        "exact_step_share_of_plain": exact,
+        "exact_step_share_low": exact_low,
+        "exact_step_share_high": exact_high,
+        "step_ms": step_ms,
+        "exact_step_ms": exact_ms,
+        "plain_step_ms": plain_ms,
+        "has_bfloat16": has_bfloat16("cpu"),
     }
 
 
@@ -91,11 +104,13 @@ def scene(n_frames: int) -> tuple[Tensor, Tensor]:
     return template, 0.8 + 0.4 * torch.rand(BATCH, 2, pose.shape[1], generator=random)
 
 
-def step(model: SkeletonPrior, template: Tensor, scales: Tensor) -> None:
-    """Take the gradient of the loss."""
+def step(model: SkeletonPrior, template: Tensor, scales: Tensor, brief: bool) -> None:
+    """Take the gradient of the loss; ``brief``: rounding factors."""
     model.zero_grad()
-    answer = model.reconstruct(template, scales, 1.01 * template, torch.Generator().manual_seed(0))
-    found = terms(answer, 1.01 * template, template, model.tree.parents, model.unit)
+    varied, random = 1.01 * template, torch.Generator().manual_seed(0)
+    with rounding(brief):
+        answer = model.reconstruct(template, scales, varied, random)
+    found = terms(answer, varied, template, model.tree.parents, model.unit)
     total(found, WEIGHTS, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
 
 
@@ -110,7 +125,7 @@ def best(run: Callable[[], object]) -> float:
     return 1e3 * min(found)
 
 
-def rounds(runs: list[Callable[[], None]]) -> NDArray[np.float64]:
+def in_turn(runs: list[Callable[[], None]]) -> NDArray[np.float64]:
     """Give process times of runs taken in turn, (rounds, runs), in milliseconds."""
     found = np.zeros((N_TURNS, len(runs)))
     for row in range(-1, N_TURNS):

@@ -6,9 +6,14 @@ side by side, forwards and backwards, and to fetch the memory for that costs mor
 Torch's own products are MKL's, which goes by who made a processor: of one with vectors of 512 bits
 that is not Intel's it leaves half idle. There products along channels are oneDNN's, which goes by
 what a processor can do.
+
+While a model learns, factors may be rounded to bfloat16 (``rounding``), which a processor that has
+it multiplies twice as fast; sums are float32's, and so is all that stands between two products.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +23,41 @@ from torch import Tensor, nn
 
 # Rows to an image, of those that oneDNN takes for an image: with so many it is at its best.
 PIXELS = 25
+
+_rounds = ContextVar("_rounds", default=False)
+
+
+@contextmanager
+def rounding(wanted: bool) -> Iterator[None]:
+    """Round factors of float32 to bfloat16, those too of the gradients of what is done within.
+
+    Where the device does not multiply bfloat16 (``has_bfloat16``), products stay as they are.
+    """
+    before = _rounds.set(wanted)
+    try:
+        yield
+    finally:
+        _rounds.reset(before)
+
+
+@cache
+def has_bfloat16(device: str) -> bool:
+    """Say whether a kind of device, ``cpu`` or ``cuda``, has instructions for such products."""
+    if device == "cuda":
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+    wide = torch.backends.cpu.get_cpu_capability() == "AVX512"
+    return wide and bool(torch.cpu.get_capabilities().get("avx512_bf16"))
+
+
+def factor(x: Tensor) -> Tensor:
+    """Take a tensor as products want it: contiguous, and rounded where that is wanted."""
+    if _rounds.get() and x.dtype == torch.float32 and has_bfloat16(x.device.type):
+        return x.to(torch.bfloat16, memory_format=torch.contiguous_format)
+    return x.contiguous()
+
+
+def _single(x: Tensor) -> Tensor:
+    return x.float() if x.dtype == torch.bfloat16 else x
 
 
 @cache
@@ -33,7 +73,13 @@ def _by_onednn(x: Tensor) -> bool:
 
 
 def dense(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
-    """``X Wᵀ + b``, of (..., C), (D, C) and (D,); gradients are the caller's."""
+    """``X Wᵀ + b``, of (..., C), (D, C) and (D,); gradients are the caller's.
+
+    Of rounded ``X`` it is float32 all the same.
+    """
+    if x.dtype == torch.bfloat16:
+        rounded = None if bias is None else bias.bfloat16()
+        return nn.functional.linear(x, weight.bfloat16(), rounded).float()
     if not _by_onednn(x):
         return nn.functional.linear(x, weight, bias)
     # Of weights that are a part of wider ones it has a plain loop, a thousand times slower.
@@ -44,7 +90,7 @@ def dense(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
 
 def add_dense(out: Tensor, x: Tensor, weight: Tensor) -> None:
     """Add ``X Wᵀ`` to ``(..., D)`` in place."""
-    if _by_onednn(x):
+    if x.dtype == torch.bfloat16 or _by_onednn(x):
         out += dense(x, weight)
     else:
         flat(out).addmm_(flat(x), weight.T)
@@ -56,6 +102,8 @@ def outer(left: Tensor, right: Tensor) -> Tensor:
     oneDNN has it as the slope of a convolution's weights, of one pixel.
     """
     left, right = left.reshape(-1, left.shape[-1]), right.reshape(-1, right.shape[-1])
+    if right.dtype == torch.bfloat16:
+        return (left.bfloat16().T @ right).float()
     n_images = len(left) // PIXELS if _by_onednn(left) else 0
     n = n_images * PIXELS
     total = left[n:].T @ right[n:]
@@ -80,7 +128,7 @@ class Weighing(torch.autograd.Function):
         weight : (D, C1 + C2 + ...)
         bias : (D,) or none
         """
-        parts = tuple(part.contiguous() for part in parts)
+        parts = tuple(factor(part) for part in parts)
         first, *others = _shares(weight, parts)
         out = dense(parts[0], first, bias)
         for part, share in zip(parts[1:], others, strict=True):
@@ -94,9 +142,10 @@ class Weighing(torch.autograd.Function):
         weight, *parts = ctx.saved_tensors
         _, biased, *wanted = ctx.needs_input_grad
         gradient = gradients[0].contiguous()
-        d_weight = torch.cat([outer(gradient, part) for part in parts], dim=1)
+        told = gradient.to(parts[0].dtype)
+        d_weight = torch.cat([outer(told, part) for part in parts], dim=1)
         back = [
-            dense(gradient, share.T) if want else None
+            dense(told, share.T) if want else None
             for share, want in zip(_shares(weight, parts), wanted, strict=True)
         ]
         return d_weight, flat(gradient).sum(dim=0) if biased else None, *back
@@ -134,7 +183,7 @@ class Mixing(torch.autograd.Function):
         along, own : (D, C)
         bias : (D,)
         """
-        x = x.contiguous()
+        x = factor(x)
         # The narrower side is mixed over joints: mixing commutes with the weights.
         inside = along.shape[1] <= along.shape[0]
         out = dense(x, own, bias)
@@ -142,7 +191,7 @@ class Mixing(torch.autograd.Function):
             mixed = _mixed(links, x)
             add_dense(out, mixed, along)
         else:
-            mixed = dense(x, along)
+            mixed = dense(x, along).to(x.dtype)
             _add_mixed(out, links, mixed)
         ctx.inside = inside
         ctx.save_for_backward(x, mixed, links, along, own)
@@ -153,18 +202,19 @@ class Mixing(torch.autograd.Function):
         """Give the gradients of all five."""
         x, mixed, links, along, own = ctx.saved_tensors
         gradient = gradients[0].contiguous()
-        back = dense(gradient, own.T) if ctx.needs_input_grad[0] else None
+        told = gradient.to(x.dtype)
+        back = dense(told, own.T) if ctx.needs_input_grad[0] else None
         if ctx.inside:
-            through = dense(gradient, along.T)
-            d_links, d_along = _over_frames(through, x), outer(gradient, mixed)
+            through = dense(told, along.T).to(x.dtype)
+            d_links, d_along = _over_frames(through, x), outer(told, mixed)
             if back is not None:
                 _add_mixed(back, links.T, through)
         else:
-            through = _mixed(links.T, gradient)
-            d_links, d_along = _over_frames(gradient, mixed), outer(through, x)
+            through = _mixed(links.T, told)
+            d_links, d_along = _over_frames(told, mixed), outer(through, x)
             if back is not None:
                 add_dense(back, through, along.T)
-        return back, d_links, d_along, outer(gradient, x), flat(gradient).sum(dim=0)
+        return back, d_links, d_along, outer(told, x), flat(gradient).sum(dim=0)
 
 
 class Sliding(torch.autograd.Function):
@@ -183,17 +233,19 @@ class Sliding(torch.autograd.Function):
         bias : (D,)
         stride : frames in to one out
         """
-        x = x.contiguous()
+        x = factor(x)
         ctx.stride = stride
         ctx.save_for_backward(x, kernel)
-        out = torch.conv2d(_image(x), _taps(kernel), bias, *_geometry(kernel, stride))
-        return _from_image(out, x)
+        taps, rounded = _taps(kernel).to(x.dtype), bias.to(x.dtype)
+        out = torch.conv2d(_image(x), taps, rounded, *_geometry(kernel, stride))
+        return _single(_from_image(out, x))
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         """Give the gradients of all three."""
         x, kernel = ctx.saved_tensors
         gradient = gradients[0].contiguous()
+        told = gradient.to(x.dtype)
         d_kernel, stride = torch.zeros_like(kernel), ctx.stride
         for tap, shift in enumerate(range(-(kernel.shape[1] // 2), kernel.shape[1] // 2 + 1)):
             # Frames out whose frame in, so far away, is there.
@@ -201,13 +253,13 @@ class Sliding(torch.autograd.Function):
             last = min(len(gradient), (len(x) - 1 - shift) // stride + 1)
             if first < last:
                 seen = x[first * stride + shift :: stride][: last - first]
-                d_kernel[:, tap] = outer(gradient[first:last], seen)
+                d_kernel[:, tap] = outer(told[first:last], seen)
         back = None
         if ctx.needs_input_grad[0]:
-            args = (_image(gradient), _image(x), _taps(kernel), None, *_geometry(kernel, stride))
-            only = (True, False, False)
+            taps, only = _taps(kernel).to(x.dtype), (True, False, False)
+            args = (_image(told), _image(x), taps, None, *_geometry(kernel, stride))
             image = torch.ops.aten.convolution_backward(*args, (1, 1), False, (0, 0), 1, only)[0]
-            back = _from_image(image, x)
+            back = _single(_from_image(image, x))
         return back, d_kernel, flat(gradient).sum(dim=0), None
 
 
@@ -233,7 +285,7 @@ def _frames(x: Tensor) -> Tensor:
 
 
 def _each(links: Tensor, x: Tensor) -> Tensor:
-    return links.expand(len(x), *links.shape)
+    return links.to(x.dtype).expand(len(x), *links.shape)
 
 
 def _mixed(links: Tensor, x: Tensor) -> Tensor:
@@ -242,9 +294,12 @@ def _mixed(links: Tensor, x: Tensor) -> Tensor:
 
 
 def _add_mixed(out: Tensor, links: Tensor, x: Tensor) -> None:
-    _frames(out).baddbmm_(_each(links, x), _frames(x))
+    if x.dtype == torch.bfloat16:
+        out += _mixed(links, x)
+    else:
+        _frames(out).baddbmm_(_each(links, x), _frames(x))
 
 
 def _over_frames(left: Tensor, right: Tensor) -> Tensor:
     """Sum over all frames of ``(J, N) (J, N)ᵀ``."""
-    return torch.bmm(_frames(left), _frames(right).mT).sum(dim=0)
+    return _single(torch.bmm(_frames(left), _frames(right).mT)).sum(dim=0)

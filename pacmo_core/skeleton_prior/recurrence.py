@@ -5,7 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import add_dense, dense, outer
+from pacmo_core.skeleton_prior.products import add_dense, dense, factor, outer
 
 
 class GraphGru(nn.Module):
@@ -109,9 +109,9 @@ class Running(torch.autograd.Function):
         told, bias : (3h, C) and (3h,), of what comes in
         keeps : whether to keep of each frame what gradients need
         """
-        x = x.contiguous()
+        x = factor(x)
         n_frames, n_joints, n_rows, hidden = len(x), *start.shape
-        states = x.new_empty(n_frames + 1, n_joints, n_rows, hidden)
+        states = start.new_empty(n_frames + 1, n_joints, n_rows, hidden)
         states[0] = start
         mixed = torch.empty_like(start)
         parts = torch.split(folded.T, [2 * hidden, hidden])
@@ -121,9 +121,10 @@ class Running(torch.autograd.Function):
         for frame in range(n_frames):
             state = states[frame]
             torch.mm(links, state.flatten(1), out=mixed.flatten(1))
-            opened, heard = dense(x[frame], told, bias), dense(mixed, to_candidate)
+            message = mixed.to(x.dtype)
+            opened, heard = dense(x[frame], told, bias), dense(message, to_candidate)
             both, candidate = opened[..., : 2 * hidden], opened[..., 2 * hidden :]
-            add_dense(both, mixed, to_gates)
+            add_dense(both, message, to_gates)
             both.sigmoid_()
             candidate.addcmul_(both[..., :hidden], heard)
             # tanh x = 2 s(2x) - 1: torch's own takes six times as long.
@@ -140,11 +141,10 @@ class Running(torch.autograd.Function):
         """Give the gradients of all six tensors."""
         x, links, folded, told, states, *kept = ctx.saved_tensors
         all_opened, all_heard = kept[: len(x)], kept[len(x) :]
-        gradient = gradients[0].contiguous()
-        hidden = gradient.shape[-1]
-        d_x, carried = torch.empty_like(x), torch.zeros_like(states[0])
-        d_links, d_folded, d_told = (torch.zeros_like(each) for each in (links, folded, told))
-        d_bias = torch.zeros_like(told[:, 0])
+        gradient, hidden = gradients[0].contiguous(), states.shape[-1]
+        d_x, carried = states.new_empty(x.shape), torch.zeros_like(states[0])
+        weights = links, folded, told, told[:, 0]
+        d_links, d_folded, d_told, d_bias = (torch.zeros_like(each) for each in weights)
         # Of what comes in, and of what is heard: but for the candidate's part the same.
         d_in, d_heard, mixed = (torch.empty_like(each) for each in (kept[0], kept[0], carried))
         for frame in reversed(range(len(gradient))):
@@ -161,12 +161,13 @@ class Running(torch.autograd.Function):
             d_heard[..., : 2 * hidden] = d_both
             torch.mul(d_candidate, reset, out=d_heard[..., 2 * hidden :])
             d_in[..., 2 * hidden :] = d_candidate
-            d_x[frame] = dense(d_in, told.T)
-            d_told += outer(d_in, x[frame])
+            in_factor, heard_factor = d_in.to(x.dtype), d_heard.to(x.dtype)
+            d_x[frame] = dense(in_factor, told.T)
+            d_told += outer(in_factor, x[frame])
             d_bias += d_in.sum(dim=(0, 1))
             torch.mm(links, state.flatten(1), out=mixed.flatten(1))
-            d_folded += outer(mixed, d_heard)
-            d_mixed = dense(d_heard, folded).flatten(1)
+            d_folded += outer(mixed, heard_factor)
+            d_mixed = dense(heard_factor, folded).flatten(1)
             d_links.addmm_(d_mixed, state.flatten(1).T)
             carried.mul_(update).flatten(1).addmm_(links.T, d_mixed)
         return d_x, carried, d_links, d_folded, d_told, d_bias, None

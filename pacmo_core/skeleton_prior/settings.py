@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from pacmo_core.skeleton_prior.losses import LossWeights
 
+PRECISIONS = ("float32", "bfloat16")
+
 
 @dataclass(frozen=True)
 class PriorSettings:
@@ -11,6 +13,7 @@ class PriorSettings:
 
     random_seed: int
     device: str  # cpu, cuda or auto: cuda where there is one
+    precision: str  # of the factors of products while learning, a name of PRECISIONS
     model: str  # a name of forms.FORMS
     hidden: int  # channels of the widest layers; 256 in the paper's size
     stride: int  # frames from one that the networks see to the next; the change is smooth
@@ -29,6 +32,10 @@ class PriorSettings:
     checkpoint_every: int  # epochs
 
     def __post_init__(self) -> None:
+        if self.precision not in PRECISIONS:
+            raise ValueError(
+                f"precision must be one of {', '.join(PRECISIONS)}; got {self.precision!r}"
+            )
         if min(self.stride, self.body_steps, self.warmup_epochs) < 1:
             raise ValueError(
                 "stride, body_steps and warmup_epochs must be at least 1; got "

@@ -19,6 +19,7 @@ from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.losses import terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
+from pacmo_core.skeleton_prior.products import rounding
 from pacmo_core.skeleton_prior.settings import PriorSettings
 
 # Variations that are scored at once.
@@ -64,7 +65,8 @@ class PriorTraining(Supervised[SkeletonPrior]):
         settings = self.prior_settings
         own = torch.Generator().manual_seed(int(torch.randint(2**62, (), generator=self.random)))
         pairs = self._batch(rows, own)
-        return objective(self.model, pairs, settings, self.warm, own)
+        with rounding(settings.precision == "bfloat16"):
+            return objective(self.model, pairs, settings, self.warm, own)
 
     def _batch(self, rows: Tensor, own: torch.Generator) -> Pairs:
         settings = self.prior_settings

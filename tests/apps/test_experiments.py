@@ -47,6 +47,20 @@ def test_an_experiment_changes_what_it_says_and_nothing_else():
     assert composed["ingest"] == load(DEFAULT)["ingest"]
 
 
+def test_an_experiment_may_differ_from_another(project):
+    (project / "experiments" / "tiny.yaml").write_text("from: small\nruns: {seeds: [4]}\n")
+    wanted = load(compose("small"))
+    wanted["runs"]["seeds"] = [4]
+    assert load(compose("tiny")) == wanted
+
+
+def test_experiments_that_differ_from_one_another_are_named(project):
+    for name, other in (("one", "two"), ("two", "one")):
+        (project / "experiments" / f"{name}.yaml").write_text(f"from: {other}\n")
+    with pytest.raises(ExperimentError, match="one from two from one has no beginning"):
+        compose("one")
+
+
 def test_captures_are_where_the_environment_says(project, monkeypatch):
     (project / "sets" / "real").mkdir(parents=True)
     monkeypatch.setenv("PACMO_REAL_DATA", str(project / "sets"))

@@ -1,4 +1,6 @@
-"""What is trusted: the same sums in float64, whichever library multiplies."""
+"""What is trusted: the same sums in float64, whichever library multiplies; eight bits of them."""
+
+from pathlib import Path
 
 import pytest
 import torch
@@ -61,19 +63,50 @@ def test_the_change_of_weights_is_a_sum_over_all_rows(n_rows):
     near(products.outer(left, right), wanted)
 
 
+def answer_and_slopes(name, dtype, *, rounds=False):
+    """Run a layer, and give what it says and the gradients of its inputs and weights."""
+    build, shapes = LAYERS[name]
+    layer = shaken(build()).to(dtype)
+    drawn = [torch.randn(shape, generator=generator(5)) for shape in shapes]
+    given = [value.to(dtype).requires_grad_() for value in drawn]
+    with products.rounding(rounds):
+        out = layer(*given)
+    (out * out.detach().cos()).sum().backward()
+    return [out.detach(), *(v.grad for v in [*given, *layer.parameters()])]
+
+
 @pytest.mark.parametrize("name", LAYERS)
 def test_a_layer_and_its_gradients_are_those_of_float64(name):
-    build, shapes = LAYERS[name]
-    inputs = [torch.randn(shape, generator=generator(5)) for shape in shapes]
-    found = []
-    for dtype in (torch.float32, torch.float64):
-        layer = shaken(build()).to(dtype)
-        given = [value.detach().to(dtype).requires_grad_() for value in inputs]
-        out = layer(*given)
-        (out * out.detach().cos()).sum().backward()
-        found.append([out.detach(), *(v.grad for v in [*given, *layer.parameters()])])
+    found = (answer_and_slopes(name, dtype) for dtype in (torch.float32, torch.float64))
     for single, double in zip(*found, strict=True):
         near(single, double)
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_rounded_factors_keep_eight_bits_of_a_layer_and_of_its_gradients(name, monkeypatch):
+    monkeypatch.setattr(products, "has_bfloat16", lambda device: True)
+    found = answer_and_slopes(name, torch.float32, rounds=True)
+    for rounded, double in zip(found, answer_and_slopes(name, torch.float64), strict=True):
+        assert rounded.dtype == torch.float32
+        assert (rounded - double).norm() < 2**-6 * double.norm()
+    exact = answer_and_slopes(name, torch.float32)
+    assert not torch.equal(found[0], exact[0]) and not torch.equal(found[1], exact[1])
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_nothing_is_rounded_in_float64_nor_where_a_device_has_no_such_products(name, monkeypatch):
+    for dtype, has in ((torch.float32, False), (torch.float64, True)):
+        monkeypatch.setattr(products, "has_bfloat16", lambda device, has=has: has)
+        found = answer_and_slopes(name, dtype, rounds=True)
+        for rounded, exact in zip(found, answer_and_slopes(name, dtype), strict=True):
+            assert torch.equal(rounded, exact)
+
+
+def test_a_processor_has_such_products_or_not():
+    listed = Path("/proc/cpuinfo")
+    if not listed.exists():
+        pytest.skip("no list of what this processor can do")
+    assert products.has_bfloat16("cpu") <= ("avx512_bf16" in listed.read_text())
 
 
 def test_torch_is_asked_where_it_is_as_fast_and_for_what_onednn_has_not(library, monkeypatch):

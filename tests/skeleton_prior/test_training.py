@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pacmo_core.pacmo.fit import state
-from pacmo_core.skeleton_prior import training
+from pacmo_core.skeleton_prior import products, training
 from pacmo_core.skeleton_prior.bodies import Bodies, learn
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
 from pacmo_core.skeleton_prior.forms import FORMS
@@ -18,16 +18,43 @@ def same(one, other) -> bool:
     return one.keys() == other.keys() and all(torch.equal(one[k], other[k]) for k in one)
 
 
+@pytest.fixture
+def with_bfloat16(monkeypatch):
+    """Round where it is wanted, whether or not that is fast on this processor."""
+    monkeypatch.setattr(products, "has_bfloat16", lambda device: True)
+
+
+@pytest.mark.usefixtures("with_bfloat16")
 @pytest.mark.parametrize("name", FORMS)
-def test_the_same_seed_trains_the_same_bytes_and_another_does_not(name):
-    found = [
-        state(
-            training.fit(examples(1, 4), settings(model=name, n_epochs=2, random_seed=s)).finish()
-        )
-        for s in (1, 1, 2)
-    ]
+def test_the_same_seed_and_precision_train_the_same_bytes_and_others_do_not(name):
+    runs = [(1, "bfloat16"), (1, "bfloat16"), (2, "bfloat16"), (1, "float32")]
+    found = []
+    for seed, precision in runs:
+        chosen = settings(model=name, n_epochs=2, random_seed=seed, precision=precision)
+        found.append(state(training.fit(examples(1, 4), chosen).finish()))
     assert same(found[0], found[1])
     assert not same(found[0], found[2])
+    assert not same(found[0], found[3])
+
+
+@pytest.mark.usefixtures("with_bfloat16")
+def test_rounded_factors_lead_as_far():
+    """The gradient differs by a part in a hundred, where training ends by much less."""
+    found = []
+    for precision in ("float32", "bfloat16"):
+        fitting = training.fit(
+            examples(1, 8), settings(n_epochs=15, warmup_epochs=1, precision=precision)
+        )
+        fitting.finish()
+        found.append([terms["loss"] for terms in fitting.curve])
+    exact, rounded = found
+    assert exact[-1] < exact[0]
+    assert rounded[-1] == pytest.approx(exact[-1], rel=0.02)
+
+
+def test_a_precision_that_there_is_not_is_refused():
+    with pytest.raises(ValueError, match="precision must be one of float32, bfloat16; got 'half'"):
+        settings(precision="half")
 
 
 @pytest.mark.parametrize("name", ["kinematic", "m_gcn"])

@@ -79,6 +79,13 @@ def test_the_full_experiments_are_the_papers(name):
     assert (params["train_gru"]["hidden"], params["train_gru"]["n_layers"]) == (200, 5)
 
 
+def test_the_priors_of_the_papers_size_train_as_its_supplement_says():
+    params = YAML(typ="safe").load(compose("variations_paper"))["train_skeleton_prior"]
+    said = {"hidden": 256, "batch_size": 32, "learning_rate": 1e-3, "n_epochs": 50}
+    assert {key: params[key] for key in said} == said
+    assert params["halve_every"] >= params["n_epochs"]
+
+
 @pytest.mark.parametrize("name", FULL)
 def test_no_mode_of_the_full_experiments_is_cut_off_by_a_grid(name):
     params = YAML(typ="safe").load(compose(name))["train_pacmo"]
