@@ -7,9 +7,14 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.console import Console
+
 from pacmo_core.interaction import Interaction
+from pacmo_core.pacmo.fit import Fit
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.examples import Example
+from pacmo_core.skeleton_prior.model import SkeletonPrior
+from pacmo_core.skeleton_prior.products import has_bfloat16
 from pacmo_core.skeleton_prior.settings import PriorSettings
 from stages._examples import stream_examples
 from stages._memory import keep_freed_memory
@@ -35,11 +40,18 @@ def main(paths: argparse.Namespace) -> None:
         [example for _, example in stream_examples(paths.family, paths.sides, side)]
         for side in ("train", "validation")
     )
+
+    def fit(device: str) -> Fit[SkeletonPrior]:
+        kind = device.partition(":")[0]
+        if params.precision != "float32" and not has_bfloat16(kind):
+            Console(stderr=True).print(f"{kind} has no products of bfloat16: learning in float32")
+        return training.fit(learnt, params, validation=held_out, device=device)
+
     task = Task(
         "skeleton_prior",
         params,
         Sides(_motions(learnt), _motions(held_out), [], []),
-        lambda device: training.fit(learnt, params, validation=held_out, device=device),
+        fit,
         training.config,
         shares=False,
         code=room_hash(),

@@ -8,7 +8,7 @@ that is not Intel's it leaves half idle. There products along channels are oneDN
 what a processor can do.
 
 While a model learns, factors may be rounded to bfloat16 (``rounding``), which a processor that has
-it multiplies twice as fast; sums are float32's, and so is all that stands between two products.
+it multiplies twice as fast, and what comes of them is; sums within and all else are float32's.
 """
 
 from collections.abc import Iterator, Sequence
@@ -77,23 +77,26 @@ def dense(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
 
     Of rounded ``X`` it is float32 all the same.
     """
-    if x.dtype == torch.bfloat16:
-        rounded = None if bias is None else bias.bfloat16()
-        return nn.functional.linear(x, weight.bfloat16(), rounded).float()
+    return _single(_product(x, weight, bias))
+
+
+def add_dense(out: Tensor, x: Tensor, weight: Tensor) -> None:
+    """Add ``X Wᵀ`` to ``(..., D)`` in place."""
+    if x.dtype == torch.bfloat16 or _by_onednn(x):
+        out += _product(x, weight)
+    else:
+        flat(out).addmm_(flat(x), weight.T)
+
+
+def _product(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
+    """``X Wᵀ + b`` of the kind of ``X``."""
+    weight, bias = weight.to(x.dtype), None if bias is None else bias.to(x.dtype)
     if not _by_onednn(x):
         return nn.functional.linear(x, weight, bias)
     # Of weights that are a part of wider ones it has a plain loop, a thousand times slower.
     whole = weight if weight.T.is_contiguous() else weight.contiguous()
     out: Tensor = torch.ops.mkldnn._linear_pointwise(x, whole, bias, "none", [], "")
     return out
-
-
-def add_dense(out: Tensor, x: Tensor, weight: Tensor) -> None:
-    """Add ``X Wᵀ`` to ``(..., D)`` in place."""
-    if x.dtype == torch.bfloat16 or _by_onednn(x):
-        out += dense(x, weight)
-    else:
-        flat(out).addmm_(flat(x), weight.T)
 
 
 def outer(left: Tensor, right: Tensor) -> Tensor:
@@ -103,7 +106,7 @@ def outer(left: Tensor, right: Tensor) -> Tensor:
     """
     left, right = left.reshape(-1, left.shape[-1]), right.reshape(-1, right.shape[-1])
     if right.dtype == torch.bfloat16:
-        return (left.bfloat16().T @ right).float()
+        return _single(left.bfloat16().T @ right)
     n_images = len(left) // PIXELS if _by_onednn(left) else 0
     n = n_images * PIXELS
     total = left[n:].T @ right[n:]
@@ -191,7 +194,7 @@ class Mixing(torch.autograd.Function):
             mixed = _mixed(links, x)
             add_dense(out, mixed, along)
         else:
-            mixed = dense(x, along).to(x.dtype)
+            mixed = _product(x, along)
             _add_mixed(out, links, mixed)
         ctx.inside = inside
         ctx.save_for_backward(x, mixed, links, along, own)
@@ -205,7 +208,7 @@ class Mixing(torch.autograd.Function):
         told = gradient.to(x.dtype)
         back = dense(told, own.T) if ctx.needs_input_grad[0] else None
         if ctx.inside:
-            through = dense(told, along.T).to(x.dtype)
+            through = _product(told, along.T)
             d_links, d_along = _over_frames(through, x), outer(told, mixed)
             if back is not None:
                 _add_mixed(back, links.T, through)
