@@ -27,8 +27,9 @@ LABELS = {"source": "source", "solver": "solver"} | {
 TASKS = ("retargeting", "generation")
 NOTES = (
     "Large: ours, A/B where each character has a figure of its own, B the one whose body changes. "
-    "Small: the interval over seeds, and what the supplement prints, on other motions, in a unit "
-    "that it does not state and of features that it does not describe: compare within a line.",
+    "Small: the interval over seeds, and in brackets what the supplement prints, on other motions, "
+    "in a unit that it does not state and of features that it does not describe: compare within a "
+    "line.",
     "JPD of generation is held against the solver's motion on the drawn body, and FID against the "
     "solver's motions on the same bodies.",
 )

@@ -43,7 +43,7 @@ def main(paths: argparse.Namespace) -> None:
 
     def fit(device: str) -> Fit[SkeletonPrior]:
         kind = device.partition(":")[0]
-        if params.precision != "float32" and not has_bfloat16(kind):
+        if params.mixed_precision and not has_bfloat16(kind):
             Console(stderr=True).print(f"{kind} has no products of bfloat16: learning in float32")
         return training.fit(learnt, params, validation=held_out, device=device)
 

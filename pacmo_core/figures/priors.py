@@ -167,7 +167,7 @@ def _mean(metrics: Mapping[str, Mapping[str, float]], block: Block) -> float:
 
 
 def _cell(found: Found, model: str, block: Block, printed: str) -> Entry:
-    theirs = f"supplement {printed}" if printed not in ("", "-") else ""
+    theirs = f"[{printed}]" if printed not in ("", "-") else ""
     if model not in found or not all(part in found[model] for part in block.parts):
         return Entry("–", theirs, "", "")
     cells = [found[model][part] for part in block.parts]
@@ -179,7 +179,7 @@ def _cell(found: Found, model: str, block: Block, printed: str) -> Entry:
     ]
     complete = {m: own for m, own in found.items() if all(part in own for part in block.parts)}
     best = min(complete, key=lambda m: _mean(complete[m], block))
-    entry = Entry(value, "; ".join([*spread, *([theirs] if theirs else [])]), "", "")
+    entry = Entry(value, "\n".join([*spread, *([theirs] if theirs else [])]), "", "")
     return replace(entry, mark="best") if model == best and len(complete) > 1 else entry
 
 

@@ -23,7 +23,10 @@ _NO_VALUE, _NO_REASON = "–", "not computed for this row"
 
 @dataclass(frozen=True)
 class Entry:
-    """One cell as shown; ``mark`` is ``best``, ``level`` (interval meets the best's) or empty."""
+    """One cell as shown, the interval in one line or several.
+
+    ``mark`` is ``best``, ``level`` (interval meets the best's) or empty.
+    """
 
     value: str
     interval: str

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from pacmo_core.skeleton_prior.losses import LossWeights
 
-PRECISIONS = ("float32", "bfloat16")
-
 
 @dataclass(frozen=True)
 class PriorSettings:
@@ -13,7 +11,7 @@ class PriorSettings:
 
     random_seed: int
     device: str  # cpu, cuda or auto: cuda where there is one
-    precision: str  # of the factors of products while learning, a name of PRECISIONS
+    mixed_precision: bool  # factors of products in bfloat16 while learning, where the device has it
     model: str  # a name of forms.FORMS
     hidden: int  # channels of the widest layers; 256 in the paper's size
     stride: int  # frames from one that the networks see to the next; the change is smooth
@@ -32,10 +30,6 @@ class PriorSettings:
     checkpoint_every: int  # epochs
 
     def __post_init__(self) -> None:
-        if self.precision not in PRECISIONS:
-            raise ValueError(
-                f"precision must be one of {', '.join(PRECISIONS)}; got {self.precision!r}"
-            )
         if min(self.stride, self.body_steps, self.warmup_epochs) < 1:
             raise ValueError(
                 "stride, body_steps and warmup_epochs must be at least 1; got "

@@ -65,7 +65,7 @@ class PriorTraining(Supervised[SkeletonPrior]):
         settings = self.prior_settings
         own = torch.Generator().manual_seed(int(torch.randint(2**62, (), generator=self.random)))
         pairs = self._batch(rows, own)
-        with rounding(settings.precision == "bfloat16"):
+        with rounding(settings.mixed_precision):
             return objective(self.model, pairs, settings, self.warm, own)
 
     def _batch(self, rows: Tensor, own: torch.Generator) -> Pairs:

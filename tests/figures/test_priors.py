@@ -46,8 +46,8 @@ def test_a_cell_holds_ours_in_millimetres_and_theirs_below():
     assert (first.label, first.meaning) == ("E_r, retargeting, mm", "Random")
     ours, _, f_cnn, *_ = first.entries
     assert ours.value == "10.0/10.0" and ours.mark == "best"
-    assert "9.00 … 11.0" in ours.interval and "supplement" not in ours.interval
-    assert f_cnn.interval.endswith("supplement 0.673/2.569") and not f_cnn.mark
+    assert ours.interval.splitlines() == ["9.00 … 11.0"] * 2  # theirs stands at the paper's form
+    assert f_cnn.interval.endswith("[0.673/2.569]") and not f_cnn.mark
     assert first.entries[1].value == "–"  # a model that was not trained
     assert {line.meaning for line in shown.lines} == {"Random"} and len(shown.lines) == 6
 

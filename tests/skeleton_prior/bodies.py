@@ -88,7 +88,7 @@ def settings(**changes: object) -> PriorSettings:
     plain: dict[str, object] = {
         "random_seed": 1,
         "device": "cpu",
-        "precision": "float32",
+        "mixed_precision": False,
         "model": "kinematic",
         "hidden": 16,
         "stride": 3,

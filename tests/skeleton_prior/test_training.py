@@ -27,10 +27,9 @@ def with_bfloat16(monkeypatch):
 @pytest.mark.usefixtures("with_bfloat16")
 @pytest.mark.parametrize("name", FORMS)
 def test_the_same_seed_and_precision_train_the_same_bytes_and_others_do_not(name):
-    runs = [(1, "bfloat16"), (1, "bfloat16"), (2, "bfloat16"), (1, "float32")]
     found = []
-    for seed, precision in runs:
-        chosen = settings(model=name, n_epochs=2, random_seed=seed, precision=precision)
+    for seed, mixed in ((1, True), (1, True), (2, True), (1, False)):
+        chosen = settings(model=name, n_epochs=2, random_seed=seed, mixed_precision=mixed)
         found.append(state(training.fit(examples(1, 4), chosen).finish()))
     assert same(found[0], found[1])
     assert not same(found[0], found[2])
@@ -41,20 +40,15 @@ def test_the_same_seed_and_precision_train_the_same_bytes_and_others_do_not(name
 def test_rounded_factors_lead_as_far():
     """The gradient differs by a part in a hundred, where training ends by much less."""
     found = []
-    for precision in ("float32", "bfloat16"):
+    for mixed in (False, True):
         fitting = training.fit(
-            examples(1, 8), settings(n_epochs=15, warmup_epochs=1, precision=precision)
+            examples(1, 8), settings(n_epochs=15, warmup_epochs=1, mixed_precision=mixed)
         )
         fitting.finish()
         found.append([terms["loss"] for terms in fitting.curve])
     exact, rounded = found
     assert exact[-1] < exact[0]
     assert rounded[-1] == pytest.approx(exact[-1], rel=0.02)
-
-
-def test_a_precision_that_there_is_not_is_refused():
-    with pytest.raises(ValueError, match="precision must be one of float32, bfloat16; got 'half'"):
-        settings(precision="half")
 
 
 @pytest.mark.parametrize("name", ["kinematic", "m_gcn"])
