@@ -9,12 +9,15 @@ as a share of the same network's written plainly (``tests/skeleton_prior/plain.p
 weights and the same answer, but batches first, frame by frame, a layer a gate, kinematics joint
 from joint, nothing folded and nothing known beforehand projected at once, all in float32. Ours
 rounds factors of products to bfloat16, as it learns at this size (experiment variations_paper),
-where the processor multiplies them; ``exact_step_share_of_plain`` is without. Shares are medians of
-steps taken in turn, with quartiles. Weights are fresh ones: time does not depend on them.
+where the processor multiplies them; ``exact_step_share_of_plain`` is without. The plain network too
+goes faster under torch's autocast, which rounds joints' places to centimetres with all else, so
+that nobody would train it so: ``autocast_plain_step_ms``. Shares are medians of steps taken in
+turn, with quartiles. Weights are fresh ones: time does not depend on them.
 """
 
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 
 import numpy as np
@@ -32,6 +35,8 @@ from pacmo_core.skeleton_prior.products import has_bfloat16, rounding
 from pacmo_core.skeleton_prior.vary import forward
 from stages._memory import keep_freed_memory
 from tests.skeleton_prior.plain import made_plain
+
+Precision = Callable[[], AbstractContextManager[object]]
 
 N_FRAMES, STRIDE, WINDOW, BATCH = 363, 3, 24, 32
 LIMBS = ((4, 5, 6), (8, 9, 10), (12, 13, 14), (16, 17, 18))
@@ -63,17 +68,24 @@ def varying(hidden: int) -> dict[str, float]:
 
 
 def training(hidden: int) -> dict[str, float]:
-    """Time a step of ours, rounding factors and not, and of the plain network, in turn."""
+    """Time a step of ours, rounding factors and not, and of the plain network likewise, in turn."""
     torch.set_num_threads(1)
     ours, plain = network(hidden), made_plain(network(hidden))
     template, scales = scene(WINDOW)
-    steps = [(ours, True), (ours, False), (plain, False)]
-    times = in_turn([partial(step, model, template, scales, brief) for model, brief in steps])
-    shares = times[:, :2] / times[:, 2:]
+    brief = partial(rounding, True)
+    autocast = partial(torch.autocast, "cpu", torch.bfloat16, enabled=has_bfloat16("cpu"))
+    steps: list[tuple[SkeletonPrior, Precision]] = [
+        (ours, brief),
+        (ours, nullcontext),
+        (plain, nullcontext),
+        (plain, autocast),
+    ]
+    times = in_turn([partial(step, model, template, scales, kind) for model, kind in steps])
+    shares = times[:, :2] / times[:, 2:3]
     (low, exact_low), (middle, exact), (high, exact_high) = np.quantile(
         shares, [0.25, 0.5, 0.75], axis=0
     )
-    step_ms, exact_ms, plain_ms = np.median(times, axis=0)
+    step_ms, exact_ms, plain_ms, autocast_ms = np.median(times, axis=0)
     return {
         "step_share_of_plain": middle,
         "step_share_low": low,
@@ -84,6 +96,7 @@ def training(hidden: int) -> dict[str, float]:
         "step_ms": step_ms,
         "exact_step_ms": exact_ms,
         "plain_step_ms": plain_ms,
+        "autocast_plain_step_ms": autocast_ms,
         "has_bfloat16": has_bfloat16("cpu"),
     }
 
@@ -104,11 +117,11 @@ def scene(n_frames: int) -> tuple[Tensor, Tensor]:
     return template, 0.8 + 0.4 * torch.rand(BATCH, 2, pose.shape[1], generator=random)
 
 
-def step(model: SkeletonPrior, template: Tensor, scales: Tensor, brief: bool) -> None:
-    """Take the gradient of the loss; ``brief``: rounding factors."""
+def step(model: SkeletonPrior, template: Tensor, scales: Tensor, precision: Precision) -> None:
+    """Take the gradient of the loss, the network within a precision."""
     model.zero_grad()
     varied, random = 1.01 * template, torch.Generator().manual_seed(0)
-    with rounding(brief):
+    with precision():
         answer = model.reconstruct(template, scales, varied, random)
     found = terms(answer, varied, template, model.tree.parents, model.unit)
     total(found, WEIGHTS, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
