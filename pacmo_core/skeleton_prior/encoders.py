@@ -4,6 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.skeleton_prior.layers import StGcn, by_frame
+from pacmo_core.skeleton_prior.products import exact
 
 STRIDES = (1, 2, 2, 2, 1)
 
@@ -41,7 +42,7 @@ class MotionEncoder(nn.Module):
         x = by_frame(x)
         for layer in self.layers:
             x = layer(x, random)
-        return x.mean(dim=0).transpose(0, 1)
+        return exact(x).mean(dim=0).transpose(0, 1)
 
 
 def ends(template: Tensor) -> Tensor:

@@ -18,6 +18,7 @@ from pacmo_core.skeleton_prior.layers import GraphConvolution, by_frame, by_row
 from pacmo_core.skeleton_prior.lines import Line, LineUp, pooled
 from pacmo_core.skeleton_prior.paper import beside
 from pacmo_core.skeleton_prior.placing import Offsets
+from pacmo_core.skeleton_prior.products import exact
 
 
 class FrameCnn(Character):
@@ -111,13 +112,13 @@ class FrameGcn(Character):
         del random  # nothing is dropped
         x = _through(self.before, by_frame((motion - given.template) / given.unit))
         x = _through(self.after, torch.cat([x, by_frame(self._told(given))], dim=-1))
-        mean, log_variance = (by_row(layer(x)) for layer in self.code)
+        mean, log_variance = (by_row(exact(layer(x))) for layer in self.code)
         return Code(mean, log_variance.clamp(-10, 4))
 
     def decode(self, latent: Tensor, given: Given) -> Tensor:
         """Decode each frame."""
         x = by_frame(torch.cat([latent, self._told(given)], dim=-1))
-        field: Tensor = self.out(by_row(self.last(_through(self.decoder, x))))
+        field: Tensor = self.out(by_row(exact(self.last(_through(self.decoder, x)))))
         return field * given.unit
 
     def _told(self, given: Given) -> Tensor:

@@ -2,12 +2,14 @@
 
 Tensors are ``(T, J, B, C)``: time, joint, batch, channel. So channels are one product of matrices,
 joints one a frame, wide enough for the processor, and a recurrence finds each frame in one piece.
+
+Where factors are rounded (``products``), so is what layers of these give, until it is ``exact``.
 """
 
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton_prior.products import Mixing, Sliding, Weighing
+from pacmo_core.skeleton_prior.products import Mixing, Sliding, Weighing, exact
 
 KERNEL = 5
 LEAK = 0.1
@@ -165,7 +167,7 @@ class Head(nn.Module):
         """``(..., h)``, in one part or several, to ``(..., C)``."""
         first, second, last = self.layers
         x = second(nn.functional.leaky_relu(first(*parts), LEAK))
-        out: Tensor = last(nn.functional.leaky_relu(x, LEAK))
+        out: Tensor = last(exact(nn.functional.leaky_relu(x, LEAK)))
         return out
 
 

@@ -4,6 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.skeleton_prior.layers import Dense
+from pacmo_core.skeleton_prior.products import exact
 
 KERNEL = 3
 
@@ -24,7 +25,8 @@ class Line(nn.Module):
         """``(..., J, C)`` to the same with other channels."""
         padded = nn.functional.pad(x, (0, 0, 1, 1))
         n = x.shape[-2]
-        out: Tensor = self.weigh(torch.cat([padded[..., i : i + n, :] for i in range(3)], dim=-1))
+        around = torch.cat([padded[..., i : i + n, :] for i in range(3)], dim=-1)
+        out: Tensor = exact(self.weigh(around))
         return out.relu()
 
 
@@ -48,7 +50,7 @@ class LineUp(nn.Module):
         spread[..., 1:-1:2, :] = x
         n = 2 * x.shape[-2] - 1
         around = torch.cat([spread[..., i : i + n, :] for i in range(3)], dim=-1)
-        out: Tensor = self.weigh(around).relu()
+        out: Tensor = exact(self.weigh(around)).relu()
         if n_joints > n:
             out = torch.cat([out, out[..., -1:, :]], dim=-2)
         return out
@@ -77,7 +79,7 @@ class Plane(nn.Module):
             for frame in range(KERNEL)
             for joint in range(KERNEL)
         ]
-        out: Tensor = self.weigh(torch.cat(around, dim=-1))
+        out: Tensor = exact(self.weigh(torch.cat(around, dim=-1)))
         return out
 
 

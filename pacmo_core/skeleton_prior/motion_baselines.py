@@ -17,6 +17,7 @@ from pacmo_core.skeleton_prior.layers import StGcn, by_frame, by_row
 from pacmo_core.skeleton_prior.lines import Plane, most_around
 from pacmo_core.skeleton_prior.paper import PARTNER, beside
 from pacmo_core.skeleton_prior.placing import Offsets
+from pacmo_core.skeleton_prior.products import exact
 
 
 class MotionCnn(Character):
@@ -109,7 +110,7 @@ class MotionGcn(Character):
         x = by_frame(x)
         for layer in self.encoder:
             x = layer(x, random)
-        x = by_row(x)
+        x = by_row(exact(x))
         code: Code = self.code(x if self.first else torch.cat([x, self._told(given)], dim=-1))
         return code
 
@@ -118,7 +119,7 @@ class MotionGcn(Character):
         x = by_frame(torch.cat([latent, self._told(given)], dim=-1))
         for layer in self.decoder:
             x = layer(x, None)
-        field: Tensor = self.out(by_row(x))
+        field: Tensor = self.out(by_row(exact(x)))
         return field * given.unit
 
     def _told(self, given: Given) -> Tensor:

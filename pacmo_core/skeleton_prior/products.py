@@ -8,7 +8,8 @@ that is not Intel's it leaves half idle. There products along channels are oneDN
 what a processor can do.
 
 While a model learns, factors may be rounded to bfloat16 (``rounding``), which a processor that has
-it multiplies twice as fast, and what comes of them is; sums within and all else are float32's.
+it multiplies twice as fast. What comes of them is rounded too, and what is made of that, so that
+half as many bytes go through memory, until somebody takes it for ``exact``; sums are float32's.
 """
 
 from collections.abc import Iterator, Sequence
@@ -56,7 +57,8 @@ def factor(x: Tensor) -> Tensor:
     return x.contiguous()
 
 
-def _single(x: Tensor) -> Tensor:
+def exact(x: Tensor) -> Tensor:
+    """Take what comes of rounded factors as float32, all else as it is."""
     return x.float() if x.dtype == torch.bfloat16 else x
 
 
@@ -77,7 +79,7 @@ def dense(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
 
     Of rounded ``X`` it is float32 all the same.
     """
-    return _single(_product(x, weight, bias))
+    return exact(_product(x, weight, bias))
 
 
 def add_dense(out: Tensor, x: Tensor, weight: Tensor) -> None:
@@ -106,7 +108,7 @@ def outer(left: Tensor, right: Tensor) -> Tensor:
     """
     left, right = left.reshape(-1, left.shape[-1]), right.reshape(-1, right.shape[-1])
     if right.dtype == torch.bfloat16:
-        return _single(left.bfloat16().T @ right)
+        return exact(left.bfloat16().T @ right)
     n_images = len(left) // PIXELS if _by_onednn(left) else 0
     n = n_images * PIXELS
     total = left[n:].T @ right[n:]
@@ -133,7 +135,7 @@ class Weighing(torch.autograd.Function):
         """
         parts = tuple(factor(part) for part in parts)
         first, *others = _shares(weight, parts)
-        out = dense(parts[0], first, bias)
+        out = _product(parts[0], first, bias)
         for part, share in zip(parts[1:], others, strict=True):
             add_dense(out, part, share)
         ctx.save_for_backward(weight, *parts)
@@ -148,10 +150,10 @@ class Weighing(torch.autograd.Function):
         told = gradient.to(parts[0].dtype)
         d_weight = torch.cat([outer(told, part) for part in parts], dim=1)
         back = [
-            dense(told, share.T) if want else None
+            _product(told, share.T) if want else None
             for share, want in zip(_shares(weight, parts), wanted, strict=True)
         ]
-        return d_weight, flat(gradient).sum(dim=0) if biased else None, *back
+        return d_weight, exact(flat(gradient).sum(dim=0)) if biased else None, *back
 
 
 def _shares(weight: Tensor, parts: Sequence[Tensor]) -> tuple[Tensor, ...]:
@@ -189,7 +191,7 @@ class Mixing(torch.autograd.Function):
         x = factor(x)
         # The narrower side is mixed over joints: mixing commutes with the weights.
         inside = along.shape[1] <= along.shape[0]
-        out = dense(x, own, bias)
+        out = _product(x, own, bias)
         if inside:
             mixed = _mixed(links, x)
             add_dense(out, mixed, along)
@@ -206,7 +208,7 @@ class Mixing(torch.autograd.Function):
         x, mixed, links, along, own = ctx.saved_tensors
         gradient = gradients[0].contiguous()
         told = gradient.to(x.dtype)
-        back = dense(told, own.T) if ctx.needs_input_grad[0] else None
+        back = _product(told, own.T) if ctx.needs_input_grad[0] else None
         if ctx.inside:
             through = _product(told, along.T)
             d_links, d_along = _over_frames(through, x), outer(told, mixed)
@@ -217,7 +219,7 @@ class Mixing(torch.autograd.Function):
             d_links, d_along = _over_frames(told, mixed), outer(through, x)
             if back is not None:
                 add_dense(back, through, along.T)
-        return back, d_links, d_along, outer(told, x), flat(gradient).sum(dim=0)
+        return back, d_links, d_along, outer(told, x), exact(flat(gradient).sum(dim=0))
 
 
 class Sliding(torch.autograd.Function):
@@ -241,7 +243,7 @@ class Sliding(torch.autograd.Function):
         ctx.save_for_backward(x, kernel)
         taps, rounded = _taps(kernel).to(x.dtype), bias.to(x.dtype)
         out = torch.conv2d(_image(x), taps, rounded, *_geometry(kernel, stride))
-        return _single(_from_image(out, x))
+        return _from_image(out, x)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
@@ -262,8 +264,8 @@ class Sliding(torch.autograd.Function):
             taps, only = _taps(kernel).to(x.dtype), (True, False, False)
             args = (_image(told), _image(x), taps, None, *_geometry(kernel, stride))
             image = torch.ops.aten.convolution_backward(*args, (1, 1), False, (0, 0), 1, only)[0]
-            back = _single(_from_image(image, x))
-        return back, d_kernel, flat(gradient).sum(dim=0), None
+            back = _from_image(image, x)
+        return back, d_kernel, exact(flat(gradient).sum(dim=0)), None
 
 
 def _image(x: Tensor) -> Tensor:
@@ -305,4 +307,4 @@ def _add_mixed(out: Tensor, links: Tensor, x: Tensor) -> None:
 
 def _over_frames(left: Tensor, right: Tensor) -> Tensor:
     """Sum over all frames of ``(J, N) (J, N)ᵀ``."""
-    return _single(torch.bmm(_frames(left), _frames(right).mT)).sum(dim=0)
+    return exact(torch.bmm(_frames(left), _frames(right).mT)).sum(dim=0)

@@ -142,7 +142,7 @@ class Running(torch.autograd.Function):
         x, links, folded, told, states, *kept = ctx.saved_tensors
         all_opened, all_heard = kept[: len(x)], kept[len(x) :]
         gradient, hidden = gradients[0].contiguous(), states.shape[-1]
-        d_x, carried = states.new_empty(x.shape), torch.zeros_like(states[0])
+        d_x, carried = torch.empty_like(x), torch.zeros_like(states[0])
         weights = links, folded, told, told[:, 0]
         d_links, d_folded, d_told, d_bias = (torch.zeros_like(each) for each in weights)
         # Of what comes in, and of what is heard: but for the candidate's part the same.
