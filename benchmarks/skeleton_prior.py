@@ -10,7 +10,7 @@ weights and the same answer, but batches first, frame by frame, a layer a gate, 
 from joint, nothing folded and nothing known beforehand projected at once, all in float32. Ours
 rounds factors of products to bfloat16, as it learns at this size (experiment variations_paper),
 where the processor multiplies them; ``exact_step_share_of_plain`` is without. The plain network too
-goes faster under torch's autocast, which rounds joints' places to centimetres with all else, so
+goes faster under torch's autocast, which rounds joints' places by millimetres with all else, so
 that nobody would train it so: ``autocast_plain_step_ms``. Shares are medians of steps taken in
 turn, with quartiles. Weights are fresh ones: time does not depend on them.
 """
