@@ -147,10 +147,9 @@ class Weighing(torch.autograd.Function):
         weight, *parts = ctx.saved_tensors
         _, biased, *wanted = ctx.needs_input_grad
         gradient = gradients[0].contiguous()
-        told = gradient.to(parts[0].dtype)
-        d_weight = torch.cat([outer(told, part) for part in parts], dim=1)
+        d_weight = torch.cat([outer(gradient, part) for part in parts], dim=1)
         back = [
-            _product(told, share.T) if want else None
+            _product(gradient, share.T) if want else None
             for share, want in zip(_shares(weight, parts), wanted, strict=True)
         ]
         return d_weight, exact(flat(gradient).sum(dim=0)) if biased else None, *back
@@ -207,19 +206,18 @@ class Mixing(torch.autograd.Function):
         """Give the gradients of all five."""
         x, mixed, links, along, own = ctx.saved_tensors
         gradient = gradients[0].contiguous()
-        told = gradient.to(x.dtype)
-        back = _product(told, own.T) if ctx.needs_input_grad[0] else None
+        back = _product(gradient, own.T) if ctx.needs_input_grad[0] else None
         if ctx.inside:
-            through = _product(told, along.T)
-            d_links, d_along = _over_frames(through, x), outer(told, mixed)
+            through = _product(gradient, along.T)
+            d_links, d_along = _over_frames(through, x), outer(gradient, mixed)
             if back is not None:
                 _add_mixed(back, links.T, through)
         else:
-            through = _mixed(links.T, told)
-            d_links, d_along = _over_frames(told, mixed), outer(through, x)
+            through = _mixed(links.T, gradient)
+            d_links, d_along = _over_frames(gradient, mixed), outer(through, x)
             if back is not None:
                 add_dense(back, through, along.T)
-        return back, d_links, d_along, outer(told, x), exact(flat(gradient).sum(dim=0))
+        return back, d_links, d_along, outer(gradient, x), exact(flat(gradient).sum(dim=0))
 
 
 class Sliding(torch.autograd.Function):
@@ -250,7 +248,6 @@ class Sliding(torch.autograd.Function):
         """Give the gradients of all three."""
         x, kernel = ctx.saved_tensors
         gradient = gradients[0].contiguous()
-        told = gradient.to(x.dtype)
         d_kernel, stride = torch.zeros_like(kernel), ctx.stride
         for tap, shift in enumerate(range(-(kernel.shape[1] // 2), kernel.shape[1] // 2 + 1)):
             # Frames out whose frame in, so far away, is there.
@@ -258,11 +255,11 @@ class Sliding(torch.autograd.Function):
             last = min(len(gradient), (len(x) - 1 - shift) // stride + 1)
             if first < last:
                 seen = x[first * stride + shift :: stride][: last - first]
-                d_kernel[:, tap] = outer(told[first:last], seen)
+                d_kernel[:, tap] = outer(gradient[first:last], seen)
         back = None
         if ctx.needs_input_grad[0]:
             taps, only = _taps(kernel).to(x.dtype), (True, False, False)
-            args = (_image(told), _image(x), taps, None, *_geometry(kernel, stride))
+            args = (_image(gradient), _image(x), taps, None, *_geometry(kernel, stride))
             image = torch.ops.aten.convolution_backward(*args, (1, 1), False, (0, 0), 1, only)[0]
             back = _from_image(image, x)
         return back, d_kernel, exact(flat(gradient).sum(dim=0)), None
