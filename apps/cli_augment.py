@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from apps.duos import PEOPLE, Duo, check_out, read_duo, write_duo
 from apps.failure import CommandError, told_in_one_line
 from apps.solver_settings import read_solving
+from pacmo_core.augmentation.bodies import body_of, of_profile, scaled
+from pacmo_core.augmentation.keep import Bounds, reason_of
+from pacmo_core.augmentation.plan import check_scale
+from pacmo_core.augmentation.shape import trunk_change
+from pacmo_core.augmentation.solve import figures_of
+from pacmo_core.data.interaction import Motion
 from pacmo_core.figures.variations import said
 from pacmo_core.formats.raw import FormatError
-from pacmo_core.interaction import Motion
 from pacmo_core.interaction_mesh import prepare, vary
 from pacmo_core.store.schema import StoreError
-from pacmo_core.variations.bodies import body_of, of_profile, scaled
-from pacmo_core.variations.keep import Bounds, reason_of
-from pacmo_core.variations.plan import check_scale
-from pacmo_core.variations.shape import trunk_change
-from pacmo_core.variations.solve import figures_of
 
 First = Annotated[Path, typer.Argument(help="a capture of two people, or of person a")]
 Second = Annotated[Path | None, typer.Argument(help="of person b, where each has a file")]

@@ -15,9 +15,9 @@ from apps.reactions import Reactions, check_out, write
 from pacmo_core.formats.partner import Capture, format_of, one_of, read_partner
 from pacmo_core.models import load
 from pacmo_core.operators.encode import Spline
-from pacmo_core.pacmo.pieces import Partner, Reactor, poses
-from pacmo_core.pacmo.react import instants, react_all
-from pacmo_core.pacmo.stream import Stream
+from pacmo_core.reaction.pieces import Partner, Reactor, poses
+from pacmo_core.reaction.react import instants, react_all
+from pacmo_core.reaction.stream import Stream
 from pacmo_core.store.motions import read_motion
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")

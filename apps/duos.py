@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from apps.failure import CommandError
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.partner import (
@@ -21,9 +23,7 @@ from pacmo_core.formats.partner import (
 )
 from pacmo_core.formats.rewrite_bvh import Rewritten, rewrite_bvh
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.interaction import Interaction, Motion
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.skeleton import Skeleton
 from pacmo_core.store.atomic import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from apps.failure import CommandError
+from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.figures.body import body_of
 from pacmo_core.figures.film import check_gif_rate, find_ffmpeg, write_film
 from pacmo_core.figures.flesh import flesh
@@ -19,7 +20,6 @@ from pacmo_core.formats.resample import instants, resampled, turned_to
 from pacmo_core.formats.write_bvh import format_fitted
 from pacmo_core.formats.write_gltf import Actor, gltf_document, rest_places
 from pacmo_core.formats.write_tables import format_csv, npz_bytes
-from pacmo_core.interaction import Interaction, Motion
 from pacmo_core.store.atomic import whole_file, write_text
 
 FILM_FPS = 25.0

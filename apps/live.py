@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from apps.failure import CommandError
-from pacmo_core.interaction import Motion
-from pacmo_core.pacmo.stream import Stream
+from pacmo_core.data.interaction import Motion
+from pacmo_core.reaction.stream import Stream
 
 
 def answered(lines: Iterable[str], live: Stream, n_joints: int) -> Iterator[str]:

@@ -7,11 +7,11 @@ from typing import Any
 
 from apps.failure import CommandError
 from apps.places import MOTIONS
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.formats.partner import ONE_PERSON, PUBLISHED, format_of
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
-from pacmo_core.interaction import Interaction
 from pacmo_core.store.motion_folders import file_of
 from pacmo_core.store.motions import read_motion
 from pacmo_core.store.variations import FAILED, GOOD, SOURCES, VARIATIONS, read_variations

@@ -7,8 +7,8 @@ from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 
 from apps.failure import CommandError
+from pacmo_core.augmentation.keep import Bounds
 from pacmo_core.interaction_mesh import Settings
-from pacmo_core.variations.keep import Bounds
 
 
 @dataclass(frozen=True)

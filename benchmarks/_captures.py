@@ -7,8 +7,8 @@ from benchmarks._sampling import Sampled
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.raw import Format
 from pacmo_core.formats.sbu import Sbu
-from pacmo_core.pacmo.generator import Generator
-from pacmo_core.pacmo.windows import longest_duration
+from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.windows import longest_duration
 
 BVH = BvhPairs(
     preset="duo_mocap",

@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Motion
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.operators.random_field import RandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
-from pacmo_core.pacmo.config import RATIOS
-from pacmo_core.pacmo.generator import Generator, GeneratorConfig
-from pacmo_core.skeleton import NTU25
+from pacmo_core.reaction.config import RATIOS
+from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from stages._params import read_params
 from stages.train_pacmo import Params
 

@@ -10,7 +10,7 @@ from torch import nn
 
 from benchmarks._networks import WIDE
 from pacmo_core.operators.uno import SKIPS, u_channels
-from pacmo_core.pacmo.config import RATIOS
+from pacmo_core.reaction.config import RATIOS
 
 PEER = "neuralop"
 

@@ -7,14 +7,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Motion
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.transforms import frame_of
 from pacmo_core.operators.encode import Spline
 from pacmo_core.operators.random_field import RandomField
-from pacmo_core.pacmo.generator import Generator
-from pacmo_core.pacmo.pieces import Partner
-from pacmo_core.pacmo.react import react_all
-from pacmo_core.pacmo.windows import usual_duration
-from pacmo_core.transform import frame_of
+from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.pieces import Partner
+from pacmo_core.reaction.react import react_all
+from pacmo_core.reaction.windows import usual_duration
 
 Times = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks._variations import SETTINGS
+from pacmo_core.augmentation.keys import maker_key, source_key
+from pacmo_core.augmentation.solve import Lot, Outcome, scene_of, solve
+from pacmo_core.augmentation.workers import solve_on_cluster
 from pacmo_core.synthesis import ACTS, capture, write_scripts
-from pacmo_core.variations.keys import maker_key, source_key
-from pacmo_core.variations.solve import Lot, Outcome, scene_of, solve
-from pacmo_core.variations.workers import solve_on_cluster
 
 PAIRS = 4  # of people, one clip an act each
 SCALES = (0.9, 1.1)  # of person a

@@ -28,7 +28,7 @@ from benchmarks._captures import captures_of
 from benchmarks._figures import arguments, show
 from benchmarks._sampling import jittered, mismatch, smooth_partners, survivors
 from pacmo_core.models import load
-from pacmo_core.pacmo.generator import Generator
+from pacmo_core.reaction.generator import Generator
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
 N_FRAMES = 129

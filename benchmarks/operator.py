@@ -36,9 +36,9 @@ from benchmarks._networks import (
     trained_shape,
 )
 from benchmarks._peer import peer_operator
-from pacmo_core.pacmo.generator import Generator
-from pacmo_core.pacmo.react import react
-from pacmo_core.pacmo.stream import Stream
+from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.react import react
+from pacmo_core.reaction.stream import Stream
 
 BATCH, CHANNELS_IN, CHANNELS_OUT = 16, 150, 69
 LONG_FRAMES = 48_000

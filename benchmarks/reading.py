@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._figures import arguments, show
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_ntu import format_ntu
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25
 
 MEGABYTES = 30
 N_FRAMES = 90

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from benchmarks._figures import arguments, show
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.losses import LossWeights, terms, total

@@ -17,8 +17,8 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from benchmarks._figures import arguments, show
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.store.motions import read_motion, stream_motions, write_motions
 
 N_CLIPS = 1000

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._figures import arguments, show
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.figures.viewer import render_viewer
-from pacmo_core.interaction import Interaction
 from pacmo_core.synthesis import ACTS, capture, write_scripts
 from tests.figures.browser import open_page
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.stills import film_strip
-from pacmo_core.interaction import Interaction
 from pacmo_core.synthesis import ACTS, Script, capture, react_oracle, write_scripts
 from pacmo_core.synthesis.script import Role
 

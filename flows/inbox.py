@@ -20,10 +20,10 @@ from apps.log import start_log, tell
 from apps.places import ASIDE, HISTORY, INBOX, LOCK, LOG, PLAN, RUNS
 from apps.records import now, recorded
 from flows.dvc_locks import past_a_cut_lock
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.ingestion import read_sequences
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
-from pacmo_core.ingestion import read_sequences
-from pacmo_core.skeleton import Skeleton
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
 from pacmo_core.store.motions import read_skeleton
 from stages._files import CLIPS, MOTIONS

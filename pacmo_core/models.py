@@ -6,8 +6,8 @@ from typing import Any
 
 from torch import Tensor
 
-from pacmo_core.pacmo import adversarial, gru
-from pacmo_core.pacmo.pieces import Reactor
+from pacmo_core.reaction import adversarial, gru
+from pacmo_core.reaction.pieces import Reactor
 from pacmo_core.store.schema import StoreError
 from pacmo_core.store.weights import read_weights
 

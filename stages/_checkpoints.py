@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pacmo_core
-from pacmo_core.pacmo.fit import Fit, Snapshot
+from pacmo_core.reaction.fit import Fit, Snapshot
 from pacmo_core.store.weights import read_weights, write_weights
 
 CHECKPOINTS = Path("checkpoints")

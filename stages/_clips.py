@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.clips import ClipFacts, SideFacts, read_rows
 from pacmo_core.store.motions import stream_motions
 from stages._files import CLIPS, MOTIONS

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.clips import Panel, PlayedClip
-from pacmo_core.interaction import Interaction
 from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS
 from stages._reactions import directed_clips

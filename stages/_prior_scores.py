@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.metrics import retargeting
 from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.retargeting import Limits, Pair

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.priors import (
     MODELS,
@@ -16,7 +17,6 @@ from pacmo_core.figures.priors import (
     verdicts,
 )
 from pacmo_core.figures.report import Section
-from pacmo_core.interaction import Interaction
 from pacmo_core.store.motion_folders import SEPARATOR
 from pacmo_core.store.motions import stream_motions
 from stages._prior_scores import ALL

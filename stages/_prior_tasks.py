@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.interaction_mesh import Scene, Settings, prepare, vary
 from pacmo_core.metrics.retargeting import sample_diversity
 from pacmo_core.skeleton_prior.examples import Example

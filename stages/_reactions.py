@@ -9,7 +9,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from pacmo_core.interaction import Interaction, Motion
+from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.store.clips import ClipFacts
 from pacmo_core.store.motions import read_skeleton, write_motions
 from stages._clips import stream_side

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.metrics.partners import has_wrong_partner
 from pacmo_core.metrics.reactions import Reactions
-from pacmo_core.pacmo import autoencoder, matching
-from pacmo_core.pacmo.autoencoder import Autoencoder
-from pacmo_core.pacmo.facing import dealt_to, seen_from_partner
-from pacmo_core.pacmo.matcher import Matcher
+from pacmo_core.reaction import autoencoder, matching
+from pacmo_core.reaction.autoencoder import Autoencoder
+from pacmo_core.reaction.facing import dealt_to, seen_from_partner
+from pacmo_core.reaction.matcher import Matcher
 from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS
 from stages._reactions import directed_clips

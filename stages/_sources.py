@@ -7,14 +7,14 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.augmentation.choose import Candidate, choose, nearness_of
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.quality import Limits
+from pacmo_core.data.splits import window_edges
+from pacmo_core.formats.ingestion import Recipe, read_sequences
 from pacmo_core.formats.registry import open_format
-from pacmo_core.ingestion import Recipe, read_sequences
-from pacmo_core.interaction import Interaction
-from pacmo_core.quality import Limits
-from pacmo_core.split import window_edges
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
 from pacmo_core.store.motion_groups import MotionGroups
-from pacmo_core.variations.choose import Candidate, choose, nearness_of
 from stages._files import CLIPS, MOTIONS
 
 

@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.progress import track
 from torch import nn
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.pacmo import fit
-from pacmo_core.pacmo.fit import Fit
-from pacmo_core.pacmo.provenance import data_hash
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.reaction import fit
+from pacmo_core.reaction.fit import Fit
+from pacmo_core.reaction.provenance import data_hash
 from pacmo_core.store.weights import write_weights
 from stages._checkpoints import Checkpoint
 from stages._clips import stream_side

@@ -13,19 +13,19 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.augmentation.bodies import body_of
+from pacmo_core.augmentation.keep import Bounds
+from pacmo_core.augmentation.keys import body_key, maker_key, source_key
+from pacmo_core.augmentation.plan import Plan, Variation, plan_variations
+from pacmo_core.augmentation.segments import segments
+from pacmo_core.augmentation.solve import Lot, Made, Outcome
+from pacmo_core.augmentation.workers import solve_on_cluster, solve_side_by_side
 from pacmo_core.interaction_mesh import BATCH, Settings
 from pacmo_core.store.clips import ClipFacts, write_rows
 from pacmo_core.store.finish import clip_key, finish, finisher_key
 from pacmo_core.store.finished import Finished
 from pacmo_core.store.kept import Kept, read_kept
 from pacmo_core.store.variations import VARIATIONS, VariationFacts, write_variations
-from pacmo_core.variations.bodies import body_of
-from pacmo_core.variations.keep import Bounds
-from pacmo_core.variations.keys import body_key, maker_key, source_key
-from pacmo_core.variations.plan import Plan, Variation, plan_variations
-from pacmo_core.variations.segments import segments
-from pacmo_core.variations.solve import Lot, Made, Outcome
-from pacmo_core.variations.workers import solve_on_cluster, solve_side_by_side
 from stages._cluster import scheduler_address
 from stages._files import CLIPS
 from stages._sources import Family

@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.augmentation.keep import Bounds, excess
+from pacmo_core.augmentation.keys import maker_key
+from pacmo_core.augmentation.plan import Plan
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.store.finished import Finished
 from pacmo_core.store.kept import Kept
 from pacmo_core.store.variations import VariationFacts
-from pacmo_core.variations.keep import Bounds, excess
-from pacmo_core.variations.keys import maker_key
-from pacmo_core.variations.plan import Plan
 from stages._files import write_json
 from stages._params import read_params
 from stages._sources import Choice, Second, own_family, second_family

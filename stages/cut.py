@@ -7,8 +7,8 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.split import window_edges
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.splits import window_edges
 from pacmo_core.store.clips import ClipFacts, read_rows, write_rows
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
 from stages._files import CLIPS, MOTIONS

@@ -19,7 +19,7 @@ from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.partners import wrong_partners
 from pacmo_core.metrics.table import REAL, REAL_PAIRS, Measured, Table
 from pacmo_core.metrics.yardstick import Settings
-from pacmo_core.pacmo import autoencoder, matching
+from pacmo_core.reaction import autoencoder, matching
 from pacmo_core.store.scores import Score, write_scores
 from pacmo_core.store.weights import file_hash, read_weights
 from stages._files import WEIGHTS

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import Limits

@@ -17,13 +17,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.data.quality import Limits
+from pacmo_core.formats.ingestion import Recipe, read_sequences
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
-from pacmo_core.ingestion import Recipe, read_sequences
-from pacmo_core.quality import Limits
-from pacmo_core.readings import Readings, Usable
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
 from pacmo_core.store.motions import write_motions
+from pacmo_core.store.readings import Readings, Usable
 from stages._cluster import scheduler_address
 from stages._files import CLIPS, MOTIONS, QUARANTINE, write_json
 from stages._params import read_params

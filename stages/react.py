@@ -11,11 +11,11 @@ from pathlib import Path
 
 import torch
 
-from pacmo_core.interaction import Interaction, Motion
+from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.models import load
-from pacmo_core.pacmo.generator import Generator
-from pacmo_core.pacmo.pieces import Partner, is_deterministic
-from pacmo_core.pacmo.react import react_all
+from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.pieces import Partner, is_deterministic
+from pacmo_core.reaction.react import react_all
 from pacmo_core.store.clips import ClipFacts
 from stages._files import WEIGHTS
 from stages._params import read_params

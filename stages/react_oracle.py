@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pacmo_core.interaction import Interaction, Motion
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.store.clips import ClipFacts
 from pacmo_core.store.motions import read_skeleton, write_motions
 from pacmo_core.synthesis.capture import react_oracle

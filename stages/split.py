@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.split import Origin, Side, SideRule, assign_sides, resolve_method
+from pacmo_core.data.splits import Origin, Side, SideRule, assign_sides, resolve_method
 from pacmo_core.store.clips import ClipFacts, SideFacts, read_rows, write_rows
 from stages._files import CLIPS, write_json
 from stages._params import read_params

@@ -6,8 +6,8 @@ Usage: python -m stages.train_autoencoder CLIPS SIDES.parquet MODEL CURVE.csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.pacmo import autoencoder
-from pacmo_core.pacmo.settings import AutoencoderSettings
+from pacmo_core.reaction import autoencoder
+from pacmo_core.reaction.settings import AutoencoderSettings
 from stages._params import read_params
 from stages._runs import fold_arguments
 from stages._training import Task, sides_of, train

@@ -6,8 +6,8 @@ Usage: python -m stages.train_gru --seed=S CLIPS SIDES.parquet MODEL CURVE.csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.pacmo import gru
-from pacmo_core.pacmo.settings import GruSettings
+from pacmo_core.reaction import gru
+from pacmo_core.reaction.settings import GruSettings
 from stages._params import read_params
 from stages._runs import run_arguments
 from stages._training import Task, sides_of, train

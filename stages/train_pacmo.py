@@ -8,8 +8,8 @@ stages.train_pacmo --seed=S CLIPS SIDES.parquet MODEL CURVE.csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.pacmo import adversarial
-from pacmo_core.pacmo.settings import PacmoSettings
+from pacmo_core.reaction import adversarial
+from pacmo_core.reaction.settings import PacmoSettings
 from stages._params import read_params
 from stages._runs import run_arguments
 from stages._training import Task, sides_of, train

@@ -11,9 +11,9 @@ import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pacmo_core.pacmo import adversarial
-from pacmo_core.pacmo.settings import PacmoSettings
-from pacmo_core.pacmo.varied import Variations, widen
+from pacmo_core.reaction import adversarial
+from pacmo_core.reaction.settings import PacmoSettings
+from pacmo_core.reaction.varied import Variations, widen
 from pacmo_core.store.motion_folders import SEPARATOR, stream_folder
 from stages._clips import stream_side
 from stages._params import read_params

@@ -6,8 +6,8 @@ Usage: python -m stages.train_regression --seed=S CLIPS SIDES.parquet MODEL CURV
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.pacmo import adversarial, regression
-from pacmo_core.pacmo.settings import RegressionSettings
+from pacmo_core.reaction import adversarial, regression
+from pacmo_core.reaction.settings import RegressionSettings
 from stages._params import read_params
 from stages._runs import run_arguments
 from stages._training import Task, sides_of, train

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.pacmo.fit import Fit
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.reaction.fit import Fit
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.model import SkeletonPrior

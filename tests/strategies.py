@@ -3,9 +3,9 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.quality import Limits
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.quality import Limits
+from pacmo_core.data.skeleton import Skeleton
 
 SMALL = Skeleton("small", ("root", "left", "right", "head"), (-1, 0, 0, 0), left_right=((1, 2),))
 # Every published clip at hand keeps within these.

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from apps import cli_view
 from apps.cli import app
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.skeleton import SBU15
 from pacmo_core.store.motions import write_motions
 from tests.apps.test_augment import standing
 from tests.docs import PAGES, ROOT, blocks, commands

@@ -6,7 +6,7 @@ Thickness is for the eye alone: no data set publishes it, and no metric reads it
 import re
 from dataclasses import dataclass
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 
 # Radius of the flesh round a joint, metres, of an adult; the first pattern that fits a name holds.
 _RADII = (

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.scenes import Scene
-from pacmo_core.interaction import Interaction
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.stills import ASPECT, draw_interaction, fit, onlooker
-from pacmo_core.interaction import Interaction
 
 _INCHES, _DPI = 6.4, 100  # 640 pixels across
 _LEAST = 1.9  # metres that a picture shows at least

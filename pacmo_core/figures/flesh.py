@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.body import Body
 from pacmo_core.formats.write_gltf import Skin
-from pacmo_core.skeleton import Skeleton
 
 _ROWS, _COLUMNS = 5, 14
 Array = NDArray[np.float64]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.body import body_of
-from pacmo_core.interaction import Interaction, Motion
-from pacmo_core.skeleton import Skeleton
 
 _STEPS = np.iinfo(np.int16).max
 _SOLE = 0.04  # metres that the ground lies below the lowest joint

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.columns import HIGHER, LOWER, UNKNOWN, Metric
 from pacmo_core.figures.tables import Line, Table, entry_of
-from pacmo_core.interaction import Interaction
 
 COLUMNS = {
     "near_error": Metric(

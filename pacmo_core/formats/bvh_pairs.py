@@ -9,13 +9,13 @@ from typing import TypeVar
 
 import numpy as np
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_presets import PRESETS, BvhPreset
 from pacmo_core.formats.pairing import pair_files
 from pacmo_core.formats.people import FARTHEST, Person, check_fps, check_up, join, upright
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import Skeleton, mirror_by_name
 
 Fact = TypeVar("Fact", str, float)
 

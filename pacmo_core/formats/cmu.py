@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.acclaim import read_amc
 from pacmo_core.formats.cmu_trials import CMU_PAIRS, trial_label
 from pacmo_core.formats.pairing import PairRule, pair_files
 from pacmo_core.formats.people import Person, check_fps, join
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
-from pacmo_core.skeleton import Skeleton, mirror_by_name
 
 RULES = tuple(
     PairRule(

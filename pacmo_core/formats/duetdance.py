@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.skeleton import DUET15
 from pacmo_core.formats.mat import list_variables, read_variable
 from pacmo_core.formats.pairing import PairRule, lone_sequence, matching_files, pair_files
 from pacmo_core.formats.people import Person, check_fps, join
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.formats.tables import parse_rows, read_lines, sequence_name
-from pacmo_core.skeleton import DUET15
 
 DANCES = {"01": "cha-cha", "02": "jive", "03": "rumba", "04": "salsa", "05": "samba"}
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.skeleton import EXPI18
 from pacmo_core.formats.pairing import lone_sequence, matching_files
 from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.formats.tables import parse_rows, read_lines, sequence_name
-from pacmo_core.skeleton import EXPI18
 
 _COLUMNS = 2 * 18 * 3
 _PATH = r"(?:.*/)?(?P<pair>acro\d+)/(?P<action>.+?)\d*/mocap_cleaned\.tsv"

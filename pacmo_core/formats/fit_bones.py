@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Motion, bone_lengths
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.interaction import Motion, bone_lengths
+from pacmo_core.data.skeleton import Skeleton
 
 # Weight of keeping a joint's rotation near its parent's, beside bones of unit length squared:
 # decides only what the bones leave open, the twist about a single child.

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
+from pacmo_core.data.skeleton import INTERHUMAN22
 from pacmo_core.formats.pairing import PairRule, pair_files
 from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.formats.tables import bounded
-from pacmo_core.skeleton import INTERHUMAN22
 
 _COLUMNS = 22 * 3
 

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.ntu_actions import ACTIONS
 from pacmo_core.formats.ntu_bodies import fill, stitch, together, tracks, two_who_act
 from pacmo_core.formats.ntu_text import parse
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.formats.text import read_bytes
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25
 
 # Setup, camera, performer, replication, action.
 _NAME = re.compile(r"(S\d{3})(C\d{3})(P\d{3})(R\d{3})(A\d{3})")

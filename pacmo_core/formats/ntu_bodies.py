@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.ntu_text import Sightings
 from pacmo_core.formats.raw import FormatError
-from pacmo_core.interaction import Motion
-from pacmo_core.skeleton import NTU25
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Motion
 from pacmo_core.formats.raw import FormatError
 from pacmo_core.formats.text import FARTHEST, count, floats, is_number, show
-from pacmo_core.interaction import Motion
 
 N_JOINTS = 25
 _N_INFO, _N_FIELDS = 10, 12

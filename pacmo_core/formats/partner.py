@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import NTU25, Skeleton
 from pacmo_core.formats.cmu_trials import CMU_FPS
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.ntu_bodies import fill, stitch, tracks
@@ -15,8 +17,6 @@ from pacmo_core.formats.ntu_text import parse
 from pacmo_core.formats.raw import FormatError, RawSequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.formats.text import read_bytes
-from pacmo_core.interaction import Interaction, Motion
-from pacmo_core.skeleton import NTU25, Skeleton
 
 ENDINGS = {
     ".bvh": "bvh",

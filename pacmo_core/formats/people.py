@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.raw import FormatError, Reading
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import Skeleton
 
 UPS = ("y", "z")
 SLOWEST, FASTEST = 0.1, 10_000.0  # frames a second

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 
 
 class FormatError(ValueError):

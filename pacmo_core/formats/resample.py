@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from pacmo_core.data.interaction import Motion
 from pacmo_core.formats.people import check_fps, check_up
-from pacmo_core.interaction import Motion
 
 _DEGREE = 3
 

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.raw import FormatError, RawSequence, Reading
 from pacmo_core.formats.text import FARTHEST, count, floats, is_number, read_bytes, show
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import SBU15
 
 ACTIONS = {
     "01": "approaching",

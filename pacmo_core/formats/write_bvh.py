@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.fit_bones import Fitted, fit_bones
-from pacmo_core.interaction import Motion
-from pacmo_core.skeleton import Skeleton
 
 # The order in which a joint turns: gimbal lock, at a right angle of the middle one, lies where
 # people look straight up or down.

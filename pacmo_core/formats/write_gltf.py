@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.fit_bones import Fitted
 from pacmo_core.formats.gltf_buffer import INDICES, VERTICES, Buffer
-from pacmo_core.skeleton import Skeleton
 
 
 @dataclass(frozen=True)

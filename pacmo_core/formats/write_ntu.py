@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Interaction, Motion
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import NTU25
 
 # Rows: depth camera, colour camera; columns: focal length, centre x, centre y; pixels.
 _CAMERAS = ((367.0, 256.3, 208.5), (1057.0, 978.0, 567.0))

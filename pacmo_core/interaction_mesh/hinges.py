@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.interaction_mesh.scene import Array, Scene
-from pacmo_core.skeleton import Skeleton
 
 # A limb this straight, by the sine of its bend, has no side to which it bends.
 STRAIGHT = 0.25

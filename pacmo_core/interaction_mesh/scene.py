@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Motion
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]

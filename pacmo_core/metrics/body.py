@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 
 # Of each limb the first word that names a joint of either side; data sets differ in what they have.
 _FEET = ("foot", "toe", "ankle", "heel")

@@ -6,8 +6,8 @@ is summed, and what it is divided by. A bootstrap weighs both by clip.
 
 import numpy as np
 
-from pacmo_core.contact import closest
-from pacmo_core.interaction import Motion
+from pacmo_core.data.contacts import closest
+from pacmo_core.data.interaction import Motion
 from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.intervals import Array
 from pacmo_core.metrics.reactions import Reactions

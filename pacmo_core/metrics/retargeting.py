@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.contact import closest
+from pacmo_core.data.contacts import closest
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.f2id import f2id
 from pacmo_core.metrics.plausibility import points_of
-from pacmo_core.skeleton import Skeleton
 
 Pair = NDArray[np.float32]
 Array = NDArray[np.float64]

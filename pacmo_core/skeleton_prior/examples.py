@@ -8,10 +8,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.transforms import Frame, frame_of
 from pacmo_core.skeleton_prior.keyframes import keyframes
-from pacmo_core.transform import Frame, frame_of
 
 # Share of a source's joint heights below the ground: noise, not ground.
 BELOW_GROUND = 0.005

@@ -16,9 +16,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pacmo_core.pacmo.fit import Fit
-from pacmo_core.pacmo.supervised import Supervised
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.fit import Fit
+from pacmo_core.reaction.supervised import Supervised
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, widths
 from pacmo_core.skeleton_prior.graph import neighbours
 from pacmo_core.skeleton_prior.initialise import initialise

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 
 
 def adjacency(skeleton: Skeleton) -> Tensor:

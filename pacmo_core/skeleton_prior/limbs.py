@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pacmo_core.interaction import Motion, bone_lengths
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.interaction import Motion, bone_lengths
+from pacmo_core.data.skeleton import Skeleton
 
 Limb = tuple[int, int, int]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.bodies import Bodies
 from pacmo_core.skeleton_prior.character import Character, Code, Given
 from pacmo_core.skeleton_prior.examples import ExampleSet

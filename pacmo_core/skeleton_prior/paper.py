@@ -9,7 +9,7 @@ data's changes.
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, everywhere, widths
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours

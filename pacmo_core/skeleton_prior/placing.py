@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.graph import parents_of, paths
 from pacmo_core.skeleton_prior.limbs import (
     Limb,

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.skeleton_prior.examples import by_joint, canonical_frame, first_is_b, stack
 from pacmo_core.skeleton_prior.keyframes import at_every_frame, keyframes
 from pacmo_core.skeleton_prior.model import SkeletonPrior

@@ -7,17 +7,17 @@ from dataclasses import asdict
 from math import inf
 from pathlib import Path
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.augmentation.keep import Bounds, reason_of, worst
+from pacmo_core.augmentation.keys import LENGTH, code_key
+from pacmo_core.augmentation.plan import Plan, Variation
+from pacmo_core.augmentation.segments import segments
+from pacmo_core.augmentation.solve import Made
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.finished import FinishedClip
 from pacmo_core.store.motion_folders import SEPARATOR, file_of
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.variations import FAILED, GOOD, SOURCES, VariationFacts
-from pacmo_core.variations.keep import Bounds, reason_of, worst
-from pacmo_core.variations.keys import LENGTH, code_key
-from pacmo_core.variations.plan import Plan, Variation
-from pacmo_core.variations.segments import segments
-from pacmo_core.variations.solve import Made
 
 # What stands in the files rests on this beside what makes variations.
 CODE = ("interaction.py", "skeleton.py", "store/*.py", "variations/*.py")

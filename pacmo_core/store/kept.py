@@ -15,9 +15,9 @@ from pathlib import Path
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from pacmo_core.interaction import Motion
+from pacmo_core.augmentation.solve import Made
+from pacmo_core.data.interaction import Motion
 from pacmo_core.store.atomic import whole_file
-from pacmo_core.variations.solve import Made
 
 LOG = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import quote, unquote
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.motions import stream_motions
 
 # Between a clip's name and what was made of it; sorts after every character of a clip's name.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 
 # From beside, as every network would be trained again after an edit of that module.
 from pacmo_core.store.motions import _from_rows

@@ -15,8 +15,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.atomic import whole_file
 from pacmo_core.store.schema import motion_schema, open_parquet, skeleton_of
 

@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 
 VERSION = "1"
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.synthesis.curves import Array
 from pacmo_core.synthesis.kinematics import pitch, turn
 

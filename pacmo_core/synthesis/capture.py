@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pacmo_core.interaction import Interaction, Motion
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.synthesis import blows, camera, closeness, meetings
 from pacmo_core.synthesis.choices import choose
 from pacmo_core.synthesis.curves import Array, drift

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.synthesis.body import Subject
 from pacmo_core.synthesis.curves import Array, bump, minimum_jerk
 from pacmo_core.synthesis.gait import Feet

@@ -8,17 +8,17 @@ from typer.testing import CliRunner, Result
 
 from apps.cli import app
 from apps.solver_settings import read_solving
+from pacmo_core.augmentation.segments import segments
+from pacmo_core.augmentation.solve import scene_of
+from pacmo_core.data.interaction import Interaction, bone_lengths
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.interaction import Interaction, bone_lengths
 from pacmo_core.interaction_mesh import prepare, vary
-from pacmo_core.skeleton import SBU15
 from pacmo_core.store.motions import stream_motions, write_motions
-from pacmo_core.variations.segments import segments
-from pacmo_core.variations.solve import scene_of
 from tests.formats.real_files import real_folder
-from tests.pacmo.problems import mirrored
+from tests.reaction.problems import mirrored
 
 PARAMS = Path("experiments/default.yaml").absolute()
 FOREARM = [s.name for s in segments(SBU15)].index("left_forearm")

@@ -10,12 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from apps.cli import app
+from pacmo_core.augmentation.segments import segments
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.interaction import Motion
-from pacmo_core.skeleton import SBU15
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.variations import VariationFacts, write_variations
-from pacmo_core.variations.segments import segments
 from tests.apps.test_augment import CLIP, PARAMS
 
 ROOT = Path(__file__).parents[2]

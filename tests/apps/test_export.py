@@ -10,10 +10,10 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from apps.cli import app
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25
 from pacmo_core.store.motions import write_motions
 from tests.formats.moving import moving
 

@@ -12,20 +12,20 @@ import torch
 from typer.testing import CliRunner, Result
 
 from apps.cli import app
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, SBU15
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
-from pacmo_core.interaction import Interaction
 from pacmo_core.models import load
-from pacmo_core.pacmo import adversarial, fit
-from pacmo_core.pacmo.react import instants, react
-from pacmo_core.skeleton import NTU25, SBU15
+from pacmo_core.reaction import adversarial, fit
+from pacmo_core.reaction.react import instants, react
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
 from tests.formats.real_files import real_folder
-from tests.pacmo.problems import PACMO_LONG, clips, mirrored
+from tests.reaction.problems import PACMO_LONG, clips, mirrored
 
 CLIP = mirrored(1, np.arange(40) / 15)
 

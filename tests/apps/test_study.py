@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from apps.cli import app
 from apps.study_draw import balanced
 from apps.study_server import Limiter, Terms, create_app
-from pacmo_core.skeleton import SBU15
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.study import GENERATED, REAL, Candidate, Study
 from tests.apps.studies import small_study

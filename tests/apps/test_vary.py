@@ -8,9 +8,9 @@ import torch
 from typer.testing import CliRunner, Result
 
 from apps.cli import app
-from pacmo_core.interaction import bone_lengths
-from pacmo_core.pacmo import fit
-from pacmo_core.skeleton import SBU15
+from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.data.skeleton import SBU15
+from pacmo_core.reaction import fit
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise

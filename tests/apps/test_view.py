@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from apps.cli import app
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.figures.scenes import unpack
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import SBU15
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.variations import VariationFacts, write_variations
 from tests.figures.samples import interaction

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import SBU15, Skeleton
 from pacmo_core.figures import Curve, DataSummary, Panel, PlayedClip, QuarantineRow, Report
 from pacmo_core.figures.tables import Cell
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import SBU15, Skeleton
 
 
 def interaction(

@@ -2,9 +2,9 @@
 
 import pytest
 
+from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from pacmo_core.figures.body import body_of
 from pacmo_core.figures.scenes import Scene, packed_scenes
-from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from tests.figures.samples import interaction
 
 _SIDES = ("Left", "Right")

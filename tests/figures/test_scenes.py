@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, SBU15
 from pacmo_core.figures.scenes import Scene, packed_scenes, unpack
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25, SBU15
 from tests.figures.samples import interaction
 
 

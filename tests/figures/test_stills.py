@@ -5,6 +5,8 @@ from io import BytesIO
 import numpy as np
 import pytest
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from pacmo_core.figures.stills import (
     ASPECT,
     bone_widths,
@@ -13,8 +15,6 @@ from pacmo_core.figures.stills import (
     onlooker,
     project,
 )
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from pacmo_core.synthesis import capture, write_scripts
 
 

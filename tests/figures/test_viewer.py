@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pacmo_core.contact import least_distance
+from pacmo_core.data.contacts import least_distance
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, Skeleton
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.figures.viewer import render_viewer
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25, Skeleton
 from pacmo_core.store.motions import read_motion, write_motions
 from tests.figures.samples import interaction
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 
 
 def moving(skeleton: Skeleton, seed: int, n_frames: int = 8) -> np.ndarray:

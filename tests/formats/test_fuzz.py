@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pacmo_core.data.quality import faults, measure
 from pacmo_core.formats.raw import FormatError, Reading
 from pacmo_core.formats.registry import FORMATS, open_format
 from pacmo_core.formats.write_ntu import format_frames
-from pacmo_core.quality import faults, measure
 from tests.formats.mutations import MUTATIONS, mutate
 from tests.formats.valid_sets import (
     write_bvh_pair,

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.ntu import Ntu, read_skip_list
 from pacmo_core.formats.raw import FormatError, RawSequence
 from pacmo_core.formats.write_ntu import format_frames
-from pacmo_core.skeleton import NTU25
 
 REAL = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data")) / "ntu"
 SETTINGS = {"fps": 30.0, "max_gap": 3, "reach": 0.3, "min_share": 0.5}

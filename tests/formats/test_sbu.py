@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.raw import FormatError, RawSequence
 from pacmo_core.formats.sbu import Sbu
-from pacmo_core.skeleton import SBU15
 
 REAL = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data")) / "sbu"
 SBU = Sbu(fps=15)

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.data.skeleton import DUET15, EXPI18, NTU25, SBU15, Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import angles, format_bvh
-from pacmo_core.interaction import bone_lengths
-from pacmo_core.skeleton import DUET15, EXPI18, NTU25, SBU15, Skeleton
 from tests.formats.moving import moving
 
 BODIES = [NTU25, SBU15, DUET15, EXPI18]

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from pacmo_core.figures.body import body_of
 from pacmo_core.figures.flesh import flesh
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.gltf_buffer import to_glb, to_gltf
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_gltf import Actor, gltf_document, quaternions, rest_places
-from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from tests.formats.moving import moving
 from tests.node import node_json
 

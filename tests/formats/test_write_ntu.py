@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, SBU15
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_ntu import format_frames, format_ntu
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25, SBU15
 
 IDS = (72057594037932185, 72057594037932186)  # one float64 for both
 

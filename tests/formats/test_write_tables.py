@@ -5,8 +5,8 @@ import io
 
 import numpy as np
 
+from pacmo_core.data.skeleton import SBU15, Skeleton
 from pacmo_core.formats.write_tables import format_csv, npz_bytes
-from pacmo_core.skeleton import SBU15, Skeleton
 from tests.figures.samples import interaction
 
 SEEN = interaction(1)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
-from pacmo_core.skeleton import Skeleton
 
 SETTINGS = Settings(
     graph="complete",

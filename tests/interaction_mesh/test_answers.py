@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.interaction_mesh import Scene, freedoms
 from pacmo_core.interaction_mesh import answers as module
 from pacmo_core.interaction_mesh.answers import answers
 from pacmo_core.interaction_mesh.energy import forces, quadratic, target_of
-from pacmo_core.skeleton import Skeleton
 from tests.interaction_mesh.oracles import manifold, matrix
 from tests.interaction_mesh.scenes import ARM, SETTINGS, scene
 

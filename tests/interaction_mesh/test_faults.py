@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.interaction_mesh import Scene, prepare, vary
-from pacmo_core.skeleton import Skeleton
 from tests.interaction_mesh.scenes import ARM, SETTINGS, scene
 
 

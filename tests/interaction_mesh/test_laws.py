@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import Limits, Rung, Scene, prepare, vary
-from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from tests.interaction_mesh.scenes import ARM, SETTINGS, scene, thorough, touching_scene
 
 few = settings(derandomize=True, deadline=None, max_examples=10)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import DUET15, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh import distances as module
 from pacmo_core.interaction_mesh.distances import distances_of, near_error
@@ -13,7 +14,6 @@ from pacmo_core.interaction_mesh.energy import quadratic
 from pacmo_core.interaction_mesh.hinges import flips, hinges
 from pacmo_core.interaction_mesh.naive import naive
 from pacmo_core.interaction_mesh.report import figures_of, spikes
-from pacmo_core.skeleton import DUET15, INTERHUMAN22, NTU25, SBU15
 from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.interaction_mesh import prepare, vary
 from pacmo_core.interaction_mesh.energy import energy_terms, quadratic, target_of
 from pacmo_core.interaction_mesh.source import BATCH
-from pacmo_core.skeleton import Skeleton
 from tests.interaction_mesh.oracles import (
     banded,
     differences,

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import INTERHUMAN22, NTU25
 from pacmo_core.interaction_mesh import prepare, vary
 from pacmo_core.interaction_mesh.energy import energy_terms, quadratic, target_of
 from pacmo_core.interaction_mesh.naive import naive
 from pacmo_core.interaction_mesh.trunk import paths, trunks
-from pacmo_core.skeleton import INTERHUMAN22, NTU25
 from tests.interaction_mesh.scenes import SETTINGS, scene
 from tests.interaction_mesh.test_report import person
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.plausibility import contact_agreement, foot_sliding, penetration
 from pacmo_core.metrics.seeing import measure_multimodality, measure_plausibility
 from pacmo_core.metrics.table import Table
-from pacmo_core.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from tests.metrics.problems import reactions
 from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
 

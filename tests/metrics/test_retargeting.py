@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pacmo_core.data.skeleton import DUET15
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import (
     Limits,
@@ -15,7 +16,6 @@ from pacmo_core.metrics.retargeting import (
     sample_diversity,
     slide,
 )
-from pacmo_core.skeleton import DUET15
 
 LIMITS = Limits(touching=0.1, slack=0.02, foot_height=0.05, body_radius=0.05)
 RANDOM = np.random.default_rng(0)

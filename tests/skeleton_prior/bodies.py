@@ -4,8 +4,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import NTU25, Skeleton
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, Skeleton
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.graph import paths
 from pacmo_core.skeleton_prior.initialise import initialise

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.encoders import MotionEncoder
 from pacmo_core.skeleton_prior.kinematic import KinematicCharacter, KinematicDecoder
 from pacmo_core.skeleton_prior.layers import (

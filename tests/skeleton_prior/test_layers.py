@@ -5,7 +5,7 @@ import copy
 import pytest
 import torch
 
-from pacmo_core.skeleton import DUET15, EXPI18, NTU25, SBU15
+from pacmo_core.data.skeleton import DUET15, EXPI18, NTU25, SBU15
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours, paths
 from pacmo_core.skeleton_prior.initialise import initialise

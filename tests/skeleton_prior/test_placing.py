@@ -9,7 +9,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 
-from pacmo_core.skeleton import DUET15, NTU25
+from pacmo_core.data.skeleton import DUET15, NTU25
 from pacmo_core.skeleton_prior.limbs import RESISTANCE, bend, find_limbs, settling, stiffness
 from pacmo_core.skeleton_prior.placing import KEPT, Offsets, Tree
 from pacmo_core.skeleton_prior.relations import asked_shift, pulls

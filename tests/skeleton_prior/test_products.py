@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from pacmo_core.skeleton import SBU15
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.skeleton_prior import products
 from pacmo_core.skeleton_prior.graph import adjacency, neighbours
 from pacmo_core.skeleton_prior.layers import Dense, GraphConvolution, TimeConvolution

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 import torch
 
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.skeleton_prior.forms import FORMS, build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.layers import Silent

@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.interpolate import CubicSpline
 
-from pacmo_core.interaction import bone_lengths
+from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.keyframes import at_every_frame, keyframes

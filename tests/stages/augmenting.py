@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.augmentation.solve import solve
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.clips import ClipFacts, write_rows
 from pacmo_core.store.motions import write_motions
-from pacmo_core.variations.solve import solve
 from stages import _variations, augment
 from stages._files import CLIPS, MOTIONS
 from stages.augment import FINISHED

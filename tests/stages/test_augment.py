@@ -21,6 +21,7 @@ from pacmo_core.interaction_mesh import Settings
 from pacmo_core.store.motion_folders import stream_folder
 from pacmo_core.store.variations import read_variations
 from stages._params import ParamsError
+from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
     BOUNDS,
     COMMAND,
@@ -35,7 +36,6 @@ from tests.stages.augmenting import (
     spoil,
     write_params,
 )
-from tests.variations.sources import flat_source, source
 
 CLIPS = {"one": source(0), "one#0001": source(1), "two": source(2, n_frames=9)}
 GROWN = {**PLAN, "uniform": [0.9, 0.95, 1.1], "bodies": 3, "single": {**PLAN["single"], "most": 5}}

@@ -8,11 +8,11 @@ import pytest
 from ruamel.yaml import YAML
 
 from apps.experiments import compose, experiment_names
+from pacmo_core.data.skeleton import DUET15, NTU25
 from pacmo_core.formats.registry import open_format
 from pacmo_core.operators.fourier import resolved_modes
 from pacmo_core.operators.uno import UnoConfig, u_channels
-from pacmo_core.pacmo.config import RATIOS
-from pacmo_core.skeleton import DUET15, NTU25
+from pacmo_core.reaction.config import RATIOS
 from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.splits import SPLITS
 from stages._params import read_params

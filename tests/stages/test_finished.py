@@ -11,6 +11,7 @@ from pacmo_core.store.motion_folders import clip_of, stream_folder
 from pacmo_core.store.motions import read_motion
 from pacmo_core.store.variations import read_variations
 from stages import _variations
+from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
     BOUNDS,
     finished_files,
@@ -21,7 +22,6 @@ from tests.stages.augmenting import (
     spoil,
     write_params,
 )
-from tests.variations.sources import flat_source, source
 
 CLIPS = {"one": source(0), "one#0001": source(1), "one1": source(3), "two/a": source(2, n_frames=9)}
 SMALL = Path("variations") / "small"

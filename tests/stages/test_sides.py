@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from pacmo_core.interaction import Interaction
-from pacmo_core.skeleton import SBU15
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.store.clips import ClipFacts, SideFacts, read_rows, write_rows
 from pacmo_core.store.motions import stream_motions, write_motions
 from stages import cut, split

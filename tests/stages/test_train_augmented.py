@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.pacmo import adversarial
-from pacmo_core.pacmo.varied import Choice, Variations, Varied, widen
-from pacmo_core.skeleton import SBU15
+from pacmo_core.data.skeleton import SBU15
+from pacmo_core.reaction import adversarial
+from pacmo_core.reaction.varied import Choice, Variations, Varied, widen
 from pacmo_core.store.clips import SideFacts, write_rows
 from pacmo_core.store.motion_folders import file_of
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import read_weights
 from stages import train_pacmo, train_pacmo_augmented
-from tests.pacmo.problems import PACMO, clips
+from tests.reaction.problems import PACMO, clips
 from tests.stages.training import prepare
 
 CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations/motions")

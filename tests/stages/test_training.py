@@ -15,8 +15,8 @@ from ruamel.yaml import YAML
 from safetensors import safe_open
 from torch import nn
 
-from pacmo_core.pacmo.fit import Fit
-from pacmo_core.pacmo.provenance import data_hash
+from pacmo_core.reaction.fit import Fit
+from pacmo_core.reaction.provenance import data_hash
 from pacmo_core.store.schema import StoreError
 from pacmo_core.store.weights import read_weights, write_weights
 from stages import train_autoencoder, train_gru, train_pacmo, train_regression
@@ -24,7 +24,7 @@ from stages._checkpoints import Checkpoint
 from stages._devices import DeviceError, devices
 from stages._files import read_curve
 from stages._training import sides_of
-from tests.pacmo.problems import clips
+from tests.reaction.problems import clips
 from tests.stages.training import SECTIONS, SEEDED, prepare
 
 ROOT = Path(__file__).parents[2]

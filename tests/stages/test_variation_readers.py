@@ -10,8 +10,8 @@ from pacmo_core.store.motion_folders import file_of, stream_folder
 from pacmo_core.store.variations import read_variations
 from stages._examples import kept_facts, stream_examples
 from stages._gallery import gallery
+from tests.augmentation.sources import source
 from tests.stages.augmenting import lay_out, run, solve_in_process
-from tests.variations.sources import source
 
 CLIPS = {"one": source(0), "one1": source(1), "s01/02": source(2)}
 SMALL, SIDES = Path("variations") / "small", Path("sides.parquet")

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
-from pacmo_core.skeleton import SBU15
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.store.clips import ClipFacts, SideFacts, write_rows
 from pacmo_core.store.motions import write_motions
-from tests.pacmo.problems import AUTOENCODER, GRU, PACMO, REGRESSION, clips
+from tests.reaction.problems import AUTOENCODER, GRU, PACMO, REGRESSION, clips
 
 FACTS = ClipFacts(
     clip="", sequence="", dataset="toy", action="follow", subject_a="", subject_b="",

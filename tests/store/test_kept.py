@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pacmo_core.augmentation.solve import Made
 from pacmo_core.store.kept import Kept, read_kept
-from pacmo_core.variations.solve import Made
 
 
 def made(number: int) -> Made:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pacmo_core.store.motion_folders import SEPARATOR, clip_of, file_of, in_order, stream_folder
 from pacmo_core.store.motions import write_motions
-from tests.variations.sources import source
+from tests.augmentation.sources import source
 
 NAMES = st.text("ab09_./-#", min_size=1, max_size=6)
 FIXED = settings(derandomize=True, deadline=None, max_examples=100)

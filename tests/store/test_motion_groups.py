@@ -8,7 +8,7 @@ import pytest
 
 from pacmo_core.store.motion_groups import MotionGroups
 from pacmo_core.store.motions import read_motion, write_motions
-from tests.variations.sources import source
+from tests.augmentation.sources import source
 
 NAMES = [f"clip{number:02d}" for number in range(20)]
 

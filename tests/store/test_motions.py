@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 from hypothesis import given, settings
 
-from pacmo_core.interaction import Interaction
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.store import motions
 from pacmo_core.store.motions import read_motion, read_skeleton, stream_motions, write_motions
 from pacmo_core.store.schema import StoreError

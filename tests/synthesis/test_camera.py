@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.synthesis.camera import DEPTH, FLICKER, MEMORY, RATE, errors, noise, place
 from tests.synthesis.troupe import clips
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.skeleton import NTU25
 from tests.synthesis.troupe import JOINT, every_motion
 
 FASTEST = 12.0  # metres a second: a fast punch or kick

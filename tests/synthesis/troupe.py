@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.skeleton import NTU25
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.synthesis.capture import true_motion
 from pacmo_core.synthesis.script import ACTS, Script, write_scripts
 

@@ -1,0 +1,95 @@
+"""Two people on one clock in one world: metres, y up, right-handed, seconds."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.data.skeleton import Skeleton
+
+Motion = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Interaction:
+    """Two motions sampled at the same instants.
+
+    Parameters
+    ----------
+    skeleton : both people's joints
+    times : (T,) float64, seconds, strictly increasing, T >= 2
+    person_a, person_b : (T, J, 3) float32, metres, y up, right-handed, finite
+
+    Raises
+    ------
+    ValueError
+        If a shape, a dtype or a value is otherwise.
+    """
+
+    skeleton: Skeleton
+    times: NDArray[np.float64]
+    person_a: Motion
+    person_b: Motion
+
+    def __post_init__(self) -> None:
+        if self.times.ndim != 1 or len(self.times) < 2 or self.times.dtype != np.float64:
+            raise ValueError(
+                f"times must be (T,) float64 with T >= 2; got {self.times.shape} {self.times.dtype}"
+            )
+        if not np.isfinite(self.times).all() or (np.diff(self.times) <= 0).any():
+            raise ValueError("times must be finite and strictly increasing")
+        shape = (len(self.times), len(self.skeleton.joints), 3)
+        for name in ("person_a", "person_b"):
+            motion = getattr(self, name)
+            if motion.shape != shape or motion.dtype != np.float32:
+                raise ValueError(
+                    f"{name} must be {shape} float32; got {motion.shape} {motion.dtype}"
+                )
+            if not np.isfinite(motion).all():
+                frame, joint = np.argwhere(~np.isfinite(motion))[0][:2]
+                raise ValueError(
+                    f"{name} must be finite; frame {frame}, "
+                    f"joint {self.skeleton.joints[joint]} is not"
+                )
+
+    @property
+    def fps(self) -> float:
+        """Frames a second: the inverse of the median time between frames."""
+        return float(1 / np.median(np.diff(self.times)))
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return float(self.times[-1] - self.times[0])
+
+    def swapped(self) -> "Interaction":
+        """Exchange the two people: (a, b) and (b, a) are the same interaction (PaCMO, 3.1)."""
+        return replace(self, person_a=self.person_b, person_b=self.person_a)
+
+    def frames(self, start: int, stop: int) -> "Interaction":
+        """Cut frames ``start`` to ``stop`` (exclusive), the clock set back to zero."""
+        cut = slice(start, stop)
+        return replace(
+            self,
+            times=self.times[cut] - self.times[start],
+            person_a=self.person_a[cut],
+            person_b=self.person_b[cut],
+        )
+
+    def without(self, joints: list[str]) -> "Interaction":
+        """Leave out joints by name, as PaCMO does with finger tips and thumbs (section 4.1)."""
+        skeleton = self.skeleton.without(joints)
+        kept = self.skeleton.indices(skeleton.joints)
+        return replace(
+            self,
+            skeleton=skeleton,
+            person_a=np.ascontiguousarray(self.person_a[:, kept]),
+            person_b=np.ascontiguousarray(self.person_b[:, kept]),
+        )
+
+
+def bone_lengths(motion: Motion, skeleton: Skeleton) -> NDArray[np.float32]:
+    """``(T, E)`` metres: the length of each of ``skeleton.bones`` in each frame."""
+    parent, child = skeleton.bones.T
+    lengths: NDArray[np.float32] = np.linalg.norm(motion[:, child] - motion[:, parent], axis=-1)
+    return lengths

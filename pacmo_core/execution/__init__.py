@@ -1,0 +1,1 @@
+"""Work side by side: processes on this machine, or a Dask cluster."""

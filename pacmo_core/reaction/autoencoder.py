@@ -1,0 +1,184 @@
+"""The auto-encoder operator on both people; its bottleneck gives the features (PaCMO, 4.3.1)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.operators.fourier import interpolation
+from pacmo_core.operators.initialise import initialise
+from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
+from pacmo_core.reaction.config import RATIOS, skeleton_from, uno_from
+from pacmo_core.reaction.fit import Fit
+from pacmo_core.reaction.functions import MotionPairs, both_sides, encode
+from pacmo_core.reaction.normalisation import Normalisation
+from pacmo_core.reaction.settings import AutoencoderSettings
+from pacmo_core.reaction.supervised import Supervised
+
+BOTTLENECK_LAYER = 4
+
+
+@dataclass(frozen=True)
+class AutoencoderConfig:
+    """An auto-encoder's skeleton and operator."""
+
+    skeleton: Skeleton
+    uno: UnoConfig
+
+
+class Autoencoder(nn.Module):
+    """``M x M -> M x M`` in seven layers without skips.
+
+    Parameters
+    ----------
+    config : AutoencoderConfig
+    """
+
+    points: Tensor
+    to_features: Tensor
+    feature_mean: Tensor
+    feature_std: Tensor
+
+    def __init__(self, config: AutoencoderConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.uno = Uno(config.uno)
+        self.normalisation = Normalisation(channels=config.uno.out_channels // 2)
+        channels = config.uno.channels[BOTTLENECK_LAYER - 1]
+        self.register_buffer("feature_mean", torch.zeros(channels))
+        self.register_buffer("feature_std", torch.ones(channels))
+        self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
+        n_latent = config.uno.sizes[BOTTLENECK_LAYER - 1]
+        midpoints = (torch.arange(n_latent) + 0.5) / n_latent
+        to_features = interpolation(midpoints / config.uno.period, n_latent).float()
+        self.register_buffer("to_features", to_features, persistent=False)
+
+    def loss(self, pairs: MotionPairs) -> Tensor:
+        """Take the mean squared error of the reconstruction, in normalised units."""
+        inputs = self._inputs(pairs)
+        both = inputs[..., : self.config.uno.out_channels]
+        out: Tensor = self.uno(inputs)
+        return (out - both).square().mean()
+
+    def features(self, pairs: MotionPairs) -> Tensor:
+        """Encode: ``(B, C, r)`` at r midpoints of equal cells of [0, 1], standardised."""
+        hidden = self.uno.bottleneck(self._inputs(pairs), BOTTLENECK_LAYER)
+        values = (self.to_features @ hidden.flatten(1)).view(-1, *hidden.shape[1:])
+        return ((values - self.feature_mean) / self.feature_std).permute(1, 2, 0)
+
+    def standardise(self, pairs: MotionPairs) -> None:
+        """Give the features of these data mean zero and unit variance, channel by channel."""
+        with torch.no_grad():
+            self.feature_mean.zero_()
+            self.feature_std.fill_(1)
+            raw = self.features(pairs)
+            self.feature_mean.copy_(raw.mean(dim=(0, 2)))
+            self.feature_std.copy_(raw.std(dim=(0, 2)))
+
+    def _inputs(self, pairs: MotionPairs) -> Tensor:
+        norm, period = self.normalisation, self.config.uno.period
+        context = norm.context(self.points, pairs.log_duration, period)
+        motions = [norm.partner(pairs.partner), norm.reaction(pairs.reaction)]
+        return torch.cat([*motions, context], dim=-1)
+
+
+class _Training(Supervised[Autoencoder]):
+    def __init__(
+        self,
+        model: Autoencoder,
+        pairs: MotionPairs,
+        held_out: MotionPairs | None,
+        settings: AutoencoderSettings,
+        random: torch.Generator,
+    ) -> None:
+        self.pairs = pairs
+        super().__init__(
+            model,
+            len(pairs),
+            lambda rows: model.loss(pairs[rows.to(pairs.partner.device)]),
+            None if held_out is None else lambda: model.loss(held_out),
+            settings,
+            random,
+        )
+
+    def score(self) -> Tensor | None:
+        """Standardise the features, since these weights may be handed over; take the loss."""
+        self.model.standardise(self.pairs)
+        return super().score()
+
+
+def fit(
+    clips: Sequence[Interaction],
+    settings: AutoencoderSettings,
+    *,
+    validation: Sequence[Interaction] = (),
+    device: str = "cpu",
+) -> Fit[Autoencoder]:
+    """Train on reconstruction; an epoch yields ``loss``.
+
+    ``validation`` is the loss on either side of the held-out clips.
+    """
+    random = torch.Generator().manual_seed(settings.random_seed)
+    pairs = encode(both_sides(clips, swap=settings.swap), settings.n_points).to(device)
+    held_out = both_sides(validation, swap=True)
+    held_out_pairs = encode(held_out, settings.n_points).to(device) if held_out else None
+    model = Autoencoder(_config(clips[0].skeleton, settings))
+    initialise(model, random)
+    model.to(device).normalisation.measure(pairs)
+    training = _Training(model, pairs, held_out_pairs, settings, random)
+    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
+
+
+def features(
+    model: Autoencoder, interactions: Sequence[Interaction], *, device: str = "cpu"
+) -> NDArray[np.float64]:
+    """Encode interactions, ``person_a`` the partner: ``(n, C, r)``, standardised, frozen."""
+    pairs = encode(interactions, model.config.uno.n_points)
+    return features_of(model, pairs, device=device)
+
+
+def features_of(
+    model: Autoencoder, pairs: MotionPairs, *, device: str = "cpu"
+) -> NDArray[np.float64]:
+    """Encode pairs of functions: ``(n, C, r)``, r midpoints of equal cells of [0, 1]."""
+    model.to(device)
+    with torch.no_grad():
+        found: NDArray[np.float64] = model.features(pairs.to(device)).cpu().double().numpy()
+    return found
+
+
+def config(model: Autoencoder) -> dict[str, Any]:
+    """Describe a model in JSON's terms."""
+    return asdict(model.config)
+
+
+def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:
+    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    parts = AutoencoderConfig(skeleton_from(config["skeleton"]), uno_from(config["uno"]))
+    model = Autoencoder(parts)
+    model.load_state_dict(dict(state))
+    return model.requires_grad_(False)
+
+
+def _config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderConfig:
+    channels = list(u_channels(settings.width))
+    channels[BOTTLENECK_LAYER - 1] = settings.bottleneck
+    both = 6 * len(skeleton.joints)
+    uno = UnoConfig(
+        in_channels=both + 3,
+        out_channels=both,
+        lifting=settings.width,
+        channels=tuple(channels),
+        modes=tuple(settings.modes),
+        ratios=RATIOS,
+        n_points=settings.n_points,
+        period=settings.period,
+        skips=False,
+    )
+    return AutoencoderConfig(skeleton, uno)

@@ -1,0 +1,99 @@
+"""One model and one loss: the training of the auto-encoder and of the baselines."""
+
+from collections.abc import Callable, Mapping
+from typing import Generic, Protocol, TypeVar
+
+import torch
+from torch import Tensor, nn
+
+from pacmo_core.reaction.fit import batches, halve
+from pacmo_core.reaction.losses import finite
+from pacmo_core.reaction.tensors import adam_state, load_adam, parted, prefixed
+
+Model = TypeVar("Model", bound=nn.Module)
+
+
+class DescentSettings(Protocol):
+    """What a section says about one model's descent."""
+
+    @property
+    def learning_rate(self) -> float:
+        """Of Adam, in the first epoch."""
+
+    @property
+    def halve_every(self) -> int:
+        """Epochs."""
+
+    @property
+    def batch_size(self) -> int:
+        """Rows."""
+
+
+class Supervised(Generic[Model]):
+    """Descend a loss over batches of rows in random order; an epoch sees every row once.
+
+    Parameters
+    ----------
+    model : trained in place
+    n_rows : of the training data
+    loss : mean over the rows given
+    held_out : loss on held-out data, nothing if there are none; called without gradients
+    settings : DescentSettings
+    random : CPU generator of the order
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        n_rows: int,
+        loss: Callable[[Tensor], Tensor],
+        held_out: Callable[[], Tensor] | None,
+        settings: DescentSettings,
+        random: torch.Generator,
+    ) -> None:
+        self._model, self.n_rows, self.loss, self.held_out = model, n_rows, loss, held_out
+        self.settings, self.random = settings, random
+        self.optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
+
+    @property
+    def model(self) -> Model:
+        """The one model."""
+        return self._model
+
+    def epoch(self, number: int) -> dict[str, float]:
+        """See every row once; ``loss`` is the mean over the batches."""
+        settings = self.settings
+        halve(self.optimiser, settings.learning_rate, epoch=number, every=settings.halve_every)
+        losses = [
+            self._step(rows) for rows in batches(self.n_rows, settings.batch_size, self.random)
+        ]
+        return finite({"loss": torch.stack(losses).mean()}, type(self._model).__name__)
+
+    def score(self) -> Tensor | None:
+        """Take the loss on held-out data."""
+        if self.held_out is None:
+            return None
+        with torch.no_grad():
+            return self.held_out()
+
+    def state(self) -> dict[str, Tensor]:
+        """Take weights, moments and the order's generator."""
+        return prefixed(
+            model=self._model.state_dict(),
+            adam=adam_state(self.optimiser),
+            random={"state": self.random.get_state()},
+        )
+
+    def load(self, state: Mapping[str, Tensor]) -> None:
+        """Go back to where ``state`` was taken."""
+        self._model.load_state_dict(parted(state, "model"))
+        load_adam(self.optimiser, parted(state, "adam"))
+        self.random.set_state(state["random/state"])
+
+    def _step(self, rows: Tensor) -> Tensor:
+        loss = self.loss(rows)
+        finite({"loss": loss}, type(self._model).__name__)
+        self.optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        self.optimiser.step()
+        return loss.detach()

@@ -1,0 +1,44 @@
+"""Small interactions of the solver's own scenes, and lots of bodies for them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks._variations import SETTINGS as USUAL
+from pacmo_core.augmentation.keys import maker_key, source_key
+from pacmo_core.augmentation.solve import Lot
+from pacmo_core.data.interaction import Interaction
+from tests.interaction_mesh.scenes import scene
+
+# A first try so short that it serves easy bodies alone.
+SETTINGS = replace(USUAL, rungs=(replace(USUAL.rungs[0], iterations=6, step=3e-3), *USUAL.rungs))
+
+
+def source(seed: int = 0, n_frames: int = 12) -> Interaction:
+    """Draw two small bodies that turn."""
+    drawn = scene(seed, n_frames)
+    return Interaction(drawn.skeletons[0], np.arange(n_frames) / 30, *drawn.motions)
+
+
+def flat_source(n_frames: int = 12) -> Interaction:
+    """Draw two of whom one is a drawing."""
+    whole = source(9, n_frames)
+    flat = whole.person_b.copy()
+    flat[..., 2] = 0
+    return Interaction(whole.skeleton, whole.times, whole.person_a, flat)
+
+
+def lot(scales: np.ndarray, seed: int = 0, own: Interaction | None = None) -> Lot:
+    """Hand out bodies, (V, 10)."""
+    own = own or source(seed)
+    names = tuple(f"{seed}-{row.tobytes().hex()}" for row in scales)
+    return Lot(source_key(own), maker_key(SETTINGS), own, SETTINGS, scales, names)
+
+
+def bodies(count: int, seed: int = 0) -> np.ndarray:
+    """Draw scales, (V, 10): in turn of bodies much smaller, hardly other, and moderately so."""
+    random = np.random.default_rng(seed)
+    scales = random.uniform(0.8, 1.25, (count, 10))
+    scales[::3, 5:] *= 0.6
+    scales[1::3] = 1 + 0.02 * (scales[1::3] - 1)
+    return scales

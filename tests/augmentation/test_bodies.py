@@ -1,0 +1,88 @@
+"""Truth: closed forms of lengths, the moments of a log-normal law, published statures."""
+
+import numpy as np
+import pytest
+
+from pacmo_core.augmentation.bodies import Body, Population, drawn, of_profile, scaled
+from pacmo_core.augmentation.segments import segments
+from pacmo_core.data.skeleton import NTU25, SBU15
+from tests.augmentation.test_segments import DUO27, PRIOR17
+
+
+def body(skeleton=NTU25, leg: float = 0.4) -> Body:
+    """Give every bone 0.2 m, thighs and shins ``leg``."""
+    named = segments(skeleton)
+    return Body(named, np.array([leg if s.part == "leg" else 0.2 for s in named]))
+
+
+def of(own: Body, scales: np.ndarray) -> dict[str, float]:
+    return dict(zip([s.name for s in own.segments], scales.tolist(), strict=True))
+
+
+def test_a_stature_is_that_of_drillis_and_continis_legs() -> None:
+    # Thigh and shin are 0.245 and 0.246 of stature.
+    assert body(leg=0.2455 * 1.8).stature == pytest.approx(1.8)
+
+
+def test_a_child_is_as_tall_as_children_and_sits_as_high() -> None:
+    own = body(leg=0.2455 * 1.8)
+    scales = of(own, of_profile(own, "child"))
+    leg, trunk, arm = scales["left_thigh"], scales["spine_mid"], scales["left_forearm"]
+    assert arm == pytest.approx(1.273 / 1.8)
+    # Sitting height takes 0.54 of a child's stature, 0.52 of an adult's.
+    assert trunk / leg == pytest.approx((0.54 / 0.46) / (0.52 / 0.48))
+    assert 0.52 * trunk + 0.48 * leg == pytest.approx(arm)
+
+
+def test_a_tall_adult_is_two_deviations_above_the_mean_and_in_proportion() -> None:
+    own = body(PRIOR17, leg=0.2455 * 1.7)
+    scales = of_profile(own, "tall_adult")
+    np.testing.assert_allclose(scales, (1.756 + 2 * 0.069) / 1.7)
+
+
+def test_long_arms_leave_the_rest_as_it_is() -> None:
+    own = body(DUO27)
+    scales = of(own, of_profile(own, "long_arms"))
+    assert scales["left_forearm"] == scales["right_upper_arm"] == pytest.approx(1.1)
+    assert scales["left_thigh"] == scales["left_collar"] == scales["spine"] == 1
+
+
+def test_scales_of_segments_multiply_with_that_of_the_whole() -> None:
+    scales = of(body(), scaled(body(), {"uniform": 0.8, "left_forearm": 1.25}))
+    assert scales["left_forearm"] == pytest.approx(1.0)
+    assert {value for name, value in scales.items() if name != "left_forearm"} == {0.8}
+
+
+def test_a_name_that_is_none_is_answered_with_those_there_are() -> None:
+    with pytest.raises(ValueError, match="no segment left_tail; there are uniform, .*left_forearm"):
+        scaled(body(), {"left_tail": 1.2})
+    with pytest.raises(ValueError, match="no profile 'giant'; there are child, tall_adult"):
+        of_profile(body(), "giant")
+    legless = Body(segments(NTU25)[:4], np.ones(4))
+    with pytest.raises(ValueError, match="no thigh to tell a stature by; segments: head"):
+        of_profile(legless, "child")
+
+
+POPULATION = Population(stature=0.05, proportion=0.03, random_seed=4)
+
+
+def test_drawn_bodies_are_symmetric_and_log_normal() -> None:
+    own = body()
+    rows = [of(own, drawn(own, POPULATION, f"n{i}")) for i in range(1500)]
+    assert all(row["left_forearm"] == row["right_forearm"] for row in rows)
+    logs = np.log([[row["left_forearm"], row["head"]] for row in rows])
+    # Two segments share stature, and have proportions of their own.
+    covariance = np.cov(logs.T)
+    tolerance = 4 * (0.05**2 + 0.03**2) * np.sqrt(2 / len(rows))
+    np.testing.assert_allclose(covariance.diagonal(), 0.05**2 + 0.03**2, atol=tolerance)
+    np.testing.assert_allclose(covariance[0, 1], 0.05**2, atol=tolerance)
+    np.testing.assert_allclose(logs.mean(axis=0), 0, atol=4 * 0.06 / np.sqrt(len(rows)))
+
+
+def test_a_drawn_body_is_the_same_on_another_skeleton() -> None:
+    one, other = (of(own, drawn(own, POPULATION, "r0001")) for own in (body(), body(SBU15)))
+    shared = one.keys() & other.keys()
+    assert shared >= {"left_forearm", "right_shin", "head"}
+    assert {name: one[name] for name in shared} == {name: other[name] for name in shared}
+    again = Population(stature=0.05, proportion=0.03, random_seed=5)
+    assert of(body(), drawn(body(), again, "r0001")) != one

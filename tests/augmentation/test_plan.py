@@ -1,0 +1,92 @@
+"""Truth: counts by hand; that a plan which grows leaves the rest of it as it was."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pacmo_core.augmentation.bodies import Population
+from pacmo_core.augmentation.plan import Plan, Single, plan_variations
+from tests.augmentation.test_bodies import body
+from tests.augmentation.test_segments import CMU22, DUO27
+
+STEPS = tuple(round(0.75 + 0.05 * step, 2) for step in range(11))
+PAPER = Plan(
+    people=("a", "b"),
+    uniform=STEPS,
+    single=Single(bones=("upper",), scales=STEPS, most=10_000),
+    profiles=(),
+    bodies=0,
+    population=Population(stature=0.05, proportion=0.04, random_seed=1),
+)
+BODIES = (body(DUO27), body(DUO27))
+
+
+def by_name(plan: Plan, source: str = "CLIP", bodies=BODIES) -> dict[str, tuple]:
+    found = plan_variations(plan, bodies, source)
+    assert [v.name for v in found] == sorted({v.name for v in found})
+    return {v.name: (v.kind, *(s.tolist() for s in v.scales)) for v in found}
+
+
+def test_the_papers_plan_has_ten_scales_of_all_bones_and_of_each_upper_one() -> None:
+    found = by_name(PAPER)
+    n_upper = sum(segment.is_upper for segment in BODIES[0].segments)
+    assert n_upper == 18
+    assert len(found) == 2 * 10 + 2 * 10 * n_upper
+    kind, a, b = found["b-uniform-0.75"]
+    assert (kind, set(a), set(b)) == ("uniform", {1.0}, {0.75})
+    kind, a, b = found["a-left_forearm-1.20"]
+    assert (kind, sorted(set(a)), set(b)) == ("single", [1.0, 1.2], {1.0})
+    bone = [s.name for s in BODIES[0].segments].index("left_forearm")
+    assert a[bone] == 1.2
+
+
+def test_profiles_and_drawn_bodies_have_names_that_say_so() -> None:
+    plan = replace(PAPER, uniform=(), profiles=("child",), bodies=3, people=("b",))
+    plan = replace(plan, single=Single(bones=("left_*arm",), scales=(0.8,), most=9))
+    found = by_name(plan)
+    assert set(found) == {
+        *("b-child", "b-left_forearm-0.80", "b-left_upper_arm-0.80"),
+        *("r0000", "r0001", "r0002"),
+    }
+    _, a, b = found["r0001"]
+    assert a != b
+    assert by_name(replace(plan, bodies=4)).items() >= found.items()
+
+
+def test_few_single_bones_are_chosen_by_their_names_alone() -> None:
+    some = replace(PAPER, single=replace(PAPER.single, most=30), uniform=())
+    chosen = by_name(some)
+    assert len(chosen) == 30
+    assert chosen.items() <= by_name(PAPER).items()
+    assert by_name(some, "OTHER").keys() != chosen.keys()
+    assert by_name(replace(some, uniform=(0.9,))).items() >= chosen.items()
+
+
+def test_two_people_may_have_different_skeletons() -> None:
+    found = by_name(replace(PAPER, uniform=(0.8,)), bodies=(body(DUO27), body(CMU22)))
+    _, a, b = found["a-left_forearm-0.75"]
+    assert (len(a), len(b)) == (26, 21)
+    assert "b-lowerback-1.25" in found
+    assert "a-lowerback-1.25" not in found
+
+
+def test_scales_that_round_alike_have_names_that_differ() -> None:
+    plan = replace(PAPER, uniform=(0.8, 0.801), single=replace(PAPER.single, most=0))
+    assert set(by_name(plan)) >= {"a-uniform-0.80", "a-uniform-0.801"}
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
+def test_a_scale_that_no_body_has_is_refused_before_any_work(scale: float) -> None:
+    with pytest.raises(ValueError, match="scales of a plan must be positive numbers; got"):
+        replace(PAPER, uniform=(scale,))
+    with pytest.raises(ValueError, match="scales of a plan must be positive numbers; got"):
+        replace(PAPER, single=replace(PAPER.single, scales=(scale,)))
+
+
+def test_a_pattern_that_fits_nothing_is_answered_with_what_there_is() -> None:
+    plan = replace(PAPER, single=Single(bones=("*tail",), scales=(0.8,), most=1))
+    with pytest.raises(ValueError, match=r"no segment fits '\*tail'; there are upper, head, left"):
+        by_name(plan)
+    with pytest.raises(ValueError, match="people must be of a, b; got c"):
+        replace(PAPER, people=("c",))

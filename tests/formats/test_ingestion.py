@@ -1,0 +1,111 @@
+"""What is trusted: what each written file holds, and what is known of the published ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25
+from pacmo_core.formats.ingestion import Recipe, read_sequences
+from pacmo_core.formats.registry import open_format
+from pacmo_core.formats.write_ntu import format_ntu
+from pacmo_core.store.clips import QuarantineFacts
+from tests.formats.real_files import real_folder
+from tests.strategies import LIMITS
+
+NTU = {"fps": 30.0, "max_gap": 5, "reach": 0.3, "min_share": 0.5}
+BVH = {
+    "unit": None,
+    "up": None,
+    "fps": None,
+    "end_sites": False,
+    "skip_frames": 0,
+    "max_root_distance": None,
+}
+
+
+def bodies(seed: int, n_frames: int = 20, apart: float = 1.0) -> Interaction:
+    """Let two rigid bodies drift before the camera."""
+    random = np.random.default_rng(seed)
+    body = random.normal([0, 0, 3], 0.3, size=(25, 3))
+    drift = 0.003 * np.arange(n_frames)[:, None, None] * random.standard_normal(3)
+    person_a = (body + drift).astype(np.float32)
+    person_b = (body + np.array([apart, 0, 0]) - drift).astype(np.float32)
+    return Interaction(NTU25, np.arange(n_frames) / 30, person_a, person_b)
+
+
+def write(folder, number, interaction):
+    path = folder / f"S001C001P001R{number:03d}A050.skeleton"
+    path.write_bytes(format_ntu(interaction, (72057594037932185, 72057594037932127)))
+    return path
+
+
+def ingest(root, name="ntu", settings=NTU, **changes):
+    recipe = Recipe(
+        dataset="test",
+        root=root,
+        format=open_format(name, settings),
+        drop_joints=(),
+        limits=LIMITS,
+        contact_distance=0.1,
+        stated_fps=None,
+    )
+    recipe = replace(recipe, **changes)
+    outcomes = list(read_sequences(recipe, recipe.format.find(root)))
+    aside = [outcome for outcome in outcomes if isinstance(outcome, QuarantineFacts)]
+    return [outcome for outcome in outcomes if outcome not in aside], aside
+
+
+def test_every_sequence_ends_as_facts_or_as_a_reason(tmp_path):
+    write(tmp_path, 1, bodies(1))
+    write(tmp_path, 2, bodies(2, n_frames=5))
+    write(tmp_path, 3, bodies(3, n_frames=12, apart=0.01))
+    (tmp_path / "broken.skeleton").write_text("3\n2\nnonsense\n")
+    (tmp_path / "S001C001P001R004A050.skeleton").write_bytes(
+        write(tmp_path, 1, bodies(1)).read_bytes()
+    )
+    usable, aside = ingest(tmp_path)
+    assert [facts.clip for facts, _ in usable] == ["S001C001P001R001A050"]
+    reasons = {row.sequence: row for row in aside}
+    assert reasons["S001C001P001R002A050"].reason == "5 frames, wanted at least 10"
+    assert reasons["S001C001P001R003A050"].reason.startswith("the same body twice")
+    assert reasons["S001C001P001R004A050"].reason == "the same content as S001C001P001R001A050"
+    assert reasons["broken"].line == 3 and reasons["broken"].file == "broken.skeleton"
+    assert all(len(row.sha256) == 64 for row in aside)
+
+
+def test_facts_say_where_a_clip_comes_from_and_how_good_it_is(tmp_path):
+    write(tmp_path, 1, bodies(1))
+    ((facts, interaction),), _ = ingest(tmp_path, drop_joints=("left_thumb",))
+    assert facts.source_file == "S001C001P001R001A050.skeleton"
+    assert (facts.dataset, facts.action, facts.subject_a) == ("test", "A050 punch or slap", "P001")
+    assert (facts.fps, facts.frames) == (pytest.approx(30), 20)
+    assert facts.bone_length_variation < 1e-3
+    assert interaction.person_a.shape == (20, 24, 3)
+    assert facts.skeleton == interaction.skeleton.name == "ntu25-24"
+
+
+def test_a_rate_that_the_set_denies_is_a_reason(tmp_path):
+    write(tmp_path, 1, bodies(1))
+    usable, aside = ingest(tmp_path, stated_fps=25.0)
+    assert not usable
+    assert aside[0].reason == "the file's own times give 30 frames a second, wanted 25.0"
+
+
+def test_the_faulty_captures_of_duo_mocap_are_put_aside_for_what_they_are():
+    root = real_folder("duo_mocap")
+    usable, aside = ingest(root, "bvh", {**BVH, "preset": "duo_mocap"})
+    reasons = {row.file: row.reason for row in aside}
+    lie, single = "faulty/jump_crawl001_S2_crawl_30fps.bvh", "faulty/ROM_30fps.bvh"
+    assert reasons[lie] == "the header says 684 frames, the file has 774 rows"
+    assert reasons[single] == "no second person: wanted two files, got 1"
+    assert len(usable) == 7 and len(aside) == 2
+
+
+def test_one_dancer_fitted_twice_is_no_pair():
+    root = real_folder("cmu_18_19")
+    usable, aside = ingest(root, "bvh", {**BVH, "preset": "cmu_18_19"})
+    assert len(usable) == 12
+    (twice,) = [row for row in aside if "not_a_pair" in row.file]
+    assert twice.reason.startswith("the same body twice")

@@ -1,1 +1,0 @@
-"""Tests of pacmo_core.pacmo."""

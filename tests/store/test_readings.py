@@ -1,0 +1,145 @@
+"""What is trusted: what ingestion gives with nothing kept."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pacmo_core.formats import ingestion
+from pacmo_core.formats.registry import open_format
+from pacmo_core.store.readings import Readings, reading_key
+from stages.ingest import main
+from tests.formats.test_ingestion import NTU, bodies, ingest, write
+
+PARAMS = """\
+ingest:
+  dataset: test
+  raw: raw
+  format: ntu
+  settings: {fps: 30.0, max_gap: 5, reach: 0.3, min_share: 0.5}
+  include: ["*"]
+  drop_joints: [left_thumb]
+  limits:
+    min_frames: 10
+    max_rate_jitter: 0.5
+    max_rate_error: 0.02
+    max_bone_length_variation: 0.2
+    max_joint_speed: 25
+    max_body_speed: 8
+    min_apart: 0.1
+  contact_distance: 0.1
+  stated_fps:
+"""
+
+
+@pytest.fixture
+def raw(tmp_path, monkeypatch):
+    """Make three captures, one of them spoilt, and parameters that read them."""
+    monkeypatch.chdir(tmp_path)
+    Path("params.yaml").write_text(PARAMS)
+    folder = Path("raw")
+    folder.mkdir()
+    for number in (1, 2, 3):
+        write(folder, number, bodies(number))
+    (folder / "S001C001P001R002A050.skeleton").write_text("20\nno bodies\n")
+    return folder
+
+
+@pytest.fixture
+def reads(monkeypatch):
+    """Count the sequences that are read rather than found."""
+    read, real = [], ingestion.read_sequence
+
+    def counted(recipe, sequence):
+        read.append(sequence.name)
+        return real(recipe, sequence)
+
+    monkeypatch.setattr(ingestion, "read_sequence", counted)
+    return read
+
+
+def run(out: str, kept: Path | None = Path("kept")) -> dict[str, bytes]:
+    main(Path("raw"), Path(out), Path(f"{out}.json"), kept=kept)
+    files = [*sorted(Path(out).iterdir()), Path(f"{out}.json")]
+    return {path.name.replace(out, ""): path.read_bytes() for path in files}
+
+
+def test_with_what_is_kept_a_set_is_ingested_to_the_same_bytes(raw, reads):
+    clean = run("clean", kept=None)
+    assert run("first") == clean
+    reads.clear()
+    assert run("again") == clean
+    assert reads == []
+
+
+def test_one_more_capture_is_one_more_reading_and_the_bytes_of_a_clean_run(raw, reads):
+    run("before")
+    write(raw, 0, bodies(9))
+    reads.clear()
+    more = run("more")
+    assert reads == ["S001C001P001R000A050"]
+    assert more == run("clean", kept=None)
+
+
+def test_a_changed_file_or_setting_is_read_anew(raw, reads):
+    run("before")
+    write(raw, 1, bodies(11))
+    reads.clear()
+    run("after")
+    assert reads == ["S001C001P001R001A050"]
+    Path("params.yaml").write_text(PARAMS.replace("contact_distance: 0.1", "contact_distance: 0.2"))
+    reads.clear()
+    assert run("settings") == run("clean", kept=None)
+    assert len(reads) == 2 * 3
+
+
+def test_an_edit_of_the_code_is_read_anew_too(raw, reads, monkeypatch):
+    run("before")
+    reads.clear()
+    monkeypatch.setattr("pacmo_core.store.readings.code_key", lambda: "edited")
+    run("after")
+    assert len(reads) == 3
+
+
+@pytest.mark.parametrize("spoil", ["cut", "turn a byte"])
+def test_what_was_damaged_is_read_anew_to_the_same_bytes(raw, reads, spoil):
+    clean = run("clean")
+    (file,) = Path("kept").rglob("*.safetensors")
+    data = bytearray(file.read_bytes())
+    if spoil == "cut":
+        file.write_bytes(data[: len(data) // 2])
+    else:
+        data[-5] ^= 0xFF
+        file.write_bytes(data)
+    reads.clear()
+    assert run("again") == clean
+    assert 0 < len(reads) <= 3
+
+
+def test_what_comes_back_is_what_was_kept(tmp_path):
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    write(raw, 1, bodies(1))
+    (raw / "S001C001P001R002A050.skeleton").write_text("no bodies\n")
+    good, bad = ingest(raw)
+    store = Readings(tmp_path / "kept", "recipe")
+    store.keep({"good": good[0], "bad": bad[0]})
+    found = Readings(tmp_path / "kept", "recipe").get(["good", "bad", "none"])
+    assert found["bad"] == bad[0] and set(found) == {"good", "bad"}
+    facts, interaction = found["good"]
+    assert facts == good[0][0] and interaction.skeleton == good[0][1].skeleton
+    np.testing.assert_array_equal(interaction.person_a, good[0][1].person_a)
+    assert Readings(tmp_path / "kept", "another").get(["good"]) == {}
+
+
+def test_a_sequences_key_holds_its_labels_its_place_and_its_content(tmp_path):
+    write(tmp_path, 1, bodies(1))
+    (sequence,) = open_format("ntu", NTU).find(tmp_path)
+    keys = {
+        reading_key(sequence, "a"),
+        reading_key(sequence, "b"),
+        reading_key(replace(sequence, action="other"), "a"),
+        reading_key(replace(sequence, files=(tmp_path / "elsewhere",)), "a"),
+    }
+    assert len(keys) == 4
