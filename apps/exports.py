@@ -20,7 +20,7 @@ from pacmo_core.formats.resample import instants, resampled, turned_to
 from pacmo_core.formats.write_bvh import format_fitted
 from pacmo_core.formats.write_gltf import Actor, gltf_document, rest_places
 from pacmo_core.formats.write_tables import format_csv, npz_bytes
-from pacmo_core.store.atomic import whole_file, write_text
+from pacmo_core.store.files import atomic_file, write_text
 
 FILM_FPS = 25.0
 COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
@@ -121,7 +121,7 @@ def _npz(out: Path, scene: Scene, form: Form) -> tuple[list[Path], str]:
 def _film(out: Path, scene: Scene, form: Form) -> tuple[list[Path], str]:
     # Stills draw their first person orange; the viewer's first is blue.
     clip = Interaction(scene.skeleton, scene.times, scene.people[-1], scene.people[0])
-    with whole_file(out) as partial:
+    with atomic_file(out) as partial:
         # Writers go by the ending.
         named = partial.with_name(partial.name + out.suffix.lower())
         try:
@@ -133,7 +133,7 @@ def _film(out: Path, scene: Scene, form: Form) -> tuple[list[Path], str]:
 
 
 def _write_bytes(out: Path, content: bytes) -> None:
-    with whole_file(out) as partial:
+    with atomic_file(out) as partial:
         partial.write_bytes(content)
 
 

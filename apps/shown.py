@@ -12,9 +12,8 @@ from pacmo_core.figures.scenes import Scene
 from pacmo_core.formats.partner import ONE_PERSON, PUBLISHED, format_of
 from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
-from pacmo_core.store.motion_folders import file_of
-from pacmo_core.store.motions import read_motion
-from pacmo_core.store.variations import FAILED, GOOD, SOURCES, VARIATIONS, read_variations
+from pacmo_core.store.motions import motion_file, read_motion
+from pacmo_core.store.tables import FAILED, GOOD, SOURCES, VARIATIONS, read_variations
 
 STORE = Path("data/clips")
 # Who reacts, and the number of the sample: the file has the partner first.
@@ -73,10 +72,10 @@ def _file_of(folder: Path, name: str) -> Path:
         raise CommandError(f"{facts}: no variation {name}, and no clip of that name was varied")
     row = rows[0]
     if name == row.clip:
-        return file_of(folder / SOURCES, row.clip)
+        return motion_file(folder / SOURCES, row.clip)
     if not row.figures:
         raise CommandError(f"{facts}: {name} was not made: {row.reason}")
-    return file_of(folder / (GOOD if row.kept else FAILED), row.clip)
+    return motion_file(folder / (GOOD if row.kept else FAILED), row.clip)
 
 
 def _captured(files: list[Path], form: str | None, settings: Mapping[str, Any]) -> Scene:

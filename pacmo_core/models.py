@@ -8,7 +8,7 @@ from torch import Tensor
 
 from pacmo_core.reaction import adversarial, gru
 from pacmo_core.reaction.pieces import Reactor
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import read_weights
 
 BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], Reactor]] = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.training import from_state
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import read_weights
 
 KIND = "skeleton_prior"

@@ -7,14 +7,13 @@ from typing import Any
 from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import variation_table, varied_clip
-from pacmo_core.store.motion_folders import SEPARATOR, file_of
-from pacmo_core.store.motions import read_motion
-from pacmo_core.store.variations import (
+from pacmo_core.store.motions import SEPARATOR, motion_file, read_motion
+from pacmo_core.store.tables import (
     FAILED,
     GOOD,
     SOURCES,
     VARIATIONS,
-    VariationFacts,
+    VariationRecord,
     read_variations,
 )
 
@@ -43,11 +42,11 @@ def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]
             yield _shown(folder, clip, own)
 
 
-def _shown(folder: Path, clip: str, rows: list[VariationFacts]) -> PlayedClip:
+def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
     shown = []
     for row in rows:
-        file = file_of(folder / (GOOD if row.kept else FAILED), clip)
+        file = motion_file(folder / (GOOD if row.kept else FAILED), clip)
         label = row.variation.removeprefix(f"{clip}{SEPARATOR}")
         mark = "" if row.kept else " (left out)"
         shown.append((f"{label}{mark}", row.figures, read_motion(file, row.variation)))
-    return varied_clip(clip, read_motion(file_of(folder / SOURCES, clip), clip), shown)
+    return varied_clip(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)

@@ -17,8 +17,7 @@ from pacmo_core.figures.priors import (
     verdicts,
 )
 from pacmo_core.figures.report import Section
-from pacmo_core.store.motion_folders import SEPARATOR
-from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.motions import SEPARATOR, stream_motions
 from stages._prior_scores import ALL
 
 LABELS = {"source": "source", "solver": "solver"} | {

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.store.clips import ClipFacts
 from pacmo_core.store.motions import read_skeleton, write_motions
+from pacmo_core.store.tables import ClipRecord
 from stages._clips import stream_side
 from stages._files import MOTIONS
 
@@ -23,7 +23,7 @@ MOST_SAMPLES = 10  # numbers of one digit sort as they count
 
 def directed_clips(
     clips: Path, sides: Path, side: str
-) -> Iterator[tuple[str, ClipFacts, Interaction]]:
+) -> Iterator[tuple[str, ClipRecord, Interaction]]:
     """Yield every clip of a side twice, either person as partner: name, facts, partner first.
 
     The name is the clip's, ``#`` and the person who reacts.
@@ -38,7 +38,7 @@ def write_reactions(
     clips: Path,
     sides: Path,
     reactions: Path,
-    react: Callable[[str, ClipFacts, Interaction], Iterable[Motion]],
+    react: Callable[[str, ClipRecord, Interaction], Iterable[Motion]],
 ) -> None:
     """Let ``react`` answer the partner of every test clip, either person, once or more.
 

@@ -20,8 +20,9 @@ from pacmo_core.metrics.partners import wrong_partners
 from pacmo_core.metrics.table import REAL, REAL_PAIRS, Measured, Table
 from pacmo_core.metrics.yardstick import Settings
 from pacmo_core.reaction import autoencoder, matching
+from pacmo_core.store.files import file_hash
 from pacmo_core.store.scores import Score, write_scores
-from pacmo_core.store.weights import file_hash, read_weights
+from pacmo_core.store.weights import read_weights
 from stages._files import WEIGHTS
 from stages._params import read_params
 from stages._rows import Extractors, Indices, Seen, exchangeable, real_side, runs

@@ -24,8 +24,7 @@ from pacmo_core.skeleton_prior import extractor
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
 from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.store.motion_folders import SEPARATOR
-from pacmo_core.store.motions import write_motions
+from pacmo_core.store.motions import SEPARATOR, write_motions
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
 from stages._params import read_params

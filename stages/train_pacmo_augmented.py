@@ -14,7 +14,7 @@ from pathlib import Path
 from pacmo_core.reaction import adversarial
 from pacmo_core.reaction.settings import PacmoSettings
 from pacmo_core.reaction.varied import Variations, widen
-from pacmo_core.store.motion_folders import SEPARATOR, stream_folder
+from pacmo_core.store.motions import SEPARATOR, stream_folder
 from stages._clips import stream_side
 from stages._params import read_params
 from stages._training import Task, sides_of, train

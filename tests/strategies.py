@@ -4,12 +4,12 @@ import numpy as np
 from hypothesis import strategies as st
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.quality import Limits
+from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.skeleton import Skeleton
 
 SMALL = Skeleton("small", ("root", "left", "right", "head"), (-1, 0, 0, 0), left_right=((1, 2),))
 # Every published clip at hand keeps within these.
-LIMITS = Limits(
+LIMITS = QualityLimits(
     min_frames=10,
     max_rate_jitter=0.5,
     max_rate_error=0.02,

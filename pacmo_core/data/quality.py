@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.contacts import least_distance
-from pacmo_core.data.interaction import Interaction, Motion, bone_lengths
+from pacmo_core.data.interaction import Interaction, Motion, bone_lengths, min_joint_distance
 from pacmo_core.data.skeleton import Skeleton
 
 # Metres. Formats have bones of no length at all, which cannot vary in proportion to it.
@@ -38,7 +37,7 @@ class Quality:
         over bones, the worse of the two people; inf for a body without extent
     max_joint_speed : m/s, of any joint between any two frames
     max_body_speed : m/s, the same of the median joint: half of the body moves at least so fast
-    least_distance : metres, from any joint of one person to any of the other in any frame
+    min_joint_distance : metres, from any joint of one person to any of the other in any frame
     contact_share : of the frames, those with two joints within the contact distance
     apart : metres from a joint of one person to the same joint of the other, the mean
     """
@@ -49,13 +48,13 @@ class Quality:
     bone_length_variation: float
     max_joint_speed: float
     max_body_speed: float
-    least_distance: float
+    min_joint_distance: float
     contact_share: float
     apart: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class QualityLimits:
     """Where a capture becomes too bad; the fields bound those of ``Quality``.
 
     Parameters
@@ -77,12 +76,12 @@ class Limits:
     min_apart: float
 
 
-def measure(interaction: Interaction, *, contact_distance: float) -> Quality:
+def measure_quality(interaction: Interaction, *, contact_distance: float) -> Quality:
     """Measure a capture; joints within ``contact_distance`` metres of each other touch."""
     people = (interaction.person_a, interaction.person_b)
     steps = np.diff(interaction.times)
     speeds = np.stack([_speeds(motion, steps) for motion in people])
-    least = least_distance(interaction)
+    least = min_joint_distance(interaction)
     same_joint = np.linalg.norm(people[0] - people[1], axis=-1)
     return Quality(
         n_frames=len(interaction.times),
@@ -91,13 +90,15 @@ def measure(interaction: Interaction, *, contact_distance: float) -> Quality:
         bone_length_variation=max(_variation(m, interaction.skeleton) for m in people),
         max_joint_speed=float(speeds.max()),
         max_body_speed=float(np.median(speeds, axis=2).max()),
-        least_distance=float(least.min()),
+        min_joint_distance=float(least.min()),
         contact_share=float((least <= contact_distance).mean()),
         apart=float(same_joint.mean()),
     )
 
 
-def faults(quality: Quality, limits: Limits, stated_fps: float | None = None) -> list[str]:
+def limit_violations(
+    quality: Quality, limits: QualityLimits, stated_fps: float | None = None
+) -> list[str]:
     """Say in words where a capture passes its limits; nothing if it is good.
 
     Parameters
@@ -143,7 +144,7 @@ def faults(quality: Quality, limits: Limits, stated_fps: float | None = None) ->
     return [words for is_fault, words in tests if is_fault]
 
 
-def check(quality: Quality, limits: Limits, stated_fps: float | None = None) -> None:
+def check_quality(quality: Quality, limits: QualityLimits, stated_fps: float | None = None) -> None:
     """Refuse a capture that has ``faults``.
 
     Raises
@@ -151,7 +152,7 @@ def check(quality: Quality, limits: Limits, stated_fps: float | None = None) -> 
     QualityError
         With all of them in words.
     """
-    found = faults(quality, limits, stated_fps)
+    found = limit_violations(quality, limits, stated_fps)
     if found:
         raise QualityError(found)
 

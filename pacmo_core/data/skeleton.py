@@ -4,9 +4,10 @@ Joints keep the order in which their dataset publishes them, so that indices in 
 hold here; a parent may therefore come after its child, and ``Skeleton.order`` walks the tree.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,31 @@ class Skeleton:
         outside = [i for pair in self.left_right for i in pair if not 0 <= i < len(self.joints)]
         if outside:
             raise ValueError(f"skeleton {self.name}: left_right names joints {outside}")
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> "Skeleton":
+        """Build a skeleton from the fields of ``to_dict``, also after a way through JSON.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If a field is missing or is not a skeleton's.
+        """
+        return cls(
+            name=fields["name"],
+            joints=tuple(fields["joints"]),
+            parents=tuple(fields["parents"]),
+            left_right=tuple((left, right) for left, right in fields["left_right"]),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the four fields by name, which JSON can represent."""
+        return {
+            "name": self.name,
+            "joints": self.joints,
+            "parents": self.parents,
+            "left_right": self.left_right,
+        }
 
     @property
     def root(self) -> int:

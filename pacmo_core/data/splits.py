@@ -19,7 +19,7 @@ METHODS = ("auto", "clip", "recording", "pair", "person", "listed", "listed_peop
 
 
 @dataclass(frozen=True)
-class Origin:
+class ClipOrigin:
     """What a clip must not share with a clip on the other side.
 
     Parameters
@@ -39,7 +39,7 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class SideRule:
+class SplitRule:
     """How clips are put on sides.
 
     Parameters
@@ -97,7 +97,7 @@ class SideRule:
             raise ValueError(f"fold must be 1 to {n_folds}, as many as {why}; got {fold}")
 
 
-Side = Literal["train", "validation", "test", "dropped"]
+Split = Literal["train", "validation", "test", "dropped"]
 ROUNDING = 1e-9  # five folds of a share of 0.2 fit, whatever 5 x 0.2 rounds to
 
 
@@ -115,7 +115,7 @@ def window_edges(n_frames: int, fps: float, seconds: float) -> list[tuple[int, i
     return list(pairwise(edges))
 
 
-def resolve_method(origins: Sequence[Origin], rule: SideRule) -> str:
+def resolve_method(origins: Sequence[ClipOrigin], rule: SplitRule) -> str:
     """Say which method ``auto`` means for these clips."""
     if rule.method != "auto":
         return rule.method
@@ -124,7 +124,7 @@ def resolve_method(origins: Sequence[Origin], rule: SideRule) -> str:
     return "person" if everywhere and len(people) >= rule.min_people else "recording"
 
 
-def assign_sides(origins: Sequence[Origin], rule: SideRule, fold: int) -> dict[str, Side]:
+def assign_splits(origins: Sequence[ClipOrigin], rule: SplitRule, fold: int) -> dict[str, Split]:
     """Put every clip on a side.
 
     Validation clips are taken from training by recording or by clip, whatever the method: they
@@ -154,7 +154,7 @@ def assign_sides(origins: Sequence[Origin], rule: SideRule, fold: int) -> dict[s
     return sides
 
 
-def _check_units(origins: Sequence[Origin], method: str, rule: SideRule, fold: int) -> None:
+def _check_units(origins: Sequence[ClipOrigin], method: str, rule: SplitRule, fold: int) -> None:
     units = {origin.clip: _units(origin, method) for origin in origins}
     nameless = [clip for clip, names in units.items() if not names]
     if nameless:
@@ -170,7 +170,7 @@ def _check_units(origins: Sequence[Origin], method: str, rule: SideRule, fold: i
         )
 
 
-def _side(origin: Origin, method: str, rule: SideRule, fold: int) -> Side:
+def _side(origin: ClipOrigin, method: str, rule: SplitRule, fold: int) -> Split:
     tests = {_tests(method, unit, rule, fold) for unit in _units(origin, method)}
     if tests == {True, False}:
         return "dropped"
@@ -181,7 +181,7 @@ def _side(origin: Origin, method: str, rule: SideRule, fold: int) -> Side:
     return "validation" if validation else "train"
 
 
-def _units(origin: Origin, method: str) -> tuple[str, ...]:
+def _units(origin: ClipOrigin, method: str) -> tuple[str, ...]:
     if method in ("person", "listed_people"):
         return origin.people
     # A published list of pairs may part (a, b) from (b, a).
@@ -189,13 +189,13 @@ def _units(origin: Origin, method: str) -> tuple[str, ...]:
     return (named.get(method, origin.pair),)
 
 
-def _tests(method: str, unit: str, rule: SideRule, fold: int) -> bool:
+def _tests(method: str, unit: str, rule: SplitRule, fold: int) -> bool:
     if rule.listed:
         return unit in rule.listed[fold - 1]
     return (fold - 1) * rule.test_share <= _fraction(method, unit, rule) < fold * rule.test_share
 
 
-def _fraction(purpose: str, unit: str, rule: SideRule) -> float:
+def _fraction(purpose: str, unit: str, rule: SplitRule) -> float:
     """Hash to [0, 1): evenly, the same everywhere and for ever."""
     text = f"{rule.random_seed}\0{purpose}\0{unit}".encode()
     return int.from_bytes(hashlib.blake2b(text, digest_size=8).digest()) / 2**64

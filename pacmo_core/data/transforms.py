@@ -36,7 +36,7 @@ class Frame:
         return world
 
 
-def frame_of(motion: Motion, skeleton: Skeleton) -> Frame:
+def body_frame(motion: Motion, skeleton: Skeleton) -> Frame:
     """Find the frame of a person's first pose: root at the origin, chest towards +z.
 
     Parameters

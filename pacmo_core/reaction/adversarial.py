@@ -11,7 +11,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import RandomField
 from pacmo_core.reaction.adversaries import Adversaries
-from pacmo_core.reaction.config import noise_from, skeleton_from, trunk, uno_from
+from pacmo_core.reaction.config import noise_from, trunk, uno_from
 from pacmo_core.reaction.critic import Conditions, Critic, end_joints
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import MotionPairs, both_sides, encode
@@ -78,7 +78,7 @@ def config(model: Generator) -> dict[str, Any]:
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     parts = GeneratorConfig(
-        skeleton=skeleton_from(config["skeleton"]),
+        skeleton=Skeleton.from_dict(config["skeleton"]),
         uno=uno_from(config["uno"]),
         noise=noise_from(config["noise"]),
         noise_channels=config["noise_channels"],

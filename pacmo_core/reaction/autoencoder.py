@@ -14,7 +14,7 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.fourier import interpolation
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
-from pacmo_core.reaction.config import RATIOS, skeleton_from, uno_from
+from pacmo_core.reaction.config import RATIOS, uno_from
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import MotionPairs, both_sides, encode
 from pacmo_core.reaction.normalisation import Normalisation
@@ -160,7 +160,7 @@ def config(model: Autoencoder) -> dict[str, Any]:
 
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    parts = AutoencoderConfig(skeleton_from(config["skeleton"]), uno_from(config["uno"]))
+    parts = AutoencoderConfig(Skeleton.from_dict(config["skeleton"]), uno_from(config["uno"]))
     model = Autoencoder(parts)
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)

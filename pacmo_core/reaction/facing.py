@@ -6,12 +6,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 
 
 def seen_from_partner(interaction: Interaction) -> Interaction:
     """Move both people into the frame of the partner's (``person_a``'s) first pose."""
-    frame = frame_of(interaction.person_a, interaction.skeleton)
+    frame = body_frame(interaction.person_a, interaction.skeleton)
     return replace(
         interaction,
         person_a=frame.to_local(interaction.person_a),

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.encode import Spline
 
 
@@ -108,7 +108,7 @@ def common_skeleton(interactions: Sequence[Interaction]) -> None:
 
 
 def _sample(interaction: Interaction, n_points: int) -> tuple[Motion, Motion]:
-    frame = frame_of(interaction.person_a, interaction.skeleton)
+    frame = body_frame(interaction.person_a, interaction.skeleton)
     partner, reaction = (
         Spline(interaction.times, frame.to_local(motion).reshape(len(motion), -1))
         .on_grid(n_points)

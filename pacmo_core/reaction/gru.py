@@ -12,10 +12,9 @@ from torch.nn.utils.rnn import pad_sequence
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.encode import Spline
 from pacmo_core.operators.initialise import initialise
-from pacmo_core.reaction.config import skeleton_from
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import both_sides, common_skeleton, encode
 from pacmo_core.reaction.normalisation import Normalisation
@@ -134,7 +133,7 @@ def config(model: Gru) -> dict[str, Any]:
 
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Gru:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    model = Gru(GruConfig(**{**config, "skeleton": skeleton_from(config["skeleton"])}))
+    model = Gru(GruConfig(**{**config, "skeleton": Skeleton.from_dict(config["skeleton"])}))
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)
 
@@ -143,7 +142,7 @@ def frames_of(clips: Sequence[Interaction], fps: float, device: str) -> Frames:
     """Sample interactions at one rate: ``person_a`` the partner, ``person_b`` reacts."""
     frames = Frames([], [])
     for clip in clips:
-        frame = frame_of(clip.person_a, clip.skeleton)
+        frame = body_frame(clip.person_a, clip.skeleton)
         at = frame_times(clip.times[0], clip.times[-1], fps)
         for motion, found in ((clip.person_a, frames.partner), (clip.person_b, frames.reaction)):
             local = frame.to_local(motion).reshape(len(motion), -1)

@@ -17,7 +17,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.operators.uno import UnoConfig
-from pacmo_core.reaction.config import skeleton_from, uno_from
+from pacmo_core.reaction.config import uno_from
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import MotionPairs, both_sides, common_skeleton, encode
 from pacmo_core.reaction.matcher import Matcher, MatcherConfig
@@ -72,7 +72,7 @@ def config(model: Matcher) -> dict[str, Any]:
 
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Matcher:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    parts = {"skeleton": skeleton_from(config["skeleton"]), "uno": uno_from(config["uno"])}
+    parts = {"skeleton": Skeleton.from_dict(config["skeleton"]), "uno": uno_from(config["uno"])}
     model = Matcher(MatcherConfig(**{**config, **parts}))
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)

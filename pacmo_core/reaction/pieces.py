@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.transforms import Frame, frame_of
+from pacmo_core.data.transforms import Frame, body_frame
 from pacmo_core.operators.encode import Spline
 from pacmo_core.reaction.denoise import Denoised
 from pacmo_core.reaction.generator import Generator
@@ -90,7 +90,7 @@ def pieces_of(
                 owner=owner,
                 motion=motion,
                 window=window,
-                frame=frame_of(poses(motion, np.array([window.start])), model.skeleton),
+                frame=body_frame(poses(motion, np.array([window.start])), model.skeleton),
                 noise=noise.at(shift) if noise else torch.zeros(0),
                 action=action,
                 rows=rows,

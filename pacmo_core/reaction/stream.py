@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 from pacmo_core.reaction.denoise import Denoised
 from pacmo_core.reaction.pieces import Piece, Reactor, action_number, endless_noise, poses
 from pacmo_core.reaction.react import answers
@@ -99,7 +99,7 @@ class Stream:
             owner=0,
             motion=motion,
             window=window,
-            frame=frame_of(steady, self._model.skeleton),
+            frame=body_frame(steady, self._model.skeleton),
             noise=self._noise.at(since) if self._noise else torch.zeros(0),
             action=self._action,
             rows=slice(0, 1),

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pacmo_core.reaction.config import skeleton_from
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.supervised import Supervised
 from pacmo_core.skeleton_prior.bodies import learn
@@ -155,7 +155,7 @@ def config(model: SkeletonPrior) -> dict[str, Any]:
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     own = {
-        "skeleton": skeleton_from(config["skeleton"]),
+        "skeleton": Skeleton.from_dict(config["skeleton"]),
         "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
     }
     model = build(PriorConfig(**{**config, **own}))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from pacmo_core.data.splits import Origin, SideRule, assign_sides
+from pacmo_core.data.splits import ClipOrigin, SplitRule, assign_splits
 
 ROOT = Path(__file__).parents[2]
 SBU = Path(os.environ.get("PACMO_REAL_DATA", ROOT.parent / "shared" / "data")) / "sbu"
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not SBU.is_dir(), reason=f"no captures in {SBU}"
 
 def origins():
     takes = sorted(file.parent.relative_to(SBU) for file in SBU.rglob("skeleton_pos.txt"))
-    return [Origin(str(t), str(t), (t.parts[0][:3], t.parts[0][3:])) for t in takes]
+    return [ClipOrigin(str(t), str(t), (t.parts[0][:3], t.parts[0][3:])) for t in takes]
 
 
 def folds(name):
@@ -25,8 +25,8 @@ def folds(name):
     default, changes = (read(ROOT / "experiments" / f"{n}.yaml") for n in ("default", name))
     values = {**default["split"], **changes["split"]}
     listed = {key: tuple(map(tuple, values[key])) for key in ("test_pairs", "test_people")}
-    rule = SideRule(**{**values, **listed})
-    return [assign_sides(origins(), rule, fold) for fold in changes["runs"]["folds"]]
+    rule = SplitRule(**{**values, **listed})
+    return [assign_splits(origins(), rule, fold) for fold in changes["runs"]["folds"]]
 
 
 def test_by_person_every_fold_leaves_enough_and_no_clip_is_tested_twice():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.data.transforms import Frame, frame_of
+from pacmo_core.data.transforms import Frame, body_frame
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.reaction.fit import running_mean, update_mean
 from pacmo_core.reaction.functions import both_sides, encode
@@ -18,7 +18,7 @@ from tests.reaction.problems import clips, mirrored
 def test_a_partner_starts_at_the_origin_and_frames_on_the_grid_are_kept() -> None:
     clip = mirrored(3, np.linspace(0, 2, 33))
     pairs = encode([clip], 17)
-    local = frame_of(clip.person_a, clip.skeleton).to_local(clip.person_b)[::2].reshape(17, -1)
+    local = body_frame(clip.person_a, clip.skeleton).to_local(clip.person_b)[::2].reshape(17, -1)
     np.testing.assert_allclose(pairs.reaction[0].numpy(), local, atol=1e-5)
     np.testing.assert_allclose(pairs.partner[0, 0, 6:9].numpy(), 0, atol=1e-6)
     assert pairs.log_duration.item() == pytest.approx(math.log(2))

@@ -17,7 +17,7 @@ from torch import nn
 
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.provenance import data_hash
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import read_weights, write_weights
 from stages import train_autoencoder, train_gru, train_pacmo, train_regression
 from stages._checkpoints import Checkpoint
