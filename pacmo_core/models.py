@@ -6,14 +6,14 @@ from typing import Any
 
 from torch import Tensor
 
-from pacmo_core.reaction import adversarial, gru
+from pacmo_core.reaction import generator, gru
 from pacmo_core.reaction.pieces import Reactor
 from pacmo_core.store.schema import StoreError
 from pacmo_core.store.weights import read_weights
 
 BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], Reactor]] = {
-    "pacmo": adversarial.from_state,
-    "regression": adversarial.from_state,
+    "pacmo": generator.from_state,
+    "regression": generator.from_state,
     "gru": gru.from_state,
 }
 

@@ -1,7 +1,7 @@
 """What the training stages share: clips in; weights, a curve and, on the way, checkpoints out."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
@@ -13,9 +13,9 @@ from rich.progress import track
 from torch import nn
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.reaction import fit
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.provenance import data_hash
+from pacmo_core.reaction.tensors import model_config, state
 from pacmo_core.store.weights import write_weights
 from stages._checkpoints import Checkpoint
 from stages._clips import stream_side
@@ -62,7 +62,6 @@ class Task(Generic[Model]):
     params : the stage's section
     sides : Sides
     fit : device to a fit, not begun
-    config : of a model, in JSON's terms
     shares : whether torchrun's processes can share its batches
     code : hash of what trains it: no checkpoint of other code is gone on from
     """
@@ -71,7 +70,6 @@ class Task(Generic[Model]):
     params: TrainingParams
     sides: Sides
     fit: Callable[[str], Fit[Model]]
-    config: Callable[[Model], Mapping[str, Any]]
     shares: bool
     code: str = ""
 
@@ -105,7 +103,7 @@ def train(task: Task[Any], model: Path, curve: Path) -> None:
             _train_watched(fitting, checkpoint, params.checkpoint_every, model)
             write_curve(curve, _rows(fitting.curve))
             chosen = {"chosen": fitting.chosen()}
-            write_weights(model / WEIGHTS, facts | chosen, fit.state(fitting.model))
+            write_weights(model / WEIGHTS, facts | chosen, state(fitting.model))
             checkpoint.remove()
         else:
             fitting.finish()
@@ -114,7 +112,7 @@ def train(task: Task[Any], model: Path, curve: Path) -> None:
 def _facts(task: Task[Any], fitting: Fit[Any]) -> dict[str, Any]:
     return {
         "kind": task.kind,
-        "model": dict(task.config(fitting.model)),
+        "model": model_config(fitting.model),
         "settings": asdict(task.params),  # type: ignore[call-overload]  # a dataclass, see Params
         "data": {
             "train": data_hash(task.sides.train),

@@ -30,7 +30,6 @@ def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
         lambda device: autoencoder.fit(
             found.train, params, validation=found.validation, device=device
         ),
-        autoencoder.config,
         shares=False,
     )
     train(task, model, curve)

@@ -28,7 +28,6 @@ def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, se
         params,
         found,
         lambda device: gru.fit(found.train, params, validation=found.validation, device=device),
-        gru.config,
         shares=False,
     )
     train(task, model, curve)

@@ -37,7 +37,6 @@ def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, se
             validation_labels=found.validation_actions,
             device=device,
         ),
-        adversarial.config,
         shares=True,
     )
     train(task, model, curve)

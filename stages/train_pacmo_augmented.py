@@ -49,7 +49,6 @@ def main(paths: argparse.Namespace) -> None:
             ),
             variations,
         ),
-        adversarial.config,
         shares=True,
     )
     train(task, paths.model, paths.curve)

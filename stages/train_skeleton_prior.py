@@ -52,7 +52,6 @@ def main(paths: argparse.Namespace) -> None:
         params,
         Sides(_motions(learnt), _motions(held_out), [], []),
         fit,
-        training.config,
         shares=False,
         code=room_hash(),
     )

@@ -1,17 +1,14 @@
 """Fit the conditional generative adversarial neural operator (PaCMO, 3.2 and 4.2)."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Sequence
 
 import torch
-from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import RandomField
 from pacmo_core.reaction.adversaries import Adversaries
-from pacmo_core.reaction.config import noise_from, skeleton_from, trunk, uno_from
+from pacmo_core.reaction.config import trunk
 from pacmo_core.reaction.critic import Conditions, Critic, end_joints
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import MotionPairs, both_sides, encode
@@ -68,26 +65,6 @@ def fit(
     critic = _critic(generator, settings)
     training = Adversaries(generator, critic, pairs, held_out, settings, random)
     return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
-
-
-def config(model: Generator) -> dict[str, Any]:
-    """Describe a model in JSON's terms."""
-    return asdict(model.config)
-
-
-def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:
-    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    parts = GeneratorConfig(
-        skeleton=skeleton_from(config["skeleton"]),
-        uno=uno_from(config["uno"]),
-        noise=noise_from(config["noise"]),
-        noise_channels=config["noise_channels"],
-        actions=tuple(config["actions"]),
-        action_channels=config["action_channels"],
-    )
-    model = Generator(parts)
-    model.load_state_dict(dict(state))
-    return model.requires_grad_(False)
 
 
 def _encode(

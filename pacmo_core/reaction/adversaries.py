@@ -10,14 +10,21 @@ from pacmo_core.operators.initialise import initialise
 from pacmo_core.reaction.augment import Augment
 from pacmo_core.reaction.critic import Critic
 from pacmo_core.reaction.energy import mean_energy_score
-from pacmo_core.reaction.fit import halve, means, running_mean, update_mean
 from pacmo_core.reaction.functions import MotionPairs
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.losses import finite
 from pacmo_core.reaction.objectives import Batch, Loss, Objectives
 from pacmo_core.reaction.processes import Processes
 from pacmo_core.reaction.settings import DescentSettings, PacmoSettings
-from pacmo_core.reaction.tensors import adam_state, load_adam, parted, prefixed
+from pacmo_core.reaction.supervised import halve, means
+from pacmo_core.reaction.tensors import (
+    adam_state,
+    finite,
+    load_adam,
+    parted,
+    prefixed,
+    running_mean,
+    update_mean,
+)
 
 
 class Adversaries:

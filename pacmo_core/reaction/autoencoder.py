@@ -1,7 +1,7 @@
 """The auto-encoder operator on both people; its bottleneck gives the features (PaCMO, 4.3.1)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,13 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.fourier import interpolation
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
-from pacmo_core.reaction.config import RATIOS, skeleton_from, uno_from
+from pacmo_core.reaction.config import RATIOS, uno_from
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import MotionPairs, both_sides, encode
 from pacmo_core.reaction.normalisation import Normalisation
 from pacmo_core.reaction.settings import AutoencoderSettings
 from pacmo_core.reaction.supervised import Supervised
+from pacmo_core.reaction.tensors import skeleton_from
 
 BOTTLENECK_LAYER = 4
 
@@ -151,11 +152,6 @@ def features_of(
     with torch.no_grad():
         found: NDArray[np.float64] = model.features(pairs.to(device)).cpu().double().numpy()
     return found
-
-
-def config(model: Autoencoder) -> dict[str, Any]:
-    """Describe a model in JSON's terms."""
-    return asdict(model.config)
 
 
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:

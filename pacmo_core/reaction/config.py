@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import RandomField
 from pacmo_core.operators.uno import UnoConfig, u_channels
 
@@ -43,16 +42,6 @@ def trunk(settings: TrunkSettings, in_channels: int, out_channels: int) -> UnoCo
         n_points=settings.n_points,
         period=settings.period,
         skips=True,
-    )
-
-
-def skeleton_from(facts: Mapping[str, Any]) -> Skeleton:
-    """Rebuild a skeleton from ``dataclasses.asdict`` of one, through JSON or not."""
-    return Skeleton(
-        name=facts["name"],
-        joints=tuple(facts["joints"]),
-        parents=tuple(facts["parents"]),
-        left_right=tuple((left, right) for left, right in facts["left_right"]),
     )
 
 

@@ -1,15 +1,12 @@
 """What fitting any of the models has in common: epochs, the choice of weights, exact resume."""
 
-import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-import torch
 from torch import Tensor, nn
 
-from pacmo_core.reaction.losses import finite
-from pacmo_core.reaction.tensors import parted, prefixed
+from pacmo_core.reaction.tensors import finite, parted, prefixed, state
 
 Model = TypeVar("Model", bound=nn.Module)
 Handed = TypeVar("Handed", bound=nn.Module, covariant=True)
@@ -130,37 +127,3 @@ class Fit(Generic[Model]):
             self._best = {name: value.clone() for name, value in state(self.model).items()}
             self._best_epoch = epoch
         return terms
-
-
-def batches(n: int, batch_size: int, random: torch.Generator) -> list[Tensor]:
-    """Cut a random order of n rows into batches of nearly one size, none of them empty."""
-    order = torch.randperm(n, generator=random)
-    return list(order.chunk(max(1, round(n / batch_size))))
-
-
-def halve(optimiser: torch.optim.Optimizer, rate: float, *, epoch: int, every: int) -> None:
-    """Set the learning rate of an epoch, from 0: halved every so many (PaCMO, 4.2)."""
-    for group in optimiser.param_groups:
-        group["lr"] = rate * 0.5 ** (epoch // every)
-
-
-def means(rounds: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Average the terms of equally many steps each."""
-    return {name: sum(terms[name] for terms in rounds) / len(rounds) for name in rounds[0]}
-
-
-def running_mean(model: Model) -> Model:
-    """Copy a model to hold the running mean of its weights."""
-    return copy.deepcopy(model).requires_grad_(False)
-
-
-def update_mean(mean: nn.Module, model: nn.Module, keep: float) -> None:
-    """Move the running mean of the weights towards the model, in place."""
-    with torch.no_grad():
-        for ours, theirs in zip(mean.parameters(), model.parameters(), strict=True):
-            ours.lerp_(theirs, 1 - keep)
-
-
-def state(model: nn.Module) -> dict[str, Tensor]:
-    """Take a model's weights and buffers as safetensors wants them: contiguous, on the CPU."""
-    return {name: value.detach().cpu().contiguous() for name, value in model.state_dict().items()}

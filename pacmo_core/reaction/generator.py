@@ -1,6 +1,8 @@
 """The conditional generator: a random field and a partner's motion to a reaction (PaCMO, 3.2)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -8,9 +10,11 @@ from torch import Tensor, nn
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import RandomField
 from pacmo_core.operators.uno import Uno, UnoConfig
+from pacmo_core.reaction.config import noise_from, uno_from
 from pacmo_core.reaction.functions import Condition, MotionPairs
 from pacmo_core.reaction.labels import LabelFunction
 from pacmo_core.reaction.normalisation import Normalisation
+from pacmo_core.reaction.tensors import skeleton_from
 
 
 @dataclass(frozen=True)
@@ -103,3 +107,18 @@ def react_on_grid(model: Generator, pairs: MotionPairs, random: torch.Generator)
     noise = model.draw(len(pairs), random).to(pairs.partner.device)
     out: Tensor = model(noise, pairs.condition)
     return out
+
+
+def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:
+    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    parts = GeneratorConfig(
+        skeleton=skeleton_from(config["skeleton"]),
+        uno=uno_from(config["uno"]),
+        noise=noise_from(config["noise"]),
+        noise_channels=config["noise_channels"],
+        actions=tuple(config["actions"]),
+        action_channels=config["action_channels"],
+    )
+    model = Generator(parts)
+    model.load_state_dict(dict(state))
+    return model.requires_grad_(False)

@@ -1,7 +1,7 @@
 """The deterministic baseline: stacked GRU layers over a partner's frames (PaCMO, 4.3.2)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,12 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.data.transforms import frame_of
 from pacmo_core.operators.encode import Spline
 from pacmo_core.operators.initialise import initialise
-from pacmo_core.reaction.config import skeleton_from
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import both_sides, common_skeleton, encode
 from pacmo_core.reaction.normalisation import Normalisation
 from pacmo_core.reaction.settings import GruSettings
 from pacmo_core.reaction.supervised import Supervised
+from pacmo_core.reaction.tensors import skeleton_from
 
 
 @dataclass(frozen=True)
@@ -125,11 +125,6 @@ def fit(
         random,
     )
     return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
-
-
-def config(model: Gru) -> dict[str, Any]:
-    """Describe a model in JSON's terms."""
-    return asdict(model.config)
 
 
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Gru:

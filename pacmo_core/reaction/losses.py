@@ -1,8 +1,5 @@
 """Penalties on motions, and the refusal of losses that are no numbers."""
 
-import math
-from collections.abc import Mapping
-
 import torch
 from torch import Tensor
 
@@ -66,20 +63,3 @@ def _lengths(motion: Tensor, bones: Tensor) -> Tensor:
     # The root of zero has no slope; a bone of no length is a nanometre long here.
     length: Tensor = (bone.square().sum(dim=-1) + 1e-18).sqrt()
     return length
-
-
-def finite(terms: Mapping[str, Tensor], where: str) -> dict[str, float]:
-    """Read the terms of a loss as numbers.
-
-    Raises
-    ------
-    FloatingPointError
-        If one is not finite; the message names it.
-    """
-    # Stacked, so that a GPU is waited for once.
-    numbers = torch.stack([term.detach() for term in terms.values()]).tolist()
-    values = dict(zip(terms, numbers, strict=True))
-    broken = [name for name, value in values.items() if not math.isfinite(value)]
-    if broken:
-        raise FloatingPointError(f"{where}: {', '.join(broken)} not finite; terms {values}")
-    return values

@@ -5,7 +5,7 @@ Of a batch, each partner is to pick its reaction and each reaction its partner (
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,13 +17,14 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.initialise import initialise
 from pacmo_core.operators.uno import UnoConfig
-from pacmo_core.reaction.config import skeleton_from, uno_from
+from pacmo_core.reaction.config import uno_from
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import MotionPairs, both_sides, common_skeleton, encode
 from pacmo_core.reaction.matcher import Matcher, MatcherConfig
 from pacmo_core.reaction.mirror import mirrored
 from pacmo_core.reaction.settings import MatcherSettings
 from pacmo_core.reaction.supervised import Supervised
+from pacmo_core.reaction.tensors import skeleton_from
 
 # Of the three layers' grids to the latent one.
 RATIOS = (0.75, 0.5, 0.5)
@@ -63,11 +64,6 @@ def embed(
     with torch.no_grad():
         partner, reaction = model(encode(interactions, model.config.uno.n_points))
     return partner.double().numpy(), reaction.double().numpy()
-
-
-def config(model: Matcher) -> dict[str, Any]:
-    """Describe a model in JSON's terms."""
-    return asdict(model.config)
 
 
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Matcher:

@@ -1,14 +1,12 @@
 """One model and one loss: the training of the auto-encoder and of the baselines."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, Protocol, TypeVar
 
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.reaction.fit import batches, halve
-from pacmo_core.reaction.losses import finite
-from pacmo_core.reaction.tensors import adam_state, load_adam, parted, prefixed
+from pacmo_core.reaction.tensors import adam_state, finite, load_adam, parted, prefixed
 
 Model = TypeVar("Model", bound=nn.Module)
 
@@ -97,3 +95,20 @@ class Supervised(Generic[Model]):
         loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
         self.optimiser.step()
         return loss.detach()
+
+
+def batches(n: int, batch_size: int, random: torch.Generator) -> list[Tensor]:
+    """Cut a random order of n rows into batches of nearly one size, none of them empty."""
+    order = torch.randperm(n, generator=random)
+    return list(order.chunk(max(1, round(n / batch_size))))
+
+
+def halve(optimiser: torch.optim.Optimizer, rate: float, *, epoch: int, every: int) -> None:
+    """Set the learning rate of an epoch, from 0: halved every so many (PaCMO, 4.2)."""
+    for group in optimiser.param_groups:
+        group["lr"] = rate * 0.5 ** (epoch // every)
+
+
+def means(rounds: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Average the terms of equally many steps each."""
+    return {name: sum(terms[name] for terms in rounds) / len(rounds) for name in rounds[0]}

@@ -1,9 +1,17 @@
 """The state of networks, optimisers and generators as one flat table of tensors, and back."""
 
+import copy
+import math
 from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, TypeVar
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
+
+from pacmo_core.data.skeleton import Skeleton
+
+Model = TypeVar("Model", bound=nn.Module)
 
 
 def prefixed(**parts: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -38,3 +46,53 @@ def load_adam(optimiser: torch.optim.Adam, table: Mapping[str, Tensor]) -> None:
     }
     groups = optimiser.state_dict()["param_groups"]
     optimiser.load_state_dict({"state": moments, "param_groups": groups})
+
+
+def skeleton_from(facts: Mapping[str, Any]) -> Skeleton:
+    """Rebuild a skeleton from ``dataclasses.asdict`` of one, through JSON or not."""
+    return Skeleton(
+        name=facts["name"],
+        joints=tuple(facts["joints"]),
+        parents=tuple(facts["parents"]),
+        left_right=tuple((left, right) for left, right in facts["left_right"]),
+    )
+
+
+def finite(terms: Mapping[str, Tensor], where: str) -> dict[str, float]:
+    """Read the terms of a loss as numbers.
+
+    Raises
+    ------
+    FloatingPointError
+        If one is not finite; the message names it.
+    """
+    # Stacked, so that a GPU is waited for once.
+    numbers = torch.stack([term.detach() for term in terms.values()]).tolist()
+    values = dict(zip(terms, numbers, strict=True))
+    broken = [name for name, value in values.items() if not math.isfinite(value)]
+    if broken:
+        raise FloatingPointError(f"{where}: {', '.join(broken)} not finite; terms {values}")
+    return values
+
+
+def running_mean(model: Model) -> Model:
+    """Copy a model to hold the running mean of its weights."""
+    return copy.deepcopy(model).requires_grad_(False)
+
+
+def update_mean(mean: nn.Module, model: nn.Module, keep: float) -> None:
+    """Move the running mean of the weights towards the model, in place."""
+    with torch.no_grad():
+        for ours, theirs in zip(mean.parameters(), model.parameters(), strict=True):
+            ours.lerp_(theirs, 1 - keep)
+
+
+def state(model: nn.Module) -> dict[str, Tensor]:
+    """Take a model's weights and buffers as safetensors wants them: contiguous, on the CPU."""
+    return {name: value.detach().cpu().contiguous() for name, value in model.state_dict().items()}
+
+
+def model_config(model: nn.Module) -> dict[str, Any]:
+    """Describe a model's configuration, the dataclass ``model.config``, in JSON's terms."""
+    config: Any = model.config
+    return asdict(config)

@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pacmo_core.reaction.config import skeleton_from
 from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.supervised import Supervised
+from pacmo_core.reaction.tensors import skeleton_from
 from pacmo_core.skeleton_prior.bodies import learn
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
 from pacmo_core.skeleton_prior.forms import build

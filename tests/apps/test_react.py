@@ -20,8 +20,9 @@ from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.models import load
-from pacmo_core.reaction import adversarial, fit
+from pacmo_core.reaction import adversarial
 from pacmo_core.reaction.react import instants, react
+from pacmo_core.reaction.tensors import model_config, state
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
 from tests.formats.real_files import real_folder
@@ -34,7 +35,7 @@ CLIP = mirrored(1, np.arange(40) / 15)
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model = adversarial.fit(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
-    write_weights(path, {"kind": "pacmo", "model": adversarial.config(model)}, fit.state(model))
+    write_weights(path, {"kind": "pacmo", "model": model_config(model)}, state(model))
     return path
 
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 from apps.cli import app
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction import fit
+from pacmo_core.reaction.tensors import state
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
@@ -34,7 +34,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
             torch.nn.init.constant_(weight, 0.01)
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
     config = {"kind": "skeleton_prior", "model": training.config(model)}
-    write_weights(path, config, fit.state(model))
+    write_weights(path, config, state(model))
     return path
 
 

@@ -10,12 +10,14 @@ import pytest
 import torch
 
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.reaction import adversarial, autoencoder, gru, regression
+from pacmo_core.reaction import adversarial, autoencoder, generator, gru, regression
 from pacmo_core.reaction.adversaries import Adversaries
-from pacmo_core.reaction.fit import Fit, batches, state
+from pacmo_core.reaction.fit import Fit
 from pacmo_core.reaction.functions import both_sides, encode
 from pacmo_core.reaction.generator import react_on_grid
 from pacmo_core.reaction.settings import DescentSettings
+from pacmo_core.reaction.supervised import batches
+from pacmo_core.reaction.tensors import model_config, state
 from tests.reaction.problems import AUTOENCODER, GRU, PACMO, PACMO_LONG, REGRESSION, clips
 
 FITS: dict[str, Callable[[], Fit[torch.nn.Module]]] = {
@@ -27,12 +29,12 @@ FITS: dict[str, Callable[[], Fit[torch.nn.Module]]] = {
         clips(8), replace(PACMO, action_channels=2), labels=["push", "hug"] * 4
     ),
 }
-ROOMS = {
-    "autoencoder": autoencoder,
-    "gru": gru,
-    "pacmo": adversarial,
-    "regression": adversarial,
-    "labelled": adversarial,
+READERS: dict[str, Callable[..., torch.nn.Module]] = {
+    "autoencoder": autoencoder.from_state,
+    "gru": gru.from_state,
+    "pacmo": generator.from_state,
+    "regression": generator.from_state,
+    "labelled": generator.from_state,
 }
 
 
@@ -45,8 +47,8 @@ def test_one_seed_gives_one_model_bit_for_bit(name: str) -> None:
 @pytest.mark.parametrize("name", FITS)
 def test_a_model_comes_back_from_its_state_and_json(name: str) -> None:
     model = FITS[name]().finish()
-    room = ROOMS[name]
-    again = room.from_state(json.loads(json.dumps(room.config(model))), state(model))
+    config = json.loads(json.dumps(model_config(model)))
+    again = READERS[name](config, state(model))
     assert again.config == model.config
     assert all(torch.equal(a, state(again)[key]) for key, a in state(model).items())
 

@@ -9,9 +9,9 @@ import torch
 
 from pacmo_core.data.transforms import Frame, frame_of
 from pacmo_core.operators.initialise import initialise
-from pacmo_core.reaction.fit import running_mean, update_mean
 from pacmo_core.reaction.functions import both_sides, encode
 from pacmo_core.reaction.normalisation import Normalisation
+from pacmo_core.reaction.tensors import running_mean, update_mean
 from tests.reaction.problems import clips, mirrored
 
 

@@ -5,7 +5,8 @@ import torch
 
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.operators.quadrature import trapezoid_weights
-from pacmo_core.reaction.losses import ConstantBones, Symmetry, finite
+from pacmo_core.reaction.losses import ConstantBones, Symmetry
+from pacmo_core.reaction.tensors import finite
 from tests.reaction.problems import REST
 
 TIMES = torch.linspace(0, 1, 9)

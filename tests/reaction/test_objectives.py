@@ -7,7 +7,7 @@ import torch
 
 from pacmo_core.reaction import adversarial
 from pacmo_core.reaction.adversaries import Adversaries
-from pacmo_core.reaction.fit import state
+from pacmo_core.reaction.tensors import state
 from tests.reaction.problems import PACMO, clips
 
 

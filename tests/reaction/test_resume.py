@@ -9,7 +9,8 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.reaction import adversarial, autoencoder, gru
-from pacmo_core.reaction.fit import Fit, Snapshot, state
+from pacmo_core.reaction.fit import Fit, Snapshot
+from pacmo_core.reaction.tensors import state
 from pacmo_core.store.weights import read_weights, write_weights
 from tests.reaction.problems import AUTOENCODER, GRU, PACMO, clips
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.reaction.fit import state
+from pacmo_core.reaction.tensors import state
 from pacmo_core.skeleton_prior import products, training
 from pacmo_core.skeleton_prior.bodies import Bodies, learn
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
