@@ -1,13 +1,13 @@
-"""Compare what two runs of the pipeline wrote, by value: names of files, columns and keys may differ.
+"""Compare the outputs of two runs by value: names of files, columns and keys may differ.
 
 Usage: python -m benchmarks.compare_runs BEFORE AFTER [--significant N] [--json]
 
-``BEFORE`` and ``AFTER`` are two checkouts in which ``./run`` has ended. For a change that renames and
-moves but must not change a number. Every column of every Parquet and CSV file under ``data``,
-``models`` and ``reports`` of ``BEFORE`` must stand in a file of ``AFTER`` with equal values in the
-same order; so must every tensor of every safetensors file, every number in the JSON files, and
-every number in the tables of the report. Columns of text are names, and are compared as groups:
-rows that had equal text must have equal text again. Prints one line a file that has no equal.
+``BEFORE`` and ``AFTER`` are two checkouts in which ``./run`` has ended. For a change that renames
+and moves but must not change a number. Every column of every Parquet and CSV file under ``data``,
+``models`` and ``reports`` of ``BEFORE`` must be in a file of ``AFTER`` with equal values in the same
+order; so must every tensor of every safetensors file, every number of the JSON files and every
+number in the tables of the report. Columns of text hold names and are compared as groups: rows that
+had equal text must have equal text again. Prints a line for each file that has no equal.
 """
 
 import argparse
@@ -48,7 +48,9 @@ def digest(values: np.ndarray, significant: int) -> str:
             scale = 10.0 ** (significant - 1 - np.floor(np.log10(np.abs(array.astype(float)))))
             rounded = np.round(array * scale) / scale
         array = np.where(np.isfinite(rounded), rounded, array)
-    return hashlib.sha256(repr((array.shape, array.dtype.str)).encode() + array.tobytes()).hexdigest()
+    return hashlib.sha256(
+        repr((array.shape, array.dtype.str)).encode() + array.tobytes()
+    ).hexdigest()
 
 
 def columns(frame: pl.DataFrame, significant: int) -> Iterator[tuple[str, str]]:
@@ -61,7 +63,7 @@ def columns(frame: pl.DataFrame, significant: int) -> Iterator[tuple[str, str]]:
         elif series.dtype.is_numeric() or series.dtype == pl.Boolean:
             yield series.name, digest(series.to_numpy(), significant)
         else:
-            codes = {}
+            codes: dict[object, int] = {}
             groups = [codes.setdefault(value, len(codes)) for value in series.to_list()]
             yield series.name, digest(np.array(groups, np.int64), 0)
 
@@ -80,21 +82,22 @@ def numbers(value: Any) -> Iterator[float]:
 
 def contents(path: Path, significant: int) -> Values:
     """Count the values of a file: columns, tensors, numbers or cells of tables."""
+    values: list[str] = []
     match path.suffix:
         case ".parquet":
-            return Counter(value for _, value in columns(pl.read_parquet(path), significant))
+            values = [value for _, value in columns(pl.read_parquet(path), significant)]
         case ".csv":
-            return Counter(value for _, value in columns(pl.read_csv(path), significant))
+            values = [value for _, value in columns(pl.read_csv(path), significant)]
         case ".safetensors":
-            return Counter(digest(tensor, significant) for tensor in load_file(path).values())
+            values = [digest(tensor, significant) for tensor in load_file(path).values()]
         case ".json":
-            shown = f"%.{significant or 17}g"
-            return Counter(shown % x for x in numbers(json.loads(path.read_text("utf-8"))))
+            document = json.loads(path.read_text("utf-8"))
+            values = [f"%.{significant or 17}g" % number for number in numbers(document)]
         case ".html":
             cells = CELL.findall(path.read_text("utf-8"))
             text = " ".join(html.unescape(re.sub("<[^>]*>", " ", cell)) for cell in cells)
-            return Counter(NUMBER.findall(text))
-    return Counter()
+            values = NUMBER.findall(text)
+    return Counter(values)
 
 
 def read(root: Path, significant: int) -> dict[Path, Values]:
@@ -138,7 +141,9 @@ def main() -> int:
     given: argparse.Namespace = parser.parse_args()
     before, after = (read(root, given.significant) for root in (given.before, given.after))
     if not before:
-        sys.exit(f"{given.before}: wanted the outputs of a run below {', '.join(FOLDERS)}; got none")
+        sys.exit(
+            f"{given.before}: wanted the outputs of a run below {', '.join(FOLDERS)}; got none"
+        )
     lacking = dict(missing(before, after))
     for path, values in lacking.items():
         some = ", ".join(value[:24] for value in list(values)[:MAX_SHOWN])
