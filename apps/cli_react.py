@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from apps.failure import CommandError, told_reading
 from apps.live import answered
 from apps.reactions import Reactions, check_out, write
-from pacmo_core.formats.partner import Capture, format_of, one_of, read_partner
+from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
 from pacmo_core.models import load
 from pacmo_core.operators.encode import Spline
 from pacmo_core.reaction.pieces import Partner, Reactor, poses
@@ -90,7 +90,7 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
             raise CommandError("give a PARTNER and --out, or --stream")
         check_out(out)
         model = load(weights)
-        capture = _capture(partner, form, settings, person, clip).of(model.skeleton)
+        capture = _capture(partner, form, settings, person, clip).select_joints(model.skeleton)
         name = clip or partner.stem
         at = _instants(capture, fps, name)
         random = torch.Generator().manual_seed(seed)
@@ -103,15 +103,15 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
 
 def _capture(
     file: Path, form: str | None, settings: dict[str, Any], person: str | None, clip: str
-) -> Capture:
+) -> PersonMotion:
     if file.suffix.lower() == ".parquet":
         if not clip or settings or form:
             raise CommandError(f"{file}: wanted --clip, and no option of other formats")
-        return one_of(read_motion(file, clip), person, clip)
+        return select_person(read_motion(file, clip), person, clip)
     return read_partner(file, form or format_of(file), settings, person=person, clip=clip)
 
 
-def _instants(capture: Capture, fps: float | None, name: str) -> NDArray[np.float64]:
+def _instants(capture: PersonMotion, fps: float | None, name: str) -> NDArray[np.float64]:
     """List the instants to react at."""
     if len(capture.times) < FEWEST:
         raise CommandError(f"{name}: wanted {FEWEST} frames or more; got {len(capture.times)}")

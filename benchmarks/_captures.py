@@ -4,8 +4,8 @@ import os
 from pathlib import Path
 
 from benchmarks._sampling import Sampled
+from pacmo_core.formats.base import Format
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.raw import Format
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.windows import longest_duration

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core.data.quality import Limits
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.ingestion import Recipe, read_sequences
-from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
 from pacmo_core.store.motions import write_motions

@@ -13,7 +13,7 @@ from typing import Self
 from pacmo_core.data.quality import Limits, QualityError, check, measure
 from pacmo_core.execution.cluster import Cluster
 from pacmo_core.execution.processes import Processes
-from pacmo_core.formats.raw import Format, FormatError, RawSequence
+from pacmo_core.formats.base import Format, FormatError, RawSequence
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts
 from pacmo_core.store.readings import Readings, Usable, code_key, reading_key
 

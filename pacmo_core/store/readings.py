@@ -23,7 +23,7 @@ from safetensors.numpy import save_file
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.raw import RawSequence
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.store.atomic import whole_file
 from pacmo_core.store.clips import ClipFacts, QuarantineFacts
 

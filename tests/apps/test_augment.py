@@ -12,8 +12,8 @@ from pacmo_core.augmentation.segments import segments
 from pacmo_core.augmentation.solve import scene_of
 from pacmo_core.data.interaction import Interaction, bone_lengths
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import prepare, vary
 from pacmo_core.store.motions import stream_motions, write_motions
