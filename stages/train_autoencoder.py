@@ -27,7 +27,7 @@ def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
         "autoencoder",
         params,
         found,
-        lambda device: autoencoder.fit(
+        lambda device: autoencoder.build_training(
             found.train, params, validation=found.validation, device=device
         ),
         shares=False,

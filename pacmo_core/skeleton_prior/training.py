@@ -9,9 +9,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pacmo_core.reaction.fit import Fit
-from pacmo_core.reaction.supervised import Supervised
-from pacmo_core.reaction.tensors import skeleton_from
 from pacmo_core.skeleton_prior.bodies import learn
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
 from pacmo_core.skeleton_prior.forms import build
@@ -21,12 +18,15 @@ from pacmo_core.skeleton_prior.losses import terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.products import rounding
 from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.state import skeleton_from_dict
+from pacmo_core.training.supervised import SupervisedTrainer
 
 # Variations that are scored at once.
 AT_ONCE = 16
 
 
-class PriorTraining(Supervised[SkeletonPrior]):
+class PriorTraining(SupervisedTrainer[SkeletonPrior]):
     """A descent that raises the weight of the divergence over its first epochs.
 
     Every step draws one number from the order's generator and all else from that: batches, windows
@@ -110,7 +110,7 @@ def fit(
     *,
     validation: Sequence[Example] = (),
     device: str = "cpu",
-) -> Fit[SkeletonPrior]:
+) -> TrainingLoop[SkeletonPrior]:
     """Train a model; an epoch yields ``loss``."""
     random = torch.Generator().manual_seed(settings.random_seed)
     learnt = encode(examples).to(device)
@@ -144,7 +144,9 @@ def fit(
         settings,
         torch.Generator().manual_seed(settings.random_seed + 1),
     )
-    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
+    return TrainingLoop(
+        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
+    )
 
 
 def config(model: SkeletonPrior) -> dict[str, Any]:
@@ -155,7 +157,7 @@ def config(model: SkeletonPrior) -> dict[str, Any]:
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     own = {
-        "skeleton": skeleton_from(config["skeleton"]),
+        "skeleton": skeleton_from_dict(config["skeleton"]),
         "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
     }
     model = build(PriorConfig(**{**config, **own}))
