@@ -8,8 +8,8 @@ import pytest
 from pacmo_core.synthesis import (
     ACTIONS,
     Script,
-    sample_interaction,
     file_name,
+    sample_interaction,
     sample_script,
     sample_scripts,
 )
