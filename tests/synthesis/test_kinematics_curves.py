@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pacmo_core.synthesis.curves import bump, drift, glide, minimum_jerk, soft_max, soft_min
+from pacmo_core.synthesis.kinematics import (
+    bump,
+    ease_in_out,
+    minimum_jerk,
+    soft_max,
+    soft_min,
+    sum_of_sines,
+)
 
 X = np.linspace(-0.5, 1.5, 4001)
 
@@ -27,7 +34,7 @@ def test_minimum_jerk_starts_and_ends_at_rest_with_no_force() -> None:
 @given(start=st.floats(-2, 2), length=st.floats(0.2, 3), ease=st.floats(0.05, 2))
 def test_a_glide_goes_from_0_to_1_and_never_back(start: float, length: float, ease: float) -> None:
     times = np.linspace(start - 1, start + length + 1, 800)
-    y = glide(times, start, start + length, ease)
+    y = ease_in_out(times, start, start + length, ease)
     assert np.abs(y[times <= start]).max() < 1e-9
     assert np.abs(y[times >= start + length] - 1).max() < 1e-9
     assert np.diff(y).min() > -1e-12
@@ -35,7 +42,7 @@ def test_a_glide_goes_from_0_to_1_and_never_back(start: float, length: float, ea
 
 def test_a_glide_keeps_its_pace_between_the_eases() -> None:
     times = np.linspace(0.5, 1.5, 50)
-    assert np.gradient(glide(times, 0.0, 2.0, 0.4), times) == pytest.approx(1 / 1.6, rel=1e-9)
+    assert np.gradient(ease_in_out(times, 0.0, 2.0, 0.4), times) == pytest.approx(1 / 1.6, rel=1e-9)
 
 
 def test_a_bump_is_highest_half_way() -> None:
@@ -53,4 +60,6 @@ def test_soft_bounds_are_bounds(a: float, b: float) -> None:
 def test_drift_has_variance_one() -> None:
     random = np.random.default_rng(0)
     phases, rates = random.uniform(0, 2 * np.pi, (4000, 3)), random.uniform(0.1, 0.7, (4000, 3))
-    assert drift(np.array([0.0, 1.3]), phases, rates).var(axis=0) == pytest.approx(1.0, abs=0.06)
+    assert sum_of_sines(np.array([0.0, 1.3]), phases, rates).var(axis=0) == pytest.approx(
+        1.0, abs=0.06
+    )

@@ -1,4 +1,4 @@
-"""Clips that the tests of this folder share: every act by a few pairs, before the camera."""
+"""Clips that the tests of this folder share: every action by a few pairs, before the camera."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.synthesis.capture import true_motion
-from pacmo_core.synthesis.script import ACTS, Script, write_scripts
+from pacmo_core.synthesis.capture import noiseless_motion
+from pacmo_core.synthesis.script import ACTIONS, Script, sample_scripts
 
 POPULATION = 7
 JOINT = {name: index for index, name in enumerate(NTU25.joints)}
@@ -23,12 +23,12 @@ class Clip:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Give the instants of the frames."""
-        return np.array(self.script.instants)
+        """Give the frame_times of the frames."""
+        return np.array(self.script.frame_times)
 
     @property
     def initiator(self) -> int:
-        """Say who acts, 0 or 1."""
+        """Say who actions, 0 or 1."""
         return "ab".index(self.script.initiator)
 
     def hand(self, person: int) -> str:
@@ -43,17 +43,21 @@ class Clip:
 
 
 @lru_cache(maxsize=64)
-def clips(act: str) -> tuple[Clip, ...]:
-    shoot = write_scripts(11, population=POPULATION, pairs=6, acts=(act,), replications=2)
+def clips(action: str) -> tuple[Clip, ...]:
+    shoot = sample_scripts(11, population=POPULATION, pairs=6, actions=(action,), replications=2)
     found = []
     for script, random in shoot:
         a, b = random.spawn(2)
-        found.append(Clip(script, (true_motion(script, a, "a"), true_motion(script, b, "b"))))
+        found.append(
+            Clip(script, (noiseless_motion(script, a, "a"), noiseless_motion(script, b, "b")))
+        )
     return tuple(found)
 
 
 def every_motion() -> list[tuple[Clip, NDArray[np.float64]]]:
-    return [(clip, motion) for act in ACTS for clip in clips(act) for motion in clip.motions]
+    return [
+        (clip, motion) for action in ACTIONS for clip in clips(action) for motion in clip.motions
+    ]
 
 
 def distance_to_segment(
