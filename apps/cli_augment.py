@@ -19,7 +19,7 @@ from pacmo_core.augmentation.shape import trunk_change
 from pacmo_core.augmentation.solve import figures_of
 from pacmo_core.data.interaction import Motion
 from pacmo_core.figures.variations import said
-from pacmo_core.formats.raw import FormatError
+from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import prepare, vary
 from pacmo_core.store.files import StoreError
 

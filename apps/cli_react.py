@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from apps.failure import CommandError, told_reading
 from apps.live import answered
 from apps.reactions import Reactions, check_out, write
-from pacmo_core.formats.partner import Capture, format_of, one_of, read_partner
+from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
 from pacmo_core.models import load
-from pacmo_core.operators.encode import Spline
-from pacmo_core.reaction.pieces import Partner, Reactor, poses
-from pacmo_core.reaction.react import instants, react_all
-from pacmo_core.reaction.stream import Stream
+from pacmo_core.operators.spline import Spline
+from pacmo_core.reaction.react import react_all, sample_times
+from pacmo_core.reaction.stream import ReactionStream
+from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, sample_poses
 from pacmo_core.store.motions import read_motion
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
@@ -90,40 +90,40 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
             raise CommandError("give a PARTNER and --out, or --stream")
         check_out(out)
         model = load(weights)
-        capture = _capture(partner, form, settings, person, clip).of(model.skeleton)
+        capture = _capture(partner, form, settings, person, clip).select_joints(model.skeleton)
         name = clip or partner.stem
         at = _instants(capture, fps, name)
         random = torch.Generator().manual_seed(seed)
-        seen = Partner(capture.motion, capture.times, at, action)
+        seen = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [seen], n_samples=samples, random=random)
-        shown = poses(Spline(capture.times, capture.motion), at)
+        shown = sample_poses(Spline(capture.times, capture.motion), at)
         files = write(Reactions(name, model.skeleton, at - at[0], shown, motions), out)
         typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
 
 
 def _capture(
     file: Path, form: str | None, settings: dict[str, Any], person: str | None, clip: str
-) -> Capture:
+) -> PersonMotion:
     if file.suffix.lower() == ".parquet":
         if not clip or settings or form:
             raise CommandError(f"{file}: wanted --clip, and no option of other formats")
-        return one_of(read_motion(file, clip), person, clip)
+        return select_person(read_motion(file, clip), person, clip)
     return read_partner(file, form or format_of(file), settings, person=person, clip=clip)
 
 
-def _instants(capture: Capture, fps: float | None, name: str) -> NDArray[np.float64]:
+def _instants(capture: PersonMotion, fps: float | None, name: str) -> NDArray[np.float64]:
     """List the instants to react at."""
     if len(capture.times) < FEWEST:
         raise CommandError(f"{name}: wanted {FEWEST} frames or more; got {len(capture.times)}")
-    at = capture.times if fps is None else instants(capture.times, fps)
+    at = capture.times if fps is None else sample_times(capture.times, fps)
     if len(at) < 2:
         raise CommandError(f"{name} is too short for two frames at {fps:g} a second")
     return at
 
 
-def _live(model: Reactor, samples: int, seed: int, action: str) -> None:
+def _live(model: ReactionModel, samples: int, seed: int, action: str) -> None:
     random = torch.Generator().manual_seed(seed)
-    live = Stream(model, n_samples=samples, random=random, action=action)
+    live = ReactionStream(model, n_samples=samples, random=random, action=action)
     typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
     for answer in answered(sys.stdin, live, len(model.skeleton.joints)):
         sys.stdout.write(f"{answer}\n")

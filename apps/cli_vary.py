@@ -30,7 +30,7 @@ from apps.failure import CommandError
 from pacmo_core.augmentation.bodies import body_of, scaled
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.partner import Capture
+from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.priors import load_prior
 from pacmo_core.skeleton_prior.model import SkeletonPrior
 from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
@@ -93,7 +93,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
 
 def _of(duo: Duo, skeleton: Skeleton) -> Duo:
     """Take the model's joints of either person."""
-    a, b = (person.of(skeleton) for person in duo.people)
+    a, b = (person.select_joints(skeleton) for person in duo.people)
     return replace(duo, people=(a, b))
 
 
@@ -117,7 +117,7 @@ def _varied(
     yield from ((pair, own) for (pair,), own in zip(made, scales, strict=True))
 
 
-def _asked(people: tuple[Capture, Capture], wishes: list[dict[str, float]]) -> Scales:
+def _asked(people: tuple[PersonMotion, PersonMotion], wishes: list[dict[str, float]]) -> Scales:
     return np.stack(
         [
             scaled(body_of(person.motion, person.skeleton), factors)

@@ -13,16 +13,15 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.partner import (
-    ONE_PERSON,
-    PUBLISHED,
-    Capture,
+from pacmo_core.formats.registry import (
+    DEFAULT_SETTINGS,
+    ONE_PERSON_FORMATS,
+    PersonMotion,
     format_of,
-    one_of,
     read_partner,
+    select_person,
 )
-from pacmo_core.formats.rewrite_bvh import Rewritten, rewrite_bvh
-from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.formats.write_bvh import Rewritten, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
@@ -46,7 +45,7 @@ class Duo:
     name: str
     files: tuple[Path, ...]
     settings: Mapping[str, Any]
-    people: tuple[Capture, Capture]
+    people: tuple[PersonMotion, PersonMotion]
 
     @property
     def scene(self) -> Scene:
@@ -79,11 +78,13 @@ def read_duo(
         if len(files) > 1 or not clip or settings or form:
             raise CommandError(f"{first}: wanted one file, --clip, and no option of other formats")
         pair = read_motion(first, clip)
-        people = [one_of(pair, person, clip) for person in PEOPLE]
+        people = [select_person(pair, person, clip) for person in PEOPLE]
         return _duo(clip, files, settings, people)
     form = form or format_of(first)
-    if (form in ONE_PERSON) != (len(files) == 2):
-        wanted = "one person: wanted two files" if form in ONE_PERSON else "two: wanted one file"
+    if (form in ONE_PERSON_FORMATS) != (len(files) == 2):
+        wanted = (
+            "one person: wanted two files" if form in ONE_PERSON_FORMATS else "two: wanted one file"
+        )
         raise CommandError(f"{first}: a file of format {form} holds {wanted}; got {len(files)}")
     sources = files if len(files) == 2 else files * 2
     people = [
@@ -136,7 +137,7 @@ def write_duo(
             file = duo.files[number]
             written, metres = _rewritten(file, duo.settings, person, own)
             write_text(places[number], written.text)
-            miss = max(miss, float(written.misses.max()) * metres)
+            miss = max(miss, float(written.errors.max()) * metres)
         else:
             fps = float(1 / np.median(np.diff(person.times)))
             write_text(places[number], format_bvh(person.motion, fps, person.skeleton))
@@ -156,10 +157,10 @@ def _places(duo: Duo, out: Path) -> list[Path]:
 
 
 def _rewritten(
-    file: Path, settings: Mapping[str, Any], person: Capture, own: NDArray[np.float64]
+    file: Path, settings: Mapping[str, Any], person: PersonMotion, own: NDArray[np.float64]
 ) -> tuple[Rewritten, float]:
     """Put a person back into the file's own tree, unit and axes."""
-    bvh, pairs = read_bvh(file), BvhPairs(**{**PUBLISHED["bvh"], **settings})
+    bvh, pairs = read_bvh(file), BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **settings})
     metres = pairs.metres(file)
     x, y, z = np.moveaxis(person.motion.astype(np.float64) / metres, -1, 0)
     places = np.stack((x, y, z) if pairs.up_axis == "y" else (x, -z, y), axis=-1)
@@ -174,7 +175,7 @@ def _rewritten(
 
 
 def _duo(
-    name: str, files: tuple[Path, ...], settings: Mapping[str, Any], people: list[Capture]
+    name: str, files: tuple[Path, ...], settings: Mapping[str, Any], people: list[PersonMotion]
 ) -> Duo:
     a, b = (_with_bones(person) for person in people)
     said = " and ".join(str(file) for file in files)
@@ -185,7 +186,7 @@ def _duo(
     return Duo(name, files, settings, (a, b))
 
 
-def _with_bones(person: Capture) -> Capture:
+def _with_bones(person: PersonMotion) -> PersonMotion:
     """Leave out joints that never leave their parent, as some programs write them."""
     body = person.skeleton
     parent, child = body.bones.T
@@ -195,4 +196,4 @@ def _with_bones(person: Capture) -> Capture:
         return person
     kept: Skeleton = body.without(body.joints[joint] for joint in empty)
     rows = body.indices(kept.joints)
-    return Capture(kept, person.times, np.ascontiguousarray(person.motion[:, rows]))
+    return PersonMotion(kept, person.times, np.ascontiguousarray(person.motion[:, rows]))

@@ -13,12 +13,17 @@ from pacmo_core.figures.body import body_of
 from pacmo_core.figures.film import check_gif_rate, find_ffmpeg, write_film
 from pacmo_core.figures.flesh import flesh
 from pacmo_core.figures.scenes import Scene
-from pacmo_core.formats.fit_bones import Fitted, fit_bones
-from pacmo_core.formats.gltf_buffer import to_glb, to_gltf
-from pacmo_core.formats.people import FARTHEST, check_up
-from pacmo_core.formats.resample import instants, resampled, turned_to
-from pacmo_core.formats.write_bvh import format_fitted
-from pacmo_core.formats.write_gltf import Actor, gltf_document, rest_places
+from pacmo_core.formats.base import MAX_DISTANCE, check_up
+from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones
+from pacmo_core.formats.resample import from_y_up, resample, sample_times
+from pacmo_core.formats.write_bvh import format_bvh_of_fit
+from pacmo_core.formats.write_gltf import (
+    AnimatedPerson,
+    gltf_document,
+    rest_positions,
+    to_glb,
+    to_gltf,
+)
 from pacmo_core.formats.write_tables import format_csv, npz_bytes
 from pacmo_core.store.files import atomic_file, write_text
 
@@ -48,8 +53,10 @@ class Form:
         if ending not in WRITERS:
             raise CommandError(f"{out}: wanted an ending of {', '.join(WRITERS)}")
         check_up(self.up)
-        if not 0 < self.unit <= FARTHEST:
-            raise CommandError(f"--unit must be > 0 and <= {FARTHEST:g} metres; got {self.unit}")
+        if not 0 < self.unit <= MAX_DISTANCE:
+            raise CommandError(
+                f"--unit must be > 0 and <= {MAX_DISTANCE:g} metres; got {self.unit}"
+            )
         if ending in FIXED and (self.up, self.unit) != ("y", 1.0):
             raise CommandError(f"{out}: {ending} is always metres, y up; leave out --up and --unit")
         if ending == ".gif":
@@ -67,8 +74,8 @@ def export(scene: Scene, out: Path, form: Form) -> tuple[list[Path], str]:
 
 def at_rate(scene: Scene, fps: float) -> Scene:
     """Sample a scene anew."""
-    at = instants(scene.times, fps)
-    people = tuple(resampled(motion, scene.times, at) for motion in scene.people)
+    at = sample_times(scene.times, fps)
+    people = tuple(resample(motion, scene.times, at) for motion in scene.people)
     return replace(scene, times=at - at[0], people=people)
 
 
@@ -77,18 +84,18 @@ def _rate(scene: Scene) -> float:
 
 
 def _as_wanted(scene: Scene, form: Form) -> list[Motion]:
-    return [(turned_to(m, form.up) / form.unit).astype(np.float32) for m in scene.people]
+    return [(from_y_up(m, form.up) / form.unit).astype(np.float32) for m in scene.people]
 
 
 def _bvh(out: Path, scene: Scene, form: Form) -> tuple[list[Path], str]:
     files, lost = [], []
     for person, motion in zip("AB", scene.people, strict=False):
-        fitted = fit_bones(turned_to(motion, form.up), scene.skeleton)
-        lost.append(_off(fitted, turned_to(motion, form.up), scene))
+        fitted = fit_bones(from_y_up(motion, form.up), scene.skeleton)
+        lost.append(_off(fitted, from_y_up(motion, form.up), scene))
         in_units = replace(fitted, offsets=fitted.offsets / form.unit, root=fitted.root / form.unit)
         alone = len(scene.people) == 1
         files.append(out if alone else out.with_name(f"{out.stem}_{person}{out.suffix}"))
-        write_text(files[-1], format_fitted(in_units, _rate(scene), scene.skeleton))
+        write_text(files[-1], format_bvh_of_fit(in_units, _rate(scene), scene.skeleton))
     return files, _told(lost)
 
 
@@ -97,9 +104,9 @@ def _gltf(out: Path, scene: Scene, _: Form) -> tuple[list[Path], str]:
     for person, motion, colour in zip("ab", scene.people, COLOURS, strict=False):
         fitted = fit_bones(motion, scene.skeleton)
         lost.append(_off(fitted, motion, scene))
-        rest = rest_places(fitted, scene.skeleton)
+        rest = rest_positions(fitted, scene.skeleton)
         skin = flesh(body_of(scene.skeleton), scene.skeleton, rest)
-        actors.append(Actor(person, fitted, skin, colour))
+        actors.append(AnimatedPerson(person, fitted, skin, colour))
     document, data = gltf_document(scene.skeleton, scene.times, actors)
     write = to_glb if out.suffix.lower() == ".glb" else to_gltf
     _write_bytes(out, write(document, data))
@@ -137,7 +144,7 @@ def _write_bytes(out: Path, content: bytes) -> None:
         partial.write_bytes(content)
 
 
-def _off(fitted: Fitted, motion: Motion, scene: Scene) -> NDArray[np.float64]:
+def _off(fitted: ConstantBoneMotion, motion: Motion, scene: Scene) -> NDArray[np.float64]:
     """``(T, J)`` metres between joints as they moved and as constant bones move them."""
     off: NDArray[np.float64] = np.linalg.norm(fitted.positions(scene.skeleton) - motion, axis=-1)
     return off

@@ -8,10 +8,10 @@ import numpy as np
 
 from apps.failure import CommandError
 from pacmo_core.data.interaction import Motion
-from pacmo_core.reaction.stream import Stream
+from pacmo_core.reaction.stream import ReactionStream
 
 
-def answered(lines: Iterable[str], live: Stream, n_joints: int) -> Iterator[str]:
+def answered(lines: Iterable[str], live: ReactionStream, n_joints: int) -> Iterator[str]:
     """Answer each line in its own form: JSON, or numbers between blanks."""
     for number, line in enumerate(lines, start=1):
         if not line.strip():

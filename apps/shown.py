@@ -9,9 +9,8 @@ from apps.failure import CommandError
 from apps.places import MOTIONS
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.scenes import Scene
-from pacmo_core.formats.partner import ONE_PERSON, PUBLISHED, format_of
-from pacmo_core.formats.raw import RawSequence
-from pacmo_core.formats.registry import open_format
+from pacmo_core.formats.base import RawSequence
+from pacmo_core.formats.registry import DEFAULT_SETTINGS, ONE_PERSON_FORMATS, format_of, open_format
 from pacmo_core.store.motions import motion_file, read_motion
 from pacmo_core.store.tables import FAILED, GOOD, SOURCES, VARIATIONS, read_variations
 
@@ -82,12 +81,12 @@ def _captured(files: list[Path], form: str | None, settings: Mapping[str, Any]) 
     if any(file.suffix.lower() == ".parquet" for file in files):
         raise CommandError(f"{files[0]}: name the clip, {files[0]}:NAME")
     form = form or format_of(files[0])
-    if form not in PUBLISHED:
-        raise CommandError(f"no format {form!r}; there are {', '.join(PUBLISHED)}")
-    pairs = form in ONE_PERSON
+    if form not in DEFAULT_SETTINGS:
+        raise CommandError(f"no format {form!r}; there are {', '.join(DEFAULT_SETTINGS)}")
+    pairs = form in ONE_PERSON_FORMATS
     if len(files) > (2 if pairs else 1):
         raise CommandError(f"{files[0]}: wanted {'at most two files' if pairs else 'one file'}")
-    opened = open_format(form, {**PUBLISHED[form], **_rates(files, form, settings)})
+    opened = open_format(form, {**DEFAULT_SETTINGS[form], **_rates(files, form, settings)})
     # Every format of one person a file pairs people; a person paired with himself is one.
     both = (files[0], files[-1]) if pairs else (files[0],)
     seen = opened.read(RawSequence(files[0].stem, both)).interaction

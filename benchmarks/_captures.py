@@ -4,11 +4,11 @@ import os
 from pathlib import Path
 
 from benchmarks._sampling import Sampled
+from pacmo_core.formats.base import Format
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.raw import Format
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.windows import longest_duration
+from pacmo_core.reaction.windows import max_duration
 
 BVH = BvhPairs(
     preset="duo_mocap",
@@ -40,7 +40,7 @@ def captures_of(model: Generator) -> tuple[str, list[Sampled]]:
             clip = form.read(sequence).interaction
             if clip.skeleton.joints != model.skeleton.joints:
                 break
-            found += _cut(Sampled(clip.person_a, clip.times), longest_duration(model.normalisation))
+            found += _cut(Sampled(clip.person_a, clip.times), max_duration(model.normalisation))
         if found:
             return name, found[:MOST]
     return "", []

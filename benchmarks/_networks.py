@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.operators.initialise import initialise
-from pacmo_core.operators.random_field import RandomField
-from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
-from pacmo_core.reaction.config import RATIOS
+from pacmo_core.operators.random_field import GaussianRandomField
+from pacmo_core.operators.spectral import initialise_weights
+from pacmo_core.operators.uno import U_SHAPE_RATIOS, Uno, UnoConfig, u_shape_channels
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from stages._params import read_params
 from stages.train_pacmo import Params
@@ -30,14 +29,14 @@ class Shape:
 WIDE = Shape(width=64, n_points=65, modes=(24, 16, 8, 8, 8, 16, 24))
 FPS, SECONDS = 30.0, 4.0
 SKELETON = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
-NOISE = RandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
+NOISE = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
 NOISE_CHANNELS = 4
 
 
 def our_operator(in_channels: int, out_channels: int) -> Uno:
     """Build ours with fresh weights."""
     uno = Uno(_config(WIDE, in_channels, out_channels))
-    initialise(uno, torch.Generator().manual_seed(0))
+    initialise_weights(uno, torch.Generator().manual_seed(0))
     return uno
 
 
@@ -59,7 +58,7 @@ def generator(shape: Shape) -> Generator:
         action_channels=0,
     )
     model = Generator(config)
-    initialise(model, torch.Generator().manual_seed(0))
+    initialise_weights(model, torch.Generator().manual_seed(0))
     model.normalisation.log_duration.copy_(torch.tensor([math.log(SECONDS), 0.1]))
     return model.requires_grad_(False)
 
@@ -79,9 +78,9 @@ def _config(shape: Shape, in_channels: int, out_channels: int) -> UnoConfig:
         in_channels=in_channels,
         out_channels=out_channels,
         lifting=shape.width,
-        channels=u_channels(shape.width),
+        channels=u_shape_channels(shape.width),
         modes=shape.modes,
-        ratios=RATIOS,
+        ratios=U_SHAPE_RATIOS,
         n_points=shape.n_points,
         period=1.25,
         skips=True,

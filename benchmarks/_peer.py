@@ -9,8 +9,7 @@ from itertools import pairwise
 from torch import nn
 
 from benchmarks._networks import WIDE
-from pacmo_core.operators.uno import SKIPS, u_channels
-from pacmo_core.reaction.config import RATIOS
+from pacmo_core.operators.uno import SKIPS, U_SHAPE_RATIOS, u_shape_channels
 
 PEER = "neuralop"
 
@@ -24,7 +23,7 @@ def peer_operator(in_channels: int, out_channels: int) -> nn.Module | None:
     if importlib.util.find_spec(PEER) is None:
         print("no peer here: pip install 'neuraloperator==2.0.0'", file=sys.stderr)
         return None
-    scalings = [after / before for before, after in pairwise((1.0, *RATIOS))]
+    scalings = [after / before for before, after in pairwise((1.0, *U_SHAPE_RATIOS))]
     with contextlib.redirect_stdout(sys.stderr):  # its constructor prints
         network: nn.Module = importlib.import_module(f"{PEER}.models").UNO(
             in_channels=in_channels,
@@ -33,7 +32,7 @@ def peer_operator(in_channels: int, out_channels: int) -> nn.Module | None:
             lifting_channels=WIDE.width,
             projection_channels=4 * WIDE.width,
             n_layers=len(WIDE.modes),
-            uno_out_channels=list(u_channels(WIDE.width)),
+            uno_out_channels=list(u_shape_channels(WIDE.width)),
             uno_n_modes=[[2 * modes - 2] for modes in WIDE.modes],  # it keeps half of them and one
             uno_scalings=[[scaling] for scaling in scalings],
             horizontal_skips_map=dict(SKIPS),

@@ -9,16 +9,15 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.transforms import body_frame
-from pacmo_core.operators.encode import Spline
-from pacmo_core.operators.random_field import RandomField
+from pacmo_core.operators.random_field import GaussianRandomField
+from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.pieces import Partner
 from pacmo_core.reaction.react import react_all
-from pacmo_core.reaction.windows import usual_duration
+from pacmo_core.reaction.windows import PartnerMotion, mean_duration
 
 Times = NDArray[np.float64]
 
-FIELD = RandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
+FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
 SWAY = 0.1  # metres, standard deviation of each coordinate of each joint
 N_INSTANTS = 101
 N_NOISES = 2
@@ -81,7 +80,7 @@ def smooth_partners(model: Generator, count: int) -> list[Smooth]:
     """Move the model's mean partner by as many fields."""
     pose = model.normalisation.partner_mean.numpy().reshape(-1, 3)
     random = torch.Generator().manual_seed(0)
-    duration = usual_duration(model.normalisation)
+    duration = mean_duration(model.normalisation)
     return [Smooth(pose, FIELD.draw(pose.size, random=random), duration) for _ in range(count)]
 
 
@@ -121,7 +120,7 @@ def _reactions(
     model: Generator, partners: Sequence[Sampled], instants: Sequence[Times]
 ) -> NDArray[np.float64]:
     """``(P, S, N, 3 J)`` metres in the partners' frames."""
-    asked = [Partner(p.motion, p.times, at) for p, at in zip(partners, instants, strict=True)]
+    asked = [PartnerMotion(p.motion, p.times, at) for p, at in zip(partners, instants, strict=True)]
     random = torch.Generator().manual_seed(0)
     motions = react_all(model, asked, n_samples=N_NOISES, random=random)
     return np.stack([_local(model, p, m) for p, m in zip(partners, motions, strict=True)])

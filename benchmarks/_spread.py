@@ -18,7 +18,7 @@ from benchmarks._variations import SETTINGS
 from pacmo_core.augmentation.keys import maker_key, source_key
 from pacmo_core.augmentation.solve import Lot, Outcome, scene_of, solve
 from pacmo_core.augmentation.workers import solve_on_cluster
-from pacmo_core.synthesis import ACTS, capture, write_scripts
+from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 
 PAIRS = 4  # of people, one clip an act each
 SCALES = (0.9, 1.1)  # of person a
@@ -30,10 +30,10 @@ QUIET = {"distributed.worker.profile.enabled": False}
 
 def lots() -> Iterator[Lot]:
     """Hand out clips, each with its bodies."""
-    for script, random in write_scripts(
-        0, population=0, pairs=PAIRS, acts=tuple(ACTS), replications=1
+    for script, random in sample_scripts(
+        0, population=0, pairs=PAIRS, actions=tuple(ACTIONS), replications=1
     ):
-        source = capture(script, random)
+        source = sample_interaction(script, random)
         n_bones = scene_of(source).n_bones
         scales = np.stack([np.repeat([scale, 1.0], n_bones) for scale in SCALES])
         names = tuple(map(str, SCALES))

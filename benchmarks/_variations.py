@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Interaction, joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
-from pacmo_core.synthesis import ACTS, capture, write_scripts
+from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 
 N_FRAMES = 363
 N_VARIATIONS = 967
@@ -140,6 +140,6 @@ def _closest(interaction: Interaction) -> Interaction:
 
 def _synthetic() -> list[tuple[str, Interaction]]:
     """Perform nine synthetic clips, of their own lengths."""
-    acts = tuple(ACTS)[-9:]
-    scripts = write_scripts(0, population=0, pairs=1, acts=acts, replications=1)
-    return [(script.act, capture(script, random)) for script, random in scripts]
+    acts = tuple(ACTIONS)[-9:]
+    scripts = sample_scripts(0, population=0, pairs=1, actions=acts, replications=1)
+    return [(script.action, sample_interaction(script, random)) for script, random in scripts]

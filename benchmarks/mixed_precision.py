@@ -24,8 +24,8 @@ from pacmo_core.skeleton_prior.examples import Example, encode
 from pacmo_core.skeleton_prior.losses import LossWeights
 from pacmo_core.skeleton_prior.products import has_bfloat16
 from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.training.devices import keep_freed_memory
 from stages._examples import stream_examples
-from stages._memory import keep_freed_memory
 
 SIDES = ("train", "validation", "test")
 

@@ -38,7 +38,7 @@ from benchmarks._networks import (
 from benchmarks._peer import peer_operator
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.react import react
-from pacmo_core.reaction.stream import Stream
+from pacmo_core.reaction.stream import ReactionStream
 
 BATCH, CHANNELS_IN, CHANNELS_OUT = 16, 150, 69
 LONG_FRAMES = 48_000
@@ -104,7 +104,7 @@ def reaction() -> dict[str, float]:
 def stream() -> dict[str, float]:
     """Time the frames of a live partner, once the window is full."""
     motion, times = partner(round(3 * SECONDS * FPS))
-    live = Stream(generator(WIDE), n_samples=1, random=torch.Generator().manual_seed(0))
+    live = ReactionStream(generator(WIDE), n_samples=1, random=torch.Generator().manual_seed(0))
     taken = []
     for pose, instant in zip(motion, times, strict=True):
         start = time.process_time()

@@ -18,15 +18,15 @@ import numpy as np
 from benchmarks._figures import arguments, show
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.ntu import Ntu
-from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_ntu import format_ntu
 
 MEGABYTES = 30
 N_FRAMES = 90
 N_ROUNDS = 5
 BODY_IDS = (72057594037932185, 72057594037932127)
-NTU = Ntu(fps=30, max_gap=0, reach=0, min_share=1)
+NTU = Ntu(fps=30, max_gap=0, max_link_distance=0, min_visible_share=1)
 
 
 def main() -> None:

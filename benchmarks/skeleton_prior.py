@@ -33,7 +33,7 @@ from pacmo_core.skeleton_prior.losses import LossWeights, terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.products import has_bfloat16, rounding
 from pacmo_core.skeleton_prior.vary import forward
-from stages._memory import keep_freed_memory
+from pacmo_core.training.devices import keep_freed_memory
 from tests.skeleton_prior.plain import made_plain
 
 Precision = Callable[[], AbstractContextManager[object]]

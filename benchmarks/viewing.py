@@ -17,7 +17,7 @@ from benchmarks._figures import arguments, show
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.figures.viewer import render_viewer
-from pacmo_core.synthesis import ACTS, capture, write_scripts
+from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 from tests.figures.browser import open_page
 
 FRAMES = """(() => {
@@ -38,8 +38,8 @@ FRAMES = """(() => {
 
 def clips() -> list[Scene]:
     """Invent four clips of two people, two at 30 and two at 120 frames a second."""
-    scripts = write_scripts(4, population=1, pairs=1, acts=tuple(ACTS)[:4], replications=1)
-    seen = [capture(script, random) for script, random in scripts]
+    scripts = sample_scripts(4, population=1, pairs=1, actions=tuple(ACTIONS)[:4], replications=1)
+    seen = [sample_interaction(script, random) for script, random in scripts]
     finer = [*seen[:2], *map(four_times, seen[2:])]
     return [Scene.of(f"{k}, {clip.fps:.0f} fps", clip) for k, clip in enumerate(finer)]
 

@@ -10,7 +10,13 @@ import numpy as np
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.stills import film_strip
-from pacmo_core.synthesis import ACTS, Script, capture, react_oracle, write_scripts
+from pacmo_core.synthesis import (
+    ACTIONS,
+    Script,
+    sample_interaction,
+    sample_oracle_reaction,
+    sample_scripts,
+)
 from pacmo_core.synthesis.script import Role
 
 POPULATION, RANDOM_SEED, PAIRS = 1, 4, 6
@@ -19,8 +25,8 @@ Row = tuple[str, Interaction, list[int]]
 
 def clip(act: str, pair: int) -> tuple[Script, np.random.Generator]:
     """Write one clip of an act by one pair."""
-    written = write_scripts(
-        RANDOM_SEED, population=POPULATION, pairs=PAIRS, acts=(act,), replications=1
+    written = sample_scripts(
+        RANDOM_SEED, population=POPULATION, pairs=PAIRS, actions=(act,), replications=1
     )
     return list(written)[pair]
 
@@ -29,7 +35,7 @@ def instants(script: Script) -> list[int]:
     """Choose five frames: before, on the way, the event, the response, the end."""
     last, event = len(script.instants) - 1, round(30 * script.event)
     middle = event + max(8, round(15 * script.hold))
-    if script.act in ("approach", "depart"):
+    if script.action in ("approach", "depart"):
         return [round(share * last) for share in (0.0, 0.25, 0.45, 0.65, 0.85)]
     frames = [0, event - 12, event, middle, round(30 * (script.event + script.hold)) + 15]
     return [min(frame, last) for frame in frames]
@@ -39,21 +45,21 @@ def acts(names: list[str]) -> list[Row]:
     """Take one clip of each act, by different pairs."""
     rows: list[Row] = []
     for name in names:
-        script, random = clip(name, list(ACTS).index(name) % PAIRS)
-        rows.append((name, capture(script, random), instants(script)))
+        script, random = clip(name, list(ACTIONS).index(name) % PAIRS)
+        rows.append((name, sample_interaction(script, random), instants(script)))
     return rows
 
 
 def oracle() -> list[Row]:
     """Keep one push and the pusher; draw the reaction three times."""
     script, random = clip("push", 3)
-    real = capture(script, random)
+    real = sample_interaction(script, random)
     role: Role = "b" if script.initiator == "a" else "a"
     event = round(30 * script.event)
     frames = [min(event + late, len(script.instants) - 1) for late in (-6, 0, 8, 16, 24)]
     rows: list[Row] = [("as captured", real, frames)]
     for draw in (1, 2, 3):
-        fresh = react_oracle(script, role, np.random.default_rng(draw))
+        fresh = sample_oracle_reaction(script, role, np.random.default_rng(draw))
         people = (real.person_a, fresh) if role == "b" else (fresh, real.person_b)
         again = Interaction(real.skeleton, real.times, *people)
         rows.append((f"fresh reaction {draw}", again, frames))
@@ -63,7 +69,7 @@ def oracle() -> list[Row]:
 def main(folder: Path) -> None:
     """Write the three pictures."""
     folder.mkdir(parents=True, exist_ok=True)
-    names = list(ACTS)
+    names = list(ACTIONS)
     pictures = {"acts_1": acts(names[:5]), "acts_2": acts(names[5:]), "oracle": oracle()}
     for name, rows in pictures.items():
         figure = film_strip(rows, least=1.9, inches=1.9)

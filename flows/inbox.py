@@ -21,7 +21,7 @@ from apps.places import ASIDE, HISTORY, INBOX, LOCK, LOG, PLAN, RUNS
 from apps.records import now, recorded
 from flows.dvc_locks import past_a_cut_lock
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.raw import RawSequence
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import read_sequences
 from pacmo_core.store.motions import read_skeleton

@@ -17,7 +17,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.quality import QualityError, QualityLimits, check_quality, measure_quality
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.execution import Executor, open_executor
-from pacmo_core.formats.raw import Format, FormatError, RawSequence
+from pacmo_core.formats.base import Format, FormatError, RawSequence
 from pacmo_core.store.cache import Cache, CacheEntry, code_hash, short_hash
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord

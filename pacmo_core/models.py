@@ -6,19 +6,19 @@ from typing import Any
 
 from torch import Tensor
 
-from pacmo_core.reaction import adversarial, gru
-from pacmo_core.reaction.pieces import Reactor
+from pacmo_core.reaction import baselines, generator
+from pacmo_core.reaction.windows import ReactionModel
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import read_weights
 
-BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], Reactor]] = {
-    "pacmo": adversarial.from_state,
-    "regression": adversarial.from_state,
-    "gru": gru.from_state,
+BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], ReactionModel]] = {
+    "pacmo": generator.generator_from_state,
+    "regression": generator.generator_from_state,
+    "gru": baselines.gru_from_state,
 }
 
 
-def load(path: Path | str) -> Reactor:
+def load(path: Path | str) -> ReactionModel:
     """Build a model that reacts from its ``weights.safetensors``; nothing is unpickled.
 
     Raises

@@ -1,16 +1,10 @@
 """Which skeleton priors an experiment trains, and where their files stand."""
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 
-import pacmo_core
 from stages._params import read_params
-
-# What a training of a skeleton prior runs, beside what every training does.
-ROOM = "skeleton_prior"
 
 
 @dataclass(frozen=True)
@@ -53,11 +47,3 @@ def split_and_samples(name: str) -> tuple[str, int | None]:
     """Part ``cross_scale_24`` into the split and the number of samples; without one, all."""
     split, _, number = name.rpartition("_")
     return (split, int(number)) if number.isdigit() else (name, None)
-
-
-def room_hash() -> str:
-    """SHA-256 of the room's code, in hexadecimal: no checkpoint of other code is gone on from."""
-    digest = hashlib.sha256()
-    for path in sorted((Path(pacmo_core.__path__[0]) / ROOM).glob("*.py")):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.metrics.partners import has_wrong_partner
 from pacmo_core.metrics.reactions import Reactions
-from pacmo_core.reaction import autoencoder, matching
+from pacmo_core.reaction import autoencoder, matcher
 from pacmo_core.reaction.autoencoder import Autoencoder
-from pacmo_core.reaction.facing import dealt_to, seen_from_partner
+from pacmo_core.reaction.data import replace_reaction, to_partner_frame
 from pacmo_core.reaction.matcher import Matcher
 from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS
@@ -43,7 +43,8 @@ class Seen:
         """Give partner i the reaction of sample ``order[i]``, and its clip's name with it."""
         sets = [self.interactions, *self.further]
         dealt = [
-            [dealt_to(own, some[i]) for own, i in zip(some, order, strict=True)] for some in sets
+            [replace_reaction(own, some[i]) for own, i in zip(some, order, strict=True)]
+            for some in sets
         ]
         clips = [self.clips[i] for i in order]
         return Seen(self.names, clips, self.acts, dealt[0], dealt[1:])
@@ -66,15 +67,15 @@ class Extractors:
 
     def reactions(self, seen: Seen) -> Reactions:
         """Add features and embeddings, as the metrics want a row."""
-        features = autoencoder.features(self.autoencoder, seen.interactions)
-        further = [autoencoder.features(self.autoencoder, some) for some in seen.further]
+        features = autoencoder.encode_features(self.autoencoder, seen.interactions)
+        further = [autoencoder.encode_features(self.autoencoder, some) for some in seen.further]
         return Reactions(
             features=features,
             motions=[interaction.person_b for interaction in seen.interactions],
             partners=[interaction.person_a for interaction in seen.interactions],
             times=[interaction.times for interaction in seen.interactions],
             clips=seen.clips,
-            embedded=np.stack(matching.embed(self.matcher, seen.interactions)),
+            embedded=np.stack(matcher.embed(self.matcher, seen.interactions)),
             further=np.array(further).reshape(len(further), *features.shape),
         )
 
@@ -86,7 +87,7 @@ def real_side(clips: Path, sides: Path, side: str) -> Seen:
         [name for name, _, _ in found],
         [facts.clip for _, facts, _ in found],
         [facts.action for _, facts, _ in found],
-        [seen_from_partner(interaction) for _, _, interaction in found],
+        [to_partner_frame(interaction) for _, _, interaction in found],
         [],
     )
 
@@ -110,7 +111,7 @@ def generated(file: Path, real: Seen) -> Seen | None:
             f"{file}: wanted {n_samples} reactions to each partner tested, and no others; "
             f"{min(missing)} is amiss"
         )
-    sets = [[seen_from_partner(found[name]) for name in names] for names in wanted]
+    sets = [[to_partner_frame(found[name]) for name in names] for names in wanted]
     return Seen(real.names, real.clips, real.acts, sets[0], sets[1:])
 
 

@@ -1,7 +1,7 @@
 """What the training stages share: clips in; weights, a curve and, on the way, checkpoints out."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
@@ -13,13 +13,12 @@ from rich.progress import track
 from torch import nn
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.reaction import fit
-from pacmo_core.reaction.fit import Fit
-from pacmo_core.reaction.provenance import data_hash
 from pacmo_core.store.weights import write_weights
-from stages._checkpoints import Checkpoint
+from pacmo_core.training.checkpoints import Checkpoint, data_hash
+from pacmo_core.training.devices import is_main_process, training_device
+from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.state import model_config, model_state
 from stages._clips import stream_side
-from stages._devices import devices, leads
 from stages._files import WEIGHTS, write_curve
 from stages._live import live_curve
 
@@ -62,18 +61,16 @@ class Task(Generic[Model]):
     params : the stage's section
     sides : Sides
     fit : device to a fit, not begun
-    config : of a model, in JSON's terms
     shares : whether torchrun's processes can share its batches
-    code : hash of what trains it: no checkpoint of other code is gone on from
+    package : of ``pacmo_core``, in which the model is: checkpoints of other code are not resumed
     """
 
     kind: str
     params: TrainingParams
     sides: Sides
-    fit: Callable[[str], Fit[Model]]
-    config: Callable[[Model], Mapping[str, Any]]
+    fit: Callable[[str], TrainingLoop[Model]]
     shares: bool
-    code: str = ""
+    package: str = "reaction"
 
 
 def sides_of(clips: Path, sides: Path) -> Sides:
@@ -94,27 +91,25 @@ def train(task: Task[Any], model: Path, curve: Path) -> None:
     CPU.
     """
     params = task.params
-    with devices(params.device, threads=params.threads, shares=task.shares) as device:
+    with training_device(params.device, threads=params.threads, shares=task.shares) as device:
         fitting = task.fit(device)
         facts = _facts(task, fitting)
-        checkpoint = Checkpoint(
-            f"train_{task.kind}", {**facts, **_place(device), "code": task.code}
-        )
+        checkpoint = Checkpoint(f"train_{task.kind}", {**facts, **_place(device)}, task.package)
         checkpoint.resume(fitting)
-        if leads():
+        if is_main_process():
             _train_watched(fitting, checkpoint, params.checkpoint_every, model)
             write_curve(curve, _rows(fitting.curve))
             chosen = {"chosen": fitting.chosen()}
-            write_weights(model / WEIGHTS, facts | chosen, fit.state(fitting.model))
+            write_weights(model / WEIGHTS, facts | chosen, model_state(fitting.model))
             checkpoint.remove()
         else:
             fitting.finish()
 
 
-def _facts(task: Task[Any], fitting: Fit[Any]) -> dict[str, Any]:
+def _facts(task: Task[Any], fitting: TrainingLoop[Any]) -> dict[str, Any]:
     return {
         "kind": task.kind,
-        "model": dict(task.config(fitting.model)),
+        "model": model_config(fitting.model),
         "settings": asdict(task.params),  # type: ignore[call-overload]  # a dataclass, see Params
         "data": {
             "train": data_hash(task.sides.train),
@@ -130,7 +125,9 @@ def _place(device: str) -> dict[str, Any]:
     return {"device": device.partition(":")[0], "processes": n_processes}
 
 
-def _train_watched(fitting: Fit[Any], checkpoint: Checkpoint, every: int, model: Path) -> None:
+def _train_watched(
+    fitting: TrainingLoop[Any], checkpoint: Checkpoint, every: int, model: Path
+) -> None:
     done = len(fitting.curve)
     console = Console(stderr=True)
     with live_curve(model, fitting.curve) as live:

@@ -19,7 +19,7 @@ from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.partners import wrong_partners
 from pacmo_core.metrics.table import REAL, REAL_PAIRS, Measured, Table
 from pacmo_core.metrics.yardstick import Settings
-from pacmo_core.reaction import autoencoder, matching
+from pacmo_core.reaction import autoencoder, matcher
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.scores import Score, write_scores
 from pacmo_core.store.weights import read_weights
@@ -93,10 +93,10 @@ def evaluate(paths: argparse.Namespace, params: Params) -> None:
 def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractors:
     """Read the two frozen networks."""
     encoder, encoder_state = read_weights(autoencoder_folder / WEIGHTS)
-    matcher, matcher_state = read_weights(matcher_folder / WEIGHTS)
+    matcher_facts, matcher_state = read_weights(matcher_folder / WEIGHTS)
     return Extractors(
-        autoencoder.from_state(encoder["model"], encoder_state),
-        matching.from_state(matcher["model"], matcher_state),
+        autoencoder.autoencoder_from_state(encoder["model"], encoder_state),
+        matcher.matcher_from_state(matcher_facts["model"], matcher_state),
     )
 
 

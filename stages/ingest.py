@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core.data.quality import QualityLimits
-from pacmo_core.formats.raw import RawSequence
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
 from pacmo_core.store.motions import write_motions

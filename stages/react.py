@@ -14,8 +14,8 @@ import torch
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.models import load
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.pieces import Partner, is_deterministic
 from pacmo_core.reaction.react import react_all
+from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 from pacmo_core.store.tables import ClipRecord
 from stages._files import WEIGHTS
 from stages._params import read_params
@@ -41,7 +41,7 @@ def main(model: Path, clips: Path, sides: Path, reactions: Path, *, seed: int) -
         own = seed_of(f"{seed}\0{name}", params.random_seed)
         random = torch.Generator().manual_seed(own)
         action = facts.action if labelled else ""
-        partner = Partner(seen.person_a, seen.times, seen.times, action)
+        partner = PartnerMotion(seen.person_a, seen.times, seen.times, action)
         (motion,) = react_all(reactor, [partner], n_samples=n_samples, random=random)
         return motion
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.store.files import atomic_file
-from pacmo_core.synthesis.capture import capture
-from pacmo_core.synthesis.script import ACTS, file_name, write_scripts
+from pacmo_core.synthesis.capture import sample_interaction
+from pacmo_core.synthesis.script import ACTIONS, file_name, sample_scripts
 from stages._files import LAW, write_json
 from stages._params import read_params
 
@@ -23,16 +23,16 @@ class Params:
 
     random_seed: int
     n_pairs: int  # pairs of people
-    replications: int  # of each act by each pair
+    replications: int  # of each action by each pair
 
 
 def main(raw: Path) -> None:
     params = read_params("synthesise", Params)
-    scripts = write_scripts(
+    scripts = sample_scripts(
         params.random_seed,
         population=params.random_seed,
         pairs=params.n_pairs,
-        acts=tuple(ACTS),
+        actions=tuple(ACTIONS),
         replications=params.replications,
     )
     law = {}
@@ -40,7 +40,7 @@ def main(raw: Path) -> None:
         name = file_name(script)
         ids = (BODY_ID + 2 * number, BODY_ID + 2 * number + 1)
         with atomic_file(raw / f"{name}.skeleton") as partial:
-            partial.write_bytes(format_ntu(capture(script, random), ids))
+            partial.write_bytes(format_ntu(sample_interaction(script, random), ids))
         law[name] = script.to_json()
     write_json(raw / LAW, law)
 

@@ -27,10 +27,9 @@ def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
         "autoencoder",
         params,
         found,
-        lambda device: autoencoder.fit(
+        lambda device: autoencoder.build_training(
             found.train, params, validation=found.validation, device=device
         ),
-        autoencoder.config,
         shares=False,
     )
     train(task, model, curve)

@@ -6,7 +6,7 @@ Usage: python -m stages.train_gru --seed=S CLIPS SIDES.parquet MODEL CURVE.csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.reaction import gru
+from pacmo_core.reaction import baselines
 from pacmo_core.reaction.settings import GruSettings
 from stages._params import read_params
 from stages._runs import run_arguments
@@ -27,8 +27,9 @@ def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, se
         "gru",
         params,
         found,
-        lambda device: gru.fit(found.train, params, validation=found.validation, device=device),
-        gru.config,
+        lambda device: baselines.build_gru_training(
+            found.train, params, validation=found.validation, device=device
+        ),
         shares=False,
     )
     train(task, model, curve)

@@ -6,7 +6,7 @@ Usage: python -m stages.train_matcher CLIPS SIDES.parquet MODEL CURVE.csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.reaction import matching
+from pacmo_core.reaction import matcher
 from pacmo_core.reaction.settings import MatcherSettings
 from stages._params import read_params
 from stages._runs import fold_arguments
@@ -27,10 +27,9 @@ def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
         "matcher",
         params,
         found,
-        lambda device: matching.fit(
+        lambda device: matcher.build_training(
             found.train, params, validation=found.validation, device=device
         ),
-        matching.config,
         shares=False,
     )
     train(task, model, curve)

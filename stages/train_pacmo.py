@@ -8,7 +8,7 @@ stages.train_pacmo --seed=S CLIPS SIDES.parquet MODEL CURVE.csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.reaction import adversarial
+from pacmo_core.reaction import wgan
 from pacmo_core.reaction.settings import PacmoSettings
 from stages._params import read_params
 from stages._runs import run_arguments
@@ -29,7 +29,7 @@ def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, se
         "pacmo",
         params,
         found,
-        lambda device: adversarial.fit(
+        lambda device: wgan.build_training(
             found.train,
             params,
             labels=found.train_actions,
@@ -37,7 +37,6 @@ def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, se
             validation_labels=found.validation_actions,
             device=device,
         ),
-        adversarial.config,
         shares=True,
     )
     train(task, model, curve)

@@ -11,9 +11,9 @@ import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pacmo_core.reaction import adversarial
+from pacmo_core.reaction import wgan
 from pacmo_core.reaction.settings import PacmoSettings
-from pacmo_core.reaction.varied import Variations, widen
+from pacmo_core.reaction.variations import TrainingVariations, add_variations
 from pacmo_core.store.motions import SEPARATOR, stream_folder
 from stages._clips import stream_side
 from stages._params import read_params
@@ -38,8 +38,8 @@ def main(paths: argparse.Namespace) -> None:
         params,
         # What it learns from, and so what a checkpoint is of.
         replace(found, train=[*found.train, *variations.interactions]),
-        lambda device: widen(
-            adversarial.fit(
+        lambda device: add_variations(
+            wgan.build_training(
                 found.train,
                 params,
                 labels=found.train_actions,
@@ -49,13 +49,12 @@ def main(paths: argparse.Namespace) -> None:
             ),
             variations,
         ),
-        adversarial.config,
         shares=True,
     )
     train(task, paths.model, paths.curve)
 
 
-def variations_of(paths: argparse.Namespace, share: float) -> Variations:
+def variations_of(paths: argparse.Namespace, share: float) -> TrainingVariations:
     """Hold the variations of the training clips in memory.
 
     Raises
@@ -73,7 +72,7 @@ def variations_of(paths: argparse.Namespace, share: float) -> Variations:
             sources.append(numbers[source])
     if not made:
         raise ValueError(f"{paths.variations}: wanted variations of the side train, found none")
-    return Variations(interactions=made, sources=sources, share=share)
+    return TrainingVariations(interactions=made, sources=sources, share=share)
 
 
 def arguments() -> argparse.Namespace:

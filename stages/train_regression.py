@@ -6,7 +6,7 @@ Usage: python -m stages.train_regression --seed=S CLIPS SIDES.parquet MODEL CURV
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.reaction import adversarial, regression
+from pacmo_core.reaction import baselines
 from pacmo_core.reaction.settings import RegressionSettings
 from stages._params import read_params
 from stages._runs import run_arguments
@@ -27,10 +27,9 @@ def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, se
         "regression",
         params,
         found,
-        lambda device: regression.fit(
+        lambda device: baselines.build_regression_training(
             found.train, params, validation=found.validation, device=device
         ),
-        adversarial.config,
         shares=False,
     )
     train(task, model, curve)

@@ -10,16 +10,15 @@ from pathlib import Path
 from rich.console import Console
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.reaction.fit import Fit
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.model import SkeletonPrior
 from pacmo_core.skeleton_prior.products import has_bfloat16
 from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.training.devices import keep_freed_memory
+from pacmo_core.training.loop import TrainingLoop
 from stages._examples import stream_examples
-from stages._memory import keep_freed_memory
 from stages._params import read_params
-from stages._priors import room_hash
 from stages._training import Sides, Task, train
 
 SECTION = "train_skeleton_prior"
@@ -41,7 +40,7 @@ def main(paths: argparse.Namespace) -> None:
         for side in ("train", "validation")
     )
 
-    def fit(device: str) -> Fit[SkeletonPrior]:
+    def fit(device: str) -> TrainingLoop[SkeletonPrior]:
         kind = device.partition(":")[0]
         if params.mixed_precision and not has_bfloat16(kind):
             Console(stderr=True).print(f"{kind} has no products of bfloat16: learning in float32")
@@ -52,9 +51,8 @@ def main(paths: argparse.Namespace) -> None:
         params,
         Sides(_motions(learnt), _motions(held_out), [], []),
         fit,
-        training.config,
         shares=False,
-        code=room_hash(),
+        package="skeleton_prior",
     )
     train(task, paths.model, paths.curve)
 

@@ -14,7 +14,7 @@ from pacmo_core.store.tables import QuarantineRecord
 from tests.formats.real_files import real_folder
 from tests.strategies import LIMITS
 
-NTU = {"fps": 30.0, "max_gap": 5, "reach": 0.3, "min_share": 0.5}
+NTU = {"fps": 30.0, "max_gap": 5, "max_link_distance": 0.3, "min_visible_share": 0.5}
 BVH = {
     "unit": None,
     "up": None,

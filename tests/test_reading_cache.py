@@ -17,7 +17,7 @@ ingest:
   dataset: test
   raw: raw
   format: ntu
-  settings: {fps: 30.0, max_gap: 5, reach: 0.3, min_share: 0.5}
+  settings: {fps: 30.0, max_gap: 5, max_link_distance: 0.3, min_visible_share: 0.5}
   include: ["*"]
   drop_joints: [left_thumb]
   limits:

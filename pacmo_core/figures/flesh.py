@@ -93,9 +93,9 @@ def _faces(rows: int, columns: int) -> NDArray[np.intp]:
 
 
 def _joined(parts: Sequence[Skin]) -> Skin:
-    starts = np.cumsum([0, *(len(part.places) for part in parts[:-1])])
+    starts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
     return Skin(
-        np.concatenate([part.places for part in parts]),
+        np.concatenate([part.positions for part in parts]),
         np.concatenate([part.normals for part in parts]),
         np.concatenate([part.joints for part in parts]),
         np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),

@@ -1,21 +1,146 @@
-"""BVH files: one person's tree of joints and their channels, and where the joints are.
+"""BVH files: one person's joint hierarchy and channels, and its forward kinematics.
 
 Documented by the course notes of the University of Wisconsin (CS 838, 1999). Angles are degrees;
-a joint's turns apply in the order of its channels, each about the axes that the last one left.
-Units, the axis that is up and the truth of the stated rate are not in the file.
+a joint's rotations apply in the order of its channels, each about the axes that the previous one
+left. Units and the upward axis are not in the file, and the stated frame rate may be wrong. One
+joint or brace may share a line with the next; keywords are matched in any case.
 """
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.formats.bvh_hierarchy import Hierarchy, parse_hierarchy
-from pacmo_core.formats.kinematics import Frames, carry, still_frames, turn
-from pacmo_core.formats.people import FASTEST, SLOWEST
-from pacmo_core.formats.raw import FormatError
+from pacmo_core.formats.base import MAX_FPS, MIN_FPS, FormatError
+from pacmo_core.formats.rotations import Frames, identity_frames, rotate_about_axis, to_world
 from pacmo_core.formats.tables import parse_number, parse_rows, read_lines
+
+CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
+MAX_JOINTS = 1000  # no body has more; bounds what a faulty file can cost
+KEYWORDS = ("root", "joint", "end", "{", "}", "offset", "channels")
+
+
+@dataclass
+class Hierarchy:
+    """Joints in file order, every parent before its children; End Sites are joints."""
+
+    file: Path
+    joints: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: list[list[float]] = field(default_factory=list)
+    channels: list[tuple[str, ...] | None] = field(default_factory=list)
+    end_sites: list[int] = field(default_factory=list)
+    unclosed: list[int] = field(default_factory=list)
+    expects_brace: bool = False
+
+    def error(self, line: int, reason: str) -> FormatError:
+        """Make the error for a line of this file."""
+        return FormatError(self.file, reason, line)
+
+    def add(self, line: int, words: list[str]) -> None:
+        """Read one statement, or a brace."""
+        word = words[0].lower()
+        if word not in KEYWORDS:
+            wanted = "'{'" if self.expects_brace else "a joint, OFFSET, CHANNELS or a brace"
+            raise self.error(line, f"wanted {wanted}; got {words[0][:40]!r}")
+        if self.expects_brace != (word == "{"):
+            wanted = "wanted '{'" if self.expects_brace else "'{' opens no joint"
+            raise self.error(line, f"{wanted}; got {words[0]!r}")
+        if word == "{":
+            self.expects_brace = False
+            self.unclosed.append(len(self.joints) - 1)
+        elif word in ("root", "joint", "end"):
+            self._add_joint(line, word, " ".join(words[1:]))
+        else:
+            self._add_property(line, word, words[1:])
+
+    def _add_joint(self, line: int, word: str, name: str) -> None:
+        if word == "root" and self.joints:
+            raise self.error(line, f"a second ROOT, {name[:40]!r}: wanted one person a file")
+        if word != "root" and not self.unclosed:
+            raise self.error(line, f"{name[:40]!r} has no parent: it stands outside the ROOT")
+        if self.unclosed and self.unclosed[-1] in self.end_sites[-1:]:
+            raise self.error(line, "an End Site holds no joints")
+        if word == "end":
+            name = self._end_name(line, name)
+            self.end_sites.append(len(self.joints))
+        if not name or name in self.joints:
+            raise self.error(line, f"wanted a new name for the joint; got {name[:40]!r}")
+        if len(self.joints) == MAX_JOINTS:
+            raise self.error(line, f"more than {MAX_JOINTS} joints: this is no body")
+        self.joints.append(name)
+        self.parents.append(self.unclosed[-1] if self.unclosed else -1)
+        self.offsets.append([])
+        self.channels.append(() if word == "end" else None)
+        self.expects_brace = True
+
+    def _end_name(self, line: int, word: str) -> str:
+        if word.split()[:1] and word.split()[0].lower() != "site":
+            raise self.error(line, f"wanted 'End Site'; got 'End {word[:40]}'")
+        name = f"{self.joints[self.unclosed[-1]]}_end"
+        again = sum(joint.startswith(name) for joint in self.joints)
+        return f"{name}{again + 1}" if again else name
+
+    def _add_property(self, line: int, word: str, values: list[str]) -> None:
+        if not self.unclosed:
+            raise self.error(line, f"{word!r} stands outside the ROOT")
+        joint = self.unclosed[-1]
+        if word == "}":
+            self._close_joint(line, joint)
+        elif word == "offset":
+            if self.offsets[joint] or len(values) != 3:
+                raise self.error(line, f"wanted one OFFSET of 3 numbers; got {len(values)} more")
+            self.offsets[joint] = [parse_number(self.file, line, value) for value in values]
+        else:
+            self._set_channels(line, joint, values)
+
+    def _set_channels(self, line: int, joint: int, values: list[str]) -> None:
+        names = tuple(value.lower() for value in values[1:])
+        if self.channels[joint] is not None:
+            raise self.error(line, f"{self.joints[joint]} may not have these CHANNELS")
+        if not values or values[0] != str(len(names)):
+            stated = values[0][:40] if values else "none"
+            raise self.error(line, f"wanted as many channels as stated, {stated}; got {len(names)}")
+        wrong = [name for name in names if name not in CHANNELS or names.count(name) > 1]
+        if wrong:
+            raise self.error(line, f"wanted channels {', '.join(CHANNELS)}; got {wrong[0][:40]!r}")
+        self.channels[joint] = names
+
+    def _close_joint(self, line: int, joint: int) -> None:
+        if not self.offsets[joint] or self.channels[joint] is None:
+            missing = "CHANNELS" if self.offsets[joint] else "OFFSET"
+            raise self.error(line, f"{self.joints[joint]} has no {missing}")
+        self.unclosed.pop()
+
+
+def parse_hierarchy(file: Path, lines: list[str]) -> tuple[Hierarchy, int]:
+    """Read the tree.
+
+    Returns
+    -------
+    The hierarchy, and how many lines it took with the word MOTION.
+
+    Raises
+    ------
+    FormatError
+        If the text is no BVH, ends before MOTION, or its tree is broken.
+    """
+    hierarchy = Hierarchy(file)
+    first = next(i for i, line in enumerate(lines) if line.strip())
+    if lines[first].strip().lower() != "hierarchy":
+        raise FormatError(file, f"wanted HIERARCHY; got {lines[first].strip()[:40]!r}", first + 1)
+    for number, line in enumerate(lines[first + 1 :], start=first + 2):
+        if line.strip().lower() == "motion":
+            if hierarchy.unclosed or hierarchy.expects_brace or not hierarchy.joints:
+                unclosed = len(hierarchy.unclosed)
+                raise FormatError(file, f"MOTION while {unclosed} braces are unclosed", number)
+            return hierarchy, number
+        for statement in re.findall(r"[{}]|[^{}]+", line):
+            if statement.strip():
+                hierarchy.add(number, statement.split())
+    raise FormatError(file, "the file ends before MOTION", len(lines))
 
 
 @dataclass(frozen=True)
@@ -50,29 +175,29 @@ class Bvh:
         displacement from the parent.
         """
         count = len(self.motion)
-        places = np.zeros((count, len(self.joints), 3))
+        positions = np.zeros((count, len(self.joints), 3))
         frames: list[Frames] = []
         first = 0
         for joint, parent in enumerate(self.parents):
             last = first + len(self.channels[joint])
             values = self.motion[:, first:last]
-            above = frames[parent] if parent >= 0 else still_frames(count)
-            places[:, joint] = carry(above, self._displacement(joint, values))
+            parent_frames = frames[parent] if parent >= 0 else identity_frames(count)
+            positions[:, joint] = to_world(parent_frames, self._displacement(joint, values))
             if parent >= 0:
-                places[:, joint] += places[:, parent]
-            frames.append(_turned(above, self.channels[joint], values))
+                positions[:, joint] += positions[:, parent]
+            frames.append(_apply_rotations(parent_frames, self.channels[joint], values))
             first = last
-        return places
+        return positions
 
     def _displacement(self, joint: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """``(T, 3)`` from the parent, in the parent's frame."""
-        moved = np.repeat(self.offsets[joint][None], len(values), axis=0)
+        displacement = np.repeat(self.offsets[joint][None], len(values), axis=0)
         for column, channel in enumerate(self.channels[joint]):
             if channel.endswith("position"):
                 axis = "xyz".index(channel[0])
-                base = moved[:, axis] if self.parents[joint] < 0 else 0.0
-                moved[:, axis] = base + values[:, column]
-        return moved
+                base = displacement[:, axis] if self.parents[joint] < 0 else 0.0
+                displacement[:, axis] = base + values[:, column]
+        return displacement
 
 
 def read_bvh(file: Path) -> Bvh:
@@ -84,20 +209,22 @@ def read_bvh(file: Path) -> Bvh:
         If the text is not a BVH of one person, or its header contradicts its rows.
     """
     lines = read_lines(file)
-    hierarchy, taken = parse_hierarchy(file, lines)
-    rows = [(text, line) for line, text in enumerate(lines[taken:], taken + 1) if text.strip()]
-    frame_count = _stated(file, rows[:1], "Frames:", len(lines))
-    frame_time = _stated(file, rows[1:2], "Frame Time:", len(lines))
-    if not 1 / FASTEST <= frame_time <= 1 / SLOWEST:
+    hierarchy, n_lines = parse_hierarchy(file, lines)
+    rows = [(text, line) for line, text in enumerate(lines[n_lines:], n_lines + 1) if text.strip()]
+    frame_count = _header_number(file, rows[:1], "Frames:", len(lines))
+    frame_time = _header_number(file, rows[1:2], "Frame Time:", len(lines))
+    if not 1 / MAX_FPS <= frame_time <= 1 / MIN_FPS:
         raise FormatError(file, f"no capture has a Frame Time of {frame_time:g} s", rows[1][1])
     rows = rows[2:]
     if frame_count != len(rows):
         reason = f"the header says {frame_count:g} frames, the file has {len(rows)} rows"
-        raise FormatError(file, reason, taken + 1)
-    return _built(file, hierarchy, frame_time, rows)
+        raise FormatError(file, reason, n_lines + 1)
+    return _assemble(file, hierarchy, frame_time, rows)
 
 
-def _built(file: Path, hierarchy: Hierarchy, frame_time: float, rows: list[tuple[str, int]]) -> Bvh:
+def _assemble(
+    file: Path, hierarchy: Hierarchy, frame_time: float, rows: list[tuple[str, int]]
+) -> Bvh:
     channels = tuple(names or () for names in hierarchy.channels)
     texts, lines = [text for text, _ in rows], [line for _, line in rows]
     width = sum(len(names) for names in channels)
@@ -114,7 +241,7 @@ def _built(file: Path, hierarchy: Hierarchy, frame_time: float, rows: list[tuple
     )
 
 
-def _stated(file: Path, row: list[tuple[str, int]], wanted: str, last_line: int) -> float:
+def _header_number(file: Path, row: list[tuple[str, int]], wanted: str, last_line: int) -> float:
     """Read the number after a word of the MOTION header."""
     if not row:
         raise FormatError(file, f"the file ends before {wanted!r}", last_line)
@@ -125,8 +252,10 @@ def _stated(file: Path, row: list[tuple[str, int]], wanted: str, last_line: int)
     return parse_number(file, line, words[len(wanted) :].strip())
 
 
-def _turned(frames: Frames, channels: tuple[str, ...], values: NDArray[np.float64]) -> Frames:
+def _apply_rotations(
+    frames: Frames, channels: tuple[str, ...], values: NDArray[np.float64]
+) -> Frames:
     for column, channel in enumerate(channels):
         if channel.endswith("rotation"):
-            frames = turn(frames, "xyz".index(channel[0]), values[:, column])
+            frames = rotate_about_axis(frames, "xyz".index(channel[0]), values[:, column])
     return frames

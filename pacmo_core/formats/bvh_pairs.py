@@ -11,13 +11,130 @@ import numpy as np
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
+from pacmo_core.formats.base import (
+    MAX_DISTANCE,
+    FormatError,
+    Person,
+    RawSequence,
+    Reading,
+    check_fps,
+    check_up,
+    pair_people,
+    to_y_up,
+)
 from pacmo_core.formats.bvh import Bvh, read_bvh
-from pacmo_core.formats.bvh_presets import PRESETS, BvhPreset
-from pacmo_core.formats.pairing import pair_files
-from pacmo_core.formats.people import FARTHEST, Person, check_fps, check_up, join, upright
-from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.formats.cmu import trial_label
+from pacmo_core.formats.pairing import PairRule, pair_files
 
-Fact = TypeVar("Fact", str, float)
+INCH = 0.0254
+
+
+@dataclass(frozen=True, kw_only=True)
+class BvhPreset:
+    """Facts of one data set.
+
+    Parameters
+    ----------
+    rules : how its paths pair; none where it holds single persons
+    unit : metres a file unit; None where only the user knows
+    raw_unit : the same for files in a folder ``raw`` or ``..._raw``
+    up : the axis that is up, ``y`` or ``z``; None where only the user knows
+    """
+
+    rules: tuple[PairRule, ...]
+    unit: float | None
+    raw_unit: float | None
+    up: str | None
+
+
+# "Simulation and Retargeting of Complex Multi-Character Interactions" (Zhang et al. 2023). What
+# follows the person's tag names a cut (_short, _part, _crawl): a cut is part of its recording.
+_DUO = r"(?P<folder>(?:.*/)?){recording}_(?P<person>{persons})(?P<cut>(?:_[^/]*)?)\.(?i:bvh)"
+DUO_MOCAP = BvhPreset(
+    rules=(
+        PairRule(
+            pattern=_DUO.format(recording=r"(?P<recording>[^/]+?_\d+)", persons="female|male"),
+            persons=("female", "male"),
+            name="{folder}{recording}{cut}",
+            recording="{recording}",
+            action="salsa",
+            subjects=("salsa-female", "salsa-male"),
+        ),
+        PairRule(
+            pattern=_DUO.format(
+                recording=r"(?P<recording>(?P<action>[^/]+?)_?\d*)", persons="S1|S2"
+            ),
+            persons=("S1", "S2"),
+            name="{folder}{recording}{cut}",
+            recording="{recording}",
+            action="{action}",
+            subjects=("S1", "S2"),
+        ),
+    ),
+    unit=1.0,
+    raw_unit=INCH,
+    up="z",
+)
+
+# CMU's two-person trials as AMASS fits. Both folders spell a trial with person a's number, and
+# the same two people are subjects 18 and 19, 20 and 21, 22 and 23: a split by person must know.
+CMU_18_19 = BvhPreset(
+    rules=(
+        PairRule(
+            pattern=r"(?P<folder>(?:.*/)?)(?P<a>\d\d)_(?P<b>\d\d)_(?P<person>Justin|rory)"
+            r"/(?P<trial>(?P=a)_\d\d)_poses\.(?i:bvh)",
+            persons=("Justin", "rory"),
+            name="{folder}{a}_{b}/{trial}",
+            recording="{trial}",
+            action="{trial}",
+            subjects=("Justin", "rory"),
+            label=trial_label,
+        ),
+        PairRule(
+            pattern=r"(?P<folder>(?:.*/)?)(?P<person>60|61)_(?P<trial>\d\d)_poses\.(?i:bvh)",
+            persons=("60", "61"),
+            name="{folder}60_61_{trial}",
+            recording="60_{trial}",
+            action="60_{trial}",
+            subjects=("60", "61"),
+            label=trial_label,
+        ),
+    ),
+    unit=1.0,
+    raw_unit=None,
+    up="z",
+)
+
+# Sample of "Two-Person Interaction Augmentation with Skeleton Priors" (Li et al. 2024): one
+# character without a partner. The unit is not stated; 2.1 cm gives a grown-up's height.
+SKELETON_PRIORS = BvhPreset(rules=(), unit=0.021, raw_unit=None, up="y")
+
+# An animator's own files.
+PAIR = BvhPreset(
+    rules=(
+        PairRule(
+            pattern=r"(?P<name>.*[^/])_(?P<person>A|B)\.(?i:bvh)",
+            persons=("A", "B"),
+            name="{name}",
+            recording="{name}",
+            action="",
+            subjects=("", ""),
+        ),
+    ),
+    unit=None,
+    raw_unit=None,
+    up=None,
+)
+
+PRESETS = {
+    "duo_mocap": DUO_MOCAP,
+    "cmu_18_19": CMU_18_19,
+    "skeleton_priors": SKELETON_PRIORS,
+    "pair": PAIR,
+}
+
+
+Setting = TypeVar("Setting", str, float)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +157,7 @@ class BvhPairs:
     Raises
     ------
     ValueError
-        If the preset is unknown, or neither it nor the settings give the unit or what is up.
+        If the preset is unknown, or neither it nor the settings give the unit or the upward axis.
     """
 
     preset: str
@@ -54,8 +171,8 @@ class BvhPairs:
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}; got {self.preset!r}")
-        if not 0 < self._unit <= FARTHEST:
-            raise ValueError(f"unit must be > 0 and <= {FARTHEST:g} metres; got {self._unit}")
+        if not 0 < self._unit <= MAX_DISTANCE:
+            raise ValueError(f"unit must be > 0 and <= {MAX_DISTANCE:g} metres; got {self._unit}")
         check_up(self.up_axis)
         if self.skip_frames < 0:
             raise ValueError(f"skip_frames must not be negative; got {self.skip_frames}")
@@ -74,7 +191,7 @@ class BvhPairs:
         FormatError
             If a file is broken (said first), the second is missing, or the two do not match.
         """
-        reading = join([self._person(file) for file in sequence.files])
+        reading = pair_people([self._person(file) for file in sequence.files])
         return replace(reading, interaction=self._met(sequence, reading.interaction))
 
     @property
@@ -83,12 +200,12 @@ class BvhPairs:
 
     @property
     def _unit(self) -> float:
-        return _given(self.preset, "unit", self.unit, self._facts.unit)
+        return _setting_or_preset(self.preset, "unit", self.unit, self._facts.unit)
 
     @property
     def up_axis(self) -> str:
         """The axis that is up: ``y`` or ``z``."""
-        return _given(self.preset, "up", self.up, self._facts.up)
+        return _setting_or_preset(self.preset, "up", self.up, self._facts.up)
 
     def _person(self, file: Path) -> Person:
         bvh = read_bvh(file)
@@ -100,7 +217,7 @@ class BvhPairs:
             skeleton = whole.without(bvh.joints[end] for end in bvh.end_sites)
         places = bvh.positions()[self.skip_frames :, whole.indices(skeleton.joints)]
         fps = 1 / bvh.frame_time if self.fps is None else self.fps
-        return Person(file, skeleton, upright(places * self.metres(file), self.up_axis), fps)
+        return Person(file, skeleton, to_y_up(places * self.metres(file), self.up_axis), fps)
 
     def metres(self, file: Path) -> float:
         """Metres a unit: the same take may come in another unit in a folder of raw files."""
@@ -122,11 +239,13 @@ class BvhPairs:
         return interaction.frames(int(near.argmax()), len(interaction.times))
 
 
-def _given(preset: str, name: str, setting: Fact | None, fact: Fact | None) -> Fact:
+def _setting_or_preset(
+    preset: str, name: str, setting: Setting | None, fact: Setting | None
+) -> Setting:
     """Take the setting before the preset's fact; one of them must be there."""
     known = fact if setting is None else setting
     if known is None:
-        raise ValueError(f"preset {preset} does not know the {name}: set it")
+        raise ValueError(f"preset {preset} states no {name}: wanted it as a setting")
     return known
 
 

@@ -17,10 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.skeleton import DUET15
+from pacmo_core.formats.base import (
+    FormatError,
+    Person,
+    RawSequence,
+    Reading,
+    check_fps,
+    pair_people,
+)
 from pacmo_core.formats.mat import list_variables, read_variable
-from pacmo_core.formats.pairing import PairRule, lone_sequence, matching_files, pair_files
-from pacmo_core.formats.people import Person, check_fps, join
-from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.formats.pairing import PairRule, matching_files, pair_files, unpaired_sequence
 from pacmo_core.formats.tables import parse_rows, read_lines, sequence_name
 
 DANCES = {"01": "cha-cha", "02": "jive", "03": "rumba", "04": "salsa", "05": "samba"}
@@ -67,7 +73,7 @@ class DuetDance:
         """List the clips of two dancers, and every file or clip without the other's."""
         found = pair_files(root, r"skeleton_.*\.txt", _RULES)
         for file in matching_files(root, r".*\.mat"):
-            found += _clips(root, file)
+            found += _mat_clips(root, file)
         return sorted(found, key=lambda sequence: sequence.name)
 
     def read(self, sequence: RawSequence) -> Reading:
@@ -79,26 +85,30 @@ class DuetDance:
             If a file is broken (said first), the second is missing, or the two do not match.
         """
         clip = sequence.name.rpartition("/")[2]
-        return join(
+        return pair_people(
             [Person(file, DUET15, _positions(file, clip), self.fps) for file in sequence.files]
         )
 
 
-def _clips(root: Path, file: Path) -> list[RawSequence]:
+def _mat_clips(root: Path, file: Path) -> list[RawSequence]:
     """List the clips of one dancer's file: with the man's those that both have, else the rest."""
     sex, dance = file.parent.name, file.stem
     partner = file.parent.parent / {"male": "female"}.get(sex, "male") / file.name
-    ours, theirs = _names(file), _names(partner)
+    ours, theirs = _variable_names(file), _variable_names(partner)
     if sex not in ("male", "female") or not partner.is_file() or not ours:
-        return [lone_sequence(root, file)]
+        return [unpaired_sequence(root, file)]
     folder = file.parent.parent.relative_to(root).as_posix()
     place = dance if folder == "." else f"{folder}/{dance}"
-    pairs = [_clip(place, dance, name, (file, partner)) for name in ours if name in theirs]
-    alone = [_clip(f"{place}-{sex}", dance, name, (file,)) for name in ours if name not in theirs]
+    pairs = [_clip_sequence(place, dance, name, (file, partner)) for name in ours if name in theirs]
+    alone = [
+        _clip_sequence(f"{place}-{sex}", dance, name, (file,))
+        for name in ours
+        if name not in theirs
+    ]
     return pairs + alone if sex == "male" else alone
 
 
-def _clip(place: str, dance: str, name: str, files: tuple[Path, ...]) -> RawSequence:
+def _clip_sequence(place: str, dance: str, name: str, files: tuple[Path, ...]) -> RawSequence:
     return RawSequence(
         name=sequence_name(f"{place}/{name}"),
         files=files,
@@ -107,7 +117,7 @@ def _clip(place: str, dance: str, name: str, files: tuple[Path, ...]) -> RawSequ
     )
 
 
-def _names(file: Path) -> list[str]:
+def _variable_names(file: Path) -> list[str]:
     """List a file's variables; a broken file has none, and ``read`` says why."""
     try:
         return list_variables(file)

@@ -13,9 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.skeleton import EXPI18
-from pacmo_core.formats.pairing import lone_sequence, matching_files
-from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
-from pacmo_core.formats.raw import FormatError, RawSequence, Reading
+from pacmo_core.formats.base import (
+    FormatError,
+    Person,
+    RawSequence,
+    Reading,
+    check_fps,
+    check_up,
+    pair_people,
+    to_y_up,
+)
+from pacmo_core.formats.pairing import matching_files, unpaired_sequence
 from pacmo_core.formats.tables import parse_rows, read_lines, sequence_name
 
 _COLUMNS = 2 * 18 * 3
@@ -54,15 +62,15 @@ class Expi:
         """
         file = sequence.files[0]
         table = _read_table(file).reshape(-1, 2, 18, 3) * _MILLIMETRE
-        places = upright(table, self.up)
-        return join([Person(file, EXPI18, places[:, who], self.fps) for who in (0, 1)])
+        places = to_y_up(table, self.up)
+        return pair_people([Person(file, EXPI18, places[:, who], self.fps) for who in (0, 1)])
 
 
 def _sequence(root: Path, file: Path) -> RawSequence:
     path = file.relative_to(root).as_posix()
     match = re.fullmatch(_PATH, path)
     if match is None:
-        return lone_sequence(root, file)
+        return unpaired_sequence(root, file)
     folder = path.rpartition("/")[0]
     return RawSequence(
         name=sequence_name(folder),

@@ -15,10 +15,18 @@ from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from pacmo_core.data.skeleton import INTERHUMAN22
+from pacmo_core.formats.base import (
+    FormatError,
+    Person,
+    RawSequence,
+    Reading,
+    check_fps,
+    check_up,
+    pair_people,
+    to_y_up,
+)
 from pacmo_core.formats.pairing import PairRule, pair_files
-from pacmo_core.formats.people import Person, check_fps, check_up, join, upright
-from pacmo_core.formats.raw import FormatError, RawSequence, Reading
-from pacmo_core.formats.tables import bounded
+from pacmo_core.formats.tables import to_float64
 
 _COLUMNS = 22 * 3
 
@@ -76,11 +84,11 @@ class InterHuman:
         FormatError
             If a file is broken (said first), the second is missing, or the two do not match.
         """
-        return join([self._person(file) for file in sequence.files])
+        return pair_people([self._person(file) for file in sequence.files])
 
     def _person(self, file: Path) -> Person:
         joints = _read_array(file)[:, :_COLUMNS].reshape(-1, 22, 3)
-        return Person(file, INTERHUMAN22, upright(bounded(file, joints), self.up), self.fps)
+        return Person(file, INTERHUMAN22, to_y_up(to_float64(file, joints), self.up), self.fps)
 
 
 def _read_array(file: Path) -> NDArray[np.generic]:

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.formats.raw import FormatError
-from pacmo_core.formats.tables import bounded
+from pacmo_core.formats.base import FormatError
+from pacmo_core.formats.tables import to_float64
 
-MOST_NUMBERS = 20_000_000  # in a variable; bounds what a faulty file can cost
+MAX_NUMBERS = 20_000_000  # in a variable; bounds what a faulty file can cost
 _MATRIX, _COMPRESSED = 14, 15
 _HEAD = 4096  # bytes that hold a variable's class, shape and name
 _DTYPES = {
@@ -85,7 +85,7 @@ def read_variable(file: Path, name: str) -> NDArray[np.float64]:
             file, f"{name}: {len(payload)} bytes of type {code} are no {variable.shape}"
         )
     flat = np.frombuffer(payload, dtype=variable.order + _DTYPES[code])
-    return bounded(file, flat.reshape(variable.shape, order="F"))
+    return to_float64(file, flat.reshape(variable.shape, order="F"))
 
 
 def _variables(file: Path) -> dict[str, _Variable]:
@@ -160,6 +160,6 @@ def _variable(head: memoryview, kind: int, packed: memoryview, order: str) -> _V
     if not 6 <= word & 0xFF <= 15 or word & _COMPLEX or not name:
         what = "complex" if word & _COMPLEX else _CLASSES.get(word & 0xFF, "thing of its own")
         raise _BrokenError(f"{name}: wanted plain real numbers; got a {what}")
-    if min(shape) < 0 or prod(shape) > MOST_NUMBERS:
-        raise _BrokenError(f"{name}: {shape} is more than {MOST_NUMBERS} numbers")
+    if min(shape) < 0 or prod(shape) > MAX_NUMBERS:
+        raise _BrokenError(f"{name}: {shape} is more than {MAX_NUMBERS} numbers")
     return _Variable(name, shape, order, offset, packed, kind)

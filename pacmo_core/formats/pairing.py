@@ -1,4 +1,4 @@
-"""Which file belongs to which person of which sequence, told by names alone."""
+"""Match files to people and sequences by their paths unpaired_sequences."""
 
 import re
 from collections import Counter
@@ -6,26 +6,26 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pacmo_core.formats.raw import RawSequence
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.tables import sequence_name
 
 
-def as_written(label: str) -> str:
-    """Take the label in a file's name as the action."""
+def unchanged_label(label: str) -> str:
+    """Use the label in a file's name as the action."""
     return label
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairRule:
-    """How a data set's paths say who is in a file and with whom.
+    """How a data set's paths encode the person and the sequence of a file.
 
     Parameters
     ----------
     pattern : regular expression over the whole path below the root, ``/`` between folders; its
-        group ``person`` says whose file it is, its other groups fill the templates
-    persons : what group ``person`` says for person a and for person b
-    name, recording, action : templates (``str.format``) of the sequence's name, of what a split
-        by recording keeps together, and of the label
+        group ``person`` is the person, its other groups fill the templates
+    persons : the values of group ``person`` for person a and for person b
+    name, recording, action : templates (``str.format``) of the sequence's name, of the
+        recording (kept together by a split) and of the label
     subjects : who person a and person b are
     label : from the filled ``action`` template to the action
     """
@@ -36,10 +36,10 @@ class PairRule:
     recording: str
     action: str
     subjects: tuple[str, str]
-    label: Callable[[str], str] = as_written
+    label: Callable[[str], str] = unchanged_label
 
     def sequence(self, path: str) -> tuple[int, RawSequence] | None:
-        """Tell whose file ``path`` is (0 or 1) and its sequence, yet without files."""
+        """Match a path: the person (0 or 1) and the sequence, still without files."""
         match = re.fullmatch(self.pattern, path)
         if match is None or match["person"] not in self.persons:
             return None
@@ -60,53 +60,53 @@ def matching_files(root: Path, file_name: str) -> list[Path]:
     return sorted(file for file in files if file.is_file())
 
 
-def lone_sequence(root: Path, file: Path) -> RawSequence:
-    """Describe a file that has no place in a pair; its name keeps the file's ending."""
+def unpaired_sequence(root: Path, file: Path) -> RawSequence:
+    """Describe a file without a partner's; its name keeps the file's suffix."""
     path = file.relative_to(root).as_posix()
     return RawSequence(name=sequence_name(path), files=(file,), recording=path)
 
 
 def pair_files(root: Path, file_name: str, rules: tuple[PairRule, ...]) -> list[RawSequence]:
-    """List every sequence whose files' names match, those without a second person too.
+    """List every sequence whose file names match, including those without a second person.
 
     Parameters
     ----------
-    root : folder to look through
+    root : folder to search
     file_name : regular expression of the names of the format's files
-    rules : the first that fits a path speaks for it
+    rules : the first that matches a path is used
 
     Returns
     -------
-    Sequences by name: two files each, person a's first, or one file that found no partner.
+    Sequences by name: two files each, person a's first, or one file without a partner.
     """
     people: dict[tuple[RawSequence, PairRule], dict[int, Path]] = {}
-    lone: list[Path] = []
+    unpaired: list[Path] = []
     for file in matching_files(root, file_name):
-        place = _place(rules, file.relative_to(root).as_posix())
-        if place is None or place[0] in people.setdefault(place[1:], {}):
-            lone.append(file)
+        match = _match_rule(rules, file.relative_to(root).as_posix())
+        if match is None or match[0] in people.setdefault(match[1:], {}):
+            unpaired.append(file)
         else:
-            people[place[1:]][place[0]] = file
-    lone += [file for files in people.values() if len(files) == 1 for file in files.values()]
+            people[match[1:]][match[0]] = file
+    unpaired += [file for files in people.values() if len(files) == 1 for file in files.values()]
     pairs = [
         (replace(sequence, files=(files[0], files[1])), rule)
         for (sequence, rule), files in people.items()
         if len(files) == 2
     ]
-    taken = Counter(sequence.name for sequence, _ in pairs)
+    name_counts = Counter(sequence.name for sequence, _ in pairs)
     named = [
         replace(sequence, name=f"{sequence.name}.{'-'.join(rule.persons)}")
-        if taken[sequence.name] > 1
+        if name_counts[sequence.name] > 1
         else sequence
         for sequence, rule in pairs
     ]
-    alone = [lone_sequence(root, file) for file in lone]
-    return sorted(named + alone, key=lambda sequence: sequence.name)
+    unpaired_sequences = [unpaired_sequence(root, file) for file in unpaired]
+    return sorted(named + unpaired_sequences, key=lambda sequence: sequence.name)
 
 
-def _place(rules: tuple[PairRule, ...], path: str) -> tuple[int, RawSequence, PairRule] | None:
+def _match_rule(rules: tuple[PairRule, ...], path: str) -> tuple[int, RawSequence, PairRule] | None:
     for rule in rules:
-        found = rule.sequence(path)
-        if found is not None:
-            return *found, rule
+        match = rule.sequence(path)
+        if match is not None:
+            return *match, rule
     return None

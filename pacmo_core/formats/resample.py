@@ -1,22 +1,22 @@
-"""Motions at other instants, on other axes, in other units: what tools outside ask for."""
+"""Resample motions at another frame rate and rotate them to another upward axis, for export."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.formats.people import check_fps, check_up
+from pacmo_core.formats.base import check_fps, check_up
 
-_DEGREE = 3
+_SPLINE_DEGREE = 3
 
 
-def instants(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
-    """List the instants of a rate from the first frame on, the last frame's included if it fits.
+def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
+    """List the sample times of a frame rate from the first frame on, up to the last frame's time.
 
     Raises
     ------
     ValueError
-        If no capture has such a rate, or the clip is too short for two frames of it.
+        If the rate is not plausible, or the clip is too short for two frames of it.
     """
     check_fps(fps)
     # A hundredth of a frame: times of a file are rounded.
@@ -27,10 +27,10 @@ def instants(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     return at
 
 
-def resampled(motion: Motion, times: NDArray[np.float64], at: NDArray[np.float64]) -> Motion:
-    """Move a motion to other instants by a cubic spline through its frames.
+def resample(motion: Motion, times: NDArray[np.float64], at: NDArray[np.float64]) -> Motion:
+    """Resample a motion by a cubic spline through its frames.
 
-    Frames that stay are the same to float32's precision. A clip of fewer than four frames has a
+    Frames whose time is kept are equal to float32 precision. A clip of fewer than four frames has a
     spline of lower degree.
 
     Parameters
@@ -39,13 +39,15 @@ def resampled(motion: Motion, times: NDArray[np.float64], at: NDArray[np.float64
     times : (T,) float64, seconds, rising
     at : (N,) float64, seconds, within ``times``
     """
-    spline = make_interp_spline(times, motion.astype(np.float64), k=min(_DEGREE, len(times) - 1))
-    moved: Motion = spline(at.clip(times[0], times[-1])).astype(np.float32)
-    return moved
+    spline = make_interp_spline(
+        times, motion.astype(np.float64), k=min(_SPLINE_DEGREE, len(times) - 1)
+    )
+    resampled: Motion = spline(at.clip(times[0], times[-1])).astype(np.float32)
+    return resampled
 
 
-def turned_to(motion: Motion, up: str) -> Motion:
-    """Turn ``(..., 3)`` from y up to an axis of the choice: undoes ``people.upright``.
+def from_y_up(motion: Motion, up: str) -> Motion:
+    """Rotate ``(..., 3)`` from y up to another upward axis: the inverse of ``base.to_y_up``.
 
     Raises
     ------

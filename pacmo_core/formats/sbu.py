@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.formats.raw import FormatError, RawSequence, Reading
-from pacmo_core.formats.text import FARTHEST, count, floats, is_number, read_bytes, show
+from pacmo_core.formats.base import FormatError, RawSequence, Reading
+from pacmo_core.formats.tables import (
+    MAX_COORDINATE,
+    is_number,
+    parse_count,
+    parse_floats,
+    quote,
+    read_bytes,
+)
 
 ACTIONS = {
     "01": "approaching",
@@ -95,20 +102,20 @@ def _values(data: bytes, file: Path) -> NDArray[np.float64]:
             raise FormatError(file, f"wanted {_N_FIELDS} fields, got {len(row)}", line)
         wrong = [field for field in row if not is_number(field)]
         if wrong:
-            raise FormatError(file, f"wanted numbers, got {show(wrong[0])}", line)
+            raise FormatError(file, f"wanted numbers, got {quote(wrong[0])}", line)
     if len(rows) < 2:
         raise FormatError(file, "wanted two frames or more, got one", 1)
     _check_frames([row[0] for row in rows], file)
-    return floats(field for row in rows for field in row).reshape(-1, _N_FIELDS)
+    return parse_floats(field for row in rows for field in row).reshape(-1, _N_FIELDS)
 
 
 def _check_frames(fields: list[bytes], file: Path) -> None:
-    frames = [count(field) for field in fields]
+    frames = [parse_count(field) for field in fields]
     first = frames[0]
     for i, frame in enumerate(frames):
         if first is None or frame != first + i:
             wanted = "a frame number" if first is None else f"frame {first + i}"
-            raise FormatError(file, f"wanted {wanted}, got {show(fields[i])}", i + 1)
+            raise FormatError(file, f"wanted {wanted}, got {quote(fields[i])}", i + 1)
 
 
 def _positions(values: NDArray[np.float64], file: Path) -> NDArray[np.float32]:
@@ -120,7 +127,7 @@ def _positions(values: NDArray[np.float64], file: Path) -> NDArray[np.float32]:
         If a position is not finite, or further away than any room.
     """
     normalised = values[:, 1:].reshape(-1, 2, _N_JOINTS, 3)
-    far = np.argwhere(~(np.abs(normalised) < FARTHEST))
+    far = np.argwhere(~(np.abs(normalised) < MAX_COORDINATE))
     if len(far):
         frame, person, joint = far[0][:3]
         raise FormatError(

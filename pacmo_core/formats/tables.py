@@ -1,16 +1,69 @@
-"""Text files as lines and tables of numbers, every fault told with its file and line."""
+"""Numeric text files as bytes, lines and tables of numbers; every error names the file and line."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.formats.raw import FormatError
+from pacmo_core.formats.base import FormatError
+
+# A kilometre: larger than any capture volume, and its square is finite in float32.
+MAX_COORDINATE = 1e3
+
+_NUMBER = re.compile(rb"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
+_NOT_FINITE = re.compile(rb"\s*[-+]?(nan|inf|infinity)\s*", re.IGNORECASE)
+
+
+def read_bytes(file: Path) -> bytes:
+    """Read a whole file.
+
+    Raises
+    ------
+    FormatError
+        If it cannot be read, or is empty.
+    """
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise FormatError(file, f"cannot be read: {error.strerror}") from error
+    if not data.strip():
+        raise FormatError(file, "the file is empty")
+    return data
+
+
+def parse_floats(fields: Iterable[bytes]) -> NDArray[np.float64]:
+    """Parse numbers; ``nan`` and ``inf`` are numbers here, and not faults.
+
+    Raises
+    ------
+    ValueError
+        If a field is not a number.
+    """
+    return np.fromiter(map(float, fields), np.float64)
+
+
+def is_number(field: bytes) -> bool:
+    """Whether text is a decimal number, NaN or infinity; stricter than ``float``."""
+    return bool(_NUMBER.fullmatch(field) or _NOT_FINITE.fullmatch(field))
+
+
+def parse_count(field: bytes) -> int | None:
+    """Parse a non-negative integer that fits int64, or None."""
+    field = field.strip()
+    # 18 digits: below 2**63, and int() never meets a text long enough to be slow.
+    return int(field) if field.isdigit() and len(field) <= 18 else None
+
+
+def quote(line: bytes | Sequence[bytes]) -> str:
+    """Quote a line for a message: short and printable whatever it holds."""
+    text = line if isinstance(line, bytes) else b" ".join(line[:20])
+    return repr(text.strip()[:40])[1:] + ("..." if len(text.strip()) > 40 else "")
+
 
 # No length, angle or index of a capture is larger in any unit; the limit keeps float32 finite.
-LARGEST = 1e9
+MAX_NUMBER = 1e9
 
 
 def read_lines(file: Path) -> list[str]:
@@ -38,14 +91,14 @@ def read_lines(file: Path) -> list[str]:
 
 
 def parse_number(file: Path, line: int, word: str) -> float:
-    """Read one finite number, or say which word on which line is none."""
+    """Parse one finite number; raise with the word and its line."""
     try:
         number = float(word)
     except ValueError:
         raise FormatError(file, f"wanted a number; got {word[:40]!r}", line) from None
     # float() also takes digits with underscores, which no capture holds.
-    if "_" in word or not abs(number) <= LARGEST:
-        raise FormatError(file, f"wanted a number up to {LARGEST:g}; got {word[:40]!r}", line)
+    if "_" in word or not abs(number) <= MAX_NUMBER:
+        raise FormatError(file, f"wanted a number up to {MAX_NUMBER:g}; got {word[:40]!r}", line)
     return number
 
 
@@ -65,7 +118,7 @@ def parse_rows(
     rows : one text a row, none blank
     lines : the 1-based line of each row, for the message
     width : numbers a row
-    delimiter : what stands between numbers; None for white space
+    delimiter : the separator; None for white space
 
     Returns
     -------
@@ -81,38 +134,40 @@ def parse_rows(
     try:
         table = np.loadtxt(rows, delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
     except ValueError as error:
-        raise _fault(file, rows, lines, width=width, delimiter=delimiter) from error
-    if table.shape != (len(rows), width) or not (np.abs(table) <= LARGEST).all():
-        raise _fault(file, rows, lines, width=width, delimiter=delimiter)
+        raise _first_fault(file, rows, lines, width=width, delimiter=delimiter) from error
+    if table.shape != (len(rows), width) or not (np.abs(table) <= MAX_NUMBER).all():
+        raise _first_fault(file, rows, lines, width=width, delimiter=delimiter)
     return table
 
 
-def bounded(file: Path, table: NDArray[np.generic]) -> NDArray[np.float64]:
-    """Turn real numbers into float64.
+def to_float64(file: Path, table: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Convert real numbers to float64.
 
     Raises
     ------
     FormatError
-        If one is not finite, or larger than any of a capture.
+        If one is not finite, or larger than ``MAX_NUMBER``.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         numbers: NDArray[np.float64] = table.astype(np.float64)
-    wrong = np.argwhere(~(np.abs(numbers) <= LARGEST))
+    wrong = np.argwhere(~(np.abs(numbers) <= MAX_NUMBER))
     if len(wrong):
         place = tuple(int(i) for i in wrong[0])
-        raise FormatError(file, f"wanted numbers up to {LARGEST:g}; {place} has {numbers[place]}")
+        raise FormatError(
+            file, f"wanted numbers up to {MAX_NUMBER:g}; {place} has {numbers[place]}"
+        )
     return numbers
 
 
 def sequence_name(path: str) -> str:
-    """Spell a path with the letters a sequence's name may hold: others become ``-u<code>-``."""
+    """Replace the characters that a sequence's name may not hold: they become ``-u<code>-``."""
     return re.sub(r"[^A-Za-z0-9_./-]", lambda match: f"-u{ord(match[0]):x}-", path)
 
 
-def _fault(
+def _first_fault(
     file: Path, rows: Sequence[str], lines: Sequence[int], *, width: int, delimiter: str | None
 ) -> FormatError:
-    """Find the first row at fault: slow, and only needed once."""
+    """Find the first faulty row (slow, only after an error)."""
     try:
         for row, line in zip(rows, lines, strict=True):
             words = row.split(delimiter)
@@ -120,6 +175,6 @@ def _fault(
                 return FormatError(file, f"wanted {width} numbers; got {len(words)}", line)
             for word in words:
                 parse_number(file, line, word.strip())
-    except FormatError as fault:
-        return fault
+    except FormatError as error:
+        return error
     return FormatError(file, f"wanted {len(rows)} rows of {width} numbers", lines[0])

@@ -1,41 +1,57 @@
-"""Motions as BVH text: metres, y up, one person a file."""
+"""Write BVH: a motion as a new file (metres, y up), or a file with another body and motion.
+
+A rewritten file keeps its hierarchy, channels, unit and axes. Its own rotations are kept as far as
+the new bone directions allow, so that what positions leave undetermined (the twist of a limb, the
+rotation of a hand) stays as captured.
+"""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.fit_bones import Fitted, fit_bones
+from pacmo_core.formats.base import FormatError
+from pacmo_core.formats.bvh import Bvh
+from pacmo_core.formats.fit_bones import (
+    ConstantBoneMotion,
+    aim_bones,
+    fit_bones,
+    forward_kinematics,
+    inverse_kinematics,
+)
+from pacmo_core.formats.rotations import axis_rotations, euler_angles_near
 
-# The order in which a joint turns: gimbal lock, at a right angle of the middle one, lies where
-# people look straight up or down.
-TURNS = "Zrotation Xrotation Yrotation"
-LOCKED = 1e-6  # cosine of the middle angle below which the outer two are one
+# The rotation order: gimbal lock, where the middle angle is a right angle, lies where people look
+# straight up or down.
+ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
+GIMBAL_LOCK = 1e-6  # cosine of the middle angle below which the outer two axes coincide
 
 
 def format_bvh(motion: Motion, fps: float, skeleton: Skeleton) -> str:
     """Write a motion as the nearest one of constant bones (see ``fit_bones``).
 
-    Every leaf of the tree has an End Site of no length, so that its place is a joint's.
+    Every leaf of the hierarchy has an End Site of zero length at the joint.
 
     Parameters
     ----------
     motion : (T, J, 3) float32, metres, y up
     fps : frames a second
     """
-    return format_fitted(fit_bones(motion, skeleton), fps, skeleton)
+    return format_bvh_of_fit(fit_bones(motion, skeleton), fps, skeleton)
 
 
-def format_fitted(fitted: Fitted, fps: float, skeleton: Skeleton) -> str:
-    """Write a motion of constant bones, whatever its unit and the axis that is up."""
+def format_bvh_of_fit(fitted: ConstantBoneMotion, fps: float, skeleton: Skeleton) -> str:
+    """Write a motion of constant bones, in whatever unit and axes."""
     depth_first = list(_depth_first(skeleton, skeleton.root))
-    columns = [fitted.root, *(angles(fitted.rotations[:, joint]) for joint in depth_first)]
+    columns = [fitted.root, *(zxy_angles(fitted.rotations[:, joint]) for joint in depth_first)]
     rows = np.concatenate(columns, axis=1)
     lines = [
         "HIERARCHY",
-        *_tree(fitted, skeleton, skeleton.root, 0),
+        *_hierarchy_lines(fitted, skeleton, skeleton.root, 0),
         "MOTION",
         f"Frames: {len(rows)}",
         f"Frame Time: {1 / fps:.9f}",
@@ -44,16 +60,16 @@ def format_fitted(fitted: Fitted, fps: float, skeleton: Skeleton) -> str:
     return "\n".join(lines) + "\n"
 
 
-def angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(T, 3)`` degrees about z, x, y in turn, without jumps, of ``(T, 3, 3)`` rotations."""
+def zxy_angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(T, 3)`` Euler angles of (T, 3, 3) in degrees about z, x, y, unwrapped over time."""
     r = rotations
     x = np.arcsin(r[:, 2, 1].clip(-1, 1))
-    locked = np.hypot(r[:, 0, 1], r[:, 1, 1]) < LOCKED
-    y = np.where(locked, 0.0, np.arctan2(-r[:, 2, 0], r[:, 2, 2]))
+    gimbal_locked = np.hypot(r[:, 0, 1], r[:, 1, 1]) < GIMBAL_LOCK
+    y = np.where(gimbal_locked, 0.0, np.arctan2(-r[:, 2, 0], r[:, 2, 2]))
     free_z = np.arctan2(-r[:, 0, 1], r[:, 1, 1])
-    z = np.where(locked, np.arctan2(r[:, 1, 0], r[:, 0, 0]), free_z)
-    found: NDArray[np.float64] = np.degrees(np.unwrap(np.stack([z, x, y], axis=-1), axis=0))
-    return found
+    z = np.where(gimbal_locked, np.arctan2(r[:, 1, 0], r[:, 0, 0]), free_z)
+    angles: NDArray[np.float64] = np.degrees(np.unwrap(np.stack([z, x, y], axis=-1), axis=0))
+    return angles
 
 
 def _depth_first(skeleton: Skeleton, joint: int) -> Iterator[int]:
@@ -63,19 +79,164 @@ def _depth_first(skeleton: Skeleton, joint: int) -> Iterator[int]:
             yield from _depth_first(skeleton, child)
 
 
-def _tree(fitted: Fitted, skeleton: Skeleton, joint: int, depth: int) -> Iterator[str]:
-    """Write a joint and all below it."""
+def _hierarchy_lines(
+    fitted: ConstantBoneMotion, skeleton: Skeleton, joint: int, depth: int
+) -> Iterator[str]:
+    """Write a joint and all its descendants."""
     tab, name = "  " * depth, skeleton.joints[joint]
     root = joint == skeleton.root
     offset = " ".join(f"{value:.6f}" for value in fitted.offsets[joint])
-    places = "6 Xposition Yposition Zposition" if root else "3"
+    targets = "6 Xposition Yposition Zposition" if root else "3"
     yield f"{tab}{'ROOT' if root else 'JOINT'} {name}"
     yield f"{tab}{{"
     yield f"{tab}  OFFSET {offset}"
-    yield f"{tab}  CHANNELS {places} {TURNS}"
+    yield f"{tab}  CHANNELS {targets} {ROTATION_CHANNELS}"
     children = [child for child, parent in enumerate(skeleton.parents) if parent == joint]
     for child in children:
-        yield from _tree(fitted, skeleton, child, depth + 1)
+        yield from _hierarchy_lines(fitted, skeleton, child, depth + 1)
     if not children:
         yield from (f"{tab}  End Site", f"{tab}  {{", f"{tab}    OFFSET 0 0 0", f"{tab}  }}")
+    yield f"{tab}}}"
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rewritten:
+    """The new text, and how far its joints are from their targets.
+
+    Parameters
+    ----------
+    text : of the file
+    errors : (T, K) file units, distance of each joint from its target; bones that leave one joint
+        keep their angles to each other in a BVH, so not every pose can be posed
+    """
+
+    text: str
+    errors: Array
+
+
+def rewrite_bvh(
+    file: Path, bvh: Bvh, joints: list[int], targets: Array, scales: Array
+) -> Rewritten:
+    """Write a file with other bone lengths and another motion (inverse kinematics on its channels).
+
+    Parameters
+    ----------
+    file : for messages
+    bvh : the file as read, with as many frames as ``targets``
+    joints : the K joints that have targets, the root among them
+    targets : (T, K, 3) file units, in the file's world
+    scales : (J,), of the bone that ends at each joint
+
+    Raises
+    ------
+    FormatError
+        If a joint has not three rotation channels, or the root no position channels.
+    """
+    _check_channels(file, bvh)
+    offsets = _displacements(bvh) * scales[:, None]
+    target_of_joint: dict[int, Array] = {joint: targets[:, k] for k, joint in enumerate(joints)}
+    initial = aim_bones(bvh.parents, target_of_joint, offsets, _local_rotations(bvh))
+    root, local = inverse_kinematics(bvh.parents, target_of_joint, offsets, initial)
+    posed, _ = forward_kinematics(bvh.parents, root, offsets, local)
+    errors = np.stack(
+        [np.linalg.norm(posed[:, j] - target_of_joint[j], axis=-1) for j in joints], axis=1
+    )
+    return Rewritten(_format_rewritten(bvh, scales, _rows(bvh, root, offsets, local)), errors)
+
+
+def _check_channels(file: Path, bvh: Bvh) -> None:
+    for joint, channels in enumerate(bvh.channels):
+        axes = [channel[0] for channel in channels if channel.endswith("rotation")]
+        if joint not in bvh.end_sites and len(set(axes)) != 3:
+            name = bvh.joints[joint]
+            raise FormatError(file, f"{name} has {len(axes)} rotation axes; wanted three to write")
+    if sum(channel.endswith("position") for channel in bvh.channels[0]) != 3:
+        raise FormatError(file, f"{bvh.joints[0]} has no position channels to write")
+
+
+def _displacements(bvh: Bvh) -> Array:
+    """``(T, J, 3)`` from the parent, in its frame: a joint's position channels, or its offset.
+
+    The root's is left out: its position is given.
+    """
+    offsets = np.repeat(bvh.offsets[None], len(bvh.motion), axis=0)
+    for joint, column, channel in _columns(bvh):
+        if channel.endswith("position") and bvh.parents[joint] >= 0:
+            offsets[:, joint, "xyz".index(channel[0])] = bvh.motion[:, column]
+    return offsets
+
+
+def _local_rotations(bvh: Bvh) -> Array:
+    """``(T, J, 3, 3)``: each joint's against its parent's."""
+    rotations = np.tile(np.eye(3), (len(bvh.motion), len(bvh.joints), 1, 1))
+    for joint, column, channel in _columns(bvh):
+        if channel.endswith("rotation"):
+            axis = "xyz".index(channel[0])
+            rotations[:, joint] = rotations[:, joint] @ axis_rotations(axis, bvh.motion[:, column])
+    return rotations
+
+
+def _columns(bvh: Bvh) -> Iterator[tuple[int, int, str]]:
+    """Yield joint, column of the motion, and name of every channel."""
+    column = 0
+    for joint, channels in enumerate(bvh.channels):
+        for channel in channels:
+            yield joint, column, channel
+            column += 1
+
+
+def _rows(bvh: Bvh, root: Array, offsets: Array, local: Array) -> Array:
+    """``(T, C)``: the motion, in the file's channels."""
+    rows = np.zeros_like(bvh.motion)
+    for joint, columns in _rotation_columns(bvh).items():
+        order = ["xyz".index(name[0]) for name in columns]
+        columns_of_joint = list(columns.values())
+        rows[:, columns_of_joint] = euler_angles_near(
+            local[:, joint], order, bvh.motion[:, columns_of_joint]
+        )
+    start = root - bvh.offsets[0]
+    for joint, column, channel in _columns(bvh):
+        if channel.endswith("position"):
+            axis = "xyz".index(channel[0])
+            rows[:, column] = (start if joint == 0 else offsets[:, joint])[:, axis]
+    return rows
+
+
+def _rotation_columns(bvh: Bvh) -> dict[int, dict[str, int]]:
+    """List the rotation channels of each joint, in order, with their columns."""
+    angles: dict[int, dict[str, int]] = {}
+    for joint, column, channel in _columns(bvh):
+        if channel.endswith("rotation"):
+            angles.setdefault(joint, {})[channel] = column
+    return angles
+
+
+def _format_rewritten(bvh: Bvh, scales: Array, rows: Array) -> str:
+    lines = [
+        "HIERARCHY",
+        *_rewritten_hierarchy(bvh, bvh.offsets * scales[:, None], 0, 0),
+        "MOTION",
+        f"Frames: {len(rows)}",
+        f"Frame Time: {bvh.frame_time:.9g}",
+        *(" ".join(f"{value:.6f}" for value in row) for row in rows.tolist()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _rewritten_hierarchy(bvh: Bvh, offsets: Array, joint: int, depth: int) -> Iterator[str]:
+    """Write a joint and all its descendants."""
+    tab, is_end = "  " * depth, joint in bvh.end_sites
+    kind = "ROOT" if bvh.parents[joint] < 0 else "JOINT"
+    yield f"{tab}End Site" if is_end else f"{tab}{kind} {bvh.joints[joint]}"
+    yield f"{tab}{{"
+    yield f"{tab}  OFFSET {' '.join(f'{value:.6f}' for value in offsets[joint])}"
+    if not is_end:
+        channels = bvh.channels[joint]
+        yield f"{tab}  CHANNELS {len(channels)} {' '.join(c.capitalize() for c in channels)}"
+    for child, parent in enumerate(bvh.parents):
+        if parent == joint:
+            yield from _rewritten_hierarchy(bvh, offsets, child, depth + 1)
     yield f"{tab}}}"

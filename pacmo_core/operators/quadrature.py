@@ -1,7 +1,7 @@
-"""Weights that turn samples of a function of time into integrals."""
+"""Integrals of sampled functions: the trapezoidal rule, and a learned linear functional."""
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 
 def trapezoid_weights(times: Tensor) -> Tensor:
@@ -27,3 +27,29 @@ def trapezoid_weights(times: Tensor) -> Tensor:
         raise ValueError(f"times must increase strictly; got a gap of {gaps.min().item():g}")
     zero = torch.zeros_like(gaps[..., :1])
     return (torch.cat([gaps, zero], dim=-1) + torch.cat([zero, gaps], dim=-1)) / 2
+
+
+class FunctionalLayer(nn.Module):
+    """``r = integral kappa(t) v(t) dt``, kappa a small network of time (PaCMO, 3.2).
+
+    Parameters
+    ----------
+    hidden : units of each of the two hidden layers of kappa
+    """
+
+    def __init__(self, *, hidden: int) -> None:
+        super().__init__()
+        self.kernel = nn.Sequential(
+            nn.Linear(1, hidden),
+            nn.GELU(),
+            nn.Linear(hidden, hidden),
+            nn.GELU(),
+            nn.Linear(hidden, 1, bias=False),
+        )
+
+    def forward(self, v: Tensor, times: Tensor) -> Tensor:
+        """Integrate ``(B, T)`` values at ``(T,)`` instants: ``(B,)``."""
+        # An integral is a long sum: in single precision, whatever the networks around it run in.
+        with torch.autocast(v.device.type, enabled=False):
+            kappa: Tensor = self.kernel(times[:, None])[:, 0]
+            return torch.mv(v.to(kappa.dtype), trapezoid_weights(times) * kappa)

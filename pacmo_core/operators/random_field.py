@@ -8,7 +8,7 @@ from torch import Tensor
 
 
 @dataclass(frozen=True)
-class RandomField:
+class GaussianRandomField:
     """A periodic Gaussian process of unit variance and zero mean.
 
     Its covariance is proportional to ``(-Laplacian + tau^2)^(-alpha)`` on functions without a

@@ -1,4 +1,8 @@
-"""One non-linear integral operator: a kernel in the Fourier domain, a pointwise map, GELU."""
+"""Fourier analysis and synthesis as matrices, and the integral operator layer made of them.
+
+A function of period 1 with ``M`` modes is represented by ``2 M`` rows: the real and the imaginary
+part of each coefficient in turn, normalised so that they do not depend on the size of the grid.
+"""
 
 import math
 
@@ -6,7 +10,79 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pacmo_core.operators.fourier import analysis, resampling, resolved_modes, synthesis
+
+def n_resolved_modes(n_points: int) -> int:
+    """Count the modes that a periodic grid tells apart, without Nyquist's, which has no phase."""
+    return (n_points + 1) // 2
+
+
+def analysis_matrix(n_points: int, n_modes: int) -> Tensor:
+    """Build the matrix ``(2 M, N)`` from values on a periodic grid to coefficients, float64.
+
+    Raises
+    ------
+    ValueError
+        If the grid does not resolve so many modes.
+    """
+    if n_modes > n_resolved_modes(n_points):
+        raise ValueError(
+            f"{n_points} points resolve {n_resolved_modes(n_points)} modes; wanted {n_modes}"
+        )
+    angle = _angles(torch.arange(n_points, dtype=torch.float64) / n_points, n_modes)
+    pairs = torch.stack([angle.cos(), -angle.sin()], dim=-1) / n_points
+    return pairs.reshape(n_points, 2 * n_modes).T.contiguous()
+
+
+def synthesis_matrix(phases: Tensor, n_modes: int) -> Tensor:
+    """Build the matrix ``(T, 2 M)`` from coefficients to values, float64.
+
+    Parameters
+    ----------
+    phases : (T,), instants in periods
+    n_modes : M, the constant mode among them
+    """
+    angle = _angles(phases.double(), n_modes)
+    pairs = torch.stack([angle.cos(), -angle.sin()], dim=-1)
+    pairs[:, 1:] *= 2  # a real function's coefficients of negative frequency are conjugates
+    return pairs.reshape(len(phases), 2 * n_modes)
+
+
+def resampling_matrix(n_in: int, n_out: int) -> Tensor:
+    """Build the matrix ``(n_out, n_in)`` between periodic grids; keep all that both resolve."""
+    n_modes = min(n_resolved_modes(n_in), n_resolved_modes(n_out))
+    phases = torch.arange(n_out, dtype=torch.float64) / n_out
+    return synthesis_matrix(phases, n_modes) @ analysis_matrix(n_in, n_modes)
+
+
+def interpolation_matrix(phases: Tensor, n_points: int) -> Tensor:
+    """Build the matrix ``(T, N)`` from values on a periodic grid to values at any instants."""
+    n_modes = n_resolved_modes(n_points)
+    return synthesis_matrix(phases.cpu(), n_modes) @ analysis_matrix(n_points, n_modes)
+
+
+def periodic_extension_matrix(n_points: int, n_latent: int) -> Tensor:
+    """Build the matrix ``(L, N)`` that closes a function on [0, 1] into one of period L / (N - 1).
+
+    The first N points of the latent grid are the function's own; the rest is the cubic that joins
+    value and slope at its end to those at its beginning. A jump there would ring through every
+    later layer, and ring otherwise at another resolution.
+    """
+    step = 1 / (n_points - 1)
+    gap = (n_latent - n_points + 1) * step
+    s = torch.arange(1, n_latent - n_points + 1, dtype=torch.float64) * step / gap
+    matrix = torch.zeros(n_latent, n_points, dtype=torch.float64)
+    matrix[:n_points] = torch.eye(n_points, dtype=torch.float64)
+    slope = torch.tensor([-1.5, 2.0, -0.5], dtype=torch.float64) / step
+    rest = matrix[n_points:]
+    rest[:, -1] += 2 * s**3 - 3 * s**2 + 1
+    rest[:, 0] += 3 * s**2 - 2 * s**3
+    rest[:, -3:] += gap * torch.outer(s**3 - 2 * s**2 + s, -slope.flip(0))
+    rest[:, :3] += gap * torch.outer(s**3 - s**2, slope)
+    return matrix
+
+
+def _angles(phases: Tensor, n_modes: int) -> Tensor:
+    return 2 * math.pi * torch.outer(phases, torch.arange(n_modes, dtype=torch.float64))
 
 
 class SpectralLayer(nn.Module):
@@ -29,10 +105,14 @@ class SpectralLayer(nn.Module):
         self, *, in_channels: int, out_channels: int, n_in: int, n_out: int, n_modes: int
     ) -> None:
         super().__init__()
-        self.n_modes = min(n_modes, resolved_modes(n_in), resolved_modes(n_out))
+        self.n_modes = min(n_modes, n_resolved_modes(n_in), n_resolved_modes(n_out))
         phases = torch.arange(n_out, dtype=torch.float64) / n_out
-        self.register_buffer("analysis", analysis(n_in, self.n_modes).float(), persistent=False)
-        self.register_buffer("synthesis", synthesis(phases, self.n_modes).float(), persistent=False)
+        self.register_buffer(
+            "analysis", analysis_matrix(n_in, self.n_modes).float(), persistent=False
+        )
+        self.register_buffer(
+            "synthesis", synthesis_matrix(phases, self.n_modes).float(), persistent=False
+        )
         # (mode, in, real | imaginary, out): one batched product serves both parts.
         self.weight = nn.Parameter(torch.zeros(self.n_modes, in_channels, 2, out_channels))
 
@@ -74,7 +154,7 @@ class OperatorLayer(nn.Module):
             n_modes=n_modes,
         )
         self.pointwise = nn.Linear(in_channels, out_channels)
-        self.register_buffer("resampling", resampling(n_in, n_out).float(), persistent=False)
+        self.register_buffer("resampling", resampling_matrix(n_in, n_out).float(), persistent=False)
 
     def forward(self, v: Tensor) -> Tensor:
         """``(n_in, B, C_in)`` to ``(n_out, B, C_out)``."""
@@ -85,3 +165,28 @@ class OperatorLayer(nn.Module):
             local = self.pointwise(v)
             local = (self.resampling @ local.flatten(1)).view(n_out, *local.shape[1:])
         return functional.gelu(self.spectral(v) + local)
+
+
+def initialise_weights(module: nn.Module, random: torch.Generator) -> None:
+    """Draw anew, in order, all weights below ``module``, by the laws that torch's layers use.
+
+    Raises
+    ------
+    ValueError
+        If a layer with weights of its own is of a kind that this function does not know.
+    """
+    for layer in module.modules():
+        if isinstance(layer, SpectralLayer):
+            layer.initialise(random)
+        elif isinstance(layer, nn.Linear):
+            _uniform(layer, 1 / math.sqrt(layer.in_features), random)
+        elif isinstance(layer, nn.GRU):
+            _uniform(layer, 1 / math.sqrt(layer.hidden_size), random)
+        elif next(layer.parameters(recurse=False), None) is not None:
+            raise ValueError(f"no law for the weights of {type(layer).__name__}")
+
+
+def _uniform(layer: nn.Module, bound: float, random: torch.Generator) -> None:
+    with torch.no_grad():
+        for weight in layer.parameters(recurse=False):
+            weight.copy_(torch.empty(weight.shape).uniform_(-bound, bound, generator=random))

@@ -1,13 +1,18 @@
 """A U-shaped neural operator of seven integral layers on functions of time over [0, 1]."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pacmo_core.operators.fourier import interpolation, periodic_extension
-from pacmo_core.operators.spectral import OperatorLayer
+from pacmo_core.operators.spectral import (
+    OperatorLayer,
+    interpolation_matrix,
+    periodic_extension_matrix,
+)
 
 # Layer whose output joins each layer's input, where the grids are equal again (PaCMO, fig. 1).
 SKIPS = {4: 2, 5: 1, 6: 0}
@@ -86,7 +91,7 @@ class Uno(nn.Module):
             nn.GELU(),
             nn.Linear(4 * config.lifting, config.out_channels),
         )
-        extension = periodic_extension(config.n_points, config.n_latent)
+        extension = periodic_extension_matrix(config.n_points, config.n_latent)
         points = torch.linspace(0, 1, config.n_points, dtype=torch.float64)
         self.register_buffer("extension", extension.float(), persistent=False)
         self.register_buffer("at_points", self.evaluation(points), persistent=False)
@@ -115,7 +120,7 @@ class Uno(nn.Module):
 
     def evaluation(self, times: Tensor) -> Tensor:
         """Build the matrix ``(T, L)`` from the latent grid to instants in [0, 1]."""
-        return interpolation(times / self.config.period, self.config.n_latent).float()
+        return interpolation_matrix(times / self.config.period, self.config.n_latent).float()
 
     def evaluate(self, latent: Tensor, v_at: Tensor, evaluation: Tensor) -> Tensor:
         """Synthesise at instants and apply the head pointwise.
@@ -142,7 +147,7 @@ class Uno(nn.Module):
         return functional.gelu(self.lift(closed.view(-1, v.shape[0], v.shape[2])))
 
 
-def u_channels(width: int) -> tuple[int, ...]:
+def u_shape_channels(width: int) -> tuple[int, ...]:
     """List the channels of the seven layers: more where the grid is coarse."""
     return tuple(int(factor * width) for factor in (1.5, 2, 3, 4, 3, 2, 1))
 
@@ -165,3 +170,48 @@ def _layers(config: UnoConfig) -> list[OperatorLayer]:
         )
         n_in, c_in = n_out, c_out
     return layers
+
+
+# What five of the seven grids are of the latent one; the fourth layer is the bottleneck.
+U_SHAPE_RATIOS = (0.75, 0.5, 0.25, 0.25, 0.5, 0.75, 1.0)
+
+
+class UnoSettings(Protocol):
+    """What a section of ``params.yaml`` says about its operators."""
+
+    @property
+    def n_points(self) -> int:
+        """Grid on [0, 1]."""
+
+    @property
+    def period(self) -> float:
+        """Of the latent grid."""
+
+    @property
+    def width(self) -> int:
+        """Channels of the lifted function."""
+
+    @property
+    def modes(self) -> list[int]:
+        """Of the seven layers."""
+
+
+def u_shape_config(settings: UnoSettings, in_channels: int, out_channels: int) -> UnoConfig:
+    """Shape a U-NO of seven layers with skips."""
+    return UnoConfig(
+        in_channels=in_channels,
+        out_channels=out_channels,
+        lifting=settings.width,
+        channels=u_shape_channels(settings.width),
+        modes=tuple(settings.modes),
+        ratios=U_SHAPE_RATIOS,
+        n_points=settings.n_points,
+        period=settings.period,
+        skips=True,
+    )
+
+
+def uno_config_from_dict(facts: Mapping[str, Any]) -> UnoConfig:
+    """Rebuild the shape of an operator."""
+    tuples = {key: tuple(facts[key]) for key in ("channels", "modes", "ratios")}
+    return UnoConfig(**{**facts, **tuples})

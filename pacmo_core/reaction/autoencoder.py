@@ -1,7 +1,7 @@
 """The auto-encoder operator on both people; its bottleneck gives the features (PaCMO, 4.3.1)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,15 +11,19 @@ from torch import Tensor, nn
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.operators.fourier import interpolation
-from pacmo_core.operators.initialise import initialise
-from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
-from pacmo_core.reaction.config import RATIOS, uno_from
-from pacmo_core.reaction.fit import Fit
-from pacmo_core.reaction.functions import MotionPairs, both_sides, encode
-from pacmo_core.reaction.normalisation import Normalisation
+from pacmo_core.operators.spectral import initialise_weights, interpolation_matrix
+from pacmo_core.operators.uno import (
+    U_SHAPE_RATIOS,
+    Uno,
+    UnoConfig,
+    u_shape_channels,
+    uno_config_from_dict,
+)
+from pacmo_core.reaction.data import MotionPairs, both_directions, sample_motion_pairs
+from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import AutoencoderSettings
-from pacmo_core.reaction.supervised import Supervised
+from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.supervised import SupervisedTrainer
 
 BOTTLENECK_LAYER = 4
 
@@ -56,7 +60,7 @@ class Autoencoder(nn.Module):
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
         n_latent = config.uno.sizes[BOTTLENECK_LAYER - 1]
         midpoints = (torch.arange(n_latent) + 0.5) / n_latent
-        to_features = interpolation(midpoints / config.uno.period, n_latent).float()
+        to_features = interpolation_matrix(midpoints / config.uno.period, n_latent).float()
         self.register_buffer("to_features", to_features, persistent=False)
 
     def loss(self, pairs: MotionPairs) -> Tensor:
@@ -88,7 +92,7 @@ class Autoencoder(nn.Module):
         return torch.cat([*motions, context], dim=-1)
 
 
-class _Training(Supervised[Autoencoder]):
+class AutoencoderTrainer(SupervisedTrainer[Autoencoder]):
     def __init__(
         self,
         model: Autoencoder,
@@ -113,37 +117,43 @@ class _Training(Supervised[Autoencoder]):
         return super().score()
 
 
-def fit(
+def build_training(
     clips: Sequence[Interaction],
     settings: AutoencoderSettings,
     *,
     validation: Sequence[Interaction] = (),
     device: str = "cpu",
-) -> Fit[Autoencoder]:
+) -> TrainingLoop[Autoencoder]:
     """Train on reconstruction; an epoch yields ``loss``.
 
     ``validation`` is the loss on either side of the held-out clips.
     """
     random = torch.Generator().manual_seed(settings.random_seed)
-    pairs = encode(both_sides(clips, swap=settings.swap), settings.n_points).to(device)
-    held_out = both_sides(validation, swap=True)
-    held_out_pairs = encode(held_out, settings.n_points).to(device) if held_out else None
-    model = Autoencoder(_config(clips[0].skeleton, settings))
-    initialise(model, random)
+    pairs = sample_motion_pairs(both_directions(clips, swap=settings.swap), settings.n_points).to(
+        device
+    )
+    held_out = both_directions(validation, swap=True)
+    held_out_pairs = (
+        sample_motion_pairs(held_out, settings.n_points).to(device) if held_out else None
+    )
+    model = Autoencoder(_autoencoder_config(clips[0].skeleton, settings))
+    initialise_weights(model, random)
     model.to(device).normalisation.measure(pairs)
-    training = _Training(model, pairs, held_out_pairs, settings, random)
-    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
+    training = AutoencoderTrainer(model, pairs, held_out_pairs, settings, random)
+    return TrainingLoop(
+        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
+    )
 
 
-def features(
+def encode_features(
     model: Autoencoder, interactions: Sequence[Interaction], *, device: str = "cpu"
 ) -> NDArray[np.float64]:
     """Encode interactions, ``person_a`` the partner: ``(n, C, r)``, standardised, frozen."""
-    pairs = encode(interactions, model.config.uno.n_points)
-    return features_of(model, pairs, device=device)
+    pairs = sample_motion_pairs(interactions, model.config.uno.n_points)
+    return encode_pairs(model, pairs, device=device)
 
 
-def features_of(
+def encode_pairs(
     model: Autoencoder, pairs: MotionPairs, *, device: str = "cpu"
 ) -> NDArray[np.float64]:
     """Encode pairs of functions: ``(n, C, r)``, r midpoints of equal cells of [0, 1]."""
@@ -153,21 +163,18 @@ def features_of(
     return found
 
 
-def config(model: Autoencoder) -> dict[str, Any]:
-    """Describe a model in JSON's terms."""
-    return asdict(model.config)
-
-
-def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:
+def autoencoder_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    parts = AutoencoderConfig(Skeleton.from_dict(config["skeleton"]), uno_from(config["uno"]))
+    parts = AutoencoderConfig(
+        Skeleton.from_dict(config["skeleton"]), uno_config_from_dict(config["uno"])
+    )
     model = Autoencoder(parts)
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)
 
 
-def _config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderConfig:
-    channels = list(u_channels(settings.width))
+def _autoencoder_config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderConfig:
+    channels = list(u_shape_channels(settings.width))
     channels[BOTTLENECK_LAYER - 1] = settings.bottleneck
     both = 6 * len(skeleton.joints)
     uno = UnoConfig(
@@ -176,7 +183,7 @@ def _config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderCon
         lifting=settings.width,
         channels=tuple(channels),
         modes=tuple(settings.modes),
-        ratios=RATIOS,
+        ratios=U_SHAPE_RATIOS,
         n_points=settings.n_points,
         period=settings.period,
         skips=False,

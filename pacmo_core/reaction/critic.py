@@ -7,17 +7,16 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.operators.functional import FunctionalLayer
+from pacmo_core.operators.quadrature import FunctionalLayer
 from pacmo_core.operators.uno import Uno, UnoConfig
-from pacmo_core.reaction.functions import Condition
-from pacmo_core.reaction.labels import LabelFunction
-from pacmo_core.reaction.normalisation import Normalisation
+from pacmo_core.reaction.data import Condition
+from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
 
-NEAR, TYPICAL = 0.05, 1.0  # metres
+DISTANCE_SOFTENING, DISTANCE_OFFSET = 0.05, 1.0  # metres
 
 
 @dataclass(frozen=True)
-class Conditions:
+class CriticInputs:
     """What a critic may be shown beside the motions.
 
     Parameters
@@ -27,7 +26,7 @@ class Conditions:
     """
 
     ends: tuple[int, ...]
-    labels: LabelFunction | None
+    labels: ActionEmbedding | None
 
     @property
     def channels(self) -> int:
@@ -54,7 +53,7 @@ class Critic(nn.Module):
         self,
         config: UnoConfig,
         normalisation: Normalisation,
-        conditions: Conditions,
+        conditions: CriticInputs,
         *,
         hidden: int,
     ) -> None:
@@ -88,11 +87,13 @@ class Critic(nn.Module):
         )
         apart = (one[:, :, :, None] - other[:, :, None]).square().sum(dim=-1)
         # Bodies that touch have a distance of zero, whose root has no slope.
-        near: Tensor = ((apart + NEAR**2).sqrt().flatten(2) - TYPICAL) / norm.scale
+        near: Tensor = (
+            (apart + DISTANCE_SOFTENING**2).sqrt().flatten(2) - DISTANCE_OFFSET
+        ) / norm.scale
         return near
 
 
-def end_joints(skeleton: Skeleton) -> tuple[int, ...]:
+def end_effectors(skeleton: Skeleton) -> tuple[int, ...]:
     """List the root and the joints on which no other hangs: head, hands and feet."""
     inner = set(skeleton.parents)
     joints = range(len(skeleton.joints))

@@ -1,16 +1,17 @@
 """The conditional generator: a random field and a partner's motion to a reaction (PaCMO, 3.2)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.operators.random_field import RandomField
-from pacmo_core.operators.uno import Uno, UnoConfig
-from pacmo_core.reaction.functions import Condition, MotionPairs
-from pacmo_core.reaction.labels import LabelFunction
-from pacmo_core.reaction.normalisation import Normalisation
+from pacmo_core.operators.random_field import GaussianRandomField
+from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
+from pacmo_core.reaction.data import Condition, MotionPairs
+from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class GeneratorConfig:
 
     skeleton: Skeleton
     uno: UnoConfig
-    noise: RandomField
+    noise: GaussianRandomField
     noise_channels: int
     actions: tuple[str, ...]
     action_channels: int
@@ -51,7 +52,7 @@ class Generator(nn.Module):
         self.uno = Uno(config.uno)
         self.normalisation = Normalisation(channels=config.uno.out_channels)
         n_actions, channels = len(config.actions), config.action_channels
-        self.labels = LabelFunction(n_actions=n_actions, channels=channels) if n_actions else None
+        self.labels = ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
 
     @property
@@ -103,3 +104,18 @@ def react_on_grid(model: Generator, pairs: MotionPairs, random: torch.Generator)
     noise = model.draw(len(pairs), random).to(pairs.partner.device)
     out: Tensor = model(noise, pairs.condition)
     return out
+
+
+def generator_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:
+    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    parts = GeneratorConfig(
+        skeleton=Skeleton.from_dict(config["skeleton"]),
+        uno=uno_config_from_dict(config["uno"]),
+        noise=GaussianRandomField(**config["noise"]),
+        noise_channels=config["noise_channels"],
+        actions=tuple(config["actions"]),
+        action_channels=config["action_channels"],
+    )
+    model = Generator(parts)
+    model.load_state_dict(dict(state))
+    return model.requires_grad_(False)

@@ -9,21 +9,19 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.operators.encode import Spline
-from pacmo_core.reaction.functions import Condition
+from pacmo_core.operators.spline import Spline
+from pacmo_core.reaction.baselines import Gru, frame_times
+from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.gru import Gru, frame_times
-from pacmo_core.reaction.pieces import Partner, Piece, Reactor, pieces_of
-
-__all__ = ["Partner", "Reactor", "instants", "react", "react_all"]
+from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, WindowQuery, window_queries
 
 # What bounds memory: motions that go through the layers, and instants through the head, at once.
-MOTIONS_AT_ONCE = 64
-INSTANTS_AT_ONCE = 4096
+MAX_MOTIONS_PER_BATCH = 64
+MAX_TIMES_PER_BATCH = 4096
 
 
 def react(
-    model: Reactor,
+    model: ReactionModel,
     partner: Motion,
     times: NDArray[np.float64],
     *,
@@ -54,12 +52,16 @@ def react(
         If a shape is wrong, an instant is outside ``times``, a model without noise is
         asked for many, or the model wants a label.
     """
-    partners = [Partner(partner, times, out_times)]
+    partners = [PartnerMotion(partner, times, out_times)]
     return react_all(model, partners, n_samples=n_samples, random=random)[0]
 
 
 def react_all(
-    model: Reactor, partners: Sequence[Partner], *, n_samples: int, random: torch.Generator
+    model: ReactionModel,
+    partners: Sequence[PartnerMotion],
+    *,
+    n_samples: int,
+    random: torch.Generator,
 ) -> list[Motion]:
     """React to many partners of any lengths and rates, in batches: ``(S, T_out_i, J, 3)`` each.
 
@@ -68,19 +70,19 @@ def react_all(
     n_joints = len(model.skeleton.joints)
     found: list[Motion] = []
     for partner in partners:
-        _check(partner, n_joints)
+        _check_partner(partner, n_joints)
         found.append(np.zeros((n_samples, len(partner.out_times), n_joints, 3), np.float32))
-    pieces = pieces_of(model, partners, n_samples, random)
+    pieces = window_queries(model, partners, n_samples, random)
     with torch.no_grad():
-        while block := list(islice(pieces, max(1, MOTIONS_AT_ONCE // n_samples))):
-            for piece, local in zip(block, answers(model, block), strict=True):
+        while block := list(islice(pieces, max(1, MAX_MOTIONS_PER_BATCH // n_samples))):
+            for piece, local in zip(block, evaluate_queries(model, block), strict=True):
                 motion = piece.frame.to_world(local.reshape(*local.shape[:2], n_joints, 3))
                 weights = piece.weights.astype(np.float32)[:, None, None]
                 found[piece.owner][:, piece.rows] += weights * motion
     return found
 
 
-def instants(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
+def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     """List the instants of a steady rate, from the first of ``times`` to the last at most."""
     if not fps > 0:
         raise ValueError(f"fps must be > 0; got {fps}")
@@ -90,7 +92,7 @@ def instants(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     return at
 
 
-def _check(partner: Partner, n_joints: int) -> None:
+def _check_partner(partner: PartnerMotion, n_joints: int) -> None:
     if partner.motion.shape != (len(partner.times), n_joints, 3):
         raise ValueError(
             f"partner must be ({len(partner.times)}, {n_joints}, 3); got {partner.motion.shape}"
@@ -100,18 +102,24 @@ def _check(partner: Partner, n_joints: int) -> None:
         raise ValueError("out_times must ascend and not be empty")
 
 
-def answers(model: Reactor, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
+def evaluate_queries(
+    model: ReactionModel, pieces: Sequence[WindowQuery]
+) -> Iterator[NDArray[np.float32]]:
     """Give ``(S, rows, 3 J)`` metres in the frame, piece by piece, all of one number of samples."""
     if isinstance(model, Generator):
-        return _generate(model, pieces)
-    return (_predict(model, piece) for piece in pieces)
+        return _evaluate_generator(model, pieces)
+    return (_evaluate_gru(model, piece) for piece in pieces)
 
 
-def _generate(model: Generator, pieces: Sequence[Piece]) -> Iterator[NDArray[np.float32]]:
+def _evaluate_generator(
+    model: Generator, pieces: Sequence[WindowQuery]
+) -> Iterator[NDArray[np.float32]]:
     device = model.points.device
     n_samples = len(pieces[0].noise)
     noise = torch.stack([piece.noise for piece in pieces]).to(device)
-    grid = torch.stack([_on_grid(piece, model.config.uno.n_points) for piece in pieces]).to(device)
+    grid = torch.stack([_sample_on_grid(piece, model.config.uno.n_points) for piece in pieces]).to(
+        device
+    )
     durations = np.array([piece.window.duration for piece in pieces])
     log_duration = torch.tensor(np.log(durations).astype(np.float32), device=device)
     action = torch.tensor([piece.action for piece in pieces], device=device)
@@ -124,8 +132,8 @@ def _generate(model: Generator, pieces: Sequence[Piece]) -> Iterator[NDArray[np.
     latent = latent.view(len(latent), len(pieces), n_samples, -1)
     for i, piece in enumerate(pieces):
         parts = []
-        for first in range(0, len(piece.instants), INSTANTS_AT_ONCE):
-            at = piece.instants[first : first + INSTANTS_AT_ONCE]
+        for first in range(0, len(piece.instants), MAX_TIMES_PER_BATCH):
+            at = piece.instants[first : first + MAX_TIMES_PER_BATCH]
             condition = Condition(
                 torch.tensor(piece.local(at), device=device).expand(n_samples, -1, -1),
                 log_duration[i].expand(n_samples),
@@ -136,12 +144,12 @@ def _generate(model: Generator, pieces: Sequence[Piece]) -> Iterator[NDArray[np.
         yield torch.cat(parts, dim=1).cpu().numpy()
 
 
-def _on_grid(piece: Piece, n_points: int) -> Tensor:
+def _sample_on_grid(piece: WindowQuery, n_points: int) -> Tensor:
     window = piece.window
     return torch.tensor(piece.local(np.linspace(window.start, window.end, n_points)))
 
 
-def _predict(model: Gru, piece: Piece) -> NDArray[np.float32]:
+def _evaluate_gru(model: Gru, piece: WindowQuery) -> NDArray[np.float32]:
     at = frame_times(piece.window.start, piece.window.end, model.config.fps)
     partner = torch.tensor(piece.local(at), device=model.normalisation.scale.device)
     reaction = model(partner[None]).cpu().numpy()

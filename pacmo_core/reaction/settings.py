@@ -42,7 +42,7 @@ class GruSettings:
 
 
 @dataclass(frozen=True)
-class DescentSettings:
+class AdamSettings:
     """How Adam moves one of two networks."""
 
     learning_rate: float
@@ -50,7 +50,7 @@ class DescentSettings:
 
 
 @dataclass(frozen=True)
-class AugmentSettings:
+class AugmentationSettings:
     """How captures are changed on their way into a batch; see ``augment.Augment``.
 
     Parameters
@@ -90,7 +90,7 @@ class RegressionSettings:
     validate_every: int  # epochs; the weights that score best are handed over
     checkpoint_every: int  # epochs
     swap: bool
-    augment: AugmentSettings
+    augment: AugmentationSettings
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ class PacmoSettings:
     functional_hidden: int  # units of the critic's kernel network
     body_distances: bool  # show the critic the distances from body to body
     action_channels: int  # of functions of the action's label; 0: the partner is all it is told
-    generator: DescentSettings
-    critic: DescentSettings
+    generator: AdamSettings
+    critic: AdamSettings
     halve_every: int  # epochs
     batch_size: int
     n_epochs: int  # in each the critic sees about as many pairs as there are
@@ -128,7 +128,7 @@ class PacmoSettings:
     bone_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off
     ema: float  # share of the running mean that stays each step
     swap: bool
-    augment: AugmentSettings
+    augment: AugmentationSettings
     mixed_precision: bool  # bfloat16 in the networks, on a GPU only
     compile_generator: bool  # on a GPU only
 

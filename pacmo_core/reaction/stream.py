@@ -8,20 +8,27 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.transforms import body_frame
-from pacmo_core.reaction.denoise import Denoised
-from pacmo_core.reaction.pieces import Piece, Reactor, action_number, endless_noise, poses
-from pacmo_core.reaction.react import answers
-from pacmo_core.reaction.windows import Window, usual_duration
+from pacmo_core.operators.spline import SmoothingSpline
+from pacmo_core.reaction.react import evaluate_queries
+from pacmo_core.reaction.windows import (
+    ReactionModel,
+    Window,
+    WindowQuery,
+    action_index,
+    continuous_noise,
+    mean_duration,
+    sample_poses,
+)
 
 # Poses that stand for the window before the first frame, when the partner is taken to stand still.
-STILL_POSES = 32
+N_PADDING_POSES = 32
 # Share of the window, before and after its start, over which the frame of reference is averaged: a
 # capture's noise in one pose's heading would swing all that is seen from it.
-STEADY = 0.1
-STEADY_POSES = 9
+FRAME_SMOOTHING = 0.1
+N_FRAME_POSES = 9
 
 
-class Stream:
+class ReactionStream:
     """Answers each frame of a partner from the last window of usual length, at its end.
 
     The window slides with the clock. Its frame of reference is that of the mean pose around its
@@ -38,13 +45,13 @@ class Stream:
     """
 
     def __init__(
-        self, model: Reactor, *, n_samples: int, random: torch.Generator, action: str = ""
+        self, model: ReactionModel, *, n_samples: int, random: torch.Generator, action: str = ""
     ) -> None:
         self._model = model
-        self._action = action_number(model, action)
-        self._noise = endless_noise(model, n_samples, random)
-        self._duration = usual_duration(model.normalisation)
-        self._kept = (1 + STEADY) * self._duration
+        self._action = action_index(model, action)
+        self._noise = continuous_noise(model, n_samples, random)
+        self._duration = mean_duration(model.normalisation)
+        self._kept = (1 + FRAME_SMOOTHING) * self._duration
         self._seen = deque[tuple[float, Motion]]()
         self._began = 0.0
 
@@ -73,13 +80,13 @@ class Stream:
         self._remember(pose, time)
         piece = self._piece(time)
         with torch.no_grad():
-            (local,) = answers(self._model, [piece])
+            (local,) = evaluate_queries(self._model, [piece])
         return piece.frame.to_world(local.reshape(-1, *shape))
 
     def _remember(self, pose: NDArray[np.float32], time: float) -> None:
         if not self._seen:
             self._began = time
-            before = np.linspace(time - self._kept, time, STILL_POSES, endpoint=False)
+            before = np.linspace(time - self._kept, time, N_PADDING_POSES, endpoint=False)
             self._seen.extend((float(instant), pose) for instant in before)
         if time <= self._seen[-1][0]:
             raise ValueError(f"time must go on from {self._seen[-1][0]:g} s; got {time:g}")
@@ -87,15 +94,18 @@ class Stream:
         while self._seen[1][0] <= time - self._kept:
             self._seen.popleft()
 
-    def _piece(self, time: float) -> Piece:
+    def _piece(self, time: float) -> WindowQuery:
         times, seen = zip(*self._seen, strict=True)
-        motion = Denoised(np.array(times), np.stack(seen))
+        motion = SmoothingSpline(np.array(times), np.stack(seen))
         window = Window(time - self._duration, self._duration)
-        around = np.linspace(-STEADY, STEADY, STEADY_POSES) * self._duration + window.start
+        around = (
+            np.linspace(-FRAME_SMOOTHING, FRAME_SMOOTHING, N_FRAME_POSES) * self._duration
+            + window.start
+        )
         # A clock that counts from long ago rounds: no instant may come before the frames.
-        steady = poses(motion, around.clip(motion.start)).mean(axis=0, keepdims=True)
+        steady = sample_poses(motion, around.clip(motion.start)).mean(axis=0, keepdims=True)
         since = (time - self._began) / self._duration
-        return Piece(
+        return WindowQuery(
             owner=0,
             motion=motion,
             window=window,

@@ -1,31 +1,38 @@
-"""Sequences longer than a model has seen in training, as overlapping windows of usual length.
+"""Partners longer than the training clips, as overlapping windows of the mean training duration.
 
-Time is normalised over a window, so a model knows only the durations it was trained on. A longer
-sequence is cut into windows half a window apart, and what they say of an instant is cross-faded.
-They speak of one reaction as far as the noise goes: it is one field of absolute time.
+Time is normalised over a window, so a model is valid only for durations it was trained on. A longer
+sequence is cut into windows half a window apart, whose outputs are cross-faded. All windows share
+one realisation of the noise, a random field of absolute time. A ``WindowQuery`` holds what a model
+needs to react in one window: the partner's motion, its frame and the noise.
 """
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pacmo_core.operators.random_field import RandomField
-from pacmo_core.reaction.normalisation import Normalisation
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.transforms import Frame, body_frame
+from pacmo_core.operators.random_field import GaussianRandomField
+from pacmo_core.operators.spline import SmoothingSpline, Spline
+from pacmo_core.reaction.baselines import Gru
+from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.inputs import Normalisation, action_indices
 
 # Standard deviations of log-duration above the mean up to which a sequence is taken whole.
-WIDEST = 3.0
+MAX_DURATION_STDS = 3.0
 # Windows after which the noise has forgotten what it was: long beside the overlap of half a one.
-MEMORY = 2.0
+NOISE_CORRELATION = 2.0
 # Share of the clock by which an instant may miss a window's end by rounding.
-SLACK = 1e-9
+TIME_TOLERANCE = 1e-9
 
 # The instants that a window covers, and its weight at each.
-Share = tuple[slice, NDArray[np.float64]]
+WindowWeights = tuple[slice, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -50,28 +57,28 @@ class Window:
         return (times - self.start) / self.duration
 
 
-def usual_duration(normalisation: Normalisation) -> float:
+def mean_duration(normalisation: Normalisation) -> float:
     """Seconds that a model's training clips lasted: their geometric mean."""
     return math.exp(float(normalisation.log_duration[0]))
 
 
-def longest_duration(normalisation: Normalisation) -> float:
+def max_duration(normalisation: Normalisation) -> float:
     """Seconds up to which a model may be trusted with a sequence whole."""
     mean, spread = normalisation.log_duration.tolist()
-    return math.exp(mean + WIDEST * spread)
+    return math.exp(mean + MAX_DURATION_STDS * spread)
 
 
-def cut(start: float, end: float, normalisation: Normalisation) -> list[Window]:
+def split_into_windows(start: float, end: float, normalisation: Normalisation) -> list[Window]:
     """Take a sequence whole if it is no longer than usual; else cut it, evenly spaced."""
     duration = end - start
-    if duration <= longest_duration(normalisation):
+    if duration <= max_duration(normalisation):
         return [Window(start, duration)]
-    usual = usual_duration(normalisation)
+    usual = mean_duration(normalisation)
     count = math.ceil(2 * (duration - usual) / usual) + 1
     return [Window(float(first), usual) for first in np.linspace(start, end - usual, count)]
 
 
-def shares(windows: list[Window], times: NDArray[np.float64]) -> list[Share]:
+def window_weights(windows: list[Window], times: NDArray[np.float64]) -> list[WindowWeights]:
     """Weigh each window at the instants it covers; at every instant the weights add up to one.
 
     A window counts most in its middle and not at all at its ends, except where no other covers
@@ -83,16 +90,16 @@ def shares(windows: list[Window], times: NDArray[np.float64]) -> list[Share]:
     """
     found, total = [], np.zeros(len(times))
     for i, window in enumerate(windows):
-        slack = SLACK * max(1.0, abs(window.end))
+        slack = TIME_TOLERANCE * max(1.0, abs(window.end))
         first, last = np.searchsorted(times, [window.start - slack, window.end + slack])
         x = window.inside(times[first:last])
-        weights = _bell(x, first=i == 0, last=i == len(windows) - 1)
+        weights = _hann_weights(x, first=i == 0, last=i == len(windows) - 1)
         total[first:last] += weights
         found.append((slice(int(first), int(last)), weights))
     return [(rows, weights / total[rows]) for rows, weights in found]
 
 
-class EndlessNoise:
+class ContinuousNoise:
     """One random field over all time, handed out window by window.
 
     Between independent draws, ``MEMORY`` windows apart, coefficients go round a quarter circle,
@@ -105,7 +112,7 @@ class EndlessNoise:
     draw : gives fresh coefficients, of any shape ``(..., 2 K)``
     """
 
-    def __init__(self, field: RandomField, draw: Callable[[], Tensor]) -> None:
+    def __init__(self, field: GaussianRandomField, draw: Callable[[], Tensor]) -> None:
         self._field, self._draw = field, draw
         self._knots = deque[Tensor](maxlen=2)
         self._drawn = 0
@@ -117,7 +124,7 @@ class EndlessNoise:
         ----------
         start : of the window, in windows since the beginning; not before the last one asked for
         """
-        number, share = divmod(start / MEMORY, 1)
+        number, share = divmod(start / NOISE_CORRELATION, 1)
         coefficients = self._knot(int(number))
         if share:
             angle = math.pi / 2 * share * share * (3 - 2 * share)
@@ -132,7 +139,7 @@ class EndlessNoise:
         return self._knots[number - self._drawn]
 
 
-def _bell(x: NDArray[np.float64], *, first: bool, last: bool) -> NDArray[np.float64]:
+def _hann_weights(x: NDArray[np.float64], *, first: bool, last: bool) -> NDArray[np.float64]:
     """Rise to one in the middle of a window and fall; not where it is the first or the last."""
     bell: NDArray[np.float64] = np.sin(np.pi * x.clip(1e-6, 1 - 1e-6)) ** 2
     if first:
@@ -140,3 +147,116 @@ def _bell(x: NDArray[np.float64], *, first: bool, last: bool) -> NDArray[np.floa
     if last:
         bell[x >= 0.5] = 1
     return bell
+
+
+ReactionModel = Generator | Gru
+
+
+@dataclass(frozen=True)
+class PartnerMotion:
+    """A motion to react to, and when the reaction is wanted.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) float32, metres, in the world
+    times : (T,) float64, seconds, strictly increasing
+    out_times : (T_out,) float64, seconds, ascending, within ``times``
+    action : the interaction's label, for a model that was trained on labels; else empty
+    """
+
+    motion: Motion
+    times: NDArray[np.float64]
+    out_times: NDArray[np.float64]
+    action: str = ""
+
+
+@dataclass(frozen=True)
+class WindowQuery:
+    """One window of a partner's motion, and what of the reaction it answers for.
+
+    Parameters
+    ----------
+    owner : which partner
+    motion : spline of the partner in the world
+    window : Window
+    frame : of the partner at the window's start
+    noise : (S, k, 2 K) coefficients; none for the baseline
+    action : number of the label; 0 where labels are no condition
+    rows : of the reaction
+    instants : (rows,) float64, seconds
+    weights : (rows,) float64, the window's share at each
+    """
+
+    owner: int
+    motion: Spline
+    window: Window
+    frame: Frame
+    noise: Tensor
+    action: int
+    rows: slice
+    instants: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+    def local(self, instants: NDArray[np.float64]) -> NDArray[np.float32]:
+        """``(N, 3 J)``: the partner at instants, seen from the frame."""
+        return self.frame.to_local(sample_poses(self.motion, instants)).reshape(len(instants), -1)
+
+
+def window_queries(
+    model: ReactionModel, partners: Sequence[PartnerMotion], n_samples: int, random: torch.Generator
+) -> Iterator[WindowQuery]:
+    """Cut every partner into windows, when their turn comes."""
+    for owner, partner in enumerate(partners):
+        motion = SmoothingSpline(partner.times, partner.motion)
+        motion.check(partner.out_times)
+        windows = split_into_windows(motion.start, motion.end, model.normalisation)
+        noise = continuous_noise(model, n_samples, random)
+        action = action_index(model, partner.action)
+        for window, (rows, weights) in zip(
+            windows, window_weights(windows, partner.out_times), strict=True
+        ):
+            if not len(weights):
+                continue  # nobody asks for what this window could answer
+            shift = (window.start - motion.start) / window.duration
+            yield WindowQuery(
+                owner=owner,
+                motion=motion,
+                window=window,
+                frame=body_frame(sample_poses(motion, np.array([window.start])), model.skeleton),
+                noise=noise.at(shift) if noise else torch.zeros(0),
+                action=action,
+                rows=rows,
+                instants=partner.out_times[rows],
+                weights=weights,
+            )
+
+
+def continuous_noise(
+    model: ReactionModel, n_samples: int, random: torch.Generator
+) -> ContinuousNoise | None:
+    """Make the noise of so many reactions to one partner; the baseline takes none."""
+    if n_samples < 1 or (is_deterministic(model) and n_samples != 1):
+        wanted = "1: the model is deterministic" if is_deterministic(model) else "1 or more"
+        raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
+    if isinstance(model, Gru):
+        return None
+    return ContinuousNoise(model.config.noise, lambda: model.draw(n_samples, random))
+
+
+def is_deterministic(model: ReactionModel) -> bool:
+    """Say whether a model has one reaction to a partner and no noise."""
+    return isinstance(model, Gru) or not model.config.noise_channels
+
+
+def action_index(model: ReactionModel, action: str) -> int:
+    """Look up a label; a model without labels takes none."""
+    known = () if isinstance(model, Gru) else model.config.actions
+    if not known and not action:
+        return 0
+    return int(action_indices([action], known))
+
+
+def sample_poses(motion: Spline, instants: NDArray[np.float64]) -> Motion:
+    """``(N, J, 3)`` float32: a motion at instants."""
+    found: Motion = motion(instants).astype(np.float32)
+    return found

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.fit import Fit
-from pacmo_core.reaction.supervised import Supervised
 from pacmo_core.skeleton_prior.encoders import MotionEncoder, widths
 from pacmo_core.skeleton_prior.graph import neighbours
 from pacmo_core.skeleton_prior.initialise import initialise
+from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.supervised import SupervisedTrainer
 
 
 @dataclass(frozen=True)
@@ -95,16 +95,16 @@ class Extractor(nn.Module):
 
 def fit(
     motions: Sequence[NDArray[np.float32]], skeleton: Skeleton, settings: ExtractorSettings
-) -> Fit[Extractor]:
+) -> TrainingLoop[Extractor]:
     """Train on motions (T_i, J, 3) float32, metres."""
     random = torch.Generator().manual_seed(settings.random_seed)
     model = Extractor(skeleton, settings)
     initialise(model, random)
     seen = torch.stack([model.seen(motion) for motion in motions])
-    training = Supervised(
+    training = SupervisedTrainer(
         model, len(seen), lambda rows: model.loss(seen[rows]), None, settings, random
     )
-    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.n_epochs)
+    return TrainingLoop(training, n_epochs=settings.n_epochs, validate_every=settings.n_epochs)
 
 
 def fingerprint(model: Extractor) -> str:

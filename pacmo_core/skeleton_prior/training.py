@@ -10,8 +10,6 @@ import torch
 from torch import Tensor
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.fit import Fit
-from pacmo_core.reaction.supervised import Supervised
 from pacmo_core.skeleton_prior.bodies import learn
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
 from pacmo_core.skeleton_prior.forms import build
@@ -21,12 +19,14 @@ from pacmo_core.skeleton_prior.losses import terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.products import rounding
 from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.supervised import SupervisedTrainer
 
 # Variations that are scored at once.
 AT_ONCE = 16
 
 
-class PriorTraining(Supervised[SkeletonPrior]):
+class PriorTraining(SupervisedTrainer[SkeletonPrior]):
     """A descent that raises the weight of the divergence over its first epochs.
 
     Every step draws one number from the order's generator and all else from that: batches, windows
@@ -110,7 +110,7 @@ def fit(
     *,
     validation: Sequence[Example] = (),
     device: str = "cpu",
-) -> Fit[SkeletonPrior]:
+) -> TrainingLoop[SkeletonPrior]:
     """Train a model; an epoch yields ``loss``."""
     random = torch.Generator().manual_seed(settings.random_seed)
     learnt = encode(examples).to(device)
@@ -144,7 +144,9 @@ def fit(
         settings,
         torch.Generator().manual_seed(settings.random_seed + 1),
     )
-    return Fit(training, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
+    return TrainingLoop(
+        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
+    )
 
 
 def config(model: SkeletonPrior) -> dict[str, Any]:

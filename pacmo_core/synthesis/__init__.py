@@ -1,15 +1,15 @@
-"""The embedded default: two-person captures whose law of reaction is known."""
+"""The embedded default: synthetic two-person captures whose conditional distribution is known."""
 
-from pacmo_core.synthesis.capture import capture, perform, react_oracle
-from pacmo_core.synthesis.script import ACTS, Script, file_name, write_script, write_scripts
+from pacmo_core.synthesis.capture import sample_interaction, sample_motion, sample_oracle_reaction
+from pacmo_core.synthesis.script import ACTIONS, Script, file_name, sample_script, sample_scripts
 
 __all__ = [
-    "ACTS",
+    "ACTIONS",
     "Script",
-    "capture",
     "file_name",
-    "perform",
-    "react_oracle",
-    "write_script",
-    "write_scripts",
+    "sample_interaction",
+    "sample_motion",
+    "sample_oracle_reaction",
+    "sample_script",
+    "sample_scripts",
 ]

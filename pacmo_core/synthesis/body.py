@@ -1,4 +1,4 @@
-"""The population of bodies: a subject's bone lengths and habits, the same at every draw.
+"""Subjects: a population's bone lengths and habits, and the private variables of a clip.
 
 Stature: ANSUR II (Gordon et al. 2014, 2012 Anthropometric Survey of U.S. Army Personnel).
 Segments as shares of stature: Drillis and Contini (1966), Body segment parameters, as tabled by
@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+
+from pacmo_core.synthesis.gait import Gait
+from pacmo_core.synthesis.kinematics import Array
 
 # Metres: mean and standard deviation.
 STATURE = {"female": (1.6285, 0.0642), "male": (1.7562, 0.0686)}
@@ -99,7 +102,7 @@ class Subject:
     body : lengths
     handedness : 1 left, -1 right: the side of the hand and foot that this person prefers
     tempo : habitual pace over the mean pace, about 1
-    stoop : radians that the trunk leans forward when at rest
+    stoop : radians that the trunk trunk_motions forward when at rest
     swing : amplitude of arm swing over the mean, about 1
     stance : half the distance between the feet at rest, metres
     """
@@ -115,8 +118,8 @@ class Subject:
 
 
 @lru_cache(maxsize=4096)
-def subject(population: int, number: int) -> Subject:
-    """Draw subject ``number`` of a population from a generator of its own.
+def sample_subject(population: int, number: int) -> Subject:
+    """Draw subject ``number`` of a population from a generator of its private.
 
     Raises
     ------
@@ -144,6 +147,68 @@ def subject(population: int, number: int) -> Subject:
     )
 
 
-def pair_of(population: int, pair: int) -> tuple[Subject, Subject]:
+def sample_pair(population: int, pair: int) -> tuple[Subject, Subject]:
     """Give both people of a pair, who never change partner: subjects ``2 pair - 1``, ``2 pair``."""
-    return subject(population, 2 * pair - 1), subject(population, 2 * pair)
+    return sample_subject(population, 2 * pair - 1), sample_subject(population, 2 * pair)
+
+
+N_SWAY_CHANNELS = 11  # of sway: seven of the trunk, two of each arm
+N_HARMONICS = 3
+
+
+@dataclass(frozen=True)
+class PrivateVariables:
+    """The private variables of one person in one clip: the source of variation of reactions.
+
+    Parameters
+    ----------
+    delay : seconds from the role_view to the response
+    strength : of the response or of the flourish, about 1
+    side : 1 left, -1 right: to which side one dodges, turns or trunk_motions
+    manner : 0, 1, 2: which of an action's ways
+    idle : 0 to 3: what the free hand does
+    early : seconds that a reach or an arrival comes before it must, or a return after it may
+    more : eight numbers between 0 and 1 for an action's private use
+    gait : how this person steps
+    phases, rates : of the sway, radians and hertz
+    """
+
+    delay: float
+    strength: float
+    side: float
+    manner: int
+    idle: int
+    early: float
+    more: tuple[float, ...]
+    gait: Gait
+    phases: Array
+    rates: Array
+
+
+def sample_private_variables(random: np.random.Generator, person: Subject) -> PrivateVariables:
+    """Sample one person's private variables; the person's habits set the means."""
+    return PrivateVariables(
+        delay=float(np.exp(random.normal(np.log(0.20), 0.4)).clip(0.07, 0.5)),
+        strength=float(np.exp(random.normal(0.0, 0.28)).clip(0.5, 1.8)),
+        side=1.0 if random.random() < 0.5 - 0.15 * person.handedness else -1.0,
+        manner=int(random.choice(3, p=[0.45, 0.35, 0.2])),
+        idle=int(random.choice(4, p=[0.5, 0.2, 0.15, 0.15])),
+        early=float(random.uniform(0.0, 0.25)),
+        more=tuple(random.random(8).tolist()),
+        gait=_sample_gait(random, person),
+        phases=random.uniform(0.0, 2.0 * np.pi, (N_SWAY_CHANNELS, N_HARMONICS)),
+        rates=random.uniform(0.12, 0.7, (N_SWAY_CHANNELS, N_HARMONICS)),
+    )
+
+
+def _sample_gait(random: np.random.Generator, person: Subject) -> Gait:
+    return Gait(
+        step_time=float(random.normal(0.52, 0.03)) / person.tempo,
+        phase=float(random.random()),
+        first=int(random.random() < 0.5),
+        stance=person.stance + float(random.uniform(-0.015, 0.015)),
+        stagger=float(random.normal(0.0, 0.035)),
+        toe_out=float(random.normal(0.15, 0.05)),
+        lead=person.body.foot_forward - 0.01 + float(random.normal(0.0, 0.008)),
+        clearance=float(random.uniform(0.05, 0.085)),
+    )

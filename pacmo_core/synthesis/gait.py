@@ -6,15 +6,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from pacmo_core.synthesis.curves import Array, bump, minimum_jerk, window
+from pacmo_core.synthesis.kinematics import Array, bump, minimum_jerk, window
 
 Path = Callable[[Array], Array]  # (N,) seconds to (N, 3): x, z in metres and yaw in radians
 
-BEFORE = 1.2  # seconds of walking planned before the first frame
-SWING = 0.78  # share of a step for which its foot is in the air
-IDLE = 0.06  # seconds between two looks at whether to step
-TURNED = 0.75  # radians that a foot is set down ahead of the pelvis at most
-TICK = 0.02  # seconds between the places of a path that a plan looks at
+WALK_IN_SECONDS = 1.2  # seconds of walking planned before the first frame
+SWING_SHARE = 0.78  # share of a step for which its foot is in the air
+STEP_CHECK_SECONDS = 0.06  # seconds between two looks at whether to step
+MAX_FOOT_YAW = 0.75  # radians that a foot is set down ahead of the pelvis at most
+PATH_SAMPLE_SECONDS = 0.02  # seconds between the places of a path that a plan looks at
 
 
 @dataclass(frozen=True)
@@ -61,33 +61,35 @@ class Feet:
     air: Array
 
 
-def plan(path: Path, gait: Gait, duration: float) -> list[list[tuple[float, Array]]]:
+def plan_steps(path: Path, gait: Gait, duration: float) -> list[list[tuple[float, Array]]]:
     """List each foot's plants: when its step begins, and where (x, z, yaw) it comes down.
 
     A foot steps to where the body will be in the middle of its stance, and only if it stands
     elsewhere by more than a few centimetres.
     """
-    clock = np.arange(-BEFORE, duration + 2.5 * gait.step_time + 0.1, TICK)
+    clock = np.arange(-WALK_IN_SECONDS, duration + 2.5 * gait.step_time + 0.1, PATH_SAMPLE_SECONDS)
     body = path(clock)
-    places = _places(body, gait)
-    ahead = gait.step_time * (0.5 * SWING + 1.0)
-    plants = [[(-BEFORE, places[side, 0])] for side in range(2)]
-    now, side = -BEFORE + gait.phase * gait.step_time, gait.first
+    places = _foot_positions(body, gait)
+    ahead = gait.step_time * (0.5 * SWING_SHARE + 1.0)
+    plants = [[(-WALK_IN_SECONDS, places[side, 0])] for side in range(2)]
+    now, side = -WALK_IN_SECONDS + gait.phase * gait.step_time, gait.first
     while now < duration:
-        goal = places[side, int((now + ahead + BEFORE) / TICK)].copy()
-        landing = body[int((now + SWING * gait.step_time + BEFORE) / TICK), 2]
-        goal[2] = np.clip(goal[2], landing - TURNED, landing + TURNED)
+        goal = places[side, int((now + ahead + WALK_IN_SECONDS) / PATH_SAMPLE_SECONDS)].copy()
+        landing = body[
+            int((now + SWING_SHARE * gait.step_time + WALK_IN_SECONDS) / PATH_SAMPLE_SECONDS), 2
+        ]
+        goal[2] = np.clip(goal[2], landing - MAX_FOOT_YAW, landing + MAX_FOOT_YAW)
         off = goal - plants[side][-1][1]
         if np.hypot(off[0], off[1]) > 0.05 or abs(off[2]) > 0.25:
             plants[side].append((now, goal))
             now += gait.step_time
         else:
-            now += IDLE
+            now += STEP_CHECK_SECONDS
         side = 1 - side
     return plants
 
 
-def _places(body: Array, gait: Gait) -> Array:
+def _foot_positions(body: Array, gait: Gait) -> Array:
     """Where each foot would stand under a body: (2, N, 3) of x, z, yaw."""
     x, z, yaw = body.T
     places = []
@@ -103,11 +105,11 @@ def _places(body: Array, gait: Gait) -> Array:
     return np.array(places).transpose(0, 2, 1)
 
 
-def walk(path: Path, gait: Gait, times: Array, duration: float) -> Feet:
+def sample_footsteps(path: Path, gait: Gait, times: Array, duration: float) -> Feet:
     """Put feet under a body that follows ``path``."""
-    swing = SWING * gait.step_time
+    swing = SWING_SHARE * gait.step_time
     feet = []
-    for plants in plan(path, gait, duration):
+    for plants in plan_steps(path, gait, duration):
         place = np.repeat(plants[0][1][None], len(times), axis=0)
         lift, heel, air = np.zeros((3, len(times)))
         for (_, old), (start, new) in pairwise(plants):

@@ -1,30 +1,104 @@
-"""Rotations and limbs: the arithmetic of bones that keep their length.
+"""Smooth functions of time, rotations and two-bone inverse kinematics.
 
 A person's own frame is right-handed: x to the left, y up, z ahead.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pacmo_core.synthesis.curves import Array, soft_max, soft_min
-
-REACH = 0.997  # of a straight limb: no elbow or knee is ever fully extended
-FOLD = 0.30  # of a straight limb: nor folded upon itself
-SOFT = 0.002  # metres over which the two limits take hold
+Array = NDArray[np.float64]
 
 
-def turn(yaw: Array) -> Array:
+def minimum_jerk(fraction: Array) -> Array:
+    """Go from 0 to 1 with least jerk, at rest at both ends (Flash and Hogan 1985, eq. 3).
+
+    Parameters
+    ----------
+    fraction : (...) float64, of the time of the movement; held at 0 before it and at 1 after it
+    """
+    x = np.clip(fraction, 0.0, 1.0)
+    return x**3 * (10.0 + x * (6.0 * x - 15.0))
+
+
+def ramp(times: Array, start: float, stop: float) -> Array:
+    """Go from 0 at ``start`` to 1 at ``stop`` (seconds) with least jerk."""
+    return minimum_jerk((times - start) / (stop - start))
+
+
+def window(times: Array, start: float, arrive: float, leave: float, back: float) -> Array:
+    """Go from 0 to 1 from ``start`` to ``arrive``, hold, and back from ``leave`` to ``back``."""
+    return ramp(times, start, arrive) * (1.0 - ramp(times, leave, back))
+
+
+def bump(fraction: Array) -> Array:
+    """Rise from 0 to 1 at one half and fall again, with no jolt at either end."""
+    x = np.clip(fraction, 0.0, 1.0)
+    return (4.0 * x * (1.0 - x)) ** 3
+
+
+def ease_in_out(times: Array, start: float, stop: float, ease: float) -> Array:
+    """Travel from 0 to 1: speed up for ``ease`` seconds, keep the pace, slow down for as long.
+
+    The speed is a minimum-jerk rise and fall, so acceleration is continuous.
+    """
+    ease = min(ease, 0.5 * (stop - start))
+    rise = _integral((times - start) / ease)
+    fall = _integral((times - stop + ease) / ease)
+    return ease * (rise - fall) / (stop - start - ease)
+
+
+def _integral(x: Array) -> Array:
+    """Integrate ``minimum_jerk`` from 0 to x."""
+    inside = np.clip(x, 0.0, 1.0)
+    return inside**4 * (2.5 + inside * (inside - 3.0)) + np.maximum(x - 1.0, 0.0)
+
+
+def soft_min(first: Array, second: Array | float, width: float) -> Array:
+    """Give a smooth lower bound of both, less than either by at most ``width`` ln 2."""
+    return -width * np.logaddexp(-first / width, -np.asarray(second) / width)
+
+
+def soft_max(first: Array, second: Array | float, width: float) -> Array:
+    """Give a smooth upper bound of both, more than either by at most ``width`` ln 2."""
+    return -soft_min(-first, -np.asarray(second), width)
+
+
+def sum_of_sines(times: Array, phases: Array, rates: Array) -> Array:
+    """Wander slowly about 0 with variance 1: a sum of sinusoids.
+
+    Parameters
+    ----------
+    times : (T,) seconds
+    phases : (C, N) radians
+    rates : (C, N) hertz
+
+    Returns
+    -------
+    (C, T)
+    """
+    angle = 2.0 * np.pi * rates[:, :, None] * times + phases[:, :, None]
+    wander: Array = np.sin(angle).sum(axis=1) * np.sqrt(2.0 / phases.shape[1])
+    return wander
+
+
+MAX_EXTENSION = 0.997  # of a straight limb: no elbow or knee is ever fully extended
+MIN_EXTENSION = 0.30  # of a straight limb: nor folded upon itself
+LIMIT_WIDTH = 0.002  # metres over which the two limits take hold
+
+
+def rotation_y(yaw: Array) -> Array:
     """Rotate about y: (T,) radians, positive to the left, as (T, 3, 3)."""
     c, s, zero, one = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw), np.ones_like(yaw)
     return _matrices([[c, zero, s], [zero, one, zero], [-s, zero, c]])
 
 
-def pitch(angle: Array) -> Array:
+def rotation_x(angle: Array) -> Array:
     """Rotate about x: (T,) radians, positive bows forward, as (T, 3, 3)."""
     c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
     return _matrices([[one, zero, zero], [zero, c, -s], [zero, s, c]])
 
 
-def roll(angle: Array) -> Array:
+def rotation_z(angle: Array) -> Array:
     """Rotate about z: (T,) radians, positive tilts to the right, as (T, 3, 3)."""
     c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
     return _matrices([[c, -s, zero], [s, c, zero], [zero, zero, one]])
@@ -34,13 +108,13 @@ def _matrices(rows: list[list[Array]]) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def unit(vectors: Array) -> Array:
+def normalise(vectors: Array) -> Array:
     """Scale (..., 3) to length 1."""
     scaled: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return scaled
 
 
-def two_bones(
+def two_bone_ik(
     root: Array, goal: Array, lengths: tuple[float, float], pole: Array
 ) -> tuple[Array, Array]:
     """Bend a limb of two bones so that its end comes to ``goal``, the joint toward ``pole``.
@@ -61,10 +135,10 @@ def two_bones(
     upper, lower = lengths
     along = goal - root
     wanted = np.linalg.norm(along, axis=-1)
-    distance = soft_max(wanted, FOLD * (upper + lower), SOFT)
-    distance = soft_min(distance, REACH * (upper + lower), SOFT)
+    distance = soft_max(wanted, MIN_EXTENSION * (upper + lower), LIMIT_WIDTH)
+    distance = soft_min(distance, MAX_EXTENSION * (upper + lower), LIMIT_WIDTH)
     along = along / wanted[:, None]
-    side = unit(pole - (pole * along).sum(axis=-1, keepdims=True) * along)
+    side = normalise(pole - (pole * along).sum(axis=-1, keepdims=True) * along)
     foot = (upper**2 - lower**2 + distance**2) / (2.0 * distance)
     height = np.sqrt(upper**2 - foot**2)
     middle = root + foot[:, None] * along + height[:, None] * side

@@ -2,145 +2,221 @@
 
 import numpy as np
 
-from pacmo_core.synthesis.curves import Array
-from pacmo_core.synthesis.direct import Cue, Move, contact, enter, free_hand, leave, route, shaken
-from pacmo_core.synthesis.part import Lean, Part, Reach, Spell, fixed
+from pacmo_core.synthesis.choreography import (
+    HandTarget,
+    MotionPlan,
+    RoleView,
+    RootMove,
+    TimeInterval,
+    TrunkMotion,
+    constant,
+    contact_point,
+    free_hand,
+    oscillating,
+    root_path,
+    step_back,
+    walk_in,
+)
+from pacmo_core.synthesis.kinematics import Array
 
 
-def approach(cue: Cue) -> Part:
+def approach(role_view: RoleView) -> MotionPlan:
     """Walk toward each other; some wave or nod."""
-    arrive = cue.event - 0.25 + 0.5 * cue.own.delay
-    walk = enter(cue, arrive)
-    leans: tuple[Lean, ...] = ()
-    hand = int(cue.own.side < 0)
-    reaches = free_hand(cue, hand) if cue.own.idle == 3 else ()
-    if cue.own.manner == 1:
-        leans = (Lean(Spell(arrive - 0.3, arrive + 0.05, arrive + 0.1, arrive + 0.6), nod=0.3),)
-    if cue.own.manner == 2:
-        reaches = (_wave(cue, hand, arrive - 0.6),)
-    return Part(route(0.0, -cue.stand - walk.z, walk), reaches=reaches, leans=leans)
+    arrive = role_view.event - 0.25 + 0.5 * role_view.private.delay
+    walk = walk_in(role_view, arrive)
+    trunk_motions: tuple[TrunkMotion, ...] = ()
+    hand = int(role_view.private.side < 0)
+    hand_targets = free_hand(role_view, hand) if role_view.private.idle == 3 else ()
+    if role_view.private.manner == 1:
+        trunk_motions = (
+            TrunkMotion(
+                TimeInterval(arrive - 0.3, arrive + 0.05, arrive + 0.1, arrive + 0.6), nod=0.3
+            ),
+        )
+    if role_view.private.manner == 2:
+        hand_targets = (_wave(role_view, hand, arrive - 0.6),)
+    return MotionPlan(
+        root_path(0.0, -role_view.stand - walk.z, walk),
+        hand_targets=hand_targets,
+        trunk_motions=trunk_motions,
+    )
 
 
-def depart(cue: Cue) -> Part:
+def depart(role_view: RoleView) -> MotionPlan:
     """Turn away over the left or the right and walk off; some wave, some step back first."""
-    own = cue.own
-    begin = cue.event + own.delay + (0.35 if own.manner == 1 else 0.0)
-    stray = 0.4 * cue.script.turn + 0.2 * (own.more[1] - 0.5)
-    backward = 0.25 if own.manner == 2 else 0.0
-    way = cue.entry - backward
-    pace = 1.05 * cue.me.tempo * (0.9 + 0.25 * own.more[0])
-    go = Move(begin + 0.35, begin + 0.95 + way / pace, -way * np.sin(stray), -way * np.cos(stray))
-    turn = Move(begin, begin + 1.5, yaw=own.side * np.pi + stray, ease=0.4)
-    back = Move(begin - 0.3, begin + 0.6, z=-backward)
-    hand = int(own.side < 0)
-    reaches = (_wave(cue, hand, 0.1),) if own.manner == 1 else free_hand(cue, hand)
-    lean = Lean(Spell(begin - 0.1, begin + 0.25, begin + 0.45, begin + 0.95), twist=0.3 * own.side)
-    return Part(route(0.0, -cue.stand, back, turn, go), hurry=1.25, reaches=reaches, leans=(lean,))
+    private = role_view.private
+    begin = role_view.event + private.delay + (0.35 if private.manner == 1 else 0.0)
+    stray = 0.4 * role_view.script.turn + 0.2 * (private.more[1] - 0.5)
+    backward = 0.25 if private.manner == 2 else 0.0
+    way = role_view.entry - backward
+    pace = 1.05 * role_view.subject.tempo * (0.9 + 0.25 * private.more[0])
+    go = RootMove(
+        begin + 0.35, begin + 0.95 + way / pace, -way * np.sin(stray), -way * np.cos(stray)
+    )
+    turn = RootMove(begin, begin + 1.5, yaw=private.side * np.pi + stray, ease=0.4)
+    back = RootMove(begin - 0.3, begin + 0.6, z=-backward)
+    hand = int(private.side < 0)
+    hand_targets = (
+        (_wave(role_view, hand, 0.1),) if private.manner == 1 else free_hand(role_view, hand)
+    )
+    trunk_motion = TrunkMotion(
+        TimeInterval(begin - 0.1, begin + 0.25, begin + 0.45, begin + 0.95),
+        twist=0.3 * private.side,
+    )
+    return MotionPlan(
+        root_path(0.0, -role_view.stand, back, turn, go),
+        step_rate_factor=1.25,
+        hand_targets=hand_targets,
+        trunk_motions=(trunk_motion,),
+    )
 
 
-def _wave(cue: Cue, hand: int, start: float) -> Reach:
-    sign, size = 1.0 - 2.0 * hand, cue.me.body.stature
+def _wave(role_view: RoleView, hand: int, start: float) -> HandTarget:
+    sign, size = 1.0 - 2.0 * hand, role_view.subject.body.stature
 
-    def course(times: Array) -> Array:
+    def trajectory(times: Array) -> Array:
         x = sign * (0.16 * size + 0.05 * np.sin(2.0 * np.pi * 2.2 * (times - start)))
         return np.stack([x, np.full_like(x, 0.12 * size), np.full_like(x, 0.10 * size)], axis=-1)
 
-    return Reach(
+    return HandTarget(
         hand,
-        Spell(start, start + 0.45, start + 0.85, start + 1.35),
-        course,
+        TimeInterval(start, start + 0.45, start + 0.85, start + 1.35),
+        trajectory,
         True,
         0.5,
         (sign * 0.12, 0.0, 0.2),
     )
 
 
-def handshake(cue: Cue) -> Part:
+def handshake(role_view: RoleView) -> MotionPlan:
     """Join right hands and shake them; some cover with the other hand, some bow."""
-    own = cue.own
-    start = cue.event - 0.5 - (own.early if cue.first else -0.4 * own.delay)
-    gone = cue.over + 0.1 * own.more[4]
-    shake = Reach(
-        cue.hand,
-        Spell(start, cue.event, gone, gone + 0.45 + 0.2 * own.more[5]),
-        shaken(cue, contact(cue, 0.008)),
+    private = role_view.private
+    start = role_view.event - 0.5 - (private.early if role_view.first else -0.4 * private.delay)
+    gone = role_view.contact_end + 0.1 * private.more[4]
+    shake = HandTarget(
+        role_view.hand,
+        TimeInterval(start, role_view.event, gone, gone + 0.45 + 0.2 * private.more[5]),
+        oscillating(role_view, contact_point(role_view, 0.008)),
     )
-    twist = 0.12 * (2.0 * cue.hand - 1.0)
-    leans = [Lean(shake.spell, pitch=0.07 * own.strength, twist=twist, ahead=0.02)]
-    other = free_hand(cue, 1 - cue.hand)
-    if own.manner == 1:
-        cover = Spell(
-            cue.event + 0.5 * own.delay, cue.event + 0.45 + own.delay, gone - 0.02, gone + 0.5
+    twist = 0.12 * (2.0 * role_view.hand - 1.0)
+    trunk_motions = [
+        TrunkMotion(shake.interval, pitch=0.07 * private.strength, twist=twist, ahead=0.02)
+    ]
+    other = free_hand(role_view, 1 - role_view.hand)
+    if private.manner == 1:
+        cover = TimeInterval(
+            role_view.event + 0.5 * private.delay,
+            role_view.event + 0.45 + private.delay,
+            gone - 0.02,
+            gone + 0.5,
         )
-        x, y, z = contact(cue, 0.05)
-        goal = shaken(cue, (x + 0.03 * (1.0 - 2.0 * (1 - cue.hand)), y + 0.05, z))
-        other = (Reach(1 - cue.hand, cover, goal),)
-        leans.append(Lean(cover, pitch=0.10, twist=-twist, ahead=0.03))
-    if own.manner == 2:
-        bow = Spell(cue.event - 0.2, cue.event + 0.25, cue.event + 0.3, cue.event + 0.9)
-        leans.append(Lean(bow, pitch=0.12 * own.strength, nod=0.25, ahead=-0.07 * own.strength))
-    path = route(
+        x, y, z = contact_point(role_view, 0.05)
+        goal = oscillating(role_view, (x + 0.03 * (1.0 - 2.0 * (1 - role_view.hand)), y + 0.05, z))
+        other = (HandTarget(1 - role_view.hand, cover, goal),)
+        trunk_motions.append(TrunkMotion(cover, pitch=0.10, twist=-twist, ahead=0.03))
+    if private.manner == 2:
+        bow = TimeInterval(
+            role_view.event - 0.2,
+            role_view.event + 0.25,
+            role_view.event + 0.3,
+            role_view.event + 0.9,
+        )
+        trunk_motions.append(
+            TrunkMotion(
+                bow, pitch=0.12 * private.strength, nod=0.25, ahead=-0.07 * private.strength
+            )
+        )
+    path = root_path(
         0.0,
-        -cue.stand - cue.entry,
-        enter(cue, cue.event - 0.1 - own.early),
-        *leave(cue, gone + 0.1),
+        -role_view.stand - role_view.entry,
+        walk_in(role_view, role_view.event - 0.1 - private.early),
+        *step_back(role_view, gone + 0.1),
     )
-    return Part(path, reaches=(shake, *other), leans=tuple(leans))
+    return MotionPlan(path, hand_targets=(shake, *other), trunk_motions=tuple(trunk_motions))
 
 
-def high_five(cue: Cue) -> Part:
+def high_five(role_view: RoleView) -> MotionPlan:
     """Clap raised hands together; some swing wide, some hop into it."""
-    own = cue.own
-    start = cue.event - 0.55 - (own.early if cue.first else -0.4 * own.delay)
-    sign = 1.0 - 2.0 * cue.hand
-    clap = Reach(
-        cue.hand,
-        Spell(start, cue.event, cue.over, cue.over + 0.5 + 0.25 * own.more[4]),
-        fixed(*contact(cue, 0.008)),
-        flare=0.3 + 0.4 * own.more[5],
-        detour=(sign * 0.12 * own.strength, 0.0, 0.12),
+    private = role_view.private
+    start = role_view.event - 0.55 - (private.early if role_view.first else -0.4 * private.delay)
+    sign = 1.0 - 2.0 * role_view.hand
+    clap = HandTarget(
+        role_view.hand,
+        TimeInterval(
+            start,
+            role_view.event,
+            role_view.contact_end,
+            role_view.contact_end + 0.5 + 0.25 * private.more[4],
+        ),
+        constant(*contact_point(role_view, 0.008)),
+        flare=0.3 + 0.4 * private.more[5],
+        curve=(sign * 0.12 * private.strength, 0.0, 0.12),
     )
-    leans = [Lean(clap.spell, pitch=0.04, twist=-0.15 * sign, aside=0.0)]
-    if own.manner == 1:
-        dip = Spell(start - 0.1, start + 0.2, start + 0.2, cue.event + 0.05)
-        leans.append(Lean(dip, crouch=0.06 * own.strength, twist=0.2 * sign))
-    if own.manner == 2:
-        after = Spell(cue.over, cue.over + 0.3, cue.over + 0.4, cue.over + 0.9)
-        leans.append(Lean(after, twist=0.35 * sign, crouch=0.04 * own.strength, nod=0.15))
-    path = route(
-        0.0, -cue.stand - cue.entry, enter(cue, cue.event - 0.1 - own.early), *leave(cue, cue.over)
-    )
-    return Part(path, reaches=(clap, *free_hand(cue, 1 - cue.hand)), leans=tuple(leans))
-
-
-def hand_over(cue: Cue) -> Part:
-    """Give a thing a hand's breadth long; it is taken with one hand or two."""
-    own, size = cue.own, cue.me.body.stature
-    sign = 1.0 - 2.0 * cue.hand
-    start = cue.event - 0.55 - (0.2 + own.early if cue.first else -0.4 * own.delay)
-    gone = cue.over + 0.1 * own.more[4]
-    give = Reach(cue.hand, Spell(start, cue.event, gone, gone + 0.5), fixed(*contact(cue, 0.04)))
-    held = fixed(sign * 0.08 * size, -0.20 * size, 0.16 * size)
-    kept = (
-        Spell(-2.0, -1.5, start + 0.1, cue.event)
-        if cue.first
-        else Spell(gone, gone + 0.5, 9.0, 9.9)
-    )
-    leans = [Lean(give.spell, pitch=0.06 * own.strength, twist=-0.12 * sign, ahead=0.02)]
-    reaches = (Reach(cue.hand, kept, held, True), give)
-    other = free_hand(cue, 1 - cue.hand)
-    if own.manner == 1:
-        x, y, z = contact(cue, 0.05)
-        late = Spell(start + 0.1, cue.event + 0.05, gone, gone + 0.55)
-        other = (Reach(1 - cue.hand, late, fixed(x - 0.05 * sign, y - 0.03, z)),)
-        leans.append(Lean(late, pitch=0.08, twist=0.12 * sign, ahead=0.02))
-    if own.manner == 2:
-        thanks = Spell(gone, gone + 0.35, gone + 0.45, gone + 0.95)
-        leans.append(Lean(thanks, pitch=0.12 * own.strength, nod=0.25))
-    path = route(
+    trunk_motions = [TrunkMotion(clap.interval, pitch=0.04, twist=-0.15 * sign, aside=0.0)]
+    if private.manner == 1:
+        dip = TimeInterval(start - 0.1, start + 0.2, start + 0.2, role_view.event + 0.05)
+        trunk_motions.append(TrunkMotion(dip, crouch=0.06 * private.strength, twist=0.2 * sign))
+    if private.manner == 2:
+        after = TimeInterval(
+            role_view.contact_end,
+            role_view.contact_end + 0.3,
+            role_view.contact_end + 0.4,
+            role_view.contact_end + 0.9,
+        )
+        trunk_motions.append(
+            TrunkMotion(after, twist=0.35 * sign, crouch=0.04 * private.strength, nod=0.15)
+        )
+    path = root_path(
         0.0,
-        -cue.stand - cue.entry,
-        enter(cue, cue.event - 0.1 - own.early),
-        *leave(cue, gone + 0.1),
+        -role_view.stand - role_view.entry,
+        walk_in(role_view, role_view.event - 0.1 - private.early),
+        *step_back(role_view, role_view.contact_end),
     )
-    return Part(path, reaches=(*reaches, *other), leans=tuple(leans))
+    return MotionPlan(
+        path,
+        hand_targets=(clap, *free_hand(role_view, 1 - role_view.hand)),
+        trunk_motions=tuple(trunk_motions),
+    )
+
+
+def hand_over(role_view: RoleView) -> MotionPlan:
+    """Give a thing a hand's breadth long; it is taken with one hand or two."""
+    private, size = role_view.private, role_view.subject.body.stature
+    sign = 1.0 - 2.0 * role_view.hand
+    start = (
+        role_view.event - 0.55 - (0.2 + private.early if role_view.first else -0.4 * private.delay)
+    )
+    gone = role_view.contact_end + 0.1 * private.more[4]
+    give = HandTarget(
+        role_view.hand,
+        TimeInterval(start, role_view.event, gone, gone + 0.5),
+        constant(*contact_point(role_view, 0.04)),
+    )
+    held = constant(sign * 0.08 * size, -0.20 * size, 0.16 * size)
+    kept = (
+        TimeInterval(-2.0, -1.5, start + 0.1, role_view.event)
+        if role_view.first
+        else TimeInterval(gone, gone + 0.5, 9.0, 9.9)
+    )
+    trunk_motions = [
+        TrunkMotion(give.interval, pitch=0.06 * private.strength, twist=-0.12 * sign, ahead=0.02)
+    ]
+    hand_targets = (HandTarget(role_view.hand, kept, held, True), give)
+    other = free_hand(role_view, 1 - role_view.hand)
+    if private.manner == 1:
+        x, y, z = contact_point(role_view, 0.05)
+        late = TimeInterval(start + 0.1, role_view.event + 0.05, gone, gone + 0.55)
+        other = (HandTarget(1 - role_view.hand, late, constant(x - 0.05 * sign, y - 0.03, z)),)
+        trunk_motions.append(TrunkMotion(late, pitch=0.08, twist=0.12 * sign, ahead=0.02))
+    if private.manner == 2:
+        thanks = TimeInterval(gone, gone + 0.35, gone + 0.45, gone + 0.95)
+        trunk_motions.append(TrunkMotion(thanks, pitch=0.12 * private.strength, nod=0.25))
+    path = root_path(
+        0.0,
+        -role_view.stand - role_view.entry,
+        walk_in(role_view, role_view.event - 0.1 - private.early),
+        *step_back(role_view, gone + 0.1),
+    )
+    return MotionPlan(
+        path, hand_targets=(*hand_targets, *other), trunk_motions=tuple(trunk_motions)
+    )

@@ -1,22 +1,194 @@
-"""What two people agree on: everything about a clip that neither chooses alone.
+"""The shared variables of a clip: timing, placement, camera view; sampled for each clip.
 
-Given a script the two people's motions are independent; that is what makes a fresh draw of either
-one's motion an exact draw of the reaction to the other (see ``capture``).
+Given a script the two people's motions are conditionally independent, so a new sample of one
+person's motion is an exact sample of the reaction to the other (see ``capture``).
 """
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from pacmo_core.synthesis.body import Subject, pair_of
-from pacmo_core.synthesis.staging import instants, places, timing, view
+from pacmo_core.synthesis.body import Body, Subject, sample_pair
+
+FPS = 30.0  # nominal frames a second of a Kinect
+MIN_DURATION, MAX_DURATION = 1.5, 4.0  # seconds
+MIN_TAIL = 0.35  # seconds after a contact, at least
+FRAME_JITTER = 0.002  # seconds, standard deviation of frame times
+
+# Seconds that a contact lasts, from and to.
+CONTACT_SECONDS = {
+    "approach": (0.0, 0.0),
+    "depart": (0.0, 0.0),
+    "handshake": (0.6, 1.2),
+    "high five": (0.05, 0.10),
+    "push": (0.10, 0.16),
+    "kick": (0.04, 0.07),
+    "punch": (0.04, 0.07),
+    "hug": (0.7, 1.3),
+    "hand over": (0.25, 0.5),
+    "circle dance": (1.6, 2.3),
+}
+MAX_CONTACT_HEIGHT = 0.5  # of an arm: how far above or below the shoulder a contact may be
+CHEST_DEPTH = 0.11  # metres from the spine to the front of the chest
+
+
+class Timing(NamedTuple):
+    """When: fields of ``Script`` of the same names."""
+
+    event: float
+    hold: float
+    duration: float
+    entry: tuple[float, float]
+    vigour: float
+    beat: float
+    turn: float
+    stays: bool
+
+
+class Placement(NamedTuple):
+    """Where: fields of ``Script`` of the same names."""
+
+    stand: tuple[float, float]
+    hands: tuple[int, int]
+    aside: float
+    level: float
+
+
+def sample_timing(random: np.random.Generator, action: str, tempo: float) -> Timing:
+    """Sample the timing of an action for two people of a mean tempo."""
+    hold = float(random.uniform(*CONTACT_SECONDS[action])) / tempo
+    walks = random.random() < 0.65
+    near = random.uniform(0.25, 0.75, 2) * (1.0 if walks else 0.0)
+    entry = random.uniform(0.8, 1.4, 2) if action in ("approach", "depart") else near
+    event = _sample_event(random, action, float(entry.max()), tempo)
+    hold = min(hold, MAX_DURATION - MIN_TAIL - event)
+    tail = random.uniform(0.35, 0.7) if action == "approach" else random.uniform(0.8, 1.3)
+    tail = max(tail, float(entry.max()) / 1.1 + 1.0) if action == "depart" else tail
+    way = -1.0 if random.random() < 0.5 else 1.0
+    return Timing(
+        event=event,
+        hold=hold,
+        duration=float(np.clip(event + hold + tail, MIN_DURATION, MAX_DURATION)),
+        entry=(float(entry[0]), float(entry[1])),
+        vigour=float(np.exp(random.normal(0.0, 0.22))),
+        beat=float(random.uniform(2.2, 3.2)),
+        turn=float(way * (0.9 * hold if action == "circle dance" else random.uniform(0.0, 0.5))),
+        stays=bool(random.random() < 0.6),
+    )
+
+
+def _sample_event(random: np.random.Generator, action: str, entry: float, tempo: float) -> float:
+    slack = random.uniform(0.0, 0.35)
+    if action == "depart":
+        return float(0.35 + slack)
+    return float((0.8 + slack + entry / 1.05) / tempo)
+
+
+def sample_placement(
+    random: np.random.Generator, action: str, people: tuple[Subject, Subject], first: int
+) -> Placement:
+    """Sample where two people meet so that both can reach; ``first`` (0 or 1) is the initiator."""
+    actor, other = people[first].body, people[1 - first].body
+    hands = _sample_hands(random, action, people, first)
+    shoulders = [0.5 * (p.body.shoulder_height - 0.03) for p in people]
+    shoulder = float(sum(shoulders))
+    ease = float(random.uniform(0.90, 1.0))
+    if action in ("push", "punch", "kick"):
+        level, gap = _sample_strike(random, action, actor, other)
+        return Placement((0.5 * gap, 0.5 * gap), hands, float(random.normal(0.0, 0.015)), level)
+    if action in ("approach", "depart"):
+        apart = random.uniform(0.38, 0.6, 2)
+        return Placement((float(apart[0]), float(apart[1])), hands, 0.0, shoulder)
+    if action == "hug":
+        near = float(random.uniform(0.165, 0.20))
+        return Placement((near, near), hands, float(random.uniform(0.05, 0.08)), shoulder)
+    lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.17}[
+        action
+    ]
+    wanted = shoulder + lift + float(random.uniform(-0.05, 0.05))
+    level = _clip_to_reach(wanted, [p.body for p in people])
+    stretch = 0.70 if action == "circle dance" else 0.80
+    near_a, near_b = (ease * _reach_distance(p.body, level, stretch) for p in people)
+    sides = [(1.0 - 2.0 * hands[0]), -(1.0 - 2.0 * hands[1])]
+    aside = float(sum(sides)) * 0.08 + float(random.normal(0.0, 0.02))
+    return Placement((near_a, near_b), hands, aside, level)
+
+
+def _sample_hands(
+    random: np.random.Generator, action: str, people: tuple[Subject, Subject], first: int
+) -> tuple[int, int]:
+    """Sample hands: 0 left, 1 right. Handshakes use the right; else mostly the preferred hand."""
+    preferred = [int(p.handedness < 0) for p in people]
+    flips = random.random(2) < 0.2
+    hand_of = [side ^ int(flip) for side, flip in zip(preferred, flips, strict=True)]
+    if action == "handshake":
+        return 1, 1
+    if action in ("high five", "hug"):
+        return hand_of[first], hand_of[first]
+    return hand_of[0], hand_of[1]
+
+
+def _clip_to_reach(level: float, bodies: list[Body]) -> float:
+    """Clip a height to what everyone's arm can reach."""
+    low = max(body.shoulder_height - 0.03 - MAX_CONTACT_HEIGHT * body.arm for body in bodies)
+    high = min(body.shoulder_height - 0.03 + MAX_CONTACT_HEIGHT * body.arm for body in bodies)
+    return min(max(level, low), high)
+
+
+def _reach_distance(body: Body, level: float, stretch: float) -> float:
+    """Metres ahead of the pelvis of a hand at ``level`` with the arm extended by ``stretch``."""
+    drop = body.shoulder_height - 0.03 - level
+    trunk_motion = 0.05
+    return trunk_motion + float(
+        np.sqrt((stretch * body.arm) ** 2 - drop**2 - body.shoulder_half**2)
+    )
+
+
+def _sample_strike(
+    random: np.random.Generator, action: str, actor: Body, other: Body
+) -> tuple[float, float]:
+    """Sample the height at which a strike lands, and the metres between the pelvises."""
+    if action == "kick":
+        level = float(random.uniform(0.40, 0.54)) * other.stature
+        hip = actor.leg + actor.ankle_height - 0.04
+        reach = float(np.sqrt((0.93 * actor.leg) ** 2 - (hip - level) ** 2))
+        return level, reach + CHEST_DEPTH + 0.06
+    if action == "push":
+        level = other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16))
+        level = _clip_to_reach(level, [actor])
+        return level, _reach_distance(actor, level, 0.74) + CHEST_DEPTH + 0.08
+    level = other.head_height - 0.03 - float(random.uniform(0.0, 0.06))
+    level = _clip_to_reach(level, [actor])
+    return level, _reach_distance(actor, level, 0.84) + CHEST_DEPTH + 0.24
+
+
+def sample_view(
+    random: np.random.Generator, setup: int, camera: int
+) -> tuple[float, float, float, float, float]:
+    """Sample the camera's pose: three are 45 degrees apart; a setup has its height and distance."""
+    side = (0.0, -0.25, 0.25)[camera - 1] * np.pi + (np.pi if random.random() < 0.5 else 0.0)
+    yaw = side + random.normal(0.0, 0.2)
+    pitch = random.normal(0.0, 0.02)
+    height = 0.9 + 0.05 * (setup * 5 % 8) + random.normal(0.0, 0.01)
+    distance = 3.0 + 0.1 * (setup * 3 % 8) + random.normal(0.0, 0.08)
+    return float(yaw), float(pitch), float(height), float(distance), float(random.normal(0.0, 0.12))
+
+
+def sample_frame_times(random: np.random.Generator, duration: float) -> tuple[float, ...]:
+    """Sample each frame's time: 30 a second with a jitter of milliseconds."""
+    late = random.normal(0.0, FRAME_JITTER, round(duration * FPS)).clip(
+        -4 * FRAME_JITTER, 4 * FRAME_JITTER
+    )
+    times = np.arange(len(late)) / FPS + late
+    return tuple((times - min(0.0, times[0])).tolist())
+
 
 Role = Literal["a", "b"]
 
 # The nearest NTU RGB+D action. NTU has no dance: two people who move hand in hand are A119's.
-ACTS = {
+ACTIONS = {
     "approach": "A059",
     "depart": "A060",
     "handshake": "A058",
@@ -36,28 +208,28 @@ class Script:
 
     Parameters
     ----------
-    population, pair : who: the seed of the population, and which pair of it, from 1
-    act : a key of ``ACTS``
+    population, pair : the seed of the population, and which pair of it, from 1
+    action : a key of ``ACTS``
     setup, camera, replication : the numbers in an NTU file name
-    initiator : who acts: the other responds
-    event : seconds at which the act comes to its point (hands meet, a blow lands)
+    initiator : the person who acts; the other responds
+    event : seconds of the main event (hands meet, a strike lands)
     hold : seconds that a contact lasts
     duration : seconds
     entry : metres that each person, a and b, comes from or goes to
     stand : metres from each person's pelvis to the meeting plane at the event
     hands : the hand each person uses, 0 left, 1 right
     aside, level : metres: place of the contact left of person a's midline, and its height
-    vigour : strength of the act, about 1
-    beat : hertz, of what repeats
+    vigour : strength of the action, about 1
+    beat : hertz, of repeated movements
     turn : radians that the pair turns, or the way in which they part; positive to the left
     stays : whether both stay where they stand after the event
-    view : the camera: yaw and pitch (radians), its height, its distance, its miss aside (metres)
-    instants : seconds, when each frame was really taken
+    view : the camera: yaw and pitch (radians), height, distance, lateral offset (metres)
+    frame_times : seconds, the true time of each frame
     """
 
     population: int
     pair: int
-    act: str
+    action: str
     setup: int
     camera: int
     replication: int
@@ -75,15 +247,15 @@ class Script:
     turn: float
     stays: bool
     view: tuple[float, float, float, float, float]
-    instants: tuple[float, ...]
+    frame_times: tuple[float, ...]
 
     @property
     def people(self) -> tuple[Subject, Subject]:
         """Person a and person b."""
-        return pair_of(self.population, self.pair)
+        return sample_pair(self.population, self.pair)
 
     def to_json(self) -> dict[str, Any]:
-        """Give a dictionary of numbers, words and lists of numbers."""
+        """Convert to a dictionary of numbers, strings and lists of numbers."""
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in asdict(self).items()
@@ -91,7 +263,7 @@ class Script:
 
     @classmethod
     def from_json(cls, words: dict[str, Any]) -> "Script":
-        """Read back what ``to_json`` gave.
+        """Restore from ``to_json``.
 
         Raises
         ------
@@ -111,65 +283,69 @@ def file_name(script: Script) -> str:
     """Name a clip as NTU RGB+D does, without the ending; P is the pair."""
     return (
         f"S{script.setup:03d}C{script.camera:03d}P{script.pair:03d}"
-        f"R{script.replication:03d}{ACTS[script.act]}"
+        f"R{script.replication:03d}{ACTIONS[script.action]}"
     )
 
 
-def write_script(
+def sample_script(
     random: np.random.Generator,
     *,
     population: int,
     pair: int,
-    act: str,
+    action: str,
     replication: int,
 ) -> Script:
-    """Draw the shared variables of one clip; setup and camera follow from pair and replication.
+    """Sample the shared variables of one clip; setup and camera follow from pair and replication.
 
     Raises
     ------
     ValueError
-        If the act is unknown, or pair or replication does not fit NTU's three digits.
+        If the action is unknown, or pair or replication does not fit NTU's three digits.
     """
-    if act not in ACTS or not 1 <= pair <= 999 or not 1 <= replication <= 999:
+    if action not in ACTIONS or not 1 <= pair <= 999 or not 1 <= replication <= 999:
         raise ValueError(
-            f"wanted an act of {', '.join(ACTS)}, pair and replication of 1 to 999; "
-            f"got {act!r}, {pair}, {replication}"
+            f"wanted an action of {', '.join(ACTIONS)}, pair and replication of 1 to 999; "
+            f"got {action!r}, {pair}, {replication}"
         )
-    a, b = pair_of(population, pair)
+    a, b = sample_pair(population, pair)
     initiator: Role = "a" if random.random() < 0.5 else "b"
-    when = timing(random, act, 0.5 * (a.tempo + b.tempo))
-    where = places(random, act, (a, b), "ab".index(initiator))
+    when = sample_timing(random, action, 0.5 * (a.tempo + b.tempo))
+    where = sample_placement(random, action, (a, b), "ab".index(initiator))
     setup, camera = 1 + (pair - 1) % 17, 1 + (replication - 1) % 3
     return Script(
         population=population,
         pair=pair,
-        act=act,
+        action=action,
         setup=setup,
         camera=camera,
         replication=replication,
         initiator=initiator,
         **when._asdict(),
         **where._asdict(),
-        view=view(random, setup, camera),
-        instants=instants(random, when.duration),
+        view=sample_view(random, setup, camera),
+        frame_times=sample_frame_times(random, when.duration),
     )
 
 
-def write_scripts(
-    random_seed: int, *, population: int, pairs: int, acts: tuple[str, ...], replications: int
+def sample_scripts(
+    random_seed: int, *, population: int, pairs: int, actions: tuple[str, ...], replications: int
 ) -> Iterator[tuple[Script, np.random.Generator]]:
-    """Write every pair's clips, each with the generator that is to perform it.
+    """Sample every pair's scripts, each with the generator for its motions.
 
-    A clip's generator comes from its own names, so more pairs, acts or replications change no clip.
+    A clip's generator comes from its own numbers, so more pairs or replications change no clip.
     """
     for pair in range(1, pairs + 1):
-        for act in acts:
+        for action in actions:
             for replication in range(1, replications + 1):
-                names = [random_seed, population, pair, int(ACTS[act][1:]), replication]
-                writer, performer = np.random.default_rng(names).spawn(2)
+                names = [random_seed, population, pair, int(ACTIONS[action][1:]), replication]
+                script_generator, motion_generator = np.random.default_rng(names).spawn(2)
                 yield (
-                    write_script(
-                        writer, population=population, pair=pair, act=act, replication=replication
+                    sample_script(
+                        script_generator,
+                        population=population,
+                        pair=pair,
+                        action=action,
+                        replication=replication,
                     ),
-                    performer,
+                    motion_generator,
                 )

@@ -12,13 +12,13 @@ from pacmo_core.augmentation.segments import segments
 from pacmo_core.augmentation.solve import scene_of
 from pacmo_core.data.interaction import Interaction, bone_lengths
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import prepare, vary
 from pacmo_core.store.motions import stream_motions, write_motions
 from tests.formats.real_files import real_folder
-from tests.reaction.problems import mirrored
+from tests.reaction.problems import delayed_mirror
 
 PARAMS = Path("experiments/default.yaml").absolute()
 FOREARM = [s.name for s in segments(SBU15)].index("left_forearm")
@@ -26,7 +26,7 @@ FOREARM = [s.name for s in segments(SBU15)].index("left_forearm")
 
 def standing(n_frames: int = 20) -> Interaction:
     """Give two people constant bones and a height."""
-    clip = mirrored(1, np.arange(n_frames) / 15)
+    clip = delayed_mirror(1, np.arange(n_frames) / 15)
     random = np.random.default_rng(0)
     still = [motion.mean(axis=0) for motion in (clip.person_a, clip.person_b)]
     sway = 0.02 * random.standard_normal((2, n_frames, 1, 3)).cumsum(axis=1)

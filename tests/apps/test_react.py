@@ -20,21 +20,22 @@ from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.models import load
-from pacmo_core.reaction import adversarial, fit
-from pacmo_core.reaction.react import instants, react
+from pacmo_core.reaction import wgan
+from pacmo_core.reaction.react import react, sample_times
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
+from pacmo_core.training.state import model_config, model_state
 from tests.formats.real_files import real_folder
-from tests.reaction.problems import PACMO_LONG, clips, mirrored
+from tests.reaction.problems import PACMO_LONG, clips, delayed_mirror
 
-CLIP = mirrored(1, np.arange(40) / 15)
+CLIP = delayed_mirror(1, np.arange(40) / 15)
 
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    model = adversarial.fit(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
+    model = wgan.build_training(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
-    write_weights(path, {"kind": "pacmo", "model": adversarial.config(model)}, fit.state(model))
+    write_weights(path, {"kind": "pacmo", "model": model_config(model)}, model_state(model))
     return path
 
 
@@ -66,7 +67,7 @@ def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
     assert list(found) == ["one#0000", "one#0001", "one#0002"]
 
     model = load(weights)
-    at = instants(CLIP.times, fps=60)
+    at = sample_times(CLIP.times, fps=60)
     random = torch.Generator().manual_seed(5)
     samples = react(model, CLIP.person_b, CLIP.times, out_times=at, n_samples=3, random=random)
     for pair, sample in zip(found.values(), samples, strict=True):

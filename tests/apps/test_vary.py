@@ -10,7 +10,6 @@ from typer.testing import CliRunner, Result
 from apps.cli import app
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction import fit
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
@@ -18,6 +17,7 @@ from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.model import PriorConfig
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import read_weights, write_weights
+from pacmo_core.training.state import model_state
 from tests.apps.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored
 
 __all__ = ["files", "stored"]  # fixtures
@@ -34,7 +34,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
             torch.nn.init.constant_(weight, 0.01)
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
     config = {"kind": "skeleton_prior", "model": training.config(model)}
-    write_weights(path, config, fit.state(model))
+    write_weights(path, config, model_state(model))
     return path
 
 

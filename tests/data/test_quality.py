@@ -132,7 +132,7 @@ def test_an_error_names_all_faults_and_crosses_processes():
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no published files at {REAL}")
 def test_published_captures_of_two_people_pass():
-    ntu, sbu = Ntu(fps=30, max_gap=5, reach=0.3, min_share=0.5), Sbu(fps=15)
+    ntu, sbu = Ntu(fps=30, max_gap=5, max_link_distance=0.3, min_visible_share=0.5), Sbu(fps=15)
     clips = [sbu.read(sequence) for sequence in sbu.find(REAL / "sbu")]
     clips += [ntu.read(sequence) for sequence in ntu.find(REAL / "ntu" / "two_person")]
     assert len(clips) == 283

@@ -15,13 +15,13 @@ from pacmo_core.figures.stills import (
     onlooker,
     project,
 )
-from pacmo_core.synthesis import capture, write_scripts
+from pacmo_core.synthesis import sample_interaction, sample_scripts
 
 
 @pytest.fixture(scope="module")
 def interaction() -> Interaction:
-    written = write_scripts(1, population=1, pairs=1, acts=("handshake",), replications=1)
-    return capture(*next(iter(written)))
+    written = sample_scripts(1, population=1, pairs=1, actions=("handshake",), replications=1)
+    return sample_interaction(*next(iter(written)))
 
 
 def test_a_projection_keeps_distances_and_handedness(interaction: Interaction) -> None:

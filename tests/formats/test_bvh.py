@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh, read_bvh
-from pacmo_core.formats.raw import FormatError
 from tests.formats.bvh_faults import FAULTS
 from tests.formats.real_files import real_folder
 from tests.formats.valid_sets import FRAMES, bvh_text, numbers, table

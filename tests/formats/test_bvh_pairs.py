@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from pacmo_core.formats.base import FormatError, RawSequence, to_y_up
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.people import upright
-from pacmo_core.formats.raw import FormatError, RawSequence
 from tests.formats.valid_sets import FRAMES, bvh_text, write_bvh_pair
 
 
@@ -51,7 +50,7 @@ def test_a_pair_is_both_files_on_the_clock_of_their_frame_time(tmp_path):
 
 
 def test_z_up_becomes_y_up_by_a_rotation():
-    turned = upright(np.eye(3), "z").T
+    turned = to_y_up(np.eye(3), "z").T
     assert_allclose(turned @ (0, 0, 1), (0, 1, 0))
     assert_allclose(turned @ turned.T, np.eye(3))
     assert np.linalg.det(turned) == pytest.approx(1)

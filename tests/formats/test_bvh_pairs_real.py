@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from pacmo_core.formats.base import FormatError, RawSequence
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.raw import FormatError, RawSequence
 from tests.formats.real_files import real_folder
 
 

@@ -9,10 +9,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.formats.acclaim import read_amc
+from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh, read_bvh
-from pacmo_core.formats.cmu import Cmu
-from pacmo_core.formats.cmu_trials import CMU_FPS, CMU_LABELS
-from pacmo_core.formats.raw import FormatError
+from pacmo_core.formats.cmu import CMU_FPS, CMU_LABELS, Cmu
 from tests.formats.real_files import real_folder
 from tests.formats.valid_sets import ASF, FRAMES, amc_text, write_cmu
 

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from pacmo_core.data.skeleton import DUET15
+from pacmo_core.formats.base import FormatError, RawSequence
 from pacmo_core.formats.duetdance import DuetDance
 from pacmo_core.formats.mat import list_variables, read_variable
-from pacmo_core.formats.raw import FormatError, RawSequence
 from tests.formats.real_files import real_folder
 from tests.formats.valid_sets import FRAMES, numbers, write_duetdance, write_duetdance_text
 

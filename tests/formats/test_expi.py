@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pacmo_core.data.skeleton import EXPI18
+from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.expi import Expi
-from pacmo_core.formats.raw import FormatError
 from tests.formats.valid_sets import FRAMES, numbers, write_expi
 
 FORM = Expi(fps=25.0, up="y")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.quality import limit_violations, measure_quality
-from pacmo_core.formats.raw import FormatError, Reading
+from pacmo_core.formats.base import FormatError, Reading
 from pacmo_core.formats.registry import FORMATS, open_format
 from pacmo_core.formats.write_ntu import format_frames
 from tests.formats.mutations import MUTATIONS, mutate
@@ -55,7 +55,11 @@ BVH = {
 
 # Name, settings, and what writes a small valid set into a folder.
 READERS = [
-    ("ntu", {"fps": 30.0, "max_gap": 5, "reach": 0.3, "min_share": 0.5}, write_ntu),
+    (
+        "ntu",
+        {"fps": 30.0, "max_gap": 5, "max_link_distance": 0.3, "min_visible_share": 0.5},
+        write_ntu,
+    ),
     ("sbu", {"fps": 15.0}, write_sbu),
     ("duetdance", {"fps": 25.0}, write_duetdance),
     ("expi", {"fps": 25.0, "up": "z"}, write_expi),

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pacmo_core.data.skeleton import INTERHUMAN22
+from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.interhuman import InterHuman
-from pacmo_core.formats.raw import FormatError
 from tests.formats.valid_sets import FRAMES, numbers, write_interhuman
 
 FORM = InterHuman(fps=30.0, up="y")

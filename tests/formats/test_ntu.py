@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
+from pacmo_core.formats.base import FormatError, RawSequence
 from pacmo_core.formats.ntu import Ntu, read_skip_list
-from pacmo_core.formats.raw import FormatError, RawSequence
 from pacmo_core.formats.write_ntu import format_frames
 
 REAL = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data")) / "ntu"
-SETTINGS = {"fps": 30.0, "max_gap": 3, "reach": 0.3, "min_share": 0.5}
+SETTINGS = {"fps": 30.0, "max_gap": 3, "max_link_distance": 0.3, "min_visible_share": 0.5}
 NTU = Ntu(**SETTINGS)
 BODY = 27  # lines
 
@@ -71,7 +71,7 @@ def test_a_short_gap_is_filled_by_a_straight_line_and_counted(tmp_path):
 
 
 def test_a_long_gap_is_refused_at_the_line_where_the_body_was_last_seen(tmp_path):
-    with pytest.raises(FormatError, match=r"not seen for 4 frames; at most 3") as caught:
+    with pytest.raises(FormatError, match=r"not visible for 4 frames; wanted at most 3") as caught:
         read(tmp_path, frames("aa....aa", "bbbbbbbb"))
     assert caught.value.line == 2 + 1 + 2 * BODY + 1
 
@@ -94,7 +94,7 @@ def test_a_body_that_comes_back_elsewhere_is_not_stitched(tmp_path):
     shown = frames("aaaaa.....", "bbbbbbbbbb")
     for t in range(5, 10):
         shown[t][99] = pose(2, t)
-    reader = Ntu(**SETTINGS | {"min_share": 0.6})
+    reader = Ntu(**SETTINGS | {"min_visible_share": 0.6})
     with pytest.raises(FormatError, match=r"wanted two bodies .* got 3 in all"):
         read(tmp_path, shown, reader)
 
@@ -119,7 +119,7 @@ def test_late_arrival_and_early_departure_are_cut_off_and_not_counted(tmp_path):
     [
         (("aaaa",), "wanted two bodies"),
         (("....",), "got 0 in all"),
-        (("aaa...", "...bbb"), "never seen together"),
+        (("aaa...", "...bbb"), "never visible together"),
     ],
 )
 def test_fewer_than_two_people_are_refused(tmp_path, shown, reason):

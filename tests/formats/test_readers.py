@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pacmo_core.formats.raw import FormatError
+from pacmo_core.formats.base import FormatError
 from tests.formats.valid_readers import VALID_SETS
 from tests.formats.valid_sets import FRAMES
 

@@ -5,7 +5,7 @@ import pytest
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.registry import open_format
 
-SETTINGS = {"fps": 30.0, "max_gap": 3, "reach": 0.3, "min_share": 0.5}
+SETTINGS = {"fps": 30.0, "max_gap": 3, "max_link_distance": 0.3, "min_visible_share": 0.5}
 
 
 def test_a_format_is_opened_by_name_and_refuses_what_it_does_not_know():

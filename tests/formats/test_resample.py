@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pacmo_core.formats.people import upright
-from pacmo_core.formats.resample import instants, resampled, turned_to
+from pacmo_core.formats.base import to_y_up
+from pacmo_core.formats.resample import from_y_up, resample, sample_times
 
 TIMES = np.sort(np.random.default_rng(0).uniform(0, 2, 30))
 
@@ -19,24 +19,24 @@ def cubic(times: np.ndarray) -> np.ndarray:
 @settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.floats(5, 240))
 def test_a_cubic_motion_is_found_at_any_rate(fps: float) -> None:
-    at = instants(TIMES, fps)
-    found = resampled(cubic(TIMES).astype(np.float32), TIMES, at)
+    at = sample_times(TIMES, fps)
+    found = resample(cubic(TIMES).astype(np.float32), TIMES, at)
     np.testing.assert_allclose(found, cubic(at), atol=2e-4)
 
 
 def test_frames_that_stay_are_the_same() -> None:
     motion = np.random.default_rng(1).normal(size=(31, 4, 3)).astype(np.float32)
     times = np.arange(31) / 30
-    at = instants(times, 60)
+    at = sample_times(times, 60)
     assert len(at) == 61
-    np.testing.assert_allclose(resampled(motion, times, at)[::2], motion, atol=1e-6)
-    np.testing.assert_allclose(resampled(motion, times, times), motion, atol=1e-6)
+    np.testing.assert_allclose(resample(motion, times, at)[::2], motion, atol=1e-6)
+    np.testing.assert_allclose(resample(motion, times, times), motion, atol=1e-6)
 
 
 def test_instants_begin_at_the_first_frame_and_stay_within_the_clip() -> None:
     times = 5 + np.arange(31) / 30
     for fps in (7, 24, 30, 120):
-        at = instants(times, fps)
+        at = sample_times(times, fps)
         assert at[0] == 5
         assert at[-1] <= times[-1] + 1e-9 < at[-1] + 1 / fps
         np.testing.assert_allclose(np.diff(at), 1 / fps)
@@ -44,25 +44,25 @@ def test_instants_begin_at_the_first_frame_and_stay_within_the_clip() -> None:
 
 def test_two_frames_are_joined_by_a_line() -> None:
     ends = np.array([[[0, 0, 0]], [[1, 2, 3]]], np.float32)
-    found = resampled(ends, np.array([0.0, 1.0]), np.array([0.25]))
+    found = resample(ends, np.array([0.0, 1.0]), np.array([0.25]))
     np.testing.assert_allclose(found, [[[0.25, 0.5, 0.75]]])
 
 
 @pytest.mark.parametrize("fps", [0.0, -30.0, 1e6])
 def test_rates_that_no_capture_has_are_refused(fps: float) -> None:
     with pytest.raises(ValueError, match="fps must be"):
-        instants(TIMES, fps)
+        sample_times(TIMES, fps)
 
 
 def test_a_clip_too_short_for_two_frames_is_refused() -> None:
     with pytest.raises(ValueError, match="too short"):
-        instants(np.array([0, 0.1]), 5)
+        sample_times(np.array([0, 0.1]), 5)
 
 
 def test_turning_to_z_up_undoes_what_reading_does() -> None:
     motion = np.random.default_rng(2).normal(size=(5, 3, 3)).astype(np.float32)
     for up in ("y", "z"):
-        np.testing.assert_array_equal(upright(turned_to(motion, up), up), motion)
-    np.testing.assert_array_equal(turned_to(np.array([0, 1, 0], np.float32), "z"), [0, 0, 1])
+        np.testing.assert_array_equal(to_y_up(from_y_up(motion, up), up), motion)
+    np.testing.assert_array_equal(from_y_up(np.array([0, 1, 0], np.float32), "z"), [0, 0, 1])
     with pytest.raises(ValueError, match="up must be"):
-        turned_to(motion, "x")
+        from_y_up(motion, "x")

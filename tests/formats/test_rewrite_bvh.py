@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh, read_bvh
-from pacmo_core.formats.raw import FormatError
-from pacmo_core.formats.rewrite_bvh import rewrite_bvh
+from pacmo_core.formats.write_bvh import rewrite_bvh
 from tests.formats.real_files import real_folder
 
 TEXT = """HIERARCHY
@@ -61,7 +61,7 @@ def again(file: Path, bvh: Bvh, places: np.ndarray, scales: np.ndarray) -> tuple
     written = rewrite_bvh(file, bvh, joints, places[:, joints], scales)
     other = file.with_name("again.bvh")
     other.write_text(written.text)
-    return read_bvh(other), float(written.misses.max())
+    return read_bvh(other), float(written.errors.max())
 
 
 def test_a_file_written_as_it_was_read_is_what_it_was(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_joint_that_cannot_turn_freely_is_refused_by_name(tmp_path: Path) -> N
     rows = "\n".join(" ".join(["1"] * 16) for _ in range(3))
     file.write_text(text + rows + "\n")
     bvh = read_bvh(file)
-    with pytest.raises(FormatError, match="head turns about 1 axes; wanted three"):
+    with pytest.raises(FormatError, match="head has 1 rotation axes; wanted three"):
         again(file, bvh, bvh.positions(), np.ones(6))
     still = TEXT.replace(
         "CHANNELS 6 Yposition Xposition Zposition Yrotation", "CHANNELS 3 Yrotation"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.formats.raw import FormatError, RawSequence
+from pacmo_core.formats.base import FormatError, RawSequence
 from pacmo_core.formats.sbu import Sbu
 
 REAL = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data")) / "sbu"

@@ -14,9 +14,15 @@ from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15,
 from pacmo_core.figures.body import body_of
 from pacmo_core.figures.flesh import flesh
 from pacmo_core.formats.fit_bones import fit_bones
-from pacmo_core.formats.gltf_buffer import to_glb, to_gltf
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.formats.write_gltf import Actor, gltf_document, quaternions, rest_places
+from pacmo_core.formats.write_gltf import (
+    AnimatedPerson,
+    gltf_document,
+    quaternions,
+    rest_positions,
+    to_glb,
+    to_gltf,
+)
 from tests.formats.moving import moving
 from tests.node import node_json
 
@@ -25,13 +31,13 @@ FPS = 30.0
 FRAMES = [0, 3, 7]
 
 
-def actor(name: str, motion: np.ndarray, skeleton: Skeleton) -> Actor:
+def actor(name: str, motion: np.ndarray, skeleton: Skeleton) -> AnimatedPerson:
     fitted = fit_bones(motion, skeleton)
-    skin = flesh(body_of(skeleton), skeleton, rest_places(fitted, skeleton))
-    return Actor(name, fitted, skin, (0.1, 0.2, 0.9))
+    skin = flesh(body_of(skeleton), skeleton, rest_positions(fitted, skeleton))
+    return AnimatedPerson(name, fitted, skin, (0.1, 0.2, 0.9))
 
 
-def written(file: Path, skeleton: Skeleton, motions: list[np.ndarray]) -> list[Actor]:
+def written(file: Path, skeleton: Skeleton, motions: list[np.ndarray]) -> list[AnimatedPerson]:
     actors = [actor("ab"[k], motion, skeleton) for k, motion in enumerate(motions)]
     document, data = gltf_document(skeleton, np.arange(len(motions[0])) / FPS, actors)
     file.write_bytes((to_glb if file.suffix == ".glb" else to_gltf)(document, data))
@@ -93,13 +99,13 @@ def test_three_js_moves_the_skin_along_with_the_bones(tmp_path: Path) -> None:
         away = np.linalg.norm(skin[:, None] - motion[frame].astype(np.float64)[None], axis=-1)
         radius = np.array([shoulder, elbow, hand])[away.argmin(axis=1)]
         np.testing.assert_allclose(away.min(axis=1), radius, atol=1e-3)
-    assert len(found.skin.places) == len(seen["skins"][0])
+    assert len(found.skin.positions) == len(seen["skins"][0])
 
 
 @pytest.mark.parametrize("skeleton", BODIES, ids=lambda s: s.name)
 def test_faces_look_outward_and_every_vertex_has_a_joint(skeleton: Skeleton) -> None:
     skin = actor("a", moving(skeleton, 7), skeleton).skin
-    corners = skin.places[skin.faces].astype(np.float64)
+    corners = skin.positions[skin.faces].astype(np.float64)
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal = skin.normals[skin.faces].mean(axis=1)
     area = np.linalg.norm(outward, axis=1)

@@ -5,8 +5,8 @@ import pytest
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, SBU15
+from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.ntu import Ntu
-from pacmo_core.formats.raw import RawSequence
 from pacmo_core.formats.write_ntu import format_frames, format_ntu
 
 IDS = (72057594037932185, 72057594037932186)  # one float64 for both
@@ -23,7 +23,9 @@ def test_what_is_written_is_read_back_to_seven_digits(tmp_path):
     written = people()
     file = tmp_path / "S001C001P001R001A050.skeleton"
     file.write_bytes(format_ntu(written, IDS))
-    reading = Ntu(fps=30, max_gap=0, reach=0, min_share=1).read(RawSequence("x", (file,)))
+    reading = Ntu(fps=30, max_gap=0, max_link_distance=0, min_visible_share=1).read(
+        RawSequence("x", (file,))
+    )
     assert reading.filled_frames == 0
     np.testing.assert_array_equal(reading.interaction.times, written.times)
     for person in ("person_a", "person_b"):

@@ -3,13 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from pacmo_core.formats.base import Format
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.cmu import Cmu
-from pacmo_core.formats.cmu_trials import CMU_FPS
+from pacmo_core.formats.cmu import CMU_FPS, Cmu
 from pacmo_core.formats.duetdance import DuetDance
 from pacmo_core.formats.expi import Expi
 from pacmo_core.formats.interhuman import InterHuman
-from pacmo_core.formats.raw import Format
 from tests.formats.valid_sets import (
     write_bvh_pair,
     write_cmu,

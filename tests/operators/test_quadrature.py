@@ -3,9 +3,8 @@
 import pytest
 import torch
 
-from pacmo_core.operators.functional import FunctionalLayer
-from pacmo_core.operators.initialise import initialise
-from pacmo_core.operators.quadrature import trapezoid_weights
+from pacmo_core.operators.quadrature import FunctionalLayer, trapezoid_weights
+from pacmo_core.operators.spectral import initialise_weights
 
 
 def random_times(n: int) -> torch.Tensor:
@@ -35,7 +34,7 @@ def test_times_that_stand_still_are_refused() -> None:
 
 def test_a_functional_does_not_depend_on_the_resolution() -> None:
     layer = FunctionalLayer(hidden=16)
-    initialise(layer, torch.Generator().manual_seed(0))
+    initialise_weights(layer, torch.Generator().manual_seed(0))
 
     def judge(times: torch.Tensor) -> float:
         times = times.float()

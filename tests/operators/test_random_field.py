@@ -5,9 +5,9 @@ import math
 import pytest
 import torch
 
-from pacmo_core.operators.random_field import RandomField
+from pacmo_core.operators.random_field import GaussianRandomField
 
-FIELD = RandomField(alpha=2.0, tau=5.0, n_modes=32, period=1.25)
+FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=32, period=1.25)
 
 
 def covariance(lag: torch.Tensor) -> torch.Tensor:
@@ -57,6 +57,6 @@ def test_the_field_repeats_after_its_period() -> None:
 
 
 def test_a_smoother_law_has_less_power_in_high_modes() -> None:
-    rough = RandomField(alpha=1.0, tau=5.0, n_modes=32, period=1.25)
+    rough = GaussianRandomField(alpha=1.0, tau=5.0, n_modes=32, period=1.25)
     assert FIELD.power()[8:].sum() < rough.power()[8:].sum()
     assert FIELD.power().sum().item() == pytest.approx(1)

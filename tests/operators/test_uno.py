@@ -6,9 +6,8 @@ import math
 import pytest
 import torch
 
-from pacmo_core.operators.initialise import initialise
-from pacmo_core.operators.spectral import OperatorLayer, SpectralLayer
-from pacmo_core.operators.uno import Uno, UnoConfig, u_channels
+from pacmo_core.operators.spectral import OperatorLayer, SpectralLayer, initialise_weights
+from pacmo_core.operators.uno import Uno, UnoConfig, u_shape_channels
 
 RATIOS = (0.75, 0.5, 0.25, 0.25, 0.5, 0.75, 1.0)
 
@@ -18,7 +17,7 @@ def operator(*, skips: bool = True, n_points: int = 17) -> Uno:
         in_channels=5,
         out_channels=2,
         lifting=8,
-        channels=u_channels(8),
+        channels=u_shape_channels(8),
         modes=(8, 6, 4, 4, 4, 6, 8),
         ratios=RATIOS,
         n_points=n_points,
@@ -26,7 +25,7 @@ def operator(*, skips: bool = True, n_points: int = 17) -> Uno:
         skips=skips,
     )
     uno = Uno(config)
-    initialise(uno, torch.Generator().manual_seed(0))
+    initialise_weights(uno, torch.Generator().manual_seed(0))
     return uno
 
 
@@ -64,7 +63,7 @@ def test_modes_are_cut_down_to_what_both_grids_resolve() -> None:
 def test_each_layer_and_the_whole_are_not_additive(skips: bool) -> None:
     random = torch.Generator().manual_seed(0)
     layer = OperatorLayer(in_channels=3, out_channels=3, n_in=20, n_out=10, n_modes=4)
-    initialise(layer, random)
+    initialise_weights(layer, random)
     a, b = torch.randn(2, 20, 4, 3, generator=random)
     uno = operator(skips=skips)
     c, d = torch.randn(2, 4, 17, 5, generator=random)
@@ -109,4 +108,4 @@ def test_fresh_weights_come_from_the_generator_alone() -> None:
     for a, b in zip(first.parameters(), second.parameters(), strict=True):
         assert torch.equal(a, b)
     with pytest.raises(ValueError, match="LayerNorm"):
-        initialise(torch.nn.LayerNorm(3), torch.Generator())
+        initialise_weights(torch.nn.LayerNorm(3), torch.Generator())

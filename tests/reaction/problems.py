@@ -7,9 +7,9 @@ import numpy as np
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.reaction.settings import (
-    AugmentSettings,
+    AdamSettings,
+    AugmentationSettings,
     AutoencoderSettings,
-    DescentSettings,
     GruSettings,
     PacmoSettings,
     RegressionSettings,
@@ -35,7 +35,7 @@ def wave(times: np.ndarray, random: np.random.Generator) -> np.ndarray:
     return np.sin(phase) @ a + np.cos(phase) @ b
 
 
-def mirrored(seed: int, times: np.ndarray) -> Interaction:
+def delayed_mirror(seed: int, times: np.ndarray) -> Interaction:
     """Let a partner sway and raise a hand, and another, a metre ahead, follow a little later."""
     x = times / times[-1]
     motions = []
@@ -51,7 +51,7 @@ def mirrored(seed: int, times: np.ndarray) -> Interaction:
 
 def clips(n: int, first_seed: int = 0) -> list[Interaction]:
     """Interactions of several lengths, at 15 frames a second."""
-    return [mirrored(first_seed + i, np.arange(20 + i % 12) / 15) for i in range(n)]
+    return [delayed_mirror(first_seed + i, np.arange(20 + i % 12) / 15) for i in range(n)]
 
 
 AUTOENCODER = AutoencoderSettings(
@@ -98,8 +98,8 @@ PACMO = PacmoSettings(
     functional_hidden=8,
     body_distances=True,
     action_channels=0,
-    generator=DescentSettings(2e-3, (0.0, 0.9)),
-    critic=DescentSettings(2e-3, (0.0, 0.9)),
+    generator=AdamSettings(2e-3, (0.0, 0.9)),
+    critic=AdamSettings(2e-3, (0.0, 0.9)),
     halve_every=200,
     batch_size=16,
     n_epochs=4,
@@ -116,7 +116,7 @@ PACMO = PacmoSettings(
     bone_weight=0.0,
     ema=0.5,
     swap=True,
-    augment=AugmentSettings(mirror=0.5, size=0.05, turn=0.1, least_rate=0.5),
+    augment=AugmentationSettings(mirror=0.5, size=0.05, turn=0.1, least_rate=0.5),
     mixed_precision=False,
     compile_generator=False,
 )
@@ -135,5 +135,5 @@ REGRESSION = RegressionSettings(
     validate_every=5,
     checkpoint_every=5,
     swap=False,
-    augment=AugmentSettings(mirror=0.0, size=0.0, turn=0.0, least_rate=1.0),
+    augment=AugmentationSettings(mirror=0.0, size=0.0, turn=0.0, least_rate=1.0),
 )

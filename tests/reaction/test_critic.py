@@ -8,8 +8,8 @@ import torch
 
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.operators.quadrature import trapezoid_weights
-from pacmo_core.reaction import adversarial
-from pacmo_core.reaction.critic import end_joints, gradient_norm
+from pacmo_core.reaction import wgan
+from pacmo_core.reaction.critic import end_effectors, gradient_norm
 from tests.reaction.problems import PACMO, clips
 
 
@@ -56,20 +56,20 @@ def test_the_norm_itself_has_a_gradient() -> None:
 
 
 def test_the_ends_of_a_body_are_its_root_head_hands_and_feet() -> None:
-    names = [SBU15.joints[joint] for joint in end_joints(SBU15)]
+    names = [SBU15.joints[joint] for joint in end_effectors(SBU15)]
     assert names == ["torso", "head", "left_hand", "right_hand", "left_foot", "right_foot"]
 
 
 def test_the_critic_is_shown_the_metres_between_the_ends_of_the_bodies() -> None:
-    critic = adversarial.fit(clips(4), PACMO).training.critic
+    critic = wgan.build_training(clips(4), PACMO).training.critic
     norm = critic.normalisation
     metres = torch.randn(2, 1, 17, 45, generator=torch.Generator().manual_seed(0))
     seen = critic._distances(norm.reaction(metres[0]), norm.partner(metres[1]))
-    ends = [motion.unflatten(-1, (15, 3))[:, :, list(end_joints(SBU15))] for motion in metres]
+    ends = [motion.unflatten(-1, (15, 3))[:, :, list(end_effectors(SBU15))] for motion in metres]
     apart = torch.cdist(*ends).flatten(2)
     # A touch is five centimetres; elsewhere the distance itself.
     expected = (torch.hypot(apart, torch.tensor(0.05)) - 1) / norm.scale
     torch.testing.assert_close(seen, expected, atol=1e-4, rtol=1e-4)
     assert PACMO.body_distances
-    plain = adversarial.fit(clips(4), replace(PACMO, body_distances=False)).training.critic
+    plain = wgan.build_training(clips(4), replace(PACMO, body_distances=False)).training.critic
     assert plain.uno.config.in_channels == critic.uno.config.in_channels - 36

@@ -8,11 +8,11 @@ import torch
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.transforms import Frame
-from pacmo_core.reaction import adversarial, gru
+from pacmo_core.reaction import baselines, wgan
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.pieces import Partner
 from pacmo_core.reaction.react import react, react_all
-from tests.reaction.problems import GRU, PACMO_LONG, clips, mirrored
+from pacmo_core.reaction.windows import PartnerMotion
+from tests.reaction.problems import GRU, PACMO_LONG, clips, delayed_mirror
 
 COMMON = np.linspace(0, 2, 21)
 
@@ -20,11 +20,11 @@ COMMON = np.linspace(0, 2, 21)
 @pytest.fixture(scope="module")
 def trained() -> Generator:
     """Weights of a short training: fresh ones look ten times more invariant than they are."""
-    return adversarial.fit(clips(32), replace(PACMO_LONG, n_epochs=40)).finish()
+    return wgan.build_training(clips(32), replace(PACMO_LONG, n_epochs=40)).finish()
 
 
 def sampled(times: np.ndarray) -> Interaction:
-    return mirrored(7, times)
+    return delayed_mirror(7, times)
 
 
 def reacted(model: Generator, partner: Interaction, at: np.ndarray = COMMON) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_the_reaction_at_30_and_at_120_frames_a_second_is_one_function(trained: 
 
 
 def test_partners_of_any_lengths_in_one_batch_are_answered_as_if_alone(trained: Generator) -> None:
-    partners = [Partner(c.person_a, c.times, c.times) for c in clips(5, first_seed=20)]
+    partners = [PartnerMotion(c.person_a, c.times, c.times) for c in clips(5, first_seed=20)]
     together = react_all(trained, partners, n_samples=2, random=torch.Generator().manual_seed(0))
     random = torch.Generator().manual_seed(0)
     for partner, motion in zip(partners, together, strict=True):
@@ -92,7 +92,7 @@ def test_samples_differ_and_a_seed_repeats_them(trained: Generator) -> None:
 
 
 def test_the_baseline_gives_one_reaction_and_refuses_more() -> None:
-    model = gru.fit(clips(8), replace(GRU, n_epochs=1)).finish()
+    model = baselines.build_gru_training(clips(8), replace(GRU, n_epochs=1)).finish()
     partner = sampled(np.linspace(0, 2, 61))
     random = torch.Generator().manual_seed(0)
     motion = react(

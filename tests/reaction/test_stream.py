@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.operators.encode import Spline
-from pacmo_core.reaction import adversarial, gru
+from pacmo_core.operators.spline import Spline
+from pacmo_core.reaction import baselines, wgan
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.react import react
-from pacmo_core.reaction.stream import Stream
-from pacmo_core.reaction.windows import usual_duration
-from tests.reaction.problems import GRU, PACMO_LONG, clips, mirrored
+from pacmo_core.reaction.stream import ReactionStream
+from pacmo_core.reaction.windows import mean_duration
+from tests.reaction.problems import GRU, PACMO_LONG, clips, delayed_mirror
 
 
 @pytest.fixture(scope="module")
 def model() -> Generator:
-    return adversarial.fit(clips(8), replace(PACMO_LONG, n_epochs=4)).finish()
+    return wgan.build_training(clips(8), replace(PACMO_LONG, n_epochs=4)).finish()
 
 
 def streamed(model: Generator, n_frames: int, began: float = 0.0) -> np.ndarray:
-    clip = mirrored(5, np.arange(n_frames) / 30)
-    live = Stream(model, n_samples=2, random=torch.Generator().manual_seed(1))
+    clip = delayed_mirror(5, np.arange(n_frames) / 30)
+    live = ReactionStream(model, n_samples=2, random=torch.Generator().manual_seed(1))
     pairs = zip(clip.person_a, clip.times, strict=True)
     return np.stack([live.answer(pose, began + float(time)) for pose, time in pairs], axis=1)
 
@@ -30,12 +30,12 @@ def streamed(model: Generator, n_frames: int, began: float = 0.0) -> np.ndarray:
 def test_a_frame_is_answered_as_the_last_window_would_be(
     model: Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pacmo_core.reaction.stream.STEADY", 0.0)
+    monkeypatch.setattr("pacmo_core.reaction.stream.FRAME_SMOOTHING", 0.0)
     # Noise that stays: the stream moves on in it, and the single window does not.
     fixed = model.draw(2, torch.Generator().manual_seed(1))
-    monkeypatch.setattr("pacmo_core.reaction.windows.EndlessNoise.at", lambda self, start: fixed)
-    duration = usual_duration(model.normalisation)
-    clip = mirrored(5, np.arange(round(90 * duration)) / 30)
+    monkeypatch.setattr("pacmo_core.reaction.windows.ContinuousNoise.at", lambda self, start: fixed)
+    duration = mean_duration(model.normalisation)
+    clip = delayed_mirror(5, np.arange(round(90 * duration)) / 30)
     window = np.linspace(clip.times[-1] - duration, clip.times[-1], 301)
     motion = Spline(clip.times, clip.person_a)(window).astype(np.float32)
     random = torch.Generator().manual_seed(1)
@@ -56,23 +56,23 @@ def test_answers_do_not_depend_on_when_the_clock_began(model: Generator) -> None
 
 
 def test_noise_goes_on_before_a_partner_who_stands_still(model: Generator) -> None:
-    pose = mirrored(5, np.arange(5) / 30).person_a[0]
-    live = Stream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+    pose = delayed_mirror(5, np.arange(5) / 30).person_a[0]
+    live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
     first, *_, last = (live.answer(pose, time) for time in np.linspace(0, 1, 31).tolist())
     assert np.abs(last - first).max() > 1e-4
 
 
 def test_the_baseline_streams_too() -> None:
-    model = gru.fit(clips(8), replace(GRU, n_epochs=1)).finish()
-    live = Stream(model, n_samples=1, random=torch.Generator())
-    assert live.answer(mirrored(0, np.arange(5) / 15).person_a[0], 0.0).shape == (1, 15, 3)
+    model = baselines.build_gru_training(clips(8), replace(GRU, n_epochs=1)).finish()
+    live = ReactionStream(model, n_samples=1, random=torch.Generator())
+    assert live.answer(delayed_mirror(0, np.arange(5) / 15).person_a[0], 0.0).shape == (1, 15, 3)
     with pytest.raises(ValueError, match="deterministic"):
-        Stream(model, n_samples=2, random=torch.Generator())
+        ReactionStream(model, n_samples=2, random=torch.Generator())
 
 
 def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Generator) -> None:
-    pose = mirrored(0, np.arange(5) / 15).person_a[0]
-    live = Stream(model, n_samples=1, random=torch.Generator())
+    pose = delayed_mirror(0, np.arange(5) / 15).person_a[0]
+    live = ReactionStream(model, n_samples=1, random=torch.Generator())
     with pytest.raises(ValueError, match=r"\(15, 3\)"):
         live.answer(pose[:4], 0.0)
     with pytest.raises(ValueError, match="finite"):
@@ -83,13 +83,13 @@ def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Ge
 
 
 def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generator) -> None:
-    clip = mirrored(5, np.arange(150) / 30)
+    clip = delayed_mirror(5, np.arange(150) / 30)
     random = np.random.default_rng(0)
     # Shoulders and hips that tremble to and fro: no joint moves far, the heading of a pose does.
     noisy = clip.person_a + random.normal(scale=0.01, size=clip.person_a.shape)
     steps = []
     for motion in (clip.person_a, noisy.astype(np.float32)):
-        live = Stream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+        live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
         pairs = zip(motion, clip.times.tolist(), strict=True)
         answers = np.stack([live.answer(pose, time)[0] for pose, time in pairs])
         steps.append(np.diff(answers[75:], 2, axis=0))

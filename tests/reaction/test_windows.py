@@ -10,21 +10,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.operators.random_field import RandomField
-from pacmo_core.reaction import adversarial
+from pacmo_core.operators.random_field import GaussianRandomField
+from pacmo_core.reaction import wgan
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.normalisation import Normalisation
-from pacmo_core.reaction.pieces import Partner
+from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.react import react, react_all
-from pacmo_core.reaction.windows import MEMORY, EndlessNoise, cut, shares
-from tests.reaction.problems import PACMO_LONG, clips, mirrored
+from pacmo_core.reaction.windows import (
+    NOISE_CORRELATION,
+    ContinuousNoise,
+    PartnerMotion,
+    split_into_windows,
+    window_weights,
+)
+from tests.reaction.problems import PACMO_LONG, clips, delayed_mirror
 
-FIELD = RandomField(alpha=2.0, tau=5.0, n_modes=8, period=1.25)
+FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=8, period=1.25)
 
 
 @pytest.fixture(scope="module")
 def model() -> Generator:
-    return adversarial.fit(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
+    return wgan.build_training(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
 
 
 def trained_on(seconds: float, spread: float = 0.1) -> Normalisation:
@@ -34,7 +39,7 @@ def trained_on(seconds: float, spread: float = 0.1) -> Normalisation:
 
 
 def sway(n_frames: int) -> tuple[Motion, np.ndarray]:
-    clip = mirrored(3, np.arange(n_frames) / 15)
+    clip = delayed_mirror(3, np.arange(n_frames) / 15)
     return clip.person_a, clip.times
 
 
@@ -43,10 +48,10 @@ def sway(n_frames: int) -> tuple[Motion, np.ndarray]:
 def test_windows_cover_a_sequence_and_their_weights_add_up_to_one(
     start: float, duration: float, usual: float
 ) -> None:
-    windows = cut(start, start + duration, trained_on(usual))
+    windows = split_into_windows(start, start + duration, trained_on(usual))
     times = np.linspace(start, start + duration, 501)
     total = np.zeros(501)
-    for rows, weights in shares(windows, times):
+    for rows, weights in window_weights(windows, times):
         assert (weights >= 0).all()
         total[rows] += weights
     np.testing.assert_allclose(total, 1)
@@ -56,13 +61,13 @@ def test_windows_cover_a_sequence_and_their_weights_add_up_to_one(
 
 
 def test_a_sequence_as_long_as_training_clips_is_taken_whole() -> None:
-    assert len(cut(0, 4.5, trained_on(4))) == 1
-    assert len(cut(0, 6.0, trained_on(4))) == 2
+    assert len(split_into_windows(0, 4.5, trained_on(4))) == 1
+    assert len(split_into_windows(0, 6.0, trained_on(4))) == 2
 
 
 def test_weights_change_little_from_frame_to_frame() -> None:
     times = np.linspace(0, 60, 1801)
-    for rows, weights in shares(cut(0, 60, trained_on(4)), times):
+    for rows, weights in window_weights(split_into_windows(0, 60, trained_on(4)), times):
         assert np.abs(np.diff(weights)).max() < 0.05
         assert rows.start == 0 or weights[0] < 0.01
 
@@ -81,8 +86,8 @@ def test_a_shifted_field_is_the_field_at_later_instants() -> None:
 def test_noise_has_one_law_in_every_window_and_is_one_function_where_they_overlap() -> None:
     n = 20_000
     random = torch.Generator().manual_seed(0)
-    noise = EndlessNoise(FIELD, lambda: FIELD.draw(n, random=random))
-    starts = [0.0, 0.02, 0.5, 1.0, 1.7, MEMORY, 2.6, 7.3]
+    noise = ContinuousNoise(FIELD, lambda: FIELD.draw(n, random=random))
+    starts = [0.0, 0.02, 0.5, 1.0, 1.7, NOISE_CORRELATION, 2.6, 7.3]
     found = [noise.at(start) for start in starts]
     expected = FIELD.power().float().repeat_interleave(2)
     for coefficients in found:
@@ -111,7 +116,7 @@ def test_a_long_reaction_is_smooth_across_windows_and_linear_in_its_parts(
 
 
 def test_long_and_short_partners_in_one_batch_are_answered_as_if_alone(model: Generator) -> None:
-    partners = [Partner(*sway(n), sway(n)[1]) for n in (300, 20, 90)]
+    partners = [PartnerMotion(*sway(n), sway(n)[1]) for n in (300, 20, 90)]
     together = react_all(model, partners, n_samples=3, random=torch.Generator().manual_seed(0))
     random = torch.Generator().manual_seed(0)
     for partner, motion in zip(partners, together, strict=True):
@@ -122,7 +127,7 @@ def test_long_and_short_partners_in_one_batch_are_answered_as_if_alone(model: Ge
 def test_rates_mixed_in_one_batch_do_not_change_each_other(model: Generator) -> None:
     motion, times = sway(25)
     rates = [np.linspace(0, times[-1], n) for n in (25, 200, 7)]
-    partners = [Partner(motion, times, rate) for rate in rates]
+    partners = [PartnerMotion(motion, times, rate) for rate in rates]
     together = react_all(model, partners, n_samples=1, random=torch.Generator().manual_seed(0))
     random = torch.Generator().manual_seed(0)
     for partner, found in zip(partners, together, strict=True):
@@ -140,7 +145,7 @@ def test_many_instants_go_through_in_blocks_that_do_not_show(
         return react(model, motion, times, out_times=times, n_samples=2, random=random)
 
     whole = reaction()
-    monkeypatch.setattr("pacmo_core.reaction.react.INSTANTS_AT_ONCE", 7)
+    monkeypatch.setattr("pacmo_core.reaction.react.MAX_TIMES_PER_BATCH", 7)
     np.testing.assert_allclose(reaction(), whole, atol=1e-5)
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.reaction.fit import state
 from pacmo_core.skeleton_prior import products, training
 from pacmo_core.skeleton_prior.bodies import Bodies, learn
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
 from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.splits import Fact
+from pacmo_core.training.state import model_state
 from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
 
 
@@ -30,7 +30,7 @@ def test_the_same_seed_and_precision_train_the_same_bytes_and_others_do_not(name
     found = []
     for seed, mixed in ((1, True), (1, True), (2, True), (1, False)):
         chosen = settings(model=name, n_epochs=2, random_seed=seed, mixed_precision=mixed)
-        found.append(state(training.fit(examples(1, 4), chosen).finish()))
+        found.append(model_state(training.fit(examples(1, 4), chosen).finish()))
     assert same(found[0], found[1])
     assert not same(found[0], found[2])
     assert not same(found[0], found[3])
@@ -63,7 +63,7 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_bytes(name):
     again = training.fit(examples(1, 4), chosen, validation=examples(1, 1))
     again.restore(snapshot)
     again.finish()
-    assert same(state(whole.model), state(again.model))
+    assert same(model_state(whole.model), model_state(again.model))
     assert whole.curve == again.curve
 
 
@@ -97,7 +97,7 @@ def test_bodies_are_the_same_beside_every_model():
         training.fit(examples(1, 4), settings(model=name)).finish()
         for name in ("f_gcn", "kinematic")
     )
-    assert same(state(one.bodies), state(other.bodies))
+    assert same(model_state(one.bodies), model_state(other.bodies))
 
 
 @pytest.mark.parametrize("n", [6, 100])
@@ -136,7 +136,7 @@ def spread(scales: torch.Tensor) -> float:
 
 def test_a_model_comes_back_from_its_state():
     model = training.fit(examples(1, 4), settings(n_epochs=1)).finish()
-    again = training.from_state(training.config(model), state(model))
+    again = training.from_state(training.config(model), model_state(model))
     pairs = next(encode(examples()).wholes(3, 1))
     latents = model.latents(pairs.template, pairs.scales, None)
     with torch.no_grad():

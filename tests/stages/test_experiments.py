@@ -10,9 +10,8 @@ from ruamel.yaml import YAML
 from apps.experiments import compose, experiment_names
 from pacmo_core.data.skeleton import DUET15, NTU25
 from pacmo_core.formats.registry import open_format
-from pacmo_core.operators.fourier import resolved_modes
-from pacmo_core.operators.uno import UnoConfig, u_channels
-from pacmo_core.reaction.config import RATIOS
+from pacmo_core.operators.spectral import n_resolved_modes
+from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
 from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.splits import SPLITS
 from stages._params import read_params
@@ -93,9 +92,9 @@ def test_no_mode_of_the_full_experiments_is_cut_off_by_a_grid(name):
         in_channels=1,
         out_channels=1,
         lifting=params["width"],
-        channels=u_channels(params["width"]),
+        channels=u_shape_channels(params["width"]),
         modes=tuple(params["modes"]),
-        ratios=RATIOS,
+        ratios=U_SHAPE_RATIOS,
         n_points=params["n_points"],
         period=params["period"],
         skips=True,
@@ -103,4 +102,4 @@ def test_no_mode_of_the_full_experiments_is_cut_off_by_a_grid(name):
     assert uno.n_latent == 80
     grids = [uno.n_latent, *uno.sizes]
     for n_modes, pair in zip(uno.modes, pairwise(grids), strict=True):
-        assert n_modes <= resolved_modes(min(pair))
+        assert n_modes <= n_resolved_modes(min(pair))

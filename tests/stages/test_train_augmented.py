@@ -9,8 +9,13 @@ import pytest
 import torch
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction import adversarial
-from pacmo_core.reaction.varied import Choice, Variations, Varied, widen
+from pacmo_core.reaction import wgan
+from pacmo_core.reaction.variations import (
+    AugmentedWganTrainer,
+    TrainingVariations,
+    VariationSampler,
+    add_variations,
+)
 from pacmo_core.store.motions import motion_file, stream_motions, write_motions
 from pacmo_core.store.tables import SplitRecord, write_rows
 from pacmo_core.store.weights import read_weights
@@ -73,8 +78,10 @@ def test_with_a_share_it_takes_as_many_steps_and_learns_something_else():
         not torch.equal(a, b)
         for a, b in zip(tensors("models/p").values(), tensors("models/m").values(), strict=True)
     )
-    plain, wide = (adversarial.fit(clips(8), SETTINGS).training for _ in range(2))
-    varied = Varied(wide, Variations(interactions=clips(4), sources=[0, 0, 3, 7], share=0.5))
+    plain, wide = (wgan.build_training(clips(8), SETTINGS).training for _ in range(2))
+    varied = AugmentedWganTrainer(
+        wide, TrainingVariations(interactions=clips(4), sources=[0, 0, 3, 7], share=0.5)
+    )
     varied.epoch(0)
     assert varied.training.steps_an_epoch == plain.steps_an_epoch
     assert len(varied.training.pairs) == len(plain.pairs)
@@ -105,7 +112,7 @@ def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
 
 def test_every_form_of_a_pair_is_shown_as_often_as_it_should():
     sources = np.array([2, 0, 2, 2])
-    choice = Choice(4, sources)
+    choice = VariationSampler(4, sources)
     random = np.random.default_rng(1)
     drawn = np.stack([choice.draw(0.6, random) for _ in range(4000)])
     forms = {0: [5], 1: [], 2: [4, 6, 7], 3: []}
@@ -118,12 +125,12 @@ def test_every_form_of_a_pair_is_shown_as_often_as_it_should():
 
 def test_a_variation_shows_its_own_clip_from_either_side():
     base, made = clips(3), clips(5)[3:]
-    variations = Variations(interactions=made, sources=[2, 0], share=1.0)
-    plain = adversarial.fit(base, replace(SETTINGS, swap=True))
-    varied = widen(plain, variations).training
+    variations = TrainingVariations(interactions=made, sources=[2, 0], share=1.0)
+    plain = wgan.build_training(base, replace(SETTINGS, swap=True))
+    varied = add_variations(plain, variations).training
     varied.epoch(0)
     shown = varied.training.pairs
-    alone = adversarial.fit(
+    alone = wgan.build_training(
         [made[1], base[1], made[0]], replace(SETTINGS, swap=True)
     ).training.pairs
     torch.testing.assert_close(shown.partner, alone.partner)
@@ -132,8 +139,8 @@ def test_a_variation_shows_its_own_clip_from_either_side():
 
 def test_a_training_that_goes_on_from_a_snapshot_ends_as_the_whole():
     def begin():
-        variations = Variations(interactions=clips(4), sources=[0, 1, 1, 5], share=0.5)
-        return widen(adversarial.fit(clips(8), SETTINGS), variations)
+        variations = TrainingVariations(interactions=clips(4), sources=[0, 1, 1, 5], share=0.5)
+        return add_variations(wgan.build_training(clips(8), SETTINGS), variations)
 
     whole = begin()
     whole.finish()
@@ -157,10 +164,10 @@ def test_a_training_that_goes_on_from_a_snapshot_ends_as_the_whole():
 def test_variations_that_are_none_are_refused(fault, words):
     given = {"interactions": clips(2), "sources": [0, 1], "share": 0.5} | fault
     with pytest.raises(ValueError, match=words):
-        Variations(**given)
+        TrainingVariations(**given)
 
 
 def test_a_source_that_is_no_clip_is_refused():
-    variations = Variations(interactions=clips(1), sources=[3], share=0.5)
+    variations = TrainingVariations(interactions=clips(1), sources=[3], share=0.5)
     with pytest.raises(ValueError, match="numbers of 3 clips"):
-        widen(adversarial.fit(clips(3), SETTINGS), variations)
+        add_variations(wgan.build_training(clips(3), SETTINGS), variations)

@@ -15,13 +15,12 @@ from ruamel.yaml import YAML
 from safetensors import safe_open
 from torch import nn
 
-from pacmo_core.reaction.fit import Fit
-from pacmo_core.reaction.provenance import data_hash
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import read_weights, write_weights
+from pacmo_core.training.checkpoints import Checkpoint, data_hash
+from pacmo_core.training.devices import DeviceError, training_device
+from pacmo_core.training.loop import TrainingLoop
 from stages import train_autoencoder, train_gru, train_pacmo, train_regression
-from stages._checkpoints import Checkpoint
-from stages._devices import DeviceError, devices
 from stages._files import read_curve
 from stages._training import sides_of
 from tests.reaction.problems import clips
@@ -131,7 +130,7 @@ def test_a_training_that_goes_on_draws_its_live_curve_whole(project, monkeypatch
     change("train_gru", checkpoint_every=4)
     written = Checkpoint.write
 
-    def write_and_stop(checkpoint: Checkpoint, fit: Fit[nn.Module]) -> None:
+    def write_and_stop(checkpoint: Checkpoint, fit: TrainingLoop[nn.Module]) -> None:
         written(checkpoint, fit)
         raise KeyboardInterrupt
 
@@ -148,14 +147,14 @@ def test_a_training_that_goes_on_draws_its_live_curve_whole(project, monkeypatch
 def test_other_settings_data_or_code_do_not_go_on_from_a_checkpoint(monkeypatch):
     facts = {"settings": {"width": 8}, "data": "a"}
     names = {
-        Checkpoint("train_gru", facts).path,
-        Checkpoint("train_pacmo", facts).path,
-        Checkpoint("train_gru", {**facts, "data": "b"}).path,
-        Checkpoint("train_gru", {"settings": {"width": 9}, "data": "a"}).path,
+        Checkpoint("train_gru", facts, "reaction").path,
+        Checkpoint("train_pacmo", facts, "reaction").path,
+        Checkpoint("train_gru", {**facts, "data": "b"}, "reaction").path,
+        Checkpoint("train_gru", {"settings": {"width": 9}, "data": "a"}, "reaction").path,
     }
-    assert Checkpoint("train_gru", facts).path in names
-    monkeypatch.setattr("stages._checkpoints.code_hash", lambda: "other")
-    names.add(Checkpoint("train_gru", facts).path)
+    assert Checkpoint("train_gru", facts, "reaction").path in names
+    monkeypatch.setattr("pacmo_core.training.checkpoints.code_hash", lambda _: "other")
+    names.add(Checkpoint("train_gru", facts, "reaction").path)
     assert len(names) == 5
 
 
@@ -195,7 +194,7 @@ def test_tensors_that_a_checkpoint_holds_come_back_bit_for_bit(tmp_path):
 )
 def test_a_device_that_cannot_be_is_refused(device, processes, said, monkeypatch):
     monkeypatch.setenv("WORLD_SIZE", str(processes))
-    with pytest.raises(DeviceError, match=said), devices(device, threads=1, shares=False):
+    with pytest.raises(DeviceError, match=said), training_device(device, threads=1, shares=False):
         pass
 
 
@@ -203,8 +202,8 @@ def test_a_device_that_cannot_be_is_refused(device, processes, said, monkeypatch
 def test_a_gpu_that_is_not_there_is_refused_and_auto_does_without():
     with (
         pytest.raises(DeviceError, match="torch finds none"),
-        devices("cuda", threads=1, shares=True),
+        training_device("cuda", threads=1, shares=True),
     ):
         pass
-    with devices("auto", threads=1, shares=True) as found:
+    with training_device("auto", threads=1, shares=True) as found:
         assert found == "cpu"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pacmo_core.synthesis.body import SHARES, pair_of, subject
+from pacmo_core.synthesis.body import SHARES, sample_pair, sample_subject
 
 
 # ANSUR II, centimetres.
@@ -12,7 +12,7 @@ from pacmo_core.synthesis.body import SHARES, pair_of, subject
     ("sex", "mean", "spread"), [("female", 162.85, 6.42), ("male", 175.62, 6.86)]
 )
 def test_statures_have_the_surveys_law(sex: str, mean: float, spread: float) -> None:
-    everyone = (subject(1, number) for number in range(1, 4000))
+    everyone = (sample_subject(1, number) for number in range(1, 4000))
     statures = np.array([100 * who.body.stature for who in everyone if who.sex == sex])
     assert len(statures) > 1850
     error = spread / np.sqrt(len(statures))
@@ -22,7 +22,7 @@ def test_statures_have_the_surveys_law(sex: str, mean: float, spread: float) -> 
 
 
 def test_segments_are_near_their_share_of_stature() -> None:
-    bodies = [subject(1, k).body for k in range(1, 800)]
+    bodies = [sample_subject(1, k).body for k in range(1, 800)]
     for name, share in SHARES.items():
         shares = np.array([getattr(body, name) / body.stature for body in bodies])
         assert shares.mean() == pytest.approx(share, rel=0.004)
@@ -30,18 +30,18 @@ def test_segments_are_near_their_share_of_stature() -> None:
 
 
 def test_a_subject_is_the_same_however_many_are_drawn() -> None:
-    subject.cache_clear()
-    alone = subject(3, 9)
-    subject.cache_clear()
-    assert [subject(3, k) for k in range(1, 12)][8] == alone
-    assert pair_of(3, 5) == (alone, subject(3, 10))
+    sample_subject.cache_clear()
+    alone = sample_subject(3, 9)
+    sample_subject.cache_clear()
+    assert [sample_subject(3, k) for k in range(1, 12)][8] == alone
+    assert sample_pair(3, 5) == (alone, sample_subject(3, 10))
 
 
 def test_another_population_has_other_people() -> None:
-    assert subject(3, 9).body != subject(4, 9).body
+    assert sample_subject(3, 9).body != sample_subject(4, 9).body
 
 
 @pytest.mark.parametrize(("population", "number"), [(-1, 1), (0, 0)])
 def test_a_subject_without_a_number_is_refused(population: int, number: int) -> None:
     with pytest.raises(ValueError, match=f"got {population}, {number}"):
-        subject(population, number)
+        sample_subject(population, number)

@@ -1,12 +1,12 @@
-"""Trusted: an act is what its name says: hands meet, blows land, people come near or part."""
+"""Trusted: an action is what its name says: hands meet, blows land, people come near or part."""
 
 import numpy as np
 import pytest
 
-from pacmo_core.synthesis import ACTS, write_script
-from pacmo_core.synthesis.body import pair_of
-from pacmo_core.synthesis.capture import true_motion
-from tests.synthesis.troupe import POPULATION, Clip, clips, distance_to_segment
+from pacmo_core.synthesis import ACTIONS, sample_script
+from pacmo_core.synthesis.body import sample_pair
+from pacmo_core.synthesis.capture import noiseless_motion
+from tests.synthesis.clips import POPULATION, Clip, clips, distance_to_segment
 
 
 def _palms(clip: Clip, time: float) -> float:
@@ -15,10 +15,10 @@ def _palms(clip: Clip, time: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("act", "bound"), [("handshake", 0.03), ("high five", 0.03), ("hand over", 0.10)]
+    ("action", "bound"), [("handshake", 0.03), ("high five", 0.03), ("hand over", 0.10)]
 )
-def test_hands_meet(act: str, bound: float) -> None:
-    for clip in clips(act):
+def test_hands_meet(action: str, bound: float) -> None:
+    for clip in clips(action):
         script = clip.script
         for time in (script.event, script.event + 0.5 * script.hold):
             assert _palms(clip, time) < bound, script
@@ -70,17 +70,17 @@ def test_a_kick_lands_between_knee_and_chest() -> None:
         assert foot[1] > clip.at(1 - me, "left_knee", time)[1] + 0.05, clip.script
 
 
-@pytest.mark.parametrize("act", ["push", "punch", "kick"])
-def test_who_is_struck_moves_only_after_the_blow(act: str) -> None:
-    for clip in clips(act):
+@pytest.mark.parametrize("action", ["push", "punch", "kick"])
+def test_who_is_struck_moves_only_after_the_blow(action: str) -> None:
+    for clip in clips(action):
         other, event = 1 - clip.initiator, clip.script.event
         head = np.array([clip.at(other, "head", t) for t in (event - 0.1, event, event + 0.6)])
         assert np.linalg.norm(head[2] - head[1]) > 1.5 * np.linalg.norm(head[1] - head[0])
 
 
-@pytest.mark.parametrize(("act", "sign"), [("approach", -1), ("depart", 1)])
-def test_people_come_near_or_part(act: str, sign: int) -> None:
-    for clip in clips(act):
+@pytest.mark.parametrize(("action", "sign"), [("approach", -1), ("depart", 1)])
+def test_people_come_near_or_part(action: str, sign: int) -> None:
+    for clip in clips(action):
         a, b = (motion[[0, -1], 0] for motion in clip.motions)
         first, last = np.linalg.norm(a - b, axis=-1)
         assert sign * (last - first) > 1.0, clip.script
@@ -96,20 +96,23 @@ def test_who_departs_turns_away() -> None:
 
 def test_the_most_unlike_pair_can_do_every_act() -> None:
     def unlike(pair: int) -> float:
-        a, b = pair_of(POPULATION, pair)
+        a, b = sample_pair(POPULATION, pair)
         return a.body.stature - b.body.stature
 
     for pair in (min(range(1, 900), key=unlike), max(range(1, 900), key=unlike)):
         assert abs(unlike(pair)) > 0.3
-        for act in ACTS:
+        for action in ACTIONS:
             for replication in range(1, 4):
                 random = np.random.default_rng([pair, replication])
-                script = write_script(
-                    random, population=POPULATION, pair=pair, act=act, replication=replication
+                script = sample_script(
+                    random, population=POPULATION, pair=pair, action=action, replication=replication
                 )
-                motions = (true_motion(script, random, "a"), true_motion(script, random, "b"))
+                motions = (
+                    noiseless_motion(script, random, "a"),
+                    noiseless_motion(script, random, "b"),
+                )
                 clip = Clip(script, motions)
                 assert np.isfinite(motions[0]).all()
                 assert np.isfinite(motions[1]).all()
-                if act in ("handshake", "high five"):
+                if action in ("handshake", "high five"):
                     assert _palms(clip, script.event) < 0.03, script

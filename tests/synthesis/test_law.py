@@ -5,16 +5,22 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from pacmo_core.synthesis import ACTS, capture, perform, react_oracle, write_scripts
+from pacmo_core.synthesis import (
+    ACTIONS,
+    sample_interaction,
+    sample_motion,
+    sample_oracle_reaction,
+    sample_scripts,
+)
 from pacmo_core.synthesis.script import Role, Script
-from tests.synthesis.troupe import JOINT, POPULATION
+from tests.synthesis.clips import JOINT, POPULATION
 
 PAIRS, REPLICATIONS = 20, 2
 
 
-def _shoot(acts: tuple[str, ...]) -> list[tuple[Script, np.random.Generator]]:
-    shoot = write_scripts(
-        31, population=POPULATION, pairs=PAIRS, acts=acts, replications=REPLICATIONS
+def _shoot(actions: tuple[str, ...]) -> list[tuple[Script, np.random.Generator]]:
+    shoot = sample_scripts(
+        31, population=POPULATION, pairs=PAIRS, actions=actions, replications=REPLICATIONS
     )
     return list(shoot)
 
@@ -34,23 +40,23 @@ def _facts(script: Script, partner: NDArray[np.float32], own: NDArray[np.float32
     ]
 
 
-@pytest.mark.parametrize("act", list(ACTS))
-def test_the_oracle_given_the_performers_generator_is_the_performance(act: str) -> None:
-    script, _ = _shoot((act,))[0]
-    real = capture(script, np.random.default_rng([1, 2]))
+@pytest.mark.parametrize("action", list(ACTIONS))
+def test_the_oracle_given_the_performers_generator_is_the_performance(action: str) -> None:
+    script, _ = _shoot((action,))[0]
+    real = sample_interaction(script, np.random.default_rng([1, 2]))
     for_a, for_b = np.random.default_rng([1, 2]).spawn(2)
-    assert np.array_equal(real.person_a, react_oracle(script, "a", for_a))
-    assert np.array_equal(real.person_b, react_oracle(script, "b", for_b))
+    assert np.array_equal(real.person_a, sample_oracle_reaction(script, "a", for_a))
+    assert np.array_equal(real.person_b, sample_oracle_reaction(script, "b", for_b))
 
 
 def test_a_redraw_of_one_person_leaves_the_other_to_the_bit() -> None:
     script, _ = _shoot(("push",))[0]
     for role in ("a", "b"):
         kept, other = np.random.default_rng(4), np.random.default_rng(4)
-        first = perform(script, kept, role)
-        perform(script, np.random.default_rng(99), "b" if role == "a" else "a")
-        assert np.array_equal(first, perform(script, other, role))
-        assert not np.array_equal(first, perform(script, other, role))
+        first = sample_motion(script, kept, role)
+        sample_motion(script, np.random.default_rng(99), "b" if role == "a" else "a")
+        assert np.array_equal(first, sample_motion(script, other, role))
+        assert not np.array_equal(first, sample_motion(script, other, role))
 
 
 def _role(script: Script, part: str) -> Role:
@@ -62,11 +68,11 @@ def _role(script: Script, part: str) -> Role:
 @pytest.mark.parametrize("part", ["initiator", "other"])
 def test_oracle_draws_and_real_reactions_share_their_law(part: str) -> None:
     real, drawn = [], []
-    for index, (script, random) in enumerate(_shoot(tuple(ACTS))):
+    for index, (script, random) in enumerate(_shoot(tuple(ACTIONS))):
         role = _role(script, part)
-        both = capture(script, random)
+        both = sample_interaction(script, random)
         partner, own = (both.person_b, both.person_a)[:: 1 if role == "a" else -1]
-        fresh = react_oracle(script, role, np.random.default_rng([5, index]))
+        fresh = sample_oracle_reaction(script, role, np.random.default_rng([5, index]))
         real.append(_facts(script, partner, own))
         drawn.append(_facts(script, partner, fresh))
     for one, other in zip(np.transpose(real), np.transpose(drawn), strict=True):
@@ -78,7 +84,7 @@ def test_oracle_draws_and_real_reactions_share_their_law(part: str) -> None:
 @pytest.mark.slow
 def test_given_the_script_the_two_people_are_independent() -> None:
     script, _ = _shoot(("push",))[0]
-    draws = [capture(script, np.random.default_rng([6, k])) for k in range(150)]
+    draws = [sample_interaction(script, np.random.default_rng([6, k])) for k in range(150)]
     a = np.array([_facts(script, d.person_b, d.person_a)[:4] for d in draws])
     b = np.array([_facts(script, d.person_a, d.person_b)[:4] for d in draws])
     table = stats.spearmanr(a, b).statistic[:4, 4:]
@@ -88,7 +94,7 @@ def test_given_the_script_the_two_people_are_independent() -> None:
 def test_the_script_binds_the_two_together() -> None:
     late = []
     for index, (script, _) in enumerate(_shoot(("push",))):
-        pushed = perform(script, np.random.default_rng([7, index]), _role(script, "other"))
+        pushed = sample_motion(script, np.random.default_rng([7, index]), _role(script, "other"))
         chest = pushed[int(30 * (script.event - 0.15)) :, JOINT["spine_shoulder"]]
         late.append(np.linalg.norm(chest[3:] - chest[:-3], axis=-1).argmax() / 30 + 0.05 - 0.15)
     # The chest of who is pushed moves fastest soon after the hands reach it, and never before.
@@ -96,11 +102,13 @@ def test_the_script_binds_the_two_together() -> None:
     assert np.median(late) < 0.45
 
 
-@pytest.mark.parametrize(("act", "joint"), [("depart", "left_hip"), ("kick", "head")])
-def test_a_reaction_has_more_than_one_mode(act: str, joint: str) -> None:
-    script, _ = _shoot((act,))[0]
+@pytest.mark.parametrize(("action", "joint"), [("depart", "left_hip"), ("kick", "head")])
+def test_a_reaction_has_more_than_one_mode(action: str, joint: str) -> None:
+    script, _ = _shoot((action,))[0]
     role = _role(script, "other")
-    draws = np.stack([perform(script, np.random.default_rng([8, k]), role) for k in range(120)])
+    draws = np.stack(
+        [sample_motion(script, np.random.default_rng([8, k]), role) for k in range(120)]
+    )
     frame = min(int(30 * (script.event + 0.75)), draws.shape[1] - 1)
     place = draws[:, frame, JOINT[joint]]
     centred = place - place.mean(axis=0)
@@ -112,8 +120,8 @@ def test_a_reaction_has_more_than_one_mode(act: str, joint: str) -> None:
 
 
 def test_two_draws_differ_far_beyond_the_cameras_error() -> None:
-    for act in ACTS:
-        script, _ = _shoot((act,))[0]
-        draws = [perform(script, np.random.default_rng([9, k]), "b") for k in range(12)]
+    for action in ACTIONS:
+        script, _ = _shoot((action,))[0]
+        draws = [sample_motion(script, np.random.default_rng([9, k]), "b") for k in range(12)]
         spread = np.std(draws, axis=0)
-        assert np.linalg.norm(spread, axis=-1).mean() > 0.025, act
+        assert np.linalg.norm(spread, axis=-1).mean() > 0.025, action

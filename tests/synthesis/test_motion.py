@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pacmo_core.data.skeleton import NTU25
-from tests.synthesis.troupe import JOINT, every_motion
+from tests.synthesis.clips import JOINT, every_motion
 
 FASTEST = 12.0  # metres a second: a fast punch or kick
 HARDEST = 250.0  # metres a second squared, by second differences at 30 a second

@@ -1,0 +1,223 @@
+"""Interactions as training data: pairs of functions of time, exchanges and random augmentation.
+
+Each interaction is seen from the partner's first pose and sampled at N even instants of normalised
+time. Augmentation mirrors, scales and rotates both people and lowers the partner's frame rate: a
+mirror image, larger people, another heading or another rate of capture are equally natural.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from scipy.interpolate import CubicSpline
+from torch import Tensor
+
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.transforms import body_frame
+from pacmo_core.operators.spline import Spline
+from pacmo_core.reaction.settings import AugmentationSettings
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a reaction answers.
+
+    Parameters
+    ----------
+    partner : (B, T, 3 J) float32, metres, in the partner's first frame
+    log_duration : (B,) float32, logarithm of seconds
+    action : (B,) int64, numbers of action labels; zeros where labels are no condition
+    """
+
+    partner: Tensor
+    log_duration: Tensor
+    action: Tensor
+
+
+@dataclass(frozen=True)
+class MotionPairs:
+    """Partner and reaction on N evenly spaced instants of [0, 1], in the partner's first frame.
+
+    Parameters
+    ----------
+    partner, reaction : (B, N, 3 J) float32, metres
+    log_duration : (B,) float32, logarithm of seconds
+    action : (B,) int64, numbers of action labels; zeros where no label is a condition
+    """
+
+    partner: Tensor
+    reaction: Tensor
+    log_duration: Tensor
+    action: Tensor
+
+    def __len__(self) -> int:
+        return len(self.partner)
+
+    def __getitem__(self, rows: Tensor | slice) -> "MotionPairs":
+        return self._each(lambda part: part[rows])
+
+    @property
+    def condition(self) -> Condition:
+        """All but the reaction."""
+        return Condition(self.partner, self.log_duration, self.action)
+
+    def repeat(self, n: int) -> "MotionPairs":
+        """Set n copies one behind the other."""
+        return self._each(lambda part: part.repeat(n, *[1] * (part.ndim - 1)))
+
+    def to(self, device: str | torch.device) -> "MotionPairs":
+        """Move to a device."""
+        return self._each(lambda part: part.to(device))
+
+    def _each(self, change: Callable[[Tensor], Tensor]) -> "MotionPairs":
+        return MotionPairs(*map(change, vars(self).values()))
+
+
+def sample_motion_pairs(
+    interactions: Sequence[Interaction], n_points: int, action: Tensor | None = None
+) -> MotionPairs:
+    """Sample each interaction on one grid: ``person_a`` is the partner, ``person_b`` reacts.
+
+    Parameters
+    ----------
+    interactions : B of them
+    n_points : N
+    action : (B,) int64, numbers of their labels, if labels are a condition
+
+    Raises
+    ------
+    ValueError
+        If there are none, or their skeletons differ.
+    """
+    check_common_skeleton(interactions)
+    sampled = [_sample_pair(interaction, n_points) for interaction in interactions]
+    # Copied into torch's own memory: its products round by alignment, and NumPy's varies.
+    return MotionPairs(
+        partner=torch.tensor(np.stack([partner for partner, _ in sampled])),
+        reaction=torch.tensor(np.stack([reaction for _, reaction in sampled])),
+        log_duration=torch.tensor([np.log(i.duration) for i in interactions], dtype=torch.float32),
+        action=torch.zeros(len(interactions), dtype=torch.long) if action is None else action,
+    )
+
+
+def both_directions(interactions: Sequence[Interaction], *, swap: bool) -> list[Interaction]:
+    """List the interactions and, if asked, each with its people exchanged (PaCMO, 3.1)."""
+    return [*interactions, *(i.swapped() for i in interactions if swap)]
+
+
+def check_common_skeleton(interactions: Sequence[Interaction]) -> None:
+    """Refuse an empty list, and two bodies of different joints."""
+    skeletons = {interaction.skeleton for interaction in interactions}
+    if len(skeletons) != 1:
+        names = sorted(skeleton.name for skeleton in skeletons)
+        raise ValueError(f"interactions must share one skeleton; got {names or 'no interaction'}")
+
+
+def _sample_pair(interaction: Interaction, n_points: int) -> tuple[Motion, Motion]:
+    frame = body_frame(interaction.person_a, interaction.skeleton)
+    partner, reaction = (
+        Spline(interaction.times, frame.to_local(motion).reshape(len(motion), -1))
+        .on_grid(n_points)
+        .astype(np.float32)
+        for motion in (interaction.person_a, interaction.person_b)
+    )
+    return partner, reaction
+
+
+def to_partner_frame(interaction: Interaction) -> Interaction:
+    """Move both people into the frame of the partner's (``person_a``'s) first pose."""
+    frame = body_frame(interaction.person_a, interaction.skeleton)
+    return replace(
+        interaction,
+        person_a=frame.to_local(interaction.person_a),
+        person_b=frame.to_local(interaction.person_b),
+    )
+
+
+def replace_reaction(partner: Interaction, reaction: Interaction) -> Interaction:
+    """Give a partner the reaction to another one, both seen from their partners.
+
+    The reaction keeps its place before its own partner and is played over the other's duration.
+    """
+    own = np.linspace(0, 1, len(partner.times))
+    share = (reaction.times - reaction.times[0]) / reaction.duration
+    motion = CubicSpline(share, reaction.person_b)(own).astype(np.float32)
+    return replace(partner, person_b=motion)
+
+
+def mirror_interaction(interaction: Interaction) -> Interaction:
+    """Reflect both people in the plane x = 0 and exchange their left and right joints.
+
+    People move the same way left-handed, so a mirror image is another interaction of the same law.
+    """
+    return replace(
+        interaction,
+        person_a=_mirror_motion(interaction.person_a, interaction.skeleton),
+        person_b=_mirror_motion(interaction.person_b, interaction.skeleton),
+    )
+
+
+def _mirror_motion(motion: Motion, skeleton: Skeleton) -> Motion:
+    order = np.arange(motion.shape[1])
+    for left, right in skeleton.left_right:
+        order[left], order[right] = right, left
+    return np.ascontiguousarray(motion[:, order] * np.array([-1, 1, 1], dtype=np.float32))
+
+
+MIRROR_X = (-1.0, 1.0, 1.0)  # in the partner's frame left is +x
+
+
+class RandomAugmentation:
+    """Change a batch at random, both people alike but for the frame rate, which is the partner's.
+
+    Parameters
+    ----------
+    settings : AugmentSettings
+    skeleton : Skeleton
+    n_points : grid of the functions
+    """
+
+    def __init__(self, settings: AugmentationSettings, skeleton: Skeleton, n_points: int) -> None:
+        self.settings = settings
+        swapped = dict(skeleton.left_right) | {right: left for left, right in skeleton.left_right}
+        self.mirrored = torch.tensor([swapped.get(i, i) for i in range(len(skeleton.joints))])
+        least = max(4, round(settings.least_rate * n_points))
+        self.resamplings = [frame_rate_matrix(n_points, n) for n in range(least, n_points)]
+
+    def __call__(self, pairs: MotionPairs, random: torch.Generator) -> MotionPairs:
+        """Draw anew for each interaction; the frame rate for the batch."""
+        place = random_transforms(len(pairs), self.settings, random).to(pairs.partner.device)
+        mirror = torch.rand(len(pairs), generator=random) < self.settings.mirror
+        partner, reaction = (
+            self._seen(motion, mirror.to(motion.device), place)
+            for motion in (pairs.partner, pairs.reaction)
+        )
+        if self.resamplings:
+            rate = int(torch.randint(len(self.resamplings) + 1, (), generator=random))
+            if rate < len(self.resamplings):
+                partner = self.resamplings[rate].to(partner.device) @ partner
+        return replace(pairs, partner=partner, reaction=reaction)
+
+    def _seen(self, motion: Tensor, mirror: Tensor, place: Tensor) -> Tensor:
+        joints = motion.view(*motion.shape[:-1], -1, 3)
+        image = joints[:, :, self.mirrored] * joints.new_tensor(MIRROR_X)
+        joints = torch.where(mirror[:, None, None, None], image, joints)
+        return (joints @ place[:, None]).flatten(2)
+
+
+def random_transforms(n: int, settings: AugmentationSettings, random: torch.Generator) -> Tensor:
+    """Draw ``(n, 3, 3)`` turns about the vertical, each times a size, for rows from the right."""
+    angle = settings.turn * torch.randn(n, generator=random)
+    size = (settings.size * torch.randn(n, generator=random)).exp()
+    cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros(n), torch.ones(n)
+    rows = [[cos, zero, -sin], [zero, one, zero], [sin, zero, cos]]
+    return size[:, None, None] * torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+
+
+def frame_rate_matrix(n_points: int, n_frames: int) -> Tensor:
+    """Build the matrix ``(N, N)`` that keeps what so many even frames tell a spline."""
+    grid, frames = np.linspace(0, 1, n_points), np.linspace(0, 1, n_frames)
+    taken = CubicSpline(grid, np.eye(n_points))(frames)
+    return torch.tensor(CubicSpline(frames, taken)(grid), dtype=torch.float32)

@@ -1,0 +1,264 @@
+"""Motion plans: root path, hand targets, trunk motions and kicks of one person in one action.
+
+All positions are in the person's own frame: the two people's meeting plane is z = 0, this
+person stands behind it at negative z and looks along +z; x is to the left, y is up.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pacmo_core.synthesis.body import PrivateVariables, Subject
+from pacmo_core.synthesis.gait import Path
+from pacmo_core.synthesis.kinematics import Array, bump, ease_in_out, window
+from pacmo_core.synthesis.script import Role, Script
+
+LEFT, RIGHT = 0, 1
+Trajectory = Callable[[Array], Array]  # (T,) seconds to (T, 3) metres
+
+
+@dataclass(frozen=True)
+class TimeInterval:
+    """A weight over time: seconds at which it starts, is full, starts to fade and ends."""
+
+    start: float
+    arrive: float
+    leave: float
+    back: float
+
+
+@dataclass(frozen=True)
+class HandTarget:
+    """A hand's palm follows a trajectory in an interval; outside it the arm hangs or swings.
+
+    Parameters
+    ----------
+    hand : LEFT or RIGHT
+    interval : when
+    trajectory : positions over time, in the person's frame or, if ``relative_to_chest``,
+        relative to the upper spine
+    relative_to_chest : whether the trajectory is in the chest's frame
+    flare : 0 elbow down and back, 1 elbow out to the side
+    curve : metres by which the way there and back is curved, (x, y, z)
+    """
+
+    hand: int
+    interval: TimeInterval
+    trajectory: Trajectory
+    relative_to_chest: bool = False
+    flare: float = 0.2
+    curve: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class TrunkMotion:
+    """The trunk bends in an interval: radians and metres, signs as in ``kinematics``.
+
+    Parameters
+    ----------
+    interval : when
+    pitch, roll, twist : of the trunk; twist turns the shoulders to the left
+    nod : of the head beyond the trunk's pitch
+    crouch, aside, ahead : the pelvis goes down, to the left, forward
+    """
+
+    interval: TimeInterval
+    pitch: float = 0.0
+    roll: float = 0.0
+    twist: float = 0.0
+    nod: float = 0.0
+    crouch: float = 0.0
+    aside: float = 0.0
+    ahead: float = 0.0
+
+
+@dataclass(frozen=True)
+class KickMotion:
+    """A foot is lifted, extended to a point in the air, drawn back and put down.
+
+    Parameters
+    ----------
+    foot : LEFT or RIGHT
+    point : the ankle's target
+    chamber : when the knee is up
+    thrust : when the leg is out; within ``chamber``
+    """
+
+    foot: int
+    point: tuple[float, float, float]
+    chamber: TimeInterval
+    thrust: TimeInterval
+
+
+@dataclass(frozen=True)
+class MotionPlan:
+    """One person's motion plan of a clip.
+
+    Parameters
+    ----------
+    path : where the pelvis goes
+    step_rate_factor : factor on the person's usual step rate
+    hand_targets : what the hands do; where two overlap, the later in the tuple counts
+    trunk_motions : what the trunk does; overlapping ones are added
+    kick : a kick, if any
+    """
+
+    path: Path
+    step_rate_factor: float = 1.0
+    hand_targets: tuple[HandTarget, ...] = ()
+    trunk_motions: tuple[TrunkMotion, ...] = ()
+    kick: KickMotion | None = None
+
+
+def constant(x: float, y: float, z: float) -> Trajectory:
+    """Make a constant trajectory."""
+    return lambda times: np.tile([x, y, z], (len(times), 1))
+
+
+WHOLE_CLIP = TimeInterval(-9.0, -8.0, 90.0, 91.0)
+
+
+@dataclass(frozen=True)
+class RoleView:
+    """The script from one person's side: subject, partner, private variables."""
+
+    script: Script
+    role: Role
+    subject: Subject
+    other: Subject
+    private: PrivateVariables
+
+    @property
+    def first(self) -> bool:
+        """Whether this person is the initiator."""
+        return self.role == self.script.initiator
+
+    @property
+    def stand(self) -> float:
+        """Metres from this person to the meeting plane."""
+        return self.script.stand["ab".index(self.role)]
+
+    @property
+    def partner(self) -> float:
+        """The partner's position along this person's z."""
+        return self.script.stand[1 - "ab".index(self.role)]
+
+    @property
+    def entry(self) -> float:
+        """Metres walked in or out."""
+        return self.script.entry["ab".index(self.role)]
+
+    @property
+    def hand(self) -> int:
+        """The hand used."""
+        return self.script.hands["ab".index(self.role)]
+
+    @property
+    def aside(self) -> float:
+        """The contact's x in this person's frame."""
+        return self.script.aside * (1.0 if self.role == "a" else -1.0)
+
+    @property
+    def event(self) -> float:
+        """Seconds of the main event."""
+        return self.script.event
+
+    @property
+    def contact_end(self) -> float:
+        """When the contact ends."""
+        return self.script.event + self.script.hold
+
+    @property
+    def response(self) -> float:
+        """Seconds at which this person responds to a strike."""
+        return self.script.event + 0.5 * self.private.delay
+
+
+@dataclass(frozen=True)
+class RootMove:
+    """A translation of the pelvis along x and z and a rotation, between two times."""
+
+    start: float
+    stop: float
+    x: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
+    ease: float = 0.45
+    bow: float = 0.0
+
+
+def root_path(x: float, z: float, *moves: RootMove) -> Path:
+    """Start at (x, z) facing the partner and make every move; ``bow`` curves it sideways."""
+
+    def path(times: Array) -> Array:
+        place = np.tile([x, z, 0.0], (len(times), 1))
+        for move in moves:
+            fraction = ease_in_out(times, move.start, move.stop, move.ease)
+            place = place + fraction[:, None] * [move.x, move.z, move.yaw]
+            place[:, 0] += move.bow * bump(fraction)
+        return place
+
+    return path
+
+
+def walk_in(role_view: RoleView, arrive: float, extra: float = 0.0) -> RootMove:
+    """Walk in, arriving at ``arrive``."""
+    way = role_view.entry + extra
+    time = 0.5 + way / (1.0 * role_view.subject.tempo * (0.9 + 0.25 * role_view.private.more[0]))
+    return RootMove(
+        arrive - time, arrive, z=way, bow=role_view.private.side * 0.05 * role_view.private.more[1]
+    )
+
+
+def step_back(role_view: RoleView, start: float, *, always: bool = False) -> tuple[RootMove, ...]:
+    """Step back after the action; unless ``always``, only if the script has it."""
+    if role_view.script.stays and not always:
+        return ()
+    way = 0.2 + 0.35 * role_view.private.more[2]
+    begin = start + 0.1 + role_view.private.delay
+    return (RootMove(begin, begin + 0.55 + way / 0.9, z=-way, yaw=0.35 * role_view.private.side),)
+
+
+def free_hand(role_view: RoleView, hand: int) -> tuple[HandTarget, ...]:
+    """Rest an unused hand: hanging, on the hip, behind the back or in front of the belly."""
+    sign = 1.0 - 2.0 * hand
+    size = role_view.subject.body.stature
+    place = (
+        None,
+        (0.118 * size, -0.245 * size, -0.02, 0.95),
+        (0.03 * size, -0.245 * size, -0.15, 0.55),
+        (0.03 * size, -0.200 * size, 0.19, 0.25),
+    )[role_view.private.idle]
+    if place is None:
+        return ()
+    x, y, z, flare = place
+    begin = role_view.event + 0.4 if role_view.private.more[3] < 0.25 else -2.0
+    interval = TimeInterval(begin, begin + 0.6, 90.0, 91.0)
+    bend = (sign * (0.16 if z < 0 else 0.06), 0.0, 0.0)
+    return (HandTarget(hand, interval, constant(sign * x, y, z), True, flare, bend),)
+
+
+def contact_point(role_view: RoleView, give: float = 0.0) -> tuple[float, float, float]:
+    """Compute the contact point, ``give`` metres on this person's side of the meeting plane."""
+    return role_view.aside, role_view.script.level, -give
+
+
+def oscillating(role_view: RoleView, place: tuple[float, float, float]) -> Trajectory:
+    """Oscillate about a point at the script's beat while the contact lasts."""
+
+    def trajectory(times: Array) -> Array:
+        still = window(
+            times,
+            role_view.event - 0.05,
+            role_view.event + 0.2,
+            role_view.contact_end - 0.15,
+            role_view.contact_end + 0.1,
+        )
+        wave = np.sin(2.0 * np.pi * role_view.script.beat * (times - role_view.event)) * still
+        place_then: Array = np.array(place) + np.outer(
+            wave, [0.0, 0.03 * role_view.script.vigour, 0.0]
+        )
+        return place_then
+
+    return trajectory

@@ -1,0 +1,1 @@
+"""Training that every model shares: the loop, optimisation, checkpoints, devices."""

@@ -1,0 +1,80 @@
+"""Truth: poses that stiff joints can take, made by turning them; and SciPy's own least squares."""
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from pacmo_core.formats.fit_bones import aim_bones, forward_kinematics, inverse_kinematics
+
+# A root with a fork, an arm of three, a leg of two.
+PARENTS = (-1, 0, 1, 2, 0, 4, 1)
+COUNT = len(PARENTS)
+
+
+def pose(seed: int, n_frames: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draw root, bones and local rotations, these within half a radian of none."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(n_frames, 3))
+    moved = np.repeat(random.normal(size=(1, COUNT, 3)), n_frames, axis=0)
+    turns = Rotation.from_rotvec(random.uniform(-0.3, 0.3, (n_frames * COUNT, 3))).as_matrix()
+    return root, moved, turns.reshape(n_frames, COUNT, 3, 3)
+
+
+def test_a_pose_that_can_be_taken_is_taken() -> None:
+    root, moved, local = pose(0)
+    places, _ = forward_kinematics(PARENTS, root, moved, local)
+    wanted = {joint: places[:, joint] for joint in range(COUNT)}
+    straight = np.broadcast_to(np.eye(3), local.shape)
+    found_root, found = inverse_kinematics(
+        PARENTS, wanted, moved, aim_bones(PARENTS, wanted, moved, straight)
+    )
+    reached, _ = forward_kinematics(PARENTS, found_root, moved, found)
+    np.testing.assert_allclose(reached, places, atol=1e-5)
+
+
+def test_a_pose_that_is_there_is_left_with_its_twists() -> None:
+    root, moved, local = pose(1)
+    places, _ = forward_kinematics(PARENTS, root, moved, local)
+    wanted = {joint: places[:, joint] for joint in range(COUNT)}
+    found_root, found = inverse_kinematics(
+        PARENTS, wanted, moved, aim_bones(PARENTS, wanted, moved, local)
+    )
+    np.testing.assert_allclose(found, local, atol=1e-9)
+    np.testing.assert_allclose(found_root, root, atol=1e-9)
+
+
+def test_what_cannot_be_met_is_missed_by_the_least_squares() -> None:
+    root, moved, local = pose(2, n_frames=1)
+    places, _ = forward_kinematics(PARENTS, root, moved, local)
+    random = np.random.default_rng(3)
+    places = places + 0.1 * random.normal(size=places.shape)
+    wanted = {joint: places[:, joint] for joint in range(COUNT)}
+    guess = aim_bones(PARENTS, wanted, moved, local)
+    ours = (
+        forward_kinematics(
+            PARENTS, *_posed(inverse_kinematics(PARENTS, wanted, moved, guess), moved)
+        )[0]
+        - places
+    )
+
+    def missed(x: np.ndarray) -> np.ndarray:
+        turns = Rotation.from_rotvec(x[3:].reshape(-1, 3)).as_matrix()[None]
+        return (forward_kinematics(PARENTS, x[None, :3], moved, turns)[0] - places).reshape(-1)
+
+    start = np.concatenate([root[0], Rotation.from_matrix(local[0]).as_rotvec().reshape(-1)])
+    best = least_squares(missed, start)
+    assert np.square(ours).sum() <= 2 * best.cost * 1.01
+    first = forward_kinematics(PARENTS, *_posed(guess, moved))[0] - places
+    assert np.square(ours).sum() < 0.9 * np.square(first).sum()
+
+
+def _posed(found: tuple[np.ndarray, np.ndarray], moved: np.ndarray) -> tuple[np.ndarray, ...]:
+    return found[0], moved, found[1]
+
+
+def test_joints_without_a_place_keep_their_turns() -> None:
+    root, moved, local = pose(4)
+    places, _ = forward_kinematics(PARENTS, root, moved, local)
+    wanted = {joint: places[:, joint] for joint in (0, 1, 4)}
+    _, found = inverse_kinematics(PARENTS, wanted, moved, aim_bones(PARENTS, wanted, moved, local))
+    np.testing.assert_allclose(found[:, [2, 3, 5, 6]], local[:, [2, 3, 5, 6]], atol=1e-9)

@@ -1,0 +1,209 @@
+"""Truth: the people of an interaction, whose roles and world are conventions."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, SBU15
+from pacmo_core.data.transforms import Frame, body_frame
+from pacmo_core.operators.spectral import initialise_weights
+from pacmo_core.reaction.data import (
+    MotionPairs,
+    RandomAugmentation,
+    both_directions,
+    frame_rate_matrix,
+    random_transforms,
+    replace_reaction,
+    sample_motion_pairs,
+    to_partner_frame,
+)
+from pacmo_core.reaction.inputs import Normalisation
+from pacmo_core.reaction.settings import AugmentationSettings
+from pacmo_core.training.state import ema_copy, update_ema
+from tests.reaction.problems import clips, delayed_mirror
+from tests.strategies import make_interaction
+
+
+def test_a_partner_starts_at_the_origin_and_frames_on_the_grid_are_kept() -> None:
+    clip = delayed_mirror(3, np.linspace(0, 2, 33))
+    pairs = sample_motion_pairs([clip], 17)
+    local = body_frame(clip.person_a, clip.skeleton).to_local(clip.person_b)[::2].reshape(17, -1)
+    np.testing.assert_allclose(pairs.reaction[0].numpy(), local, atol=1e-5)
+    np.testing.assert_allclose(pairs.partner[0, 0, 6:9].numpy(), 0, atol=1e-6)
+    assert pairs.log_duration.item() == pytest.approx(math.log(2))
+
+
+def test_functions_do_not_change_when_the_world_turns() -> None:
+    clip = delayed_mirror(3, np.linspace(0, 2, 33))
+    world = Frame(origin=np.array([3.0, 1.0, -2.0]), yaw=1.2)
+    moved = replace(
+        clip, person_b=world.to_world(clip.person_b), person_a=world.to_world(clip.person_a)
+    )
+    here, there = sample_motion_pairs([clip], 17), sample_motion_pairs([moved], 17)
+    torch.testing.assert_close(there.reaction, here.reaction, atol=1e-5, rtol=0)
+    torch.testing.assert_close(there.partner, here.partner, atol=1e-5, rtol=0)
+
+
+def test_both_sides_hold_each_interaction_and_its_exchange() -> None:
+    some = clips(3)
+    sides = both_directions(some, swap=True)
+    assert len(sides) == 6
+    assert np.array_equal(sides[4].person_b, some[1].person_a)
+    assert both_directions(some, swap=False) == some
+
+
+def test_bodies_of_different_joints_are_refused() -> None:
+    first, second = clips(2)
+    with pytest.raises(ValueError, match="one skeleton"):
+        sample_motion_pairs([first, second.without(["head"])], 17)
+    with pytest.raises(ValueError, match="no interaction"):
+        sample_motion_pairs([], 17)
+
+
+def test_normalised_training_data_are_centred_and_of_unit_scale_and_come_back() -> None:
+    pairs = sample_motion_pairs(clips(20), 17)
+    norm = Normalisation(channels=45)
+    norm.measure(pairs)
+    both = torch.cat([norm.partner(pairs.partner), norm.reaction(pairs.reaction)])
+    assert both.mean().abs() < 1e-5
+    assert both.square().mean().item() == pytest.approx(1, rel=1e-5)
+    again = norm.metres(norm.reaction(pairs.reaction))
+    torch.testing.assert_close(again, pairs.reaction, atol=1e-6, rtol=1e-5)
+
+
+def test_the_running_mean_is_the_past_with_falling_weights() -> None:
+    model = torch.nn.Linear(3, 2)
+    initialise_weights(model, torch.Generator().manual_seed(0))
+    mean, start = ema_copy(model), model.weight.detach().clone()
+    with torch.no_grad():
+        model.weight.add_(1)
+    for _ in range(3):
+        update_ema(mean, model, 0.9)
+    torch.testing.assert_close(mean.weight, start + 1 - 0.9**3)
+    assert not mean.weight.requires_grad
+
+
+def random_clip(seed: int, n_frames: int = 30, fps: float = 30) -> Interaction:
+    return make_interaction(np.random.default_rng(seed), n_frames, NTU25, fps)
+
+
+def test_the_partner_starts_at_the_origin():
+    seen = to_partner_frame(random_clip(1))
+    np.testing.assert_allclose(seen.person_a[0, NTU25.root], 0, atol=1e-6)
+
+
+def test_distances_between_the_two_are_kept():
+    before, after = random_clip(2), to_partner_frame(random_clip(2))
+    np.testing.assert_allclose(
+        np.linalg.norm(after.person_a - after.person_b, axis=-1),
+        np.linalg.norm(before.person_a - before.person_b, axis=-1),
+        atol=1e-5,
+    )
+
+
+def test_where_the_world_stands_does_not_matter():
+    turn, shift = Rotation.from_euler("y", 1.1).as_matrix(), np.array([3.0, -1.0, 2.0])
+    here = random_clip(3)
+    there = replace(
+        here,
+        person_a=(here.person_a @ turn.T + shift).astype(np.float32),
+        person_b=(here.person_b @ turn.T + shift).astype(np.float32),
+    )
+    np.testing.assert_allclose(
+        to_partner_frame(there).person_b, to_partner_frame(here).person_b, atol=1e-5
+    )
+
+
+def test_dealing_a_reaction_to_its_own_partner_changes_nothing():
+    own = random_clip(4)
+    np.testing.assert_allclose(replace_reaction(own, own).person_b, own.person_b, atol=1e-5)
+
+
+def test_a_dealt_reaction_is_played_over_the_other_partners_duration():
+    partner, other = random_clip(5, n_frames=40, fps=15), random_clip(6, n_frames=20)
+    dealt = replace_reaction(partner, other)
+    assert dealt.person_a is partner.person_a
+    np.testing.assert_allclose(dealt.person_b[0], other.person_b[0], atol=1e-6)
+    np.testing.assert_allclose(dealt.person_b[-1], other.person_b[-1], atol=1e-6)
+
+
+PAIRS = sample_motion_pairs(clips(6), 17)
+PLAIN = AugmentationSettings(mirror=0.0, size=0.0, turn=0.0, least_rate=1.0)
+
+
+def augmented(
+    settings: AugmentationSettings, pairs: MotionPairs = PAIRS, seed: int = 0
+) -> MotionPairs:
+    return RandomAugmentation(settings, SBU15, 17)(pairs, torch.Generator().manual_seed(seed))
+
+
+def as_joints(motion: torch.Tensor) -> torch.Tensor:
+    return motion.unflatten(-1, (-1, 3))
+
+
+def between(pairs: MotionPairs) -> torch.Tensor:
+    return torch.cdist(as_joints(pairs.partner), as_joints(pairs.reaction))
+
+
+def test_all_zero_changes_nothing() -> None:
+    found = augmented(PLAIN)
+    torch.testing.assert_close(found.partner, PAIRS.partner)
+    torch.testing.assert_close(found.reaction, PAIRS.reaction)
+
+
+def test_a_mirror_image_has_left_and_right_exchanged_and_mirrored_again_is_the_original() -> None:
+    once = augmented(replace(PLAIN, mirror=1.0))
+    left, right = SBU15.indices(["left_hand", "right_hand"])
+    expected = as_joints(PAIRS.reaction)[:, :, left] * torch.tensor([-1.0, 1.0, 1.0])
+    torch.testing.assert_close(as_joints(once.reaction)[:, :, right], expected)
+    twice = augmented(replace(PLAIN, mirror=1.0), once)
+    torch.testing.assert_close(twice.partner, PAIRS.partner)
+
+
+def test_a_turn_keeps_heights_and_all_distances_between_the_bodies() -> None:
+    found = augmented(replace(PLAIN, turn=1.0))
+    assert (found.partner - PAIRS.partner).abs().max() > 0.1
+    torch.testing.assert_close(as_joints(found.partner)[..., 1], as_joints(PAIRS.partner)[..., 1])
+    torch.testing.assert_close(between(found), between(PAIRS), atol=1e-4, rtol=1e-4)
+
+
+def test_a_size_scales_both_people_alike() -> None:
+    found = augmented(replace(PLAIN, size=0.2))
+    ratio = (between(found) / between(PAIRS)).flatten(1)
+    torch.testing.assert_close(ratio, ratio[:, :1].expand_as(ratio), atol=1e-3, rtol=1e-3)
+    assert ratio[:, 0].std() > 0.05
+
+
+def test_turns_turn_and_do_not_mirror() -> None:
+    place = random_transforms(5, replace(PLAIN, turn=1.0), torch.Generator().manual_seed(0))
+    torch.testing.assert_close(place @ place.mT, torch.eye(3).expand(5, 3, 3))
+    torch.testing.assert_close(torch.linalg.det(place), torch.ones(5))
+
+
+def test_frames_enough_for_a_smooth_function_lose_nothing_and_too_few_do() -> None:
+    times = torch.linspace(0, 1, 33)
+    smooth, fast = torch.sin(3 * times), torch.sin(60 * times)
+    assert (frame_rate_matrix(33, 17) @ smooth - smooth).abs().max() < 1e-4
+    assert (frame_rate_matrix(33, 17) @ fast - fast).abs().max() > 0.1
+
+
+def test_a_lower_frame_rate_is_the_partners_alone() -> None:
+    found = [augmented(replace(PLAIN, least_rate=0.3), seed=seed) for seed in range(8)]
+    assert all(torch.allclose(pairs.reaction, PAIRS.reaction) for pairs in found)
+    changes = [float((pairs.partner - PAIRS.partner).abs().max()) for pairs in found]
+    assert max(changes) > 1e-5
+    assert len({round(change, 9) for change in changes}) > 3  # a rate a batch
+    np.testing.assert_allclose(found[0].partner[:, 0], PAIRS.partner[:, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"mirror": 1.5}, {"size": -0.1}, {"turn": -1.0}, {"least_rate": 0.0}]
+)
+def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must lie in"):
+        replace(PLAIN, **wrong)
