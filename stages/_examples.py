@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.data.names import sort_clips
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.splits import Fact
-from pacmo_core.store.motions import motion_file, read_motion, sort_clips, stream_motions
+from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
     GOOD,
     SOURCES,

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.data.names import split_variation_name
 from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import variation_table, varied_clip
-from pacmo_core.store.motions import SEPARATOR, motion_file, read_motion
+from pacmo_core.store.motions import motion_file, read_motion
 from pacmo_core.store.tables import (
     FAILED,
     GOOD,
@@ -46,7 +47,7 @@ def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
     shown = []
     for row in rows:
         file = motion_file(folder / (GOOD if row.kept else FAILED), clip)
-        label = row.variation.removeprefix(f"{clip}{SEPARATOR}")
+        label = split_variation_name(row.variation)[1]
         mark = "" if row.kept else " (left out)"
         shown.append((f"{label}{mark}", row.figures, read_motion(file, row.variation)))
     return varied_clip(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)

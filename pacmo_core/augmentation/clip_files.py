@@ -17,10 +17,11 @@ from pacmo_core.augmentation.plan import Plan, Variation
 from pacmo_core.augmentation.segments import segments
 from pacmo_core.augmentation.solve import Made
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import variation_name
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.cache import CacheEntry, code_hash, short_hash
 from pacmo_core.store.files import atomic_file
-from pacmo_core.store.motions import SEPARATOR, motion_file, write_motions
+from pacmo_core.store.motions import motion_file, write_motions
 from pacmo_core.store.tables import FAILED, GOOD, SOURCES, VariationRecord
 
 # The code that the files depend on, besides the code that computes variations.
@@ -130,7 +131,7 @@ def facts_of(
     names = [segment.name for segment in segments(skeleton)]
     a, b = (dict(zip(names, own.tolist(), strict=True)) for own in variation.scales)
     return VariationRecord(
-        variation=f"{clip}{SEPARATOR}{variation.name}",
+        variation=variation_name(clip, variation.name),
         clip=clip,
         kind=variation.kind,
         kept=not reason,

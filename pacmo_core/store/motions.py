@@ -6,7 +6,7 @@ time, so that neither needs the file in memory.
 
 import json
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import pairwise
@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import sort_clips
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.files import StoreError, atomic_file
 from pacmo_core.store.tables import VERSION, check_version, open_parquet
@@ -240,8 +241,6 @@ class MotionReader:
         }
 
 
-# Between a clip's name and what was made of it; sorts after every character of a clip's name.
-SEPARATOR = "~"
 SUFFIX = ".parquet"
 
 
@@ -253,11 +252,6 @@ def motion_file(folder: Path, clip: str) -> Path:
 def clip_of_file(file: Path) -> str:
     """Say whose motions a file holds."""
     return unquote(file.name.removesuffix(SUFFIX))
-
-
-def sort_clips(clips: Iterable[str]) -> list[str]:
-    """Sort clips so that the names of their variations ascend: ``one#0001~x`` before ``one~x``."""
-    return sorted(clips, key=lambda clip: f"{clip}{SEPARATOR}")
 
 
 def stream_folder(folder: Path) -> Iterator[tuple[str, Interaction]]:
