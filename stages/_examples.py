@@ -35,7 +35,7 @@ def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str,
         If the table of sides is of other variations.
     """
     facts = kept_facts(family)
-    stands: Mapping[str, str] = {row.clip: row.side for row in read_rows(sides, SplitRecord)}
+    stands: Mapping[str, str] = {row.clip: row.split for row in read_rows(sides, SplitRecord)}
     if facts.keys() != stands.keys():
         odd = min(facts.keys() ^ stands.keys())
         raise ValueError(f"{sides} wanted a side for each variation of {family}; differ in {odd}")

@@ -70,7 +70,7 @@ class SplitRecord:
     """Where one clip stands in one fold: ``train``, ``validation``, ``test`` or ``dropped``."""
 
     clip: str
-    side: str
+    split: str
 
 
 @dataclass(frozen=True)

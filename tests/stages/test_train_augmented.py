@@ -102,7 +102,7 @@ def test_only_variations_of_clips_that_are_trained_on_are_seen():
 
 def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
     rows = [SplitRecord(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
-    rows[0] = replace(rows[0], side="train")
+    rows[0] = replace(rows[0], split="train")
     write_rows(SIDES, SplitRecord, rows)
     for file in MADE.iterdir():
         file.unlink()
