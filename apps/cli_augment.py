@@ -21,7 +21,7 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.figures.variations import said
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import prepare, vary
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 
 First = Annotated[Path, typer.Argument(help="a capture of two people, or of person a")]
 Second = Annotated[Path | None, typer.Argument(help="of person b, where each has a file")]

@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from apps.failure import CommandError, told_in_one_line
-from pacmo_core.store.clips import ClipFacts, QuarantineFacts, SideFacts, read_rows
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, read_rows
 
 Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequences")]
 Matching = Annotated[str, typer.Option(help="only rows that hold this text")]
@@ -31,12 +31,12 @@ def list_clips(
     Who, what, how long; with ``--sides`` on which side in that fold.
     """
     with _told():
-        rows = read_rows(folder / "clips.parquet", ClipFacts)
-        stands = {row.clip: row.side for row in read_rows(sides, SideFacts)} if sides else {}
+        rows = read_rows(folder / "clips.parquet", ClipRecord)
+        stands = {row.clip: row.split for row in read_rows(sides, SplitRecord)} if sides else {}
     cells = [[_cell(getattr(row, column)) for column in CLIP_COLUMNS] for row in rows]
     if sides:
         cells = [[*line, stands.get(row.clip, "")] for line, row in zip(cells, rows, strict=True)]
-    _show(cells, (*CLIP_COLUMNS, *(["side"] if sides else [])), matching)
+    _show(cells, (*CLIP_COLUMNS, *(["split"] if sides else [])), matching)
 
 
 def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:
@@ -45,7 +45,7 @@ def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching 
     With the file, the line and the reason.
     """
     with _told():
-        rows = read_rows(folder / "quarantine.parquet", QuarantineFacts)
+        rows = read_rows(folder / "quarantine.parquet", QuarantineRecord)
     columns = ("file", "line", "reason")
     _show([[_cell(getattr(row, column)) for column in columns] for row in rows], columns, matching)
 

@@ -18,8 +18,8 @@ from apps.lock import is_held, one_writer
 from apps.places import ASIDE, DECISIONS, DVC_CACHE, INBOX, LOCK, PLAN, RUNS, SHELF
 from apps.promote import roll_back
 from apps.records import DONE, HELD, SKIPPED, Run, read_runs, recorded
-from pacmo_core.promotion import shelf
-from pacmo_core.promotion.history import Decision, read_decisions
+from pacmo_core import promotion
+from pacmo_core.promotion import Decision, read_decisions
 
 _GOOD = (DONE, HELD, SKIPPED)
 _SHOWN = 5  # of each list
@@ -63,7 +63,7 @@ def status(*, stale: bool) -> dict[str, Any]:
     return {
         "writing": writing,
         "runs": [asdict(run) for run in told(read_runs(RUNS)[-_SHOWN:], writing)],
-        "current": shelf.current(SHELF),
+        "current": promotion.current_model(SHELF),
         "decisions": [asdict(decision) for decision in decisions[-_SHOWN:]],
         "broken_decisions": [fault.file.as_posix() for fault in broken],
         "stale": stale_reasons(writing) if stale else {},

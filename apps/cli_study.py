@@ -17,7 +17,7 @@ from apps.places import MOTIONS
 from apps.study_draw import draw_items
 from apps.study_server import Limiter, Terms, create_app
 from pacmo_core.metrics.survey import Share, fit_mixed, share
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 from pacmo_core.store.study import GENERATED, REAL, Answer, Study, write_study
 
 app = typer.Typer(no_args_is_help=True, help="Can people tell generated motion from captured?")

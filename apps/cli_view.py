@@ -9,7 +9,7 @@ import typer
 from apps.failure import CommandError, told_reading
 from apps.shown import read_scene
 from pacmo_core.figures.viewer import MOST, render_viewer
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 
 Clips = Annotated[
     list[str], typer.Argument(metavar="CLIP...", help="NAME, FOLDER:NAME, FILE or FILE+FILE")

@@ -23,7 +23,7 @@ from pacmo_core.formats.registry import (
 )
 from pacmo_core.formats.write_bvh import Rewritten, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
 SAME_PLACE = 1e-3  # metres: a bone shorter than this all the time is none

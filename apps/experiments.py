@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from apps.failure import CommandError
 from apps.leftover_priors import WantedPriors
 from apps.leftovers import Wanted, remove_leftovers
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 
 FOLDER = Path("experiments")
 PARAMS = Path("params.yaml")

@@ -25,7 +25,7 @@ from pacmo_core.formats.write_gltf import (
     to_gltf,
 )
 from pacmo_core.formats.write_tables import format_csv, npz_bytes
-from pacmo_core.store.atomic import whole_file, write_text
+from pacmo_core.store.files import atomic_file, write_text
 
 FILM_FPS = 25.0
 COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
@@ -128,7 +128,7 @@ def _npz(out: Path, scene: Scene, form: Form) -> tuple[list[Path], str]:
 def _film(out: Path, scene: Scene, form: Form) -> tuple[list[Path], str]:
     # Stills draw their first person orange; the viewer's first is blue.
     clip = Interaction(scene.skeleton, scene.times, scene.people[-1], scene.people[0])
-    with whole_file(out) as partial:
+    with atomic_file(out) as partial:
         # Writers go by the ending.
         named = partial.with_name(partial.name + out.suffix.lower())
         try:
@@ -140,7 +140,7 @@ def _film(out: Path, scene: Scene, form: Form) -> tuple[list[Path], str]:
 
 
 def _write_bytes(out: Path, content: bytes) -> None:
-    with whole_file(out) as partial:
+    with atomic_file(out) as partial:
         partial.write_bytes(content)
 
 

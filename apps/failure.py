@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import typer
 
 from pacmo_core.formats.base import FormatError
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 
 FAILED = 1  # exit code; typer's own 2 means wrong usage
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.history import Row, render_history
-from pacmo_core.promotion.history import ROLLED_BACK, Decision
-from pacmo_core.store.atomic import write_text
+from pacmo_core.promotion import ROLLED_BACK, Decision
+from pacmo_core.store.files import write_text
 
 
 def write_page(path: Path, decisions: list[Decision]) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from pacmo_core.store.atomic import whole_file, write_text
+from pacmo_core.store.files import atomic_file, write_text
 
 REASON = "reason.json"
 
@@ -74,7 +74,7 @@ def _copy(source: Path, target: Path) -> None:
         if target.read_bytes() != source.read_bytes():
             raise FileExistsError(f"{target} is there already, with other content than {source}")
         return
-    with whole_file(target) as partial:
+    with atomic_file(target) as partial:
         shutil.copyfile(source, partial)
 
 

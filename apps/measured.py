@@ -9,7 +9,7 @@ from typing import Any
 
 from apps.records import now
 from pacmo_core.figures.whole import COMPARED, Measured
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 
 MODEL = "pacmo"
 EDITED = ", edited"

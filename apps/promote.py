@@ -13,15 +13,17 @@ from apps.failure import CommandError
 from apps.history_page import write_page
 from apps.places import DECISIONS, METRICS, PAGE, REPORT, SHELF
 from apps.records import now
-from pacmo_core.promotion import shelf
-from pacmo_core.promotion.gate import Gate, Metrics, reasons_against
-from pacmo_core.promotion.history import (
+from pacmo_core import promotion
+from pacmo_core.promotion import (
     HELD,
     PROMOTED,
     ROLLED_BACK,
     UNCHANGED,
     Decision,
+    Gate,
+    Metrics,
     add_decision,
+    check_gate,
     next_number,
     read_decisions,
     write_table,
@@ -60,7 +62,7 @@ def candidate_of(row: str) -> Candidate:
         experiment=facts["experiment"],
         tables=facts["pacmo"],
         files=files,
-        model=shelf.model_hash(weights),
+        model=promotion.model_hash(weights),
         test_reactions=_read_json(pooled)["test_reactions"] if pooled.exists() else 0,
     )
 
@@ -73,11 +75,11 @@ def decide(gate: Gate) -> Decision:
     settle()
     found = candidate_of(gate.row)
     decisions, _ = read_decisions(DECISIONS)
-    now_current = shelf.current(SHELF)
+    now_current = promotion.current_model(SHELF)
     number = _next_number()
     verdict, reasons = _judge(found, decisions, now_current, gate)
     if verdict == PROMOTED:
-        shelf.put(SHELF, number, found.files)
+        promotion.store_model(SHELF, number, found.files)
     decision = Decision(
         number=number,
         at=now(),
@@ -104,12 +106,12 @@ def roll_back(why: str) -> Decision:
     """
     settle()
     decisions, _ = read_decisions(DECISIONS)
-    now_current = shelf.current(SHELF)
+    now_current = promotion.current_model(SHELF)
     withdrawn = _withdrawn(decisions)
     models = {d.shelf: d for d in decisions if d.verdict == PROMOTED}
     earlier = [
         number
-        for number in shelf.numbers(SHELF)
+        for number in promotion.list_models(SHELF)
         if number < now_current and number in models and models[number].model not in withdrawn
     ]
     if not earlier:
@@ -134,8 +136,8 @@ def settle() -> None:
     decisions, broken = read_decisions(DECISIONS)
     for fault in broken:
         fault.file.replace(fault.file.with_suffix(".broken"))
-    if decisions and decisions[-1].shelf not in (0, shelf.current(SHELF)):
-        shelf.make_current(SHELF, decisions[-1].shelf)
+    if decisions and decisions[-1].shelf not in (0, promotion.current_model(SHELF)):
+        promotion.set_current_model(SHELF, decisions[-1].shelf)
     if decisions:
         write_table(DECISIONS)
 
@@ -150,14 +152,14 @@ def _judge(
     if current is not None and current.model == found.model:
         return UNCHANGED, []
     same = current is not None and current.experiment == found.experiment
-    tables = _read_json(SHELF / shelf.CURRENT / METRICS)["pacmo"] if same else None
-    reasons = reasons_against(found.tables, tables, gate)
+    tables = _read_json(SHELF / promotion.CURRENT_LINK / METRICS)["pacmo"] if same else None
+    reasons = check_gate(found.tables, tables, gate)
     return (HELD if reasons else PROMOTED), reasons
 
 
 def _next_number() -> int:
     # A kill between shelf and decision leaves a folder that no decision names.
-    return max(next_number(DECISIONS), max(shelf.numbers(SHELF), default=0) + 1)
+    return max(next_number(DECISIONS), max(promotion.list_models(SHELF), default=0) + 1)
 
 
 def _withdrawn(decisions: list[Decision]) -> dict[str, Decision]:
@@ -172,7 +174,7 @@ def _judged(found: Candidate, gate: Gate) -> dict[str, dict[str, float]]:
 def _write(decision: Decision) -> Decision:
     add_decision(DECISIONS, decision)
     if decision.shelf:
-        shelf.make_current(SHELF, decision.shelf)
+        promotion.set_current_model(SHELF, decision.shelf)
     write_page(PAGE, read_decisions(DECISIONS)[0])
     return decision
 

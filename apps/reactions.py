@@ -11,7 +11,7 @@ from apps.failure import CommandError
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import write_motions
 
 

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 
 RUNNING, DONE, HELD, FAILED, KILLED, SKIPPED = (
     *("running", "done", "held", "failed", "killed", "skipped"),

@@ -13,8 +13,8 @@ from apps.history_page import rows_of
 from apps.measured import EDITED, remember
 from apps.places import DECISIONS, MEASURED, METRICS, REPORT, STUDY, WHOLE
 from pacmo_core.figures.whole import Beside, Measured, StageRun, StudyTable, make_whole
-from pacmo_core.promotion.history import read_decisions
-from pacmo_core.store.atomic import write_text
+from pacmo_core.promotion import read_decisions
+from pacmo_core.store.files import write_text
 from pacmo_core.store.study import GENERATED, REAL
 
 LOCK = Path("dvc.lock")

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.generator import Generator
@@ -135,5 +135,5 @@ def _inputs(
 
 
 def _local(model: Generator, partner: Sampled, motion: NDArray[np.floating]) -> NDArray[np.float64]:
-    local = frame_of(partner.motion, model.skeleton).to_local(motion.astype(np.float32))
+    local = body_frame(partner.motion, model.skeleton).to_local(motion.astype(np.float32))
     return local.reshape(*motion.shape[:-2], -1).astype(np.float64)

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.contacts import joint_distances
-from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.interaction import Interaction, joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts

@@ -15,7 +15,7 @@ from dvc.utils.strictyaml import YAMLSyntaxError, YAMLValidationError
 
 from apps.lock import PROC, lives
 from apps.log import tell
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 
 RWLOCK = Path(".dvc/tmp/rwlock")
 DVC_LOCK = "dvc.lock"

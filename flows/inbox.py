@@ -22,10 +22,10 @@ from apps.records import now, recorded
 from flows.dvc_locks import past_a_cut_lock
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
-from pacmo_core.formats.ingestion import read_sequences
 from pacmo_core.formats.registry import open_format
-from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
+from pacmo_core.ingestion import read_sequences
 from pacmo_core.store.motions import read_skeleton
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
 from stages._files import CLIPS, MOTIONS
 from stages._params import read_params
 from stages.ingest import Params, is_included, recipe_of
@@ -85,7 +85,7 @@ def _judge(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
     stamp = now().replace(":", "")
     moves = []
     for sequence, outcome in zip(ready, read_sequences(recipe, ready), strict=True):
-        if isinstance(outcome, QuarantineFacts):
+        if isinstance(outcome, QuarantineRecord):
             reason, line = outcome.reason, outcome.line
         else:
             facts, interaction = outcome
@@ -127,7 +127,7 @@ def _known_contents() -> dict[str, str]:
     table = SEQUENCES / CLIPS
     if not table.exists():
         return {}
-    return {row.sha256: row.sequence for row in read_rows(table, ClipFacts)}
+    return {row.sha256: row.sequence for row in read_rows(table, ClipRecord)}
 
 
 def _settled(settle_s: float) -> set[Path]:

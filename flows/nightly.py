@@ -32,7 +32,7 @@ from flows.missed import is_covered
 from flows.remote import push
 from flows.reproduce import WORKERS, bring_up
 from flows.way import ByHand, ByPrefect, Way
-from pacmo_core.promotion.gate import Gate
+from pacmo_core.promotion import Gate
 from stages._params import read_params
 
 _GB = 1e9

@@ -22,7 +22,7 @@ from flows.cache import remove_old
 from flows.dvc_locks import DVC_LOCK
 from flows.ending import by_hand_or_flow
 from flows.way import ByHand, ByPrefect, Way
-from pacmo_core.promotion import shelf
+from pacmo_core import promotion
 from stages._params import read_params
 
 
@@ -52,10 +52,10 @@ def prune_here(way: Way) -> Run:
 
 def remove_models(keep: int) -> list[int]:
     """Remove promoted models but for the last and the current one."""
-    now_current = shelf.current(SHELF)
-    old = [number for number in shelf.numbers(SHELF)[:-keep] if number != now_current]
+    now_current = promotion.current_model(SHELF)
+    old = [number for number in promotion.list_models(SHELF)[:-keep] if number != now_current]
     for number in old:
-        shelf.remove(SHELF, number)
+        promotion.remove_model(SHELF, number)
     return old
 
 

@@ -188,7 +188,7 @@ def load_model(path: Path | str, kind: Kind) -> nn.Module:
         If the file is not whole, or holds no model of this kind.
     """
     # The store reads Parquet too: it is imported when a file is read.
-    from pacmo_core.store.schema import StoreError  # noqa: PLC0415
+    from pacmo_core.store.files import StoreError  # noqa: PLC0415
     from pacmo_core.store.weights import read_weights  # noqa: PLC0415
 
     Path(path).stat()  # the system's error names the file, safetensors' does not

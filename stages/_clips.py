@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.store.clips import ClipFacts, SideFacts, read_rows
 from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows
 from stages._files import CLIPS, MOTIONS
 
 
-def stream_side(clips: Path, sides: Path, side: str) -> Iterator[tuple[ClipFacts, Interaction]]:
+def stream_side(clips: Path, sides: Path, side: str) -> Iterator[tuple[ClipRecord, Interaction]]:
     """Yield the clips of one side with their facts, in order.
 
     Parameters
@@ -23,8 +23,8 @@ def stream_side(clips: Path, sides: Path, side: str) -> Iterator[tuple[ClipFacts
     ValueError
         If the table is of other clips.
     """
-    facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipFacts)}
-    stands = {row.clip: row.side for row in read_rows(sides, SideFacts)}
+    facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipRecord)}
+    stands = {row.clip: row.split for row in read_rows(sides, SplitRecord)}
     if facts.keys() != stands.keys():
         odd = min(facts.keys() ^ stands.keys())
         raise ValueError(f"{sides} wanted a side for each clip of {clips}; they differ in {odd}")

@@ -5,16 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.data.names import sort_clips
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.splits import Fact
-from pacmo_core.store.clips import SideFacts, read_rows
-from pacmo_core.store.motion_folders import file_of, in_order
-from pacmo_core.store.motions import read_motion, stream_motions
-from pacmo_core.store.variations import (
+from pacmo_core.store.motions import motion_file, read_motion, stream_motions
+from pacmo_core.store.tables import (
     GOOD,
     SOURCES,
     VARIATIONS,
-    VariationFacts,
+    SplitRecord,
+    VariationRecord,
+    read_rows,
     read_variations,
 )
 
@@ -34,17 +35,17 @@ def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str,
         If the table of sides is of other variations.
     """
     facts = kept_facts(family)
-    stands: Mapping[str, str] = {row.clip: row.side for row in read_rows(sides, SideFacts)}
+    stands: Mapping[str, str] = {row.clip: row.split for row in read_rows(sides, SplitRecord)}
     if facts.keys() != stands.keys():
         odd = min(facts.keys() ^ stands.keys())
         raise ValueError(f"{sides} wanted a side for each variation of {family}; differ in {odd}")
     wanted = {fact.source for name, fact in facts.items() if stands[name] == side}
-    for clip in in_order(wanted):
-        source = read_motion(file_of(family / SOURCES, clip), clip)
-        for name, varied in stream_motions(file_of(family / GOOD, clip)):
+    for clip in sort_clips(wanted):
+        source = read_motion(motion_file(family / SOURCES, clip), clip)
+        for name, varied in stream_motions(motion_file(family / GOOD, clip)):
             if stands[name] == side:
                 yield name, Example(clip, source, facts[name].scales, varied)
 
 
-def _scales(row: VariationFacts) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _scales(row: VariationRecord) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     return np.array([list(row.scales_a.values()), list(row.scales_b.values())], dtype=np.float64)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.store.atomic import write_text
+from pacmo_core.store.files import write_text
 
 MOTIONS = "motions.parquet"
 CLIPS = "clips.parquet"

@@ -4,17 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.data.names import split_variation_name
 from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import variation_table, varied_clip
-from pacmo_core.store.motion_folders import SEPARATOR, file_of
-from pacmo_core.store.motions import read_motion
-from pacmo_core.store.variations import (
+from pacmo_core.store.motions import motion_file, read_motion
+from pacmo_core.store.tables import (
     FAILED,
     GOOD,
     SOURCES,
     VARIATIONS,
-    VariationFacts,
+    VariationRecord,
     read_variations,
 )
 
@@ -43,11 +43,11 @@ def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]
             yield _shown(folder, clip, own)
 
 
-def _shown(folder: Path, clip: str, rows: list[VariationFacts]) -> PlayedClip:
+def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
     shown = []
     for row in rows:
-        file = file_of(folder / (GOOD if row.kept else FAILED), clip)
-        label = row.variation.removeprefix(f"{clip}{SEPARATOR}")
+        file = motion_file(folder / (GOOD if row.kept else FAILED), clip)
+        label = split_variation_name(row.variation)[1]
         mark = "" if row.kept else " (left out)"
         shown.append((f"{label}{mark}", row.figures, read_motion(file, row.variation)))
-    return varied_clip(clip, read_motion(file_of(folder / SOURCES, clip), clip), shown)
+    return varied_clip(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)

@@ -9,12 +9,13 @@ from typing import Any
 
 from pacmo_core.augmentation.choose import Candidate, choose, nearness_of
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.quality import Limits
+from pacmo_core.data.names import clip_name
+from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.splits import window_edges
-from pacmo_core.formats.ingestion import Recipe, read_sequences
 from pacmo_core.formats.registry import open_format
-from pacmo_core.store.clips import ClipFacts, QuarantineFacts, read_rows
-from pacmo_core.store.motion_groups import MotionGroups
+from pacmo_core.ingestion import IngestionSettings, read_sequences
+from pacmo_core.store.motions import MotionReader
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
 from stages._files import CLIPS, MOTIONS
 
 
@@ -44,7 +45,7 @@ class Second:
     include: tuple[str, ...]
     drop_joints: tuple[str, ...]
     stated_fps: float | None
-    limits: Limits
+    limits: QualityLimits
     contact_distance: float
     clip_seconds: float
 
@@ -61,14 +62,14 @@ class Family:
     """
 
     name: str
-    clips: dict[str, ClipFacts]
+    clips: dict[str, ClipRecord]
     read: Callable[[str], Interaction]
 
 
 def own_family(clips: Path, choice: Choice) -> Family:
     """Choose among the experiment's clips."""
-    facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipFacts)}
-    read = MotionGroups(clips / MOTIONS).read
+    facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipRecord)}
+    read = MotionReader(clips / MOTIONS).read
     chosen = _chosen(facts, read, choice, clips)
     return Family(next(iter(chosen.values())).dataset, chosen, read)
 
@@ -83,12 +84,12 @@ def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]
     """
     if second.format is None:
         return
-    rows: dict[str, ClipFacts] = {}
+    rows: dict[str, ClipRecord] = {}
     clips: dict[str, Interaction] = {}
     for facts, whole in _captures(second, raw):
         edges = window_edges(len(whole.times), whole.fps, second.clip_seconds)
         for number, (start, stop) in enumerate(edges):
-            name = facts.sequence if len(edges) == 1 else f"{facts.sequence}#{number:04d}"
+            name = clip_name(facts.sequence, number, len(edges))
             clips[name] = whole.frames(start, stop)
             own = replace(facts, clip=name, duration=clips[name].duration, frames=stop - start)
             rows[name] = replace(own, start_frame=start)
@@ -96,10 +97,10 @@ def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]
     yield Family(second.dataset, _chosen(rows, read, choice, raw), read)
 
 
-def _captures(second: Second, raw: Path) -> Iterator[tuple[ClipFacts, Interaction]]:
+def _captures(second: Second, raw: Path) -> Iterator[tuple[ClipRecord, Interaction]]:
     raw_format = open_format(second.format or "", second.settings)
     found = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
-    recipe = Recipe(
+    recipe = IngestionSettings(
         dataset=second.dataset,
         root=raw,
         format=raw_format,
@@ -114,7 +115,7 @@ def _captures(second: Second, raw: Path) -> Iterator[tuple[ClipFacts, Interactio
         if _is_included(sequence.files[0].relative_to(raw).as_posix(), second.include)
     ]
     for outcome in read_sequences(recipe, wanted):
-        if not isinstance(outcome, QuarantineFacts):
+        if not isinstance(outcome, QuarantineRecord):
             yield outcome
 
 
@@ -123,11 +124,11 @@ def _is_included(name: str, patterns: tuple[str, ...]) -> bool:
 
 
 def _chosen(
-    facts: Mapping[str, ClipFacts],
+    facts: Mapping[str, ClipRecord],
     read: Callable[[str], Interaction],
     choice: Choice,
     where: Path,
-) -> dict[str, ClipFacts]:
+) -> dict[str, ClipRecord]:
     """Choose clips by name; only those among which there is a choice are looked into."""
     rows = [row for row in facts.values() if _is_included(row.clip, choice.include)]
     if not rows:

@@ -14,6 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.augmentation.bodies import body_of
+from pacmo_core.augmentation.clip_files import (
+    ClipFiles,
+    clip_key,
+    variation_from_entry,
+    variation_to_entry,
+    write_clip_files,
+)
 from pacmo_core.augmentation.keep import Bounds
 from pacmo_core.augmentation.keys import body_key, maker_key, source_key
 from pacmo_core.augmentation.plan import Plan, Variation, plan_variations
@@ -21,11 +28,14 @@ from pacmo_core.augmentation.segments import segments
 from pacmo_core.augmentation.solve import Lot, Made, Outcome
 from pacmo_core.augmentation.workers import solve_on_cluster, solve_side_by_side
 from pacmo_core.interaction_mesh import BATCH, Settings
-from pacmo_core.store.clips import ClipFacts, write_rows
-from pacmo_core.store.finish import clip_key, finish, finisher_key
-from pacmo_core.store.finished import Finished
-from pacmo_core.store.kept import Kept, read_kept
-from pacmo_core.store.variations import VARIATIONS, VariationFacts, write_variations
+from pacmo_core.store.cache import Cache
+from pacmo_core.store.tables import (
+    VARIATIONS,
+    ClipRecord,
+    VariationRecord,
+    write_rows,
+    write_variations,
+)
 from stages._cluster import scheduler_address
 from stages._files import CLIPS
 from stages._sources import Family
@@ -41,8 +51,8 @@ class Making:
     plan: Plan
     solver: Settings
     bounds: Bounds
-    kept: Kept  # variations, whatever the plan
-    finished: Finished  # clips with all that the plan gives them
+    variations: Cache  # whatever the plan
+    clips: Cache  # files of clips with all variations of the plan
 
 
 @dataclass(frozen=True)
@@ -57,54 +67,60 @@ class Waiting:
 
 @dataclass(frozen=True)
 class Found:
-    """Where variations stand, by source and body; and why sources were refused."""
+    """The keys of the variations in the cache, and why sources were refused."""
 
-    files: dict[tuple[str, str], Path] = field(default_factory=dict)
+    cached: set[str] = field(default_factory=set)
     refused: dict[str, str] = field(default_factory=dict)
 
     def lacks(self, clip: Waiting) -> list[tuple[str, Variation]]:
         """List what a clip still waits for: nothing, once its source is refused."""
         if clip.source in self.refused:
             return []
-        return [one for one in clip.variations if (clip.source, one[0]) not in self.files]
+        return [one for one in clip.variations if entry_key(clip.source, one[0]) not in self.cached]
 
-    def outcomes(self, clip: Waiting) -> Iterator[tuple[Variation, Made | str]]:
+    def outcomes(self, clip: Waiting, cache: Cache) -> Iterator[tuple[Variation, Made | str]]:
         """Read what came of each variation."""
         for body, variation in clip.variations:
-            path = self.files.get((clip.source, body))
-            yield variation, read_kept(path, body) if path else self.refused[clip.source]
+            entry = cache.get(entry_key(clip.source, body))
+            made = variation_from_entry(entry) if entry else self.refused[clip.source]
+            yield variation, made
 
 
-def write_family(folder: Path, family: Family, making: Making) -> list[VariationFacts]:
+def entry_key(source: str, body: str) -> str:
+    """Return the key of a variation in the cache."""
+    return f"{source}/{body}"
+
+
+def write_family(folder: Path, family: Family, making: Making) -> list[VariationRecord]:
     """Write what is varied, what comes of it and the facts of both, a file a clip."""
     rows, waiting = _copied(folder, family, making)
     n_new = sum(len(one.variations) for one in waiting)
     LOG.info("%s: %d planned, %d not finished before", family.name, len(rows) + n_new, n_new)
     for one, found in _made(family, waiting, making):
         source = family.read(one.clip)
-        new = finish(folder, one.clip, source, found.outcomes(one), making.bounds)
-        making.finished.keep(one.key, new)
+        outcomes = found.outcomes(one, making.variations)
+        new = write_clip_files(folder, one.clip, source, outcomes, making.bounds)
+        making.clips.put(one.key, new.to_entry())
         rows += new.rows
     rows.sort(key=lambda row: row.variation)
     names = [segment.name for segment in segments(family.read(min(family.clips)).skeleton)]
     write_variations(folder / VARIATIONS, rows, names)
-    write_rows(folder / CLIPS, ClipFacts, list(family.clips.values()))
+    write_rows(folder / CLIPS, ClipRecord, list(family.clips.values()))
     return rows
 
 
 def _copied(
     folder: Path, family: Family, making: Making
-) -> tuple[list[VariationFacts], list[Waiting]]:
+) -> tuple[list[VariationRecord], list[Waiting]]:
     """Copy what is finished, beside the reading of what it must rest on; plan the rest."""
-    finisher = finisher_key(maker_key(making.solver), making.plan, making.bounds)
     asked = []
     with ThreadPoolExecutor(COPIERS) as pool:
         for clip in family.clips:
             source = family.read(clip)
             known = source_key(source)
-            key = clip_key(finisher, clip, known, source)
-            asked.append((clip, key, known, pool.submit(making.finished.copy, key, folder, clip)))
-    rows, waiting = list[VariationFacts](), []
+            key = clip_key(clip, known, source)
+            asked.append((clip, key, known, pool.submit(_copy, making.clips, key, folder, clip)))
+    rows, waiting = list[VariationRecord](), []
     for clip, key, known, answer in asked:
         before = answer.result()
         if before is None:
@@ -112,6 +128,16 @@ def _copied(
         else:
             rows += before
     return rows, waiting
+
+
+def _copy(cache: Cache, key: str, folder: Path, clip: str) -> list[VariationRecord] | None:
+    """Write the cached files of a clip and return its records; None if it is not cached."""
+    entry = cache.get(key)
+    if entry is None:
+        return None
+    files = ClipFiles.from_entry(entry)
+    files.write(folder, clip)
+    return files.rows
 
 
 def _planned(clip: str, family: Family, plan: Plan) -> list[tuple[str, Variation]]:
@@ -127,8 +153,8 @@ def _made(
 ) -> Iterator[tuple[Waiting, Found]]:
     """Yield clips as all their variations are there; make what is not kept, a lot at a time."""
     found = Found()
-    for source in dict.fromkeys(one.source for one in waiting):
-        found.files.update({(source, b): path for b, path in making.kept.find(source).items()})
+    keys = {entry_key(one.source, body) for one in waiting for body, _ in one.variations}
+    found.cached.update(key for key in sorted(keys) if making.variations.get(key))
     lots = list(_lots(family, waiting, found, making.solver))
     n_bodies, n_done = sum(len(lot.names) for lot in lots), 0
     left: dict[str, list[Waiting]] = {}
@@ -138,7 +164,7 @@ def _made(
         else:
             yield one, found
     for outcome in _solved(lots):
-        _keep(outcome, found, making.kept)
+        _keep(outcome, found, making.variations)
         n_done += len(outcome.made)
         LOG.info("%s: %d of %d made", family.name, n_done, n_bodies)
         if not any(found.lacks(one) for one in left.get(outcome.key, ())):
@@ -146,12 +172,13 @@ def _made(
                 yield one, found
 
 
-def _keep(outcome: Outcome, found: Found, kept: Kept) -> None:
-    """Keep a lot as it is done."""
+def _keep(outcome: Outcome, found: Found, cache: Cache) -> None:
+    """Add a lot to the cache as it is done."""
     if outcome.refused:
         found.refused[outcome.key] = outcome.refused
-    for body, path in kept.write(outcome.key, outcome.made).items():
-        found.files[outcome.key, body] = path
+    for body, made in outcome.made.items():
+        cache.put(entry_key(outcome.key, body), variation_to_entry(made))
+        found.cached.add(entry_key(outcome.key, body))
 
 
 def _solved(lots: list[Lot]) -> Iterator[Outcome]:

@@ -1,10 +1,11 @@
 """Give clips other bodies, and put aside what is not good enough to train on.
 
-Usage: python -m stages.augment --kept=DIR CLIPS SECOND VARIATIONS METRICS.json
+Usage: python -m stages.augment --cache=DIR CLIPS SECOND VARIATIONS METRICS.json
 
-SECOND is a folder of captures of another skeleton, whose family is written beside. What was made
-before is found in the folder KEPT, which DVC does not know: only what is new is computed, and the
-result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to compute on.
+SECOND is a folder of captures of another skeleton, whose family is written beside. DIR caches
+variations and files of clips across runs (DVC does not manage it): only what is new is computed,
+and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to compute
+on.
 """
 
 import argparse
@@ -18,19 +19,20 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.augmentation.clip_files import settings_key
 from pacmo_core.augmentation.keep import Bounds, excess
 from pacmo_core.augmentation.keys import maker_key
 from pacmo_core.augmentation.plan import Plan
 from pacmo_core.interaction_mesh import Settings
-from pacmo_core.store.finished import Finished
-from pacmo_core.store.kept import Kept
-from pacmo_core.store.variations import VariationFacts
+from pacmo_core.store.cache import Cache
+from pacmo_core.store.tables import VariationRecord
 from stages._files import write_json
 from stages._params import read_params
 from stages._sources import Choice, Second, own_family, second_family
 from stages._variations import Making, write_family
 
-FINISHED = "finished"  # folder beside those of sources
+# Folders of the cache.
+VARIATIONS, CLIPS = "variations", "clips"
 USUAL = (5, 95)  # percentiles of the figures between which most variations lie
 
 
@@ -48,8 +50,9 @@ class Params:
 def main(paths: argparse.Namespace) -> None:
     params = read_params("augment", Params)
     maker = maker_key(params.solver)
-    kept, finished = Kept(paths.kept, maker), Finished(paths.kept / maker / FINISHED)
-    making = Making(params.plan, params.solver, params.bounds, kept, finished)
+    variations = Cache(paths.cache / VARIATIONS, maker)
+    clips = Cache(paths.cache / CLIPS, settings_key(maker, params.plan, params.bounds))
+    making = Making(params.plan, params.solver, params.bounds, variations, clips)
     families = [
         own_family(paths.clips, params.clips),
         *second_family(params.second, paths.second, params.clips),
@@ -61,12 +64,13 @@ def main(paths: argparse.Namespace) -> None:
     for family in families:
         rows = write_family(paths.variations / family.name, family, making)
         metrics[family.name] = summary(rows, params.bounds)
-    kept.forget_others()
-    finished.forget_others()
+    variations.remove_other_namespaces()
+    clips.remove_other_namespaces()
+    clips.remove_unused()
     write_json(paths.metrics, metrics)
 
 
-def summary(rows: Sequence[VariationFacts], bounds: Bounds) -> dict[str, object]:
+def summary(rows: Sequence[VariationRecord], bounds: Bounds) -> dict[str, object]:
     """Say how many there are, why some are put aside, and how good they are by kind."""
     refused = [row for row in rows if not row.kept and not row.figures]
     failed = [row for row in rows if not row.kept and row.figures]
@@ -84,7 +88,7 @@ def summary(rows: Sequence[VariationFacts], bounds: Bounds) -> dict[str, object]
     }
 
 
-def figures(rows: Sequence[VariationFacts]) -> dict[str, dict[str, float]]:
+def figures(rows: Sequence[VariationRecord]) -> dict[str, dict[str, float]]:
     """Give each figure's mean over variations, and between which values most of them lie."""
     found = {}
     for name in sorted({name for row in rows for name in row.figures}):
@@ -99,7 +103,9 @@ def figures(rows: Sequence[VariationFacts]) -> dict[str, dict[str, float]]:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--kept", type=Path, required=True, help="folder of what was made before")
+    parser.add_argument(
+        "--cache", type=Path, required=True, help="folder of what was computed before"
+    )
     for name in ("clips", "second", "variations", "metrics"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()

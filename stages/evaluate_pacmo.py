@@ -23,8 +23,8 @@ from pacmo_core.metrics.yardstick import Settings
 from pacmo_core.models import load_model
 from pacmo_core.reaction.autoencoder import Autoencoder
 from pacmo_core.reaction.matcher import Matcher
+from pacmo_core.store.files import file_hash
 from pacmo_core.store.scores import Score, write_scores
-from pacmo_core.store.weights import file_hash
 from stages._files import WEIGHTS
 from stages._params import read_params
 from stages._rows import Extractors, Indices, Seen, exchangeable, real_side, runs

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import variation_name
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import Limits
@@ -24,7 +25,6 @@ from pacmo_core.skeleton_prior import extractor
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
 from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.store.motion_folders import SEPARATOR
 from pacmo_core.store.motions import write_motions
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
@@ -121,7 +121,7 @@ def first_of_each(drawn: list[Example]) -> list[Example]:
 def samples_of(model: SkeletonPrior, name: str, drawn: list[Example]) -> dict[str, Interaction]:
     """Give the likeliest motions of a model on the drawn bodies that are shown."""
     return {
-        f"{one.source}{SEPARATOR}{name}": varied(model, [one], None)[0]
+        variation_name(one.source, name): varied(model, [one], None)[0]
         for one in first_of_each(drawn)
     }
 
@@ -129,8 +129,8 @@ def samples_of(model: SkeletonPrior, name: str, drawn: list[Example]) -> dict[st
 def solver_samples(drawn: list[Example]) -> dict[str, Interaction]:
     """Give the sources, and the solver's motions on those bodies."""
     shown = first_of_each(drawn)
-    sources = {f"{one.source}{SEPARATOR}source": one.template for one in shown}
-    return sources | {f"{one.source}{SEPARATOR}solver": one.varied for one in shown}
+    sources = {variation_name(one.source, "source"): one.template for one in shown}
+    return sources | {variation_name(one.source, "solver"): one.varied for one in shown}
 
 
 def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:

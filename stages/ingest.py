@@ -1,9 +1,9 @@
 """Read raw captures into Parquet; put aside, with the reason, those that cannot be used.
 
-Usage: python -m stages.ingest [--kept=DIR] RAW SEQUENCES METRICS.json
+Usage: python -m stages.ingest [--cache=DIR] RAW SEQUENCES METRICS.json
 
-What was read before is found in the folder KEPT, which DVC does not know: only what is new is read,
-and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to read on,
+DIR caches readings across runs (DVC does not manage it): only what is new is read, and the result
+is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to read on,
 whose workers see RAW under the same path.
 """
 
@@ -17,13 +17,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.data.quality import Limits
+from pacmo_core.data.quality import QualityLimits
 from pacmo_core.formats.base import RawSequence
-from pacmo_core.formats.ingestion import Recipe, read_sequences
 from pacmo_core.formats.registry import open_format
-from pacmo_core.store.clips import ClipFacts, QuarantineFacts, write_rows
+from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
 from pacmo_core.store.motions import write_motions
-from pacmo_core.store.readings import Readings, Usable
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
 from stages._cluster import scheduler_address
 from stages._files import CLIPS, MOTIONS, QUARANTINE, write_json
 from stages._params import read_params
@@ -39,12 +38,12 @@ class Params:
     settings: dict[str, Any]  # what files of this format do not say
     include: tuple[str, ...]  # patterns of file paths under raw
     drop_joints: tuple[str, ...]
-    limits: Limits
+    limits: QualityLimits
     contact_distance: float  # metres between joints that touch
     stated_fps: float | None  # the rate that the set claims, where its files state their own
 
 
-def main(raw: Path, sequences: Path, metrics: Path, *, kept: Path | None = None) -> None:
+def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
     params = read_params("ingest", Params)
     found = sorted(
         open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
@@ -57,9 +56,9 @@ def main(raw: Path, sequences: Path, metrics: Path, *, kept: Path | None = None)
         )
 
     recipe = recipe_of(params, raw)
-    aside: list[QuarantineFacts] = []
-    known = Readings(kept, words_of(params)) if kept else None
-    readings = read_sequences(recipe, wanted, known, scheduler_address())
+    aside: list[QuarantineRecord] = []
+    reading_cache = ReadingCache(cache, words_of(params)) if cache else None
+    readings = read_sequences(recipe, wanted, reading_cache, scheduler_address())
     captures = usable(readings, aside)
     first = next(captures, None)
     if first is None:
@@ -69,8 +68,8 @@ def main(raw: Path, sequences: Path, metrics: Path, *, kept: Path | None = None)
         for facts, interaction in chain([first], captures):
             writer.add(facts.clip, interaction)
             rows.append(facts)
-    write_rows(sequences / CLIPS, ClipFacts, rows)
-    write_rows(sequences / QUARANTINE, QuarantineFacts, aside)
+    write_rows(sequences / CLIPS, ClipRecord, rows)
+    write_rows(sequences / QUARANTINE, QuarantineRecord, aside)
     counts = {
         "sequences_read": len(wanted),
         "files_read": sum(len(sequence.files) for sequence in wanted),
@@ -83,9 +82,9 @@ def main(raw: Path, sequences: Path, metrics: Path, *, kept: Path | None = None)
     )
 
 
-def recipe_of(params: Params, raw: Path) -> Recipe:
+def recipe_of(params: Params, raw: Path) -> IngestionSettings:
     """Say how the captures under a folder are read."""
-    return Recipe(
+    return IngestionSettings(
         dataset=params.dataset,
         root=raw,
         format=open_format(params.format, params.settings),
@@ -103,17 +102,17 @@ def is_included(sequence: RawSequence, root: Path, patterns: tuple[str, ...]) ->
 
 
 def usable(
-    outcomes: Iterator[Usable | QuarantineFacts], aside: list[QuarantineFacts]
-) -> Iterator[Usable]:
+    outcomes: Iterator[Capture | QuarantineRecord], aside: list[QuarantineRecord]
+) -> Iterator[Capture]:
     """Yield what can be used, and collect the rest in ``aside``."""
     for outcome in outcomes:
-        if isinstance(outcome, QuarantineFacts):
+        if isinstance(outcome, QuarantineRecord):
             aside.append(outcome)
         else:
             yield outcome
 
 
-def facts_of(rows: list[ClipFacts]) -> dict[str, object]:
+def facts_of(rows: list[ClipRecord]) -> dict[str, object]:
     """Say what the usable sequences amount to."""
     return {
         "frames": sum(row.frames for row in rows),
@@ -132,7 +131,7 @@ def words_of(params: Params) -> str:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--kept", type=Path, help="folder of what was read before")
+    parser.add_argument("--cache", type=Path, help="folder of what was read before")
     for name in ("raw", "sequences", "metrics"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()

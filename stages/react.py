@@ -16,7 +16,7 @@ from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.react import react_all
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
-from pacmo_core.store.clips import ClipFacts
+from pacmo_core.store.tables import ClipRecord
 from stages._files import WEIGHTS
 from stages._params import read_params
 from stages._reactions import seed_of, write_reactions
@@ -37,7 +37,7 @@ def main(model: Path, clips: Path, sides: Path, reactions: Path, *, seed: int) -
     n_samples = 1 if is_deterministic(reactor) else params.n_samples
     labelled = isinstance(reactor, Generator) and reactor.config.actions
 
-    def answer(name: str, facts: ClipFacts, seen: Interaction) -> Motion:
+    def answer(name: str, facts: ClipRecord, seen: Interaction) -> Motion:
         own = seed_of(f"{seed}\0{name}", params.random_seed)
         random = torch.Generator().manual_seed(own)
         action = facts.action if labelled else ""

@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.names import direction_of
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.store.clips import ClipFacts
 from pacmo_core.store.motions import read_skeleton, write_motions
+from pacmo_core.store.tables import ClipRecord
 from pacmo_core.synthesis.capture import sample_oracle_reaction
 from pacmo_core.synthesis.script import Script
 from stages._files import LAW, MOTIONS, read_json
@@ -36,10 +37,10 @@ def main(raw: Path, clips: Path, sides: Path, reactions: Path) -> None:
             return
     law = read_json(raw / LAW)
 
-    def answer(name: str, facts: ClipFacts, seen: Interaction) -> list[Motion]:
+    def answer(name: str, facts: ClipRecord, seen: Interaction) -> list[Motion]:
         script = Script.from_json(law[facts.sequence])
         random = np.random.default_rng(seed_of(name, params.random_seed))
-        motion = sample_oracle_reaction(script, "a" if name.endswith("#a") else "b", random)
+        motion = sample_oracle_reaction(script, direction_of(name), random)
         window = slice(facts.start_frame, facts.start_frame + facts.frames)
         return [motion[window][:, NTU25.indices(seen.skeleton.joints)]]
 

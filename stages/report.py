@@ -15,8 +15,8 @@ from typing import Any
 
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
-from pacmo_core.store.atomic import write_text
-from pacmo_core.store.clips import QuarantineFacts, read_rows
+from pacmo_core.store.files import write_text
+from pacmo_core.store.tables import QuarantineRecord, read_rows
 from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
 from stages._gallery import gallery, variation_sections
 from stages._params import PARAMS, read_params
@@ -122,7 +122,7 @@ def summarise(
     ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path
 ) -> DataSummary:
     """Say what was read, what was put aside and why, and how clips were put on sides."""
-    aside = read_rows(sequences / QUARANTINE, QuarantineFacts)
+    aside = read_rows(sequences / QUARANTINE, QuarantineRecord)
     split = splits[min(splits)]
     actions = ", ".join(f"{name or 'unnamed'} ({n})" for name, n in ingest["actions"].items())
     return DataSummary(

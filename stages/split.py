@@ -8,32 +8,34 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.data.splits import Origin, Side, SideRule, assign_sides, resolve_method
-from pacmo_core.store.clips import ClipFacts, SideFacts, read_rows, write_rows
+from pacmo_core.data.splits import ClipOrigin, Split, SplitRule, assign_splits, resolve_method
+from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
 from stages._files import CLIPS, write_json
 from stages._params import read_params
 
 
 @dataclass(frozen=True)
-class Params(SideRule):
+class Params(SplitRule):
     """The ``split`` section of ``params.yaml``."""
 
 
 def main(clips: Path, sides: Path, metrics: Path, *, fold: int) -> None:
     rule = read_params("split", Params)
-    rows = read_rows(clips / CLIPS, ClipFacts)
-    origins = [Origin(row.clip, row.recording, people(row)) for row in rows]
-    found = assign_sides(origins, rule, fold)
-    write_rows(sides, SideFacts, [SideFacts(row.clip, found[row.clip]) for row in rows])
+    rows = read_rows(clips / CLIPS, ClipRecord)
+    origins = [ClipOrigin(row.clip, row.recording, people(row)) for row in rows]
+    found = assign_splits(origins, rule, fold)
+    write_rows(sides, SplitRecord, [SplitRecord(row.clip, found[row.clip]) for row in rows])
     write_json(metrics, summary(origins, found, rule))
 
 
-def people(row: ClipFacts) -> tuple[str, ...]:
+def people(row: ClipRecord) -> tuple[str, ...]:
     """Name the people of a clip that its data set names."""
     return tuple(person for person in (row.subject_a, row.subject_b) if person)
 
 
-def summary(origins: list[Origin], sides: dict[str, Side], rule: SideRule) -> dict[str, object]:
+def summary(
+    origins: list[ClipOrigin], sides: dict[str, Split], rule: SplitRule
+) -> dict[str, object]:
     """Say how the clips were put on sides."""
     counts = Counter(sides.values())
     tested = [origin for origin in origins if sides[origin.clip] == "test"]

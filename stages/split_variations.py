@@ -13,7 +13,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from pacmo_core.skeleton_prior.splits import SIDES, Fact, SplitSettings, fewer, split
-from pacmo_core.store.clips import SideFacts, write_rows
+from pacmo_core.store.tables import SplitRecord, write_rows
 from stages._examples import kept_facts
 from stages._files import write_json
 from stages._params import read_params
@@ -37,8 +37,8 @@ def main(paths: argparse.Namespace) -> None:
     for family, name in read_priors().groups():
         facts = kept_facts(paths.variations / family)
         sides = sides_of(facts, name, params)
-        rows = [SideFacts(variation, side) for variation, side in sides.items()]
-        write_rows(paths.sides / family / f"{name}.parquet", SideFacts, rows)
+        rows = [SplitRecord(variation, side) for variation, side in sides.items()]
+        write_rows(paths.sides / family / f"{name}.parquet", SplitRecord, rows)
         found = Counter(sides.values())
         counts.setdefault(family, {})[name] = {side: found[side] for side in SIDES}
     write_json(paths.metrics, counts)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pacmo_core.formats.write_ntu import format_ntu
-from pacmo_core.store.atomic import whole_file
+from pacmo_core.store.files import atomic_file
 from pacmo_core.synthesis.capture import sample_interaction
 from pacmo_core.synthesis.script import ACTIONS, file_name, sample_scripts
 from stages._files import LAW, write_json
@@ -39,7 +39,7 @@ def main(raw: Path) -> None:
     for number, (script, random) in enumerate(scripts):
         name = file_name(script)
         ids = (BODY_ID + 2 * number, BODY_ID + 2 * number + 1)
-        with whole_file(raw / f"{name}.skeleton") as partial:
+        with atomic_file(raw / f"{name}.skeleton") as partial:
             partial.write_bytes(format_ntu(sample_interaction(script, random), ids))
         law[name] = script.to_json()
     write_json(raw / LAW, law)

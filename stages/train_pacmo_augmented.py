@@ -11,10 +11,11 @@ import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pacmo_core.data.names import split_variation_name
 from pacmo_core.models import MODELS
 from pacmo_core.reaction.settings import PacmoSettings
 from pacmo_core.reaction.variations import TrainingVariations
-from pacmo_core.store.motion_folders import SEPARATOR, stream_folder
+from pacmo_core.store.motions import stream_folder
 from stages._clips import stream_side
 from stages._params import read_params
 from stages._runs import run_stage
@@ -57,7 +58,7 @@ def variations_of(paths: argparse.Namespace, share: float) -> TrainingVariations
     numbers = {facts.clip: number for number, (facts, _) in enumerate(trained)}
     made, sources = [], []
     for name, motion in stream_folder(paths.variations):
-        source = name.rpartition(SEPARATOR)[0]
+        source, _ = split_variation_name(name)
         if source in numbers:
             made.append(motion)
             sources.append(numbers[source])

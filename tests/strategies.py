@@ -4,19 +4,19 @@ import numpy as np
 from hypothesis import strategies as st
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.quality import Limits
+from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.skeleton import Skeleton
 
 SMALL = Skeleton("small", ("root", "left", "right", "head"), (-1, 0, 0, 0), left_right=((1, 2),))
 # Every published clip at hand keeps within these.
-LIMITS = Limits(
+LIMITS = QualityLimits(
     min_frames=10,
     max_rate_jitter=0.5,
     max_rate_error=0.02,
     max_bone_length_variation=0.2,
     max_joint_speed=25,
     max_body_speed=8,
-    min_apart=0.1,
+    min_person_distance=0.1,
 )
 
 

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pacmo_core.data.contacts import joint_distances
-from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.interaction import Interaction, joint_distances
 
 
 @dataclass(frozen=True)

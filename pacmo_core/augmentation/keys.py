@@ -1,25 +1,23 @@
 """What a variation rests on, as a hash: the same hash, the same bytes.
 
-A variation does not depend on the others that are made with it (tests/augmentation/test_company.py),
-so it can be kept under its own hash, and another plan makes just what is new.
+A variation does not depend on the others that are made with it
+(tests/augmentation/test_company.py), so it can be cached under its own hash, and another plan
+computes just what is new.
 """
 
 import hashlib
 import json
 from dataclasses import asdict
-from functools import cache
-from importlib.metadata import version
-from pathlib import Path
 
-import pacmo_core
 from pacmo_core.augmentation.bodies import Scales
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.interaction_mesh import Settings
+from pacmo_core.store.cache import code_hash
 
 # What a variation runs: an edit elsewhere does not cost what is kept.
 CODE = (
-    *("skeleton.py", "interaction_mesh/*.py"),
-    *("variations/solve.py", "variations/shape.py", "variations/segments.py"),
+    *("data/skeleton.py", "interaction_mesh/*.py"),
+    *("augmentation/solve.py", "augmentation/shape.py", "augmentation/segments.py"),
 )
 PACKAGES = ("numpy", "scipy")
 LENGTH = 32  # characters of a hash
@@ -27,26 +25,8 @@ LENGTH = 32  # characters of a hash
 
 def maker_key(settings: Settings) -> str:
     """Hash what makes variations: the solver's settings, the code, the versions it runs on."""
-    text = json.dumps([asdict(settings), code_key(CODE, PACKAGES)], sort_keys=True)
+    text = json.dumps([asdict(settings), code_hash(CODE, PACKAGES)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]
-
-
-@cache
-def code_key(code: tuple[str, ...], packages: tuple[str, ...]) -> str:
-    """Hash what this process has loaded: once, for files may change while it runs.
-
-    Parameters
-    ----------
-    code : patterns of files of the core
-    packages : whose versions matter
-    """
-    digest = hashlib.sha256()
-    for package in packages:
-        digest.update(f"{package} {version(package)}\0".encode())
-    root = Path(pacmo_core.__path__[0])
-    for path in (path for pattern in code for path in sorted(root.glob(pattern))):
-        digest.update(f"{path.relative_to(root)}\0".encode() + path.read_bytes() + b"\0")
-    return digest.hexdigest()
 
 
 def source_key(interaction: Interaction) -> str:

@@ -6,8 +6,7 @@ Outcomes come as they are done, in no order; nothing rests on which process made
 from collections.abc import Iterator, Sequence
 
 from pacmo_core.augmentation.solve import Lot, Outcome, solve
-from pacmo_core.execution.cluster import Cluster
-from pacmo_core.execution.processes import Processes
+from pacmo_core.execution import DaskExecutor, ProcessExecutor
 
 
 def solve_side_by_side(lots: Sequence[Lot], *, processes: int) -> Iterator[Outcome]:
@@ -16,8 +15,8 @@ def solve_side_by_side(lots: Sequence[Lot], *, processes: int) -> Iterator[Outco
     if count <= 1:
         yield from map(solve, longest_first(lots))
         return
-    with Processes(count) as workers:
-        yield from workers.as_done(solve, longest_first(lots))
+    with ProcessExecutor(count) as workers:
+        yield from workers.map_unordered(solve, longest_first(lots))
 
 
 def solve_on_cluster(lots: Sequence[Lot], address: str) -> Iterator[Outcome]:
@@ -28,8 +27,8 @@ def solve_on_cluster(lots: Sequence[Lot], address: str) -> Iterator[Outcome]:
     ModuleNotFoundError
         If ``distributed`` is not installed: it is the extra ``dask``.
     """
-    with Cluster(address) as cluster:
-        yield from cluster.as_done(solve, longest_first(lots))
+    with DaskExecutor(address) as cluster:
+        yield from cluster.map_unordered(solve, longest_first(lots))
 
 
 def longest_first(lots: Sequence[Lot]) -> list[Lot]:

@@ -6,8 +6,7 @@ is summed, and what it is divided by. A bootstrap weighs both by clip.
 
 import numpy as np
 
-from pacmo_core.data.contacts import closest
-from pacmo_core.data.interaction import Motion
+from pacmo_core.data.interaction import Motion, min_point_distance
 from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.intervals import Array
 from pacmo_core.metrics.reactions import Reactions
@@ -48,7 +47,7 @@ def penetration(row: Reactions, body: Body, *, radius: float) -> Array:
     (Xu et al. 2024) and its followers, with points for meshes.
     """
     merged = [
-        (closest(points_of(partner, body), points_of(motion, body)) < radius).sum()
+        (min_point_distance(points_of(partner, body), points_of(motion, body)) < radius).sum()
         for partner, motion in zip(row.partners, row.motions, strict=True)
     ]
     return np.array([merged, [len(motion) for motion in row.motions]], dtype=np.float64)
@@ -63,7 +62,9 @@ def contact_agreement(row: Reactions, real: Reactions, *, distance: float) -> Ar
     """
     sums = []
     for partner, ours, theirs in zip(row.partners, row.motions, real.motions, strict=True):
-        found, wanted = (closest(partner, motion) <= distance for motion in (ours, theirs))
+        found, wanted = (
+            min_point_distance(partner, motion) <= distance for motion in (ours, theirs)
+        )
         sums.append((2 * (found & wanted).sum(), found.sum() + wanted.sum()))
     return np.array(sums, dtype=np.float64).T
 

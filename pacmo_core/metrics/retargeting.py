@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.contacts import closest
+from pacmo_core.data.interaction import min_point_distance
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.f2id import f2id
@@ -89,7 +89,7 @@ def slide(pair: Pair, template: Pair, times: Array, body: Body, limits: Limits) 
 def merged_frames(pair: Pair, body: Body, limits: Limits) -> int:
     """Count frames in which points of the two bodies are nearer than ``body_radius``."""
     first, second = (points_of(pair[:, person], body) for person in (0, 1))
-    return int((closest(first, second) < limits.body_radius).sum())
+    return int((min_point_distance(first, second) < limits.body_radius).sum())
 
 
 def sample_diversity(samples: NDArray[np.float32]) -> float:

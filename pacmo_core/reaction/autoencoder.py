@@ -23,7 +23,6 @@ from pacmo_core.reaction.data import MotionPairs, expand_directions, sample_moti
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import AutoencoderSettings
 from pacmo_core.training.loop import TrainingLoop
-from pacmo_core.training.state import skeleton_from_dict
 from pacmo_core.training.supervised import SupervisedTrainer
 
 BOTTLENECK_LAYER = 4
@@ -167,7 +166,7 @@ def encode_pairs(
 def autoencoder_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     parts = AutoencoderConfig(
-        skeleton_from_dict(config["skeleton"]), uno_config_from_dict(config["uno"])
+        Skeleton.from_dict(config["skeleton"]), uno_config_from_dict(config["uno"])
     )
     model = Autoencoder(parts)
     model.load_state_dict(dict(state))

@@ -12,7 +12,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
@@ -29,7 +29,6 @@ from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import GruSettings, RegressionSettings
 from pacmo_core.training.loop import TrainingLoop
-from pacmo_core.training.state import skeleton_from_dict
 from pacmo_core.training.supervised import SupervisedTrainer
 
 
@@ -141,7 +140,7 @@ def build_gru_training(
 
 def gru_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Gru:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    model = Gru(GruConfig(**{**config, "skeleton": skeleton_from_dict(config["skeleton"])}))
+    model = Gru(GruConfig(**{**config, "skeleton": Skeleton.from_dict(config["skeleton"])}))
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)
 
@@ -150,7 +149,7 @@ def sample_frames(clips: Sequence[Interaction], fps: float, device: str) -> Fram
     """Sample interactions at one rate: ``person_a`` the partner, ``person_b`` reacts."""
     frames = FrameSequences([], [])
     for clip in clips:
-        frame = frame_of(clip.person_a, clip.skeleton)
+        frame = body_frame(clip.person_a, clip.skeleton)
         at = frame_times(clip.times[0], clip.times[-1], fps)
         for motion, found in ((clip.person_a, frames.partner), (clip.person_b, frames.reaction)):
             local = frame.to_local(motion).reshape(len(motion), -1)

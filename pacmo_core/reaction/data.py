@@ -15,7 +15,7 @@ from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.settings import AugmentationSettings
 
@@ -116,7 +116,7 @@ def check_common_skeleton(interactions: Sequence[Interaction]) -> None:
 
 
 def _sample_pair(interaction: Interaction, n_points: int) -> tuple[Motion, Motion]:
-    frame = frame_of(interaction.person_a, interaction.skeleton)
+    frame = body_frame(interaction.person_a, interaction.skeleton)
     partner, reaction = (
         Spline(interaction.times, frame.to_local(motion).reshape(len(motion), -1))
         .on_grid(n_points)
@@ -128,7 +128,7 @@ def _sample_pair(interaction: Interaction, n_points: int) -> tuple[Motion, Motio
 
 def to_partner_frame(interaction: Interaction) -> Interaction:
     """Move both people into the frame of the partner's (``person_a``'s) first pose."""
-    frame = frame_of(interaction.person_a, interaction.skeleton)
+    frame = body_frame(interaction.person_a, interaction.skeleton)
     return replace(
         interaction,
         person_a=frame.to_local(interaction.person_a),

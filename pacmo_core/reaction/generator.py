@@ -12,7 +12,6 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
 from pacmo_core.reaction.data import Condition, MotionPairs
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
-from pacmo_core.training.state import skeleton_from_dict
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def react_on_grid(model: Generator, pairs: MotionPairs, random: torch.Generator)
 def generator_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     parts = GeneratorConfig(
-        skeleton=skeleton_from_dict(config["skeleton"]),
+        skeleton=Skeleton.from_dict(config["skeleton"]),
         uno=uno_config_from_dict(config["uno"]),
         noise=GaussianRandomField(**config["noise"]),
         noise_channels=config["noise_channels"],

@@ -30,7 +30,6 @@ from pacmo_core.reaction.data import (
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import MatcherSettings
 from pacmo_core.training.loop import TrainingLoop
-from pacmo_core.training.state import skeleton_from_dict
 from pacmo_core.training.supervised import SupervisedTrainer
 
 
@@ -143,7 +142,7 @@ def embed(
 def matcher_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Matcher:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     parts = {
-        "skeleton": skeleton_from_dict(config["skeleton"]),
+        "skeleton": Skeleton.from_dict(config["skeleton"]),
         "uno": uno_config_from_dict(config["uno"]),
     }
     model = Matcher(MatcherConfig(**{**config, **parts}))

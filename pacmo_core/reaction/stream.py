@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.transforms import frame_of
+from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.spline import SmoothingSpline
 from pacmo_core.reaction.react import evaluate_queries
 from pacmo_core.reaction.windows import (
@@ -109,7 +109,7 @@ class ReactionStream:
             owner=0,
             motion=motion,
             window=window,
-            frame=frame_of(steady, self._model.skeleton),
+            frame=body_frame(steady, self._model.skeleton),
             noise=self._noise.at(since) if self._noise else torch.zeros(0),
             action=self._action,
             rows=slice(0, 1),

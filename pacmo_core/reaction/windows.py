@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.transforms import Frame, frame_of
+from pacmo_core.data.transforms import Frame, body_frame
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spline import SmoothingSpline, Spline
 from pacmo_core.reaction.baselines import Gru
@@ -222,7 +222,7 @@ def window_queries(
                 owner=owner,
                 motion=motion,
                 window=window,
-                frame=frame_of(sample_poses(motion, np.array([window.start])), model.skeleton),
+                frame=body_frame(sample_poses(motion, np.array([window.start])), model.skeleton),
                 noise=noise.at(shift) if noise else torch.zeros(0),
                 action=action,
                 rows=rows,

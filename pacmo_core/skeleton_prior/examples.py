@@ -10,7 +10,7 @@ from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.data.transforms import Frame, frame_of
+from pacmo_core.data.transforms import Frame, body_frame
 from pacmo_core.skeleton_prior.keyframes import keyframes
 
 # Share of a source's joint heights below the ground: noise, not ground.
@@ -163,7 +163,7 @@ def first_is_b(scales: NDArray[np.float64]) -> bool:
 def canonical_frame(interaction: Interaction) -> Frame:
     """Find the frame between both people's first places, on the ground, facing as person a."""
     root = interaction.skeleton.root
-    frame = frame_of(interaction.person_a, interaction.skeleton)
+    frame = body_frame(interaction.person_a, interaction.skeleton)
     both = np.stack([interaction.person_a, interaction.person_b]).astype(np.float64)
     origin = both[:, 0, root].mean(axis=0)
     origin[1] = np.quantile(both[..., 1], BELOW_GROUND)

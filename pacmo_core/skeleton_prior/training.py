@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.models import build_skeleton_prior
 from pacmo_core.skeleton_prior.bodies import learn
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
@@ -19,7 +20,6 @@ from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
 from pacmo_core.skeleton_prior.products import rounding
 from pacmo_core.skeleton_prior.settings import PriorSettings
 from pacmo_core.training.loop import TrainingLoop
-from pacmo_core.training.state import skeleton_from_dict
 from pacmo_core.training.supervised import SupervisedTrainer
 
 # Variations that are scored at once.
@@ -157,7 +157,7 @@ def config(model: SkeletonPrior) -> dict[str, Any]:
 def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     own = {
-        "skeleton": skeleton_from_dict(config["skeleton"]),
+        "skeleton": Skeleton.from_dict(config["skeleton"]),
         "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
     }
     model = build_skeleton_prior(PriorConfig(**{**config, **own}))

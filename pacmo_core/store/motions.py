@@ -4,10 +4,14 @@ A clip is found by the row groups' statistics and read alone, and a file streams
 time, so that neither needs the file in memory.
 """
 
+import json
+from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
+from urllib.parse import quote, unquote
 
 import numpy as np
 import pyarrow as pa
@@ -16,12 +20,48 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import sort_clips
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.store.atomic import whole_file
-from pacmo_core.store.schema import motion_schema, open_parquet, skeleton_of
+from pacmo_core.store.files import StoreError, atomic_file
+from pacmo_core.store.tables import VERSION, check_version, open_parquet
 
 CLIPS_PER_ROW_GROUP = 8
 POSES = ("person_a", "person_b")
+
+
+def motion_schema(skeleton: Skeleton) -> pa.Schema:
+    """Describe a row a frame: ``clip``, ``frame``, ``time`` (s), two ``(J, 3)`` poses (m)."""
+    # Plain fixed-size lists, not the fixed_shape_tensor extension: polars reads these as
+    # Array(Float32, (J, 3)) and people look into the files with polars.
+    pose = pa.list_(pa.list_(pa.float32(), 3), len(skeleton.joints))
+    fields = [
+        pa.field("clip", pa.string(), nullable=False),
+        pa.field("frame", pa.int32(), nullable=False),
+        pa.field("time", pa.float64(), nullable=False),
+        pa.field("person_a", pose, nullable=False),
+        pa.field("person_b", pose, nullable=False),
+    ]
+    return pa.schema(
+        fields, metadata={"pacmo": VERSION, "skeleton": json.dumps(skeleton.to_dict())}
+    )
+
+
+def skeleton_of(schema: pa.Schema, path: Path) -> Skeleton:
+    """Read the skeleton from a file's schema.
+
+    Raises
+    ------
+    StoreError
+        If the schema's version or skeleton is missing or unknown.
+    """
+    check_version(schema, path)
+    text = schema.metadata.get(b"skeleton")
+    if text is None:
+        raise StoreError(f"{path}: no skeleton in its metadata; it is not a file of motions")
+    try:
+        return Skeleton.from_dict(json.loads(text))
+    except (KeyError, TypeError, ValueError) as error:
+        raise StoreError(f"{path}: its metadata contain no valid skeleton ({error})") from error
 
 
 class MotionWriter:
@@ -65,7 +105,7 @@ class MotionWriter:
 def write_motions(path: Path, skeleton: Skeleton) -> Iterator[MotionWriter]:
     """Open a file for writing; it appears under its name when the block ends well."""
     with (
-        whole_file(path) as partial,
+        atomic_file(path) as partial,
         pq.ParquetWriter(
             partial,
             motion_schema(skeleton),
@@ -152,3 +192,79 @@ def _from_rows(table: pa.Table, skeleton: Skeleton) -> Interaction:
         for pose in POSES
     )
     return Interaction(skeleton, table["time"].to_numpy(), person_a, person_b)
+
+
+# From beside, as every network would be trained again after an edit of that module.
+
+
+class MotionReader:
+    """An open file of motions, whose last row groups stay in memory.
+
+    ``read_motion`` opens the file and reads a row group for every clip; of a thousand that are
+    read in their order, all but one in eight stand in the group that was read for the one before.
+
+    Raises
+    ------
+    StoreError
+        If the file is not one of this store.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._file = path, open_parquet(path)
+        self._skeleton = skeleton_of(self._file.schema_arrow, path)
+        facts = self._file.metadata
+        columns = (facts.row_group(group).column(0) for group in range(facts.num_row_groups))
+        self._last = [column.statistics.max for column in columns]
+        self._group = lru_cache(maxsize=2)(self._read_group)
+
+    def read(self, name: str) -> Interaction:
+        """Read one clip.
+
+        Raises
+        ------
+        KeyError
+            If the file holds no such clip.
+        """
+        group = bisect_left(self._last, name)
+        found = self._group(group) if group < len(self._last) else {}
+        if name not in found:
+            raise KeyError(f"{self._path}: no clip {name}")
+        return found[name]
+
+    def _read_group(self, group: int) -> dict[str, Interaction]:
+        table = self._file.read_row_group(group)
+        names = table["clip"].to_numpy()
+        edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
+        return {
+            str(names[start]): _from_rows(table.slice(start, stop - start), self._skeleton)
+            for start, stop in pairwise(edges)
+        }
+
+
+SUFFIX = ".parquet"
+
+
+def motion_file(folder: Path, clip: str) -> Path:
+    """Say where a clip's motions stand; names with ``/`` stay in one folder."""
+    return folder / f"{quote(clip, safe='#')}{SUFFIX}"
+
+
+def clip_of_file(file: Path) -> str:
+    """Say whose motions a file holds."""
+    return unquote(file.name.removesuffix(SUFFIX))
+
+
+def stream_folder(folder: Path) -> Iterator[tuple[str, Interaction]]:
+    """Yield all motions of a folder of variations in ascending order of their names.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder.
+    StoreError
+        If a file is not one of this store.
+    """
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no folder of motions")
+    for clip in sort_clips(clip_of_file(file) for file in folder.glob(f"*{SUFFIX}")):
+        yield from stream_motions(motion_file(folder, clip))

@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pacmo_core.store.atomic import whole_file
-from pacmo_core.store.schema import VERSION, StoreError, check_version, open_parquet
+from pacmo_core.store.files import StoreError, atomic_file
+from pacmo_core.store.tables import VERSION, check_version, open_parquet
 
 COLUMNS = pa.schema(
     [
@@ -67,7 +67,7 @@ def write_scores(path: Path, scores: Sequence[Score], facts: Mapping[str, Any]) 
     }
     text = json.dumps(facts, sort_keys=True, allow_nan=False)
     schema = COLUMNS.with_metadata({"pacmo": VERSION, "facts": text})
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         pq.write_table(pa.table(columns, schema=schema), partial, compression="zstd")
 
 

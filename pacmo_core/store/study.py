@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.study_file import (
     GENERATED,
     REAL,

@@ -1,6 +1,5 @@
 """Weights of networks in safetensors, their configuration as JSON in the same file."""
 
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -9,14 +8,13 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
-from pacmo_core.store.atomic import whole_file
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError, atomic_file
 
 
 def write_weights(path: Path, config: dict[str, Any], state: dict[str, torch.Tensor]) -> None:
     """Write a network's configuration and state whole or not at all."""
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in state.items()}
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         save_file(tensors, partial, metadata={"config": json.dumps(config, sort_keys=True)})
 
 
@@ -34,9 +32,3 @@ def read_weights(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
             return config, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, KeyError, json.JSONDecodeError) as fault:
         raise StoreError(f"{path}: not a whole file of weights ({fault})") from fault
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -9,8 +9,6 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.data.skeleton import Skeleton
-
 Model = TypeVar("Model", bound=nn.Module)
 
 
@@ -46,16 +44,6 @@ def load_adam_state(optimiser: torch.optim.Adam, table: Mapping[str, Tensor]) ->
     }
     groups = optimiser.state_dict()["param_groups"]
     optimiser.load_state_dict({"state": moments, "param_groups": groups})
-
-
-def skeleton_from_dict(facts: Mapping[str, Any]) -> Skeleton:
-    """Rebuild a skeleton from ``dataclasses.asdict`` of one, through JSON or not."""
-    return Skeleton(
-        name=facts["name"],
-        joints=tuple(facts["joints"]),
-        parents=tuple(facts["parents"]),
-        left_right=tuple((left, right) for left, right in facts["left_right"]),
-    )
 
 
 def check_finite(terms: Mapping[str, Tensor], where: str) -> dict[str, float]:

@@ -15,7 +15,7 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import stream_motions, write_motions
-from pacmo_core.store.variations import VariationFacts, write_variations
+from pacmo_core.store.tables import VariationRecord, write_variations
 from tests.apps.test_augment import CLIP, PARAMS
 
 ROOT = Path(__file__).parents[2]
@@ -47,9 +47,9 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     body = dict.fromkeys(names, 1.0)
     longer = body | {"left_forearm": 1.2}
     rows = [
-        VariationFacts("c~1", "c", "single", True, "", 0.5, {}, body, longer),
-        VariationFacts("c~2", "c", "single", False, "seam", 2.0, {}, body, longer),
-        VariationFacts("c~3", "c", "single", True, "", 0.5, {}, body, body),
+        VariationRecord("c~1", "c", "single", True, "", 0.5, {}, body, longer),
+        VariationRecord("c~2", "c", "single", False, "seam", 2.0, {}, body, longer),
+        VariationRecord("c~3", "c", "single", True, "", 0.5, {}, body, body),
     ]
     write_variations(tmp_path / "data/variations/default/variations.parquet", rows, names)
     return tmp_path

@@ -5,15 +5,15 @@ from typer.testing import CliRunner
 
 from apps.cli import app
 from apps.experiments import compose
-from pacmo_core.store.clips import ClipFacts, QuarantineFacts, SideFacts, write_rows
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, write_rows
 
 ROWS = [
-    QuarantineFacts("one", "one.bvh", "ab", 12, "no second person"),
-    QuarantineFacts("two", "two.bvh", "cd", 0, "the same body twice"),
+    QuarantineRecord("one", "one.bvh", "ab", 12, "no second person"),
+    QuarantineRecord("two", "two.bvh", "cd", 0, "the same body twice"),
 ]
 
 
-CLIP = ClipFacts(
+CLIP = ClipRecord(
     *("one", "one", "set", "waving", "s01", "s02", "one", "sbu15"), 15.0, 2.0, 31, 0, "f", "ab",
     *(0.1, 2.0, 0.0, 0),
 )  # fmt: skip
@@ -24,7 +24,7 @@ def pacmo(*words):
 
 
 def test_quarantine_lists_files_lines_and_reasons(tmp_path):
-    write_rows(tmp_path / "quarantine.parquet", QuarantineFacts, ROWS)
+    write_rows(tmp_path / "quarantine.parquet", QuarantineRecord, ROWS)
     said = pacmo("quarantine", tmp_path)
     assert said.exit_code == 0
     assert "one.bvh" in said.stdout and "no second person" in said.stdout and "12" in said.stdout
@@ -33,8 +33,8 @@ def test_quarantine_lists_files_lines_and_reasons(tmp_path):
 
 
 def test_clips_are_listed_with_their_side_in_a_fold_that_is_named(tmp_path):
-    write_rows(tmp_path / "clips.parquet", ClipFacts, [CLIP])
-    write_rows(tmp_path / "1.parquet", SideFacts, [SideFacts("one", "validation")])
+    write_rows(tmp_path / "clips.parquet", ClipRecord, [CLIP])
+    write_rows(tmp_path / "1.parquet", SplitRecord, [SplitRecord("one", "validation")])
     plain, sided = (
         pacmo("clips", tmp_path),
         pacmo("clips", tmp_path, "--sides", tmp_path / "1.parquet"),

@@ -11,9 +11,8 @@ from apps.failure import CommandError
 from apps.lock import one_writer
 from apps.places import DECISIONS, LOCK, PAGE, SHELF
 from apps.promote import candidate_of, decide, roll_back, settle
-from pacmo_core.promotion import shelf
-from pacmo_core.promotion.gate import Gate
-from pacmo_core.promotion.history import read_decisions
+from pacmo_core import promotion
+from pacmo_core.promotion import Gate, read_decisions
 
 GATE = Gate(row="pacmo", metrics=("f2id",), most_floors=2.0)
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
@@ -89,14 +88,14 @@ def test_a_kill_between_decision_and_link_is_made_good():
     for weights, f2id in ((b"one", 0.5), (b"two", 0.4)):
         train(weights, f2id)
         decide(GATE)
-    shelf.make_current(SHELF, 1)
+    promotion.set_current_model(SHELF, 1)
     settle()
     assert CURRENT.read_bytes() == b"two"
 
 
 def test_a_kill_between_shelf_and_decision_costs_a_number_only():
     train(b"one", 0.5)
-    shelf.put(SHELF, 1, candidate_of("pacmo").files)
+    promotion.store_model(SHELF, 1, candidate_of("pacmo").files)
     found = decide(GATE)
     assert (found.verdict, found.number) == ("promoted", 2)
     assert CURRENT.read_bytes() == b"one"

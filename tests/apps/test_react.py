@@ -121,7 +121,7 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     refused(pacmo(bvh, *words), "unit")
     sbu = tmp_path / "skeleton_pos.txt"
     sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
-    refused(pacmo(sbu, *words), "ending", "sbu")
+    refused(pacmo(sbu, *words), "suffix", "sbu")
     refused(pacmo(sbu, "--format", "sbu", *words), "two people")
 
 

@@ -15,7 +15,7 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.figures.scenes import unpack
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
-from pacmo_core.store.variations import VariationFacts, write_variations
+from pacmo_core.store.tables import VariationRecord, write_variations
 from tests.figures.samples import interaction
 from tests.formats.moving import moving
 from tests.formats.real_files import real_folder
@@ -68,7 +68,7 @@ def test_a_clip_of_the_store_and_one_of_another_folder_stand_side_by_side(tmp_pa
 
 
 def test_a_variation_is_found_kept_or_not_and_what_was_not_made_says_why(tmp_path: Path) -> None:
-    row = VariationFacts("a/b~kept", "a/b", "random", True, "", 0.5, {"rung": 1.0}, BODY, BODY)
+    row = VariationRecord("a/b~kept", "a/b", "random", True, "", 0.5, {"rung": 1.0}, BODY, BODY)
     failed = replace(row, variation="a/b~far", kept=False, reason="near_error", badness=2)
     none = replace(row, variation="c~x", clip="c", kept=False, reason="refused: why", figures={})
     write_variations(tmp_path / "many/variations.parquet", [row, failed, none], list(BODY))

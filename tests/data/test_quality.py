@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pacmo_core.data.contacts import contacts, joint_distances, least_distance
-from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.quality import QualityError, check, faults, measure
+from pacmo_core.data.interaction import Interaction, joint_distances, min_joint_distance
+from pacmo_core.data.quality import QualityError, check_quality, limit_violations, measure_quality
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.sbu import Sbu
@@ -31,7 +30,7 @@ def two(apart=1.0, speed=0.5, n_frames=N_FRAMES):
 
 
 def of(interaction, stated_fps=None):
-    return faults(measure(interaction, contact_distance=0.1), LIMITS, stated_fps)
+    return limit_violations(measure_quality(interaction, contact_distance=0.1), LIMITS, stated_fps)
 
 
 def moved(interaction, frame, offset, joints=slice(None)):
@@ -41,47 +40,48 @@ def moved(interaction, frame, offset, joints=slice(None)):
 
 
 def test_a_steady_walk_has_its_own_figures():
-    quality = measure(two(), contact_distance=0.1)
+    quality = measure_quality(two(), contact_distance=0.1)
     assert (quality.n_frames, quality.fps) == (N_FRAMES, pytest.approx(10))
     assert quality.rate_jitter == pytest.approx(0, abs=1e-9)
     assert quality.bone_length_variation == pytest.approx(0, abs=1e-6)
     assert quality.max_joint_speed == pytest.approx(0.5, rel=1e-4)
     assert quality.max_body_speed == pytest.approx(0.5, rel=1e-4)
-    assert quality.apart == pytest.approx(1, rel=1e-5)
-    check(quality, LIMITS)
+    assert quality.person_distance == pytest.approx(1, rel=1e-5)
+    check_quality(quality, LIMITS)
 
 
 def test_figures_do_not_depend_on_who_is_who_and_contact_is_mutual():
     interaction = moved(two(apart=0.5), 3, [0.1, 0, 0])
-    one = measure(interaction, contact_distance=0.2)
-    assert one == measure(interaction.swapped(), contact_distance=0.2)
+    one = measure_quality(interaction, contact_distance=0.2)
+    assert one == measure_quality(interaction.swapped(), contact_distance=0.2)
     there, back = joint_distances(interaction), joint_distances(interaction.swapped())
     np.testing.assert_allclose(there, back.transpose(0, 2, 1), rtol=1e-6)
 
 
-def test_the_least_distance_is_that_of_all_pairs():
+def test_the_min_joint_distance_is_that_of_all_pairs():
     interaction = two(apart=0.4)
     slow = [
         min(float(np.linalg.norm(p - q)) for p in a for q in b)
         for a, b in zip(interaction.person_a, interaction.person_b, strict=True)
     ]
-    np.testing.assert_allclose(least_distance(interaction), slow, rtol=1e-5)
+    np.testing.assert_allclose(min_joint_distance(interaction), slow, rtol=1e-5)
     np.testing.assert_allclose(joint_distances(interaction).min(axis=(1, 2)), slow, rtol=1e-5)
 
 
 def test_contact_is_counted_in_frames():
     interaction = two(apart=9)
     interaction.person_b[:5, 5] = interaction.person_a[:5, 8] + np.float32([0, 0.05, 0])
-    assert contacts(interaction, distance=0.06).sum() == 5
-    assert measure(interaction, contact_distance=0.06).contact_share == 5 / N_FRAMES
-    assert not contacts(interaction, distance=0.04).any()
+    assert measure_quality(interaction, contact_distance=0.06).contact_share == 5 / N_FRAMES
+    assert measure_quality(interaction, contact_distance=0.04).contact_share == 0
 
 
 def test_bones_that_breathe_vary_by_the_deviation_of_their_scale():
     scale = 1 + 0.3 * np.where(np.arange(N_FRAMES) % 2, 1, -1)[:, None, None]
     still = two(speed=0)
     breathing = replace(still, person_b=(still.person_b * scale).astype(np.float32))
-    assert measure(breathing, contact_distance=0.1).bone_length_variation == pytest.approx(0.3)
+    assert measure_quality(breathing, contact_distance=0.1).bone_length_variation == pytest.approx(
+        0.3
+    )
     assert "bones change in length by 30%" in of(breathing)[0]
 
 
@@ -106,7 +106,7 @@ def test_the_same_dancer_fitted_twice_is_no_pair(noise):
 def test_few_frames_and_uneven_times_are_faults():
     assert of(two(n_frames=9)) == ["9 frames, wanted at least 10"]
     times = np.delete(np.arange(N_FRAMES + 1) / 10, 7)
-    assert "depart from their median by 100%" in of(replace(two(), times=times))[0]
+    assert "deviate from their median by 100%" in of(replace(two(), times=times))[0]
 
 
 def test_a_rate_against_the_files_own_times_is_a_fault():
@@ -124,15 +124,15 @@ def test_bones_without_length_are_left_out_and_a_body_of_none_is_refused():
 
 def test_an_error_names_all_faults_and_crosses_processes():
     with pytest.raises(QualityError) as caught:
-        check(measure(two(apart=0, n_frames=3), contact_distance=0.1), LIMITS)
-    assert len(caught.value.faults) == 2
+        check_quality(measure_quality(two(apart=0, n_frames=3), contact_distance=0.1), LIMITS)
+    assert len(caught.value.violations) == 2
     rebuilt = copy.copy(caught.value)  # by __reduce__, as between worker processes
-    assert (str(rebuilt), rebuilt.faults) == (str(caught.value), caught.value.faults)
+    assert (str(rebuilt), rebuilt.violations) == (str(caught.value), caught.value.violations)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no published files at {REAL}")
 def test_published_captures_of_two_people_pass():
-    ntu, sbu = Ntu(fps=30, max_gap=5, reach=0.3, min_share=0.5), Sbu(fps=15)
+    ntu, sbu = Ntu(fps=30, max_gap=5, max_link_distance=0.3, min_visible_share=0.5), Sbu(fps=15)
     clips = [sbu.read(sequence) for sequence in sbu.find(REAL / "sbu")]
     clips += [ntu.read(sequence) for sequence in ntu.find(REAL / "ntu" / "two_person")]
     assert len(clips) == 283

@@ -8,9 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pacmo_core.data.splits import Origin, SideRule, assign_sides, resolve_method, window_edges
+from pacmo_core.data.splits import (
+    ClipOrigin,
+    SplitRule,
+    assign_splits,
+    resolve_method,
+    window_edges,
+)
 
-RULE = SideRule(
+RULE = SplitRule(
     method="clip",
     test_share=0.2,
     validation_share=0.1,
@@ -25,7 +31,9 @@ RULE = SideRule(
 def circle(n_people, clips_a_pair=4):
     """Every person with the next two, some clips each."""
     return [
-        Origin(f"c{a}-{step}-{k}", f"r{a}-{step}-{k // 2}", (f"p{a}", f"p{(a + step) % n_people}"))
+        ClipOrigin(
+            f"c{a}-{step}-{k}", f"r{a}-{step}-{k // 2}", (f"p{a}", f"p{(a + step) % n_people}")
+        )
         for a in range(n_people)
         for step in (1, 2)
         for k in range(clips_a_pair)
@@ -35,9 +43,9 @@ def circle(n_people, clips_a_pair=4):
 @pytest.mark.parametrize("method", ["clip", "recording", "pair", "person"])
 def test_adding_captures_moves_no_other_clip(method):
     rule = replace(RULE, method=method)
-    before = assign_sides(circle(40)[:-50], rule, 1)
-    after = assign_sides(circle(40), rule, 1)
-    assert all(after[clip] == side for clip, side in before.items())
+    before = assign_splits(circle(40)[:-50], rule, 1)
+    after = assign_splits(circle(40), rule, 1)
+    assert all(after[clip] == split for clip, split in before.items())
 
 
 @pytest.mark.parametrize(
@@ -50,43 +58,43 @@ def test_adding_captures_moves_no_other_clip(method):
 )
 def test_nothing_that_must_stay_together_stands_on_both_sides(method, unit):
     origins = circle(40)
-    sides = assign_sides(origins, replace(RULE, method=method), 1)
-    trained = {u for o in origins if sides[o.clip] in ("train", "validation") for u in unit(o)}
-    tested = {u for o in origins if sides[o.clip] == "test" for u in unit(o)}
+    splits = assign_splits(origins, replace(RULE, method=method), 1)
+    trained = {u for o in origins if splits[o.clip] in ("train", "validation") for u in unit(o)}
+    tested = {u for o in origins if splits[o.clip] == "test" for u in unit(o)}
     assert trained and tested and not trained & tested
 
 
 def test_only_a_split_by_person_drops_clips_and_only_mixed_ones():
     origins = circle(40)
     for method in ("clip", "recording", "pair"):
-        assert "dropped" not in assign_sides(origins, replace(RULE, method=method), 1).values()
-    sides = assign_sides(origins, replace(RULE, method="person"), 1)
-    tested = {p for o in origins if sides[o.clip] == "test" for p in o.people}
+        assert "dropped" not in assign_splits(origins, replace(RULE, method=method), 1).values()
+    splits = assign_splits(origins, replace(RULE, method="person"), 1)
+    tested = {p for o in origins if splits[o.clip] == "test" for p in o.people}
     for origin in origins:
-        if sides[origin.clip] == "dropped":
+        if splits[origin.clip] == "dropped":
             assert len(set(origin.people) & tested) <= 1
 
 
 def test_shares_are_met_on_average():
-    origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(5000)]
-    sides = list(assign_sides(origins, RULE, 1).values())
-    assert sides.count("test") / 5000 == pytest.approx(0.2, abs=0.02)
-    assert sides.count("validation") / 5000 == pytest.approx(0.08, abs=0.015)
+    origins = [ClipOrigin(f"c{k}", f"r{k}", ()) for k in range(5000)]
+    splits = list(assign_splits(origins, RULE, 1).values())
+    assert splits.count("test") / 5000 == pytest.approx(0.2, abs=0.02)
+    assert splits.count("validation") / 5000 == pytest.approx(0.08, abs=0.015)
 
 
 def test_what_is_validation_does_not_hang_on_what_is_test():
-    origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(5000)]
-    sides = list(assign_sides(origins, replace(RULE, method="recording"), 1).values())
-    assert sides.count("validation") / sides.count("train") == pytest.approx(0.1 / 0.9, abs=0.02)
+    origins = [ClipOrigin(f"c{k}", f"r{k}", ()) for k in range(5000)]
+    splits = list(assign_splits(origins, replace(RULE, method="recording"), 1).values())
+    assert splits.count("validation") / splits.count("train") == pytest.approx(0.1 / 0.9, abs=0.02)
 
 
 def test_validation_takes_whole_recordings_or_single_clips_of_them():
-    origins = [Origin(f"c{k}", f"r{k // 10}", ()) for k in range(1000)]
+    origins = [ClipOrigin(f"c{k}", f"r{k // 10}", ()) for k in range(1000)]
     for unit, parted in (("recording", 0), ("clip", 50)):
         rule = replace(RULE, method="recording", validation_by=unit, validation_share=0.2)
-        sides = assign_sides(origins, rule, 1)
+        splits = assign_splits(origins, rule, 1)
         mixed = [
-            {"train", "validation"} <= {sides[f"c{10 * r + k}"] for k in range(10)}
+            {"train", "validation"} <= {splits[f"c{10 * r + k}"] for k in range(10)}
             for r in range(100)
         ]
         assert bool(parted) == (sum(mixed) > parted)
@@ -96,22 +104,24 @@ def test_validation_takes_whole_recordings_or_single_clips_of_them():
 
 def test_another_seed_gives_another_split():
     origins = circle(40)
-    assert assign_sides(origins, RULE, 1) != assign_sides(origins, replace(RULE, random_seed=1), 1)
+    assert assign_splits(origins, RULE, 1) != assign_splits(
+        origins, replace(RULE, random_seed=1), 1
+    )
 
 
 def test_auto_means_person_only_where_enough_people_are_known():
     auto = replace(RULE, method="auto")
     assert resolve_method(circle(10), auto) == "person"
     assert resolve_method(circle(5), auto) == "recording"
-    assert resolve_method([*circle(10), Origin("x", "x", ())], auto) == "recording"
+    assert resolve_method([*circle(10), ClipOrigin("x", "x", ())], auto) == "recording"
 
 
 def test_listed_pairs_are_tested_in_the_order_that_their_data_set_gives_them():
     rule = replace(RULE, method="listed", validation_share=0, test_pairs=(("p0+p1",), ("p0+p2",)))
     origins = [
-        Origin(f"{a}{b}", "r", (a, b)) for a, b in (("p0", "p1"), ("p1", "p0"), ("p0", "p2"))
+        ClipOrigin(f"{a}{b}", "r", (a, b)) for a, b in (("p0", "p1"), ("p1", "p0"), ("p0", "p2"))
     ]
-    first, second = (assign_sides(origins, rule, fold) for fold in (1, 2))
+    first, second = (assign_splits(origins, rule, fold) for fold in (1, 2))
     assert first == {"p0p1": "test", "p1p0": "train", "p0p2": "train"}
     assert second == {"p0p1": "train", "p1p0": "train", "p0p2": "test"}
 
@@ -119,29 +129,29 @@ def test_listed_pairs_are_tested_in_the_order_that_their_data_set_gives_them():
 def test_of_listed_people_both_are_tested_neither_is_trained_on_and_the_rest_is_dropped():
     rule = replace(RULE, method="listed_people", test_people=(("p0",), ("p1", "p2", "p3")))
     origins = circle(8)
-    sides = assign_sides(origins, rule, 2)
+    splits = assign_splits(origins, rule, 2)
     for origin in origins:
         listed = len({"p1", "p2", "p3"} & {*origin.people})
         wanted = {0: ("train", "validation"), 1: ("dropped",), 2: ("test",)}[listed]
-        assert sides[origin.clip] in wanted
+        assert splits[origin.clip] in wanted
 
 
 @pytest.mark.parametrize("method", ["clip", "recording", "pair"])
 def test_the_folds_of_a_hashed_split_test_everything_once(method):
     origins = circle(40)
-    folds = [assign_sides(origins, replace(RULE, method=method), fold) for fold in range(1, 6)]
-    tested = [clip for sides in folds for clip, side in sides.items() if side == "test"]
+    folds = [assign_splits(origins, replace(RULE, method=method), fold) for fold in range(1, 6)]
+    tested = [clip for splits in folds for clip, split in splits.items() if split == "test"]
     assert sorted(tested) == sorted(origin.clip for origin in origins)
 
 
 def test_a_fold_tests_its_own_slice_of_the_hash():
     """As BLAKE2b gives it, written out here anew."""
-    origins = [Origin(f"c{k}", f"r{k}", ()) for k in range(200)]
-    sides = assign_sides(origins, RULE, 3)
+    origins = [ClipOrigin(f"c{k}", f"r{k}", ()) for k in range(200)]
+    splits = assign_splits(origins, RULE, 3)
     for origin in origins:
         digest = hashlib.blake2b(f"0\0clip\0{origin.clip}".encode(), digest_size=8).digest()
         tested = 0.4 <= int.from_bytes(digest, "big") / 2**64 < 0.6
-        assert (sides[origin.clip] == "test") == tested
+        assert (splits[origin.clip] == "test") == tested
 
 
 @pytest.mark.parametrize(
@@ -158,7 +168,7 @@ def test_a_fold_tests_its_own_slice_of_the_hash():
 )
 def test_a_fold_or_a_name_that_there_is_not_is_refused(fault, fold, said):
     with pytest.raises(ValueError, match=said):
-        assign_sides(circle(8), replace(RULE, **fault), fold)
+        assign_splits(circle(8), replace(RULE, **fault), fold)
 
 
 def test_as_many_folds_as_fit_are_there_whatever_their_share_rounds_to():
@@ -168,12 +178,12 @@ def test_as_many_folds_as_fit_are_there_whatever_their_share_rounds_to():
 def test_a_clip_of_unknown_people_cannot_be_split_by_person():
     rule = replace(RULE, method="listed_people", test_people=(("p0", "p1"),))
     with pytest.raises(ValueError, match="clip x has none|x has none"):
-        assign_sides([*circle(8), Origin("x", "x", ())], rule, 1)
+        assign_splits([*circle(8), ClipOrigin("x", "x", ())], rule, 1)
 
 
 def test_an_empty_side_is_refused_with_the_seed():
     with pytest.raises(ValueError, match="random_seed 0 leaves no"):
-        assign_sides([Origin("x", "x", ("p", "q"))], RULE, 1)
+        assign_splits([ClipOrigin("x", "x", ("p", "q"))], RULE, 1)
 
 
 @pytest.mark.parametrize("fault", [{"method": "luck"}, {"test_share": 1.5}])

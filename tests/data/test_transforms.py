@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
-from pacmo_core.data.transforms import Frame, frame_of
+from pacmo_core.data.transforms import Frame, body_frame
 
 SKELETONS = [NTU25, SBU15, DUET15, EXPI18, INTERHUMAN22]
 ANGLES = st.floats(-3.1, 3.1)
@@ -32,7 +32,7 @@ def world(yaw: float, shift: tuple[float, ...]) -> Frame:
 @pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda s: s.name)
 def test_a_body_built_to_face_z_has_no_yaw_and_its_root_at_the_origin(skeleton: Skeleton) -> None:
     motion = body(skeleton)
-    frame = frame_of(motion, skeleton)
+    frame = body_frame(motion, skeleton)
     assert frame.yaw == pytest.approx(0, abs=1e-6)
     np.testing.assert_allclose(frame.to_local(motion)[0, skeleton.root], 0, atol=1e-6)
 
@@ -44,7 +44,7 @@ def test_the_local_motion_does_not_change_when_the_world_turns_and_shifts(
 ) -> None:
     motion = body(skeleton)
     moved = world(yaw, shift).to_world(motion)
-    there, here = frame_of(moved, skeleton), frame_of(motion, skeleton)
+    there, here = body_frame(moved, skeleton), body_frame(motion, skeleton)
     np.testing.assert_allclose(there.to_local(moved), here.to_local(motion), atol=1e-5)
 
 
@@ -66,10 +66,10 @@ def test_hips_that_share_the_roots_place_give_way_to_the_next_pair() -> None:
     skeleton = Skeleton("hips", names, (-1, 0, 0, 1, 2), ((1, 2), (3, 4)))
     pose = np.zeros((1, 5, 3), dtype=np.float32)
     pose[0, 3], pose[0, 4] = (0, 0, -0.1), (0, 0, 0.1)  # left is at -z: faces +x
-    assert frame_of(pose, skeleton).yaw == pytest.approx(np.pi / 2)
+    assert body_frame(pose, skeleton).yaw == pytest.approx(np.pi / 2)
 
 
 def test_a_body_without_a_heading_is_refused() -> None:
     pose = np.zeros((1, 15, 3), dtype=np.float32)
     with pytest.raises(ValueError, match="heading"):
-        frame_of(pose, SBU15)
+        body_frame(pose, SBU15)

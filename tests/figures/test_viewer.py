@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pacmo_core.data.contacts import least_distance
-from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.interaction import Interaction, min_joint_distance
 from pacmo_core.data.skeleton import NTU25, Skeleton
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.figures.viewer import render_viewer
@@ -176,7 +175,7 @@ def test_series_are_what_numpy_measures(tab: Tab, clip: Interaction) -> None:
     def series(metric: str, person: int, joint: int) -> np.ndarray:
         return np.array(tab.run(f"[...{PLAYER}.clips[0].series('{metric}', {person}, {joint})]"))
 
-    np.testing.assert_allclose(series("closest", 0, 0), least_distance(clip), atol=3e-4)
+    np.testing.assert_allclose(series("closest", 0, 0), min_joint_distance(clip), atol=3e-4)
     moved = np.linalg.norm(clip.person_b[2:, 7] - clip.person_b[:-2, 7], axis=-1) * FPS / 2
     np.testing.assert_allclose(series("speed", 1, 7)[1:-1], moved, atol=0.01)
     ground = tab.run(f"{PLAYER}.clips[0].view.ground")

@@ -19,7 +19,7 @@ from flows.nightly import night
 from flows.prune import prune_here
 from flows.retrain import retrain_here
 from flows.way import ByHand
-from pacmo_core.promotion.history import read_decisions
+from pacmo_core.promotion import read_decisions
 from tests.flows.nights import drop, environment, make_project, run_flow, set_params
 
 pytestmark = pytest.mark.slow

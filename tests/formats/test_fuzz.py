@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pacmo_core.data.quality import faults, measure
+from pacmo_core.data.quality import limit_violations, measure_quality
 from pacmo_core.formats.base import FormatError, Reading
 from pacmo_core.formats.registry import FORMATS, open_format
 from pacmo_core.formats.write_ntu import format_frames
@@ -86,7 +86,7 @@ def outcome(reader, root):
             reasons.append(error)
             continue
         assert isinstance(reading, Reading)
-        faults(measure(reading.interaction, contact_distance=0.1), SHORT)
+        limit_violations(measure_quality(reading.interaction, contact_distance=0.1), SHORT)
         n_readings += 1
     assert all(str(root) in str(error) and error.reason.isprintable() for error in reasons)
     return n_readings

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, SBU15
-from pacmo_core.data.transforms import Frame, frame_of
+from pacmo_core.data.transforms import Frame, body_frame
 from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.reaction.data import (
     MotionPairs,
@@ -32,7 +32,7 @@ from tests.strategies import make_interaction
 def test_a_partner_starts_at_the_origin_and_frames_on_the_grid_are_kept() -> None:
     clip = delayed_mirror(3, np.linspace(0, 2, 33))
     pairs = sample_motion_pairs([clip], 17)
-    local = frame_of(clip.person_a, clip.skeleton).to_local(clip.person_b)[::2].reshape(17, -1)
+    local = body_frame(clip.person_a, clip.skeleton).to_local(clip.person_b)[::2].reshape(17, -1)
     np.testing.assert_allclose(pairs.reaction[0].numpy(), local, atol=1e-5)
     np.testing.assert_allclose(pairs.partner[0, 0, 6:9].numpy(), 0, atol=1e-6)
     assert pairs.log_duration.item() == pytest.approx(math.log(2))

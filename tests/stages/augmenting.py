@@ -12,18 +12,17 @@ from ruamel.yaml import YAML
 
 from pacmo_core.augmentation.solve import solve
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.store.clips import ClipFacts, write_rows
 from pacmo_core.store.motions import write_motions
+from pacmo_core.store.tables import ClipRecord, write_rows
 from stages import _variations, augment
 from stages._files import CLIPS, MOTIONS
-from stages.augment import FINISHED
 from tests.interaction_mesh.scenes import ARM, SETTINGS
 
-FACTS = ClipFacts(
+FACTS = ClipRecord(
     *("", "", "small", "", "", "", "", "arm"), 30.0, 0.4, 12, 0, "file", "ab",
     *(0.1, 2.0, 0.0, 0),
 )  # fmt: skip
-COMMAND = ["--kept=kept", "clips", "second", "variations", "metrics.json"]
+COMMAND = ["--cache=cache", "clips", "second", "variations", "metrics.json"]
 PLAN = {
     "people": ["a", "b"],
     "uniform": [0.9, 1.1],
@@ -47,7 +46,7 @@ SECOND = {
         "max_bone_length_variation": 1,
         "max_joint_speed": 1e6,
         "max_body_speed": 1e6,
-        "min_apart": 0,
+        "min_person_distance": 0,
     },
     "contact_distance": 0.1,
     "clip_seconds": 1.0,
@@ -69,7 +68,7 @@ def lay_out(root: Path, clips: Mapping[str, Interaction], **changes: Any) -> Non
         for name, clip in sorted(clips.items()):
             writer.add(name, clip)
     facts = [replace(FACTS, clip=name, sequence=name) for name in sorted(clips)]
-    write_rows(root / "clips" / CLIPS, ClipFacts, facts)
+    write_rows(root / "clips" / CLIPS, ClipRecord, facts)
     (root / "second").mkdir(exist_ok=True)
     write_params(root, **changes)
 
@@ -95,16 +94,15 @@ def result(root: Path) -> dict[str, bytes]:
     return found | {"metrics.json": (root / "metrics.json").read_bytes()}
 
 
-def kept_files(root: Path) -> dict[str, int]:
-    """List the variations that were kept, and when each file was written."""
-    found = sorted((root / "kept").rglob("*.safetensors"))
-    files = [path for path in found if path.parent.name != FINISHED]
+def cached_variations(root: Path) -> dict[str, int]:
+    """List the cached variations, and when each file was written."""
+    files = sorted((root / "cache" / augment.VARIATIONS).rglob("*.safetensors"))
     return {str(path.relative_to(root)): path.stat().st_mtime_ns for path in files}
 
 
-def finished_files(root: Path) -> list[Path]:
-    """List the clips that were finished."""
-    return sorted(path for path in (root / "kept").rglob("*") if path.parent.name == FINISHED)
+def cached_clips(root: Path) -> list[Path]:
+    """List the cached files of clips."""
+    return sorted((root / "cache" / augment.CLIPS).rglob("*.safetensors"))
 
 
 def spoil(path: Path) -> None:
@@ -130,10 +128,10 @@ def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def run(root: Path, monkeypatch: pytest.MonkeyPatch, *, clean: bool = False) -> dict[str, bytes]:
     """Run the stage beside what it left before, or on clean ground."""
-    for folder in ("variations", "kept") if clean else ():
+    for folder in ("variations", "cache") if clean else ():
         shutil.rmtree(root / folder, ignore_errors=True)
     monkeypatch.chdir(root)
-    names = ("kept", "clips", "second", "variations", "metrics")
-    values = [Path(word.removeprefix("--kept=")) for word in COMMAND]
+    names = ("cache", "clips", "second", "variations", "metrics")
+    values = [Path(word.removeprefix("--cache=")) for word in COMMAND]
     augment.main(Namespace(**dict(zip(names, values, strict=True))))
     return result(root)

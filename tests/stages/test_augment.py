@@ -18,8 +18,8 @@ from ruamel.yaml import YAML
 from benchmarks._variations import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
-from pacmo_core.store.motion_folders import stream_folder
-from pacmo_core.store.variations import read_variations
+from pacmo_core.store.motions import stream_folder
+from pacmo_core.store.tables import read_variations
 from stages._params import ParamsError
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
@@ -27,8 +27,8 @@ from tests.stages.augmenting import (
     COMMAND,
     PLAN,
     SECOND,
-    finished_files,
-    kept_files,
+    cached_clips,
+    cached_variations,
     lay_out,
     result,
     run,
@@ -53,13 +53,13 @@ def test_a_plan_that_grows_computes_what_is_new_and_ends_as_a_clean_run(
 ) -> None:
     lay_out(tmp_path, CLIPS)
     first = run(tmp_path, monkeypatch)
-    n_first, before = sum(in_process), kept_files(tmp_path)
+    n_first, before = sum(in_process), cached_variations(tmp_path)
     assert n_first == len(CLIPS) * (4 + 3 + 2 + 2)
 
     write_params(tmp_path, plan=GROWN)
     grown = run(tmp_path, monkeypatch)
     assert sum(in_process) - n_first == len(CLIPS) * (2 + 2 + 1)
-    assert kept_files(tmp_path).items() > before.items()
+    assert cached_variations(tmp_path).items() > before.items()
 
     del in_process[:]
     assert run(tmp_path, monkeypatch) == grown
@@ -108,7 +108,7 @@ def test_other_limits_compute_nothing_and_other_settings_everything(
     assert "slack: 0.03" in changed.read_text()
     run(tmp_path, monkeypatch)
     assert in_process == [11]
-    assert len(list((tmp_path / "kept").iterdir())) == 1
+    assert len(list((tmp_path / "cache" / "variations").iterdir())) == 1
 
 
 def test_a_damaged_file_is_made_again_with_a_warning(
@@ -118,16 +118,16 @@ def test_a_damaged_file_is_made_again_with_a_warning(
     lay_out(tmp_path, CLIPS)
     clean = run(tmp_path, monkeypatch)
     del in_process[:]
-    spoilt = tmp_path / next(iter(kept_files(tmp_path)))
+    spoilt = tmp_path / next(iter(cached_variations(tmp_path)))
     spoil(spoilt)
-    finished = finished_files(tmp_path)
+    finished = cached_clips(tmp_path)
     for path in finished:
         spoil(path)
     with caplog.at_level(logging.WARNING):
         assert run(tmp_path, monkeypatch) == clean
-    assert in_process == [11]
+    assert in_process == [1]
     for path in (spoilt, *finished):
-        assert f"{path.relative_to(tmp_path)} is damaged and will be made again" in caplog.text
+        assert f"{path.relative_to(tmp_path)} is damaged and will be computed again" in caplog.text
 
 
 def test_files_say_what_was_kept_what_failed_and_why(
@@ -228,15 +228,15 @@ def test_a_run_that_is_killed_goes_on_from_its_last_batch(
     with subprocess.Popen(
         command, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL
     ) as killed:
-        while len(kept_files(tmp_path)) < 2 and killed.poll() is None:
+        while len(cached_variations(tmp_path)) < 2 and killed.poll() is None:
             time.sleep(0.01)
         killed.send_signal(signal.SIGKILL)
-    before = kept_files(tmp_path)
+    before = cached_variations(tmp_path)
     assert 2 <= len(before) < len(clips)
     assert not (tmp_path / "metrics.json").exists()
 
     subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
-    assert kept_files(tmp_path).items() > before.items()
+    assert cached_variations(tmp_path).items() > before.items()
     resumed = result(tmp_path)
     assert run(tmp_path, monkeypatch, clean=True) == resumed
     assert sum(in_process) == len(clips) * 11

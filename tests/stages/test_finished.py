@@ -6,16 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pacmo_core.store.kept import Kept
-from pacmo_core.store.motion_folders import clip_of, stream_folder
-from pacmo_core.store.motions import read_motion
-from pacmo_core.store.variations import read_variations
+from pacmo_core.store.cache import Cache
+from pacmo_core.store.motions import clip_of_file, read_motion, stream_folder
+from pacmo_core.store.tables import read_variations
 from stages import _variations
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
     BOUNDS,
-    finished_files,
-    kept_files,
+    cached_clips,
+    cached_variations,
     lay_out,
     run,
     solve_in_process,
@@ -53,20 +52,22 @@ def test_one_more_clip_is_planned_and_finished_alone_beside_files_that_stay(
     lay_out(tmp_path, {name: clip for name, clip in CLIPS.items() if name != "one1"})
     before = run(tmp_path, monkeypatch)
     del planned[:]
-    looked = []
-    find = Kept.find
-    monkeypatch.setattr(Kept, "find", lambda kept, key: looked.append(key) or find(kept, key))
+    written = []
+    put = Cache.put
+    monkeypatch.setattr(
+        Cache, "put", lambda cache, key, new: written.append(key) or put(cache, key, new)
+    )
     lay_out(tmp_path, CLIPS)
     grown = run(tmp_path, monkeypatch)
     assert planned == ["one1"]
-    assert len(looked) == 1
+    assert len(written) == 11 + 1  # its variations and its files
     tables = {"variations/small/clips.parquet", "variations/small/variations.parquet"}
     tables.add("metrics.json")
     assert {name: grown[name] for name in before.keys() - tables} == {
         name: data for name, data in before.items() if name not in tables
     }
     new = grown.keys() - before.keys()
-    assert {clip_of(Path(name)) for name in new} == {"one1"}
+    assert {clip_of_file(Path(name)) for name in new} == {"one1"}
     assert run(tmp_path, monkeypatch, clean=True) == grown
 
 
@@ -105,10 +106,10 @@ def test_motions_of_all_clips_stream_in_order_and_are_found_one_by_one(
     rows = read_variations(SMALL / "variations.parquet")
     found = dict(stream_folder(SMALL / "motions"))
     assert list(found) == [row.variation for row in rows if row.kept] == sorted(found)
-    assert {clip_of(path) for path in (SMALL / "sources").iterdir()} == set(CLIPS)
+    assert {clip_of_file(path) for path in (SMALL / "sources").iterdir()} == set(CLIPS)
     for path in (SMALL / "sources").iterdir():
-        own = read_motion(path, clip_of(path))
-        np.testing.assert_array_equal(own.person_a, CLIPS[clip_of(path)].person_a)
+        own = read_motion(path, clip_of_file(path))
+        np.testing.assert_array_equal(own.person_a, CLIPS[clip_of_file(path)].person_a)
 
 
 def test_clips_that_a_run_did_not_use_are_forgotten_and_their_variations_stay(
@@ -116,17 +117,17 @@ def test_clips_that_a_run_did_not_use_are_forgotten_and_their_variations_stay(
 ) -> None:
     lay_out(tmp_path, CLIPS)
     run(tmp_path, monkeypatch)
-    made, finished = kept_files(tmp_path), finished_files(tmp_path)
+    made, finished = cached_variations(tmp_path), cached_clips(tmp_path)
     assert len(finished) == len(CLIPS)
     lay_out(tmp_path, {"one": CLIPS["one"]})
     run(tmp_path, monkeypatch)
-    assert len(finished_files(tmp_path)) == 1
-    assert set(finished_files(tmp_path)) < set(finished)
+    assert len(cached_clips(tmp_path)) == 1
+    assert set(cached_clips(tmp_path)) < set(finished)
     write_params(tmp_path, bounds={**BOUNDS, "seam_ratio": 1.0})
     run(tmp_path, monkeypatch)
-    assert len(finished_files(tmp_path)) == 1
-    assert not set(finished_files(tmp_path)) & set(finished)
-    assert kept_files(tmp_path) == made
+    assert len(cached_clips(tmp_path)) == 1
+    assert not set(cached_clips(tmp_path)) & set(finished)
+    assert cached_variations(tmp_path) == made
 
 
 def test_a_refused_clip_is_finished_too_and_has_no_motions(
@@ -138,8 +139,8 @@ def test_a_refused_clip_is_finished_too_and_has_no_motions(
     del in_process[:]
     assert run(tmp_path, monkeypatch) == first
     assert in_process == []
-    assert {clip_of(path) for path in (SMALL / "sources").iterdir()} == {"flat", "one"}
-    assert not any(clip_of(path) == "flat" for path in SMALL.glob("[mf]*/*.parquet"))
+    assert {clip_of_file(path) for path in (SMALL / "sources").iterdir()} == {"flat", "one"}
+    assert not any(clip_of_file(path) == "flat" for path in SMALL.glob("[mf]*/*.parquet"))
 
 
 def test_a_finished_clip_that_was_spoilt_is_written_anew_of_what_was_made(
@@ -148,7 +149,7 @@ def test_a_finished_clip_that_was_spoilt_is_written_anew_of_what_was_made(
     lay_out(tmp_path, CLIPS)
     clean = run(tmp_path, monkeypatch)
     del in_process[:], planned[:]
-    spoil(finished_files(tmp_path)[0])
+    spoil(cached_clips(tmp_path)[0])
     assert run(tmp_path, monkeypatch) == clean
     assert len(planned) == 1
     assert in_process == []

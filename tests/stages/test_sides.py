@@ -8,14 +8,14 @@ from ruamel.yaml import YAML
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.store.clips import ClipFacts, SideFacts, read_rows, write_rows
 from pacmo_core.store.motions import stream_motions, write_motions
+from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
 from stages import cut, split
 from stages._clips import stream_side
 from stages._files import CLIPS, MOTIONS, read_json
 from stages._reactions import directed_clips, write_reactions
 
-FACTS = ClipFacts(
+FACTS = ClipRecord(
     *("", "", "set", "waving", "", "", "", "sbu15"), 10.0, 1.9, 20, 0, "file", "ab",
     *(0.1, 2.0, 0.0, 0),
 )  # fmt: skip
@@ -34,7 +34,7 @@ def clips(tmp_path):
         replace(FACTS, clip=f"c{k}", sequence=f"c{k}", recording=f"r{k}", subject_a=a, subject_b=b)
         for k, (a, b) in enumerate(PEOPLE)
     ]
-    write_rows(tmp_path / "clips" / CLIPS, ClipFacts, rows)
+    write_rows(tmp_path / "clips" / CLIPS, ClipRecord, rows)
     with write_motions(tmp_path / "clips" / MOTIONS, SBU15) as writer:
         for k, row in enumerate(rows):
             writer.add(row.clip, interaction(k))
@@ -42,7 +42,7 @@ def clips(tmp_path):
 
 
 def put(path, sides):
-    write_rows(path, SideFacts, [SideFacts(clip, side) for clip, side in sides.items()])
+    write_rows(path, SplitRecord, [SplitRecord(clip, side) for clip, side in sides.items()])
     return path
 
 
@@ -94,7 +94,7 @@ def test_the_stage_writes_a_side_a_clip_of_its_fold_and_counts_them(clips, tmp_p
     YAML(typ="safe").dump({"split": rule}, tmp_path / "params.yaml")
     monkeypatch.chdir(tmp_path)
     split.main(clips, tmp_path / "2.parquet", tmp_path / "2.json", fold=2)
-    assert {row.clip: row.side for row in read_rows(tmp_path / "2.parquet", SideFacts)} == {
+    assert {row.clip: row.split for row in read_rows(tmp_path / "2.parquet", SplitRecord)} == {
         **dict.fromkeys(("c0", "c1", "c2"), "train"), **dict.fromkeys(("c3", "c4"), "test")
     }  # fmt: skip
     counts = read_json(tmp_path / "2.json")
@@ -106,7 +106,7 @@ def test_cut_windows_follow_on_and_name_their_start(clips, tmp_path, monkeypatch
     YAML(typ="safe").dump({"cut": {"clip_seconds": 1.0}}, tmp_path / "params.yaml")
     monkeypatch.chdir(tmp_path)
     cut.main(clips, tmp_path / "cut")
-    rows = read_rows(tmp_path / "cut" / CLIPS, ClipFacts)
+    rows = read_rows(tmp_path / "cut" / CLIPS, ClipRecord)
     assert [row.clip for row in rows][:3] == ["c0#0000", "c0#0001", "c1#0000"]
     assert [(row.start_frame, row.frames) for row in rows][:2] == [(0, 10), (10, 10)]
     assert [name for name, _ in stream_motions(tmp_path / "cut" / MOTIONS)] == [

@@ -16,9 +16,8 @@ from pacmo_core.reaction.variations import (
     VariationSampler,
     add_variations,
 )
-from pacmo_core.store.clips import SideFacts, write_rows
-from pacmo_core.store.motion_folders import file_of
-from pacmo_core.store.motions import stream_motions, write_motions
+from pacmo_core.store.motions import motion_file, stream_motions, write_motions
+from pacmo_core.store.tables import SplitRecord, write_rows
 from pacmo_core.store.weights import read_weights
 from stages import train_pacmo, train_pacmo_augmented
 from tests.reaction.problems import PACMO, clips
@@ -44,7 +43,7 @@ def project(tmp_path, monkeypatch):
 def vary(path: Path) -> None:
     """Write two variations of each clip, taller by so much."""
     for name, clip in stream_motions(CLIPS / "motions.parquet"):
-        with write_motions(file_of(path, name), SBU15) as writer:
+        with write_motions(motion_file(path, name), SBU15) as writer:
             for scale in (1.1, 1.2):
                 taller = replace(clip, person_a=clip.person_a * np.float32(scale))
                 writer.add(f"{name}~a-uniform-{scale:.2f}", taller)
@@ -102,9 +101,9 @@ def test_only_variations_of_clips_that_are_trained_on_are_seen():
 
 
 def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
-    rows = [SideFacts(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
-    rows[0] = replace(rows[0], side="train")
-    write_rows(SIDES, SideFacts, rows)
+    rows = [SplitRecord(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
+    rows[0] = replace(rows[0], split="train")
+    write_rows(SIDES, SplitRecord, rows)
     for file in MADE.iterdir():
         file.unlink()
     with pytest.raises(ValueError, match="variations/motions: wanted"):

@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from safetensors import safe_open
 from torch import nn
 
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.checkpoints import Checkpoint, data_hash
 from pacmo_core.training.devices import DeviceError, training_device

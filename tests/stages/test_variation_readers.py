@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pacmo_core.store.clips import SideFacts, write_rows
-from pacmo_core.store.motion_folders import file_of, stream_folder
-from pacmo_core.store.variations import read_variations
+from pacmo_core.store.motions import motion_file, stream_folder
+from pacmo_core.store.tables import SplitRecord, read_variations, write_rows
 from stages._examples import kept_facts, stream_examples
 from stages._gallery import gallery
 from tests.augmentation.sources import source
@@ -24,8 +23,8 @@ def varied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lay_out(tmp_path, CLIPS)
     run(tmp_path, monkeypatch)
     names = kept_facts(SMALL)
-    rows = [SideFacts(n, ("train", "test")[i % 2]) for i, n in enumerate(names)]
-    write_rows(SIDES, SideFacts, rows)
+    rows = [SplitRecord(n, ("train", "test")[i % 2]) for i, n in enumerate(names)]
+    write_rows(SIDES, SplitRecord, rows)
 
 
 def test_examples_of_both_sides_are_all_variations_in_order_beside_their_sources() -> None:
@@ -43,7 +42,7 @@ def test_examples_of_both_sides_are_all_variations_in_order_beside_their_sources
 
 
 def test_a_clip_whose_file_is_gone_is_told() -> None:
-    file = file_of(SMALL / "motions", "one1")
+    file = motion_file(SMALL / "motions", "one1")
     file.unlink()
     with pytest.raises(FileNotFoundError, match=r"one1\.parquet"):
         list(stream_examples(SMALL, SIDES, "train"))

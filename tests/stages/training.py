@@ -6,11 +6,11 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.store.clips import ClipFacts, SideFacts, write_rows
 from pacmo_core.store.motions import write_motions
+from pacmo_core.store.tables import ClipRecord, SplitRecord, write_rows
 from tests.reaction.problems import AUTOENCODER, GRU, PACMO, REGRESSION, clips
 
-FACTS = ClipFacts(
+FACTS = ClipRecord(
     clip="", sequence="", dataset="toy", action="follow", subject_a="", subject_b="",
     recording="", skeleton="sbu15", fps=15.0, duration=1.0, frames=20, start_frame=0,
     source_file="", sha256="", bone_length_variation=0.0, max_joint_speed=0.0,
@@ -38,11 +38,11 @@ def prepare(folder: Path) -> None:
     with write_motions(folder / "clips/motions.parquet", SBU15) as writer:
         for number, clip in enumerate(clips(10)):
             name = f"clip{number:02d}"
-            sides.append(SideFacts(name, "validation" if number < 2 else "train"))
+            sides.append(SplitRecord(name, "validation" if number < 2 else "train"))
             writer.add(name, clip)
             rows.append(replace(FACTS, clip=name, sequence=name))
-    write_rows(folder / "clips/clips.parquet", ClipFacts, rows)
-    write_rows(folder / "sides.parquet", SideFacts, sides)
+    write_rows(folder / "clips/clips.parquet", ClipRecord, rows)
+    write_rows(folder / "sides.parquet", SplitRecord, sides)
     params = {name: {**plain(asdict(section)), "threads": 1} for name, section in SECTIONS.items()}
     for section in SEEDED:
         del params[section]["random_seed"]  # comes from the command line

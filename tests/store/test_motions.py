@@ -7,8 +7,8 @@ from hypothesis import given, settings
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.store import motions
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.motions import read_motion, read_skeleton, stream_motions, write_motions
-from pacmo_core.store.schema import StoreError
 from tests.strategies import SMALL, interactions, make_interaction, make_set
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from pacmo_core.store.clips import QuarantineFacts, write_rows
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.scores import Score, read_scores, write_scores
+from pacmo_core.store.tables import QuarantineRecord, write_rows
 
 SCORES = [
     Score("pacmo", 1, "f2id", np.array([0.1, 0.2, 0.3])),
@@ -34,6 +34,6 @@ def test_a_score_that_is_no_number_is_refused(tmp_path):
 
 
 def test_another_table_is_refused(tmp_path):
-    write_rows(tmp_path / "q.parquet", QuarantineFacts, [])
+    write_rows(tmp_path / "q.parquet", QuarantineRecord, [])
     with pytest.raises(StoreError, match="wanted columns"):
         read_scores(tmp_path / "q.parquet")

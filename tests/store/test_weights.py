@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from pacmo_core.store.schema import StoreError
+from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import read_weights, write_weights
 
 

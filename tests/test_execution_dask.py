@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from pacmo_core.execution.cluster import Cluster
-from pacmo_core.formats.ingestion import read_elsewhere
+from pacmo_core.execution import DaskExecutor
+from pacmo_core.ingestion import read_on_worker
 from stages._cluster import SCHEDULER
 from stages.augment import arguments
 from stages.augment import main as augment
 from stages.ingest import main as ingest
 from tests.augmentation.sources import source
-from tests.formats.test_ingestion import bodies, write
 from tests.stages.augmenting import COMMAND, lay_out, result
-from tests.store.test_readings import PARAMS
+from tests.test_ingestion import bodies, write
+from tests.test_reading_cache import PARAMS
 
 distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
 pytestmark = pytest.mark.slow
@@ -64,17 +64,17 @@ def test_augment_on_a_cluster_leaves_the_bytes_of_one_process(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     lay_out(tmp_path, {f"clip{number}": source(number) for number in range(3)})
     found = {}
-    for kept, address in (("alone", ""), ("together", cluster.scheduler_address)):
+    for cache, address in (("alone", ""), ("together", cluster.scheduler_address)):
         monkeypatch.setenv(SCHEDULER, address)
-        monkeypatch.setattr("sys.argv", ["augment", f"--kept={kept}", *COMMAND[1:]])
+        monkeypatch.setattr("sys.argv", ["augment", f"--cache={cache}", *COMMAND[1:]])
         augment(arguments())
-        found[kept] = result(tmp_path)
+        found[cache] = result(tmp_path)
     assert found["alone"] == found["together"]
 
 
-@pytest.mark.parametrize("order", ["as_done", "in_order"])
+@pytest.mark.parametrize("order", ["map_unordered", "map_ordered"])
 def test_what_a_dead_worker_had_in_hand_is_done_again(tmp_path, cluster, order):
-    with Cluster(cluster.scheduler_address) as used:
+    with DaskExecutor(cluster.scheduler_address) as used:
         results = getattr(used, order)(partial(slowly, tmp_path), range(30))
         first = next(results)
         os.kill(int(next(tmp_path.iterdir()).name), signal.SIGKILL)
@@ -83,9 +83,9 @@ def test_what_a_dead_worker_had_in_hand_is_done_again(tmp_path, cluster, order):
 
 def test_a_worker_with_other_code_is_refused():
     with pytest.raises(RuntimeError, match="other code"):
-        read_elsewhere("other", None, None)
+        read_on_worker("other", None, None)
 
 
 def test_a_failure_on_a_worker_is_the_callers(tmp_path, cluster):
-    with Cluster(cluster.scheduler_address) as used, pytest.raises(FileNotFoundError):
-        list(used.in_order(Path.read_text, [tmp_path / "none"]))
+    with DaskExecutor(cluster.scheduler_address) as used, pytest.raises(FileNotFoundError):
+        list(used.map_ordered(Path.read_text, [tmp_path / "none"]))

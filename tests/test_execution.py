@@ -9,7 +9,7 @@ from itertools import islice
 import psutil
 import pytest
 
-from pacmo_core.execution.processes import Processes
+from pacmo_core.execution import ProcessExecutor
 
 pytestmark = pytest.mark.slow
 ITEMS = range(30)
@@ -41,30 +41,30 @@ def children() -> list[psutil.Process]:
 
 
 def test_all_is_done_in_order_or_as_it_comes() -> None:
-    with Processes(2) as processes:
-        assert list(processes.in_order(squared, ITEMS)) == [n**2 for n in ITEMS]
-        assert sorted(processes.as_done(squared, ITEMS)) == [n**2 for n in ITEMS]
-        assert list(processes.in_order(squared, [])) == []
+    with ProcessExecutor(2) as processes:
+        assert list(processes.map_ordered(squared, ITEMS)) == [n**2 for n in ITEMS]
+        assert sorted(processes.map_unordered(squared, ITEMS)) == [n**2 for n in ITEMS]
+        assert list(processes.map_ordered(squared, [])) == []
         assert len(children()) == 2
     assert children() == []
 
 
 def test_what_is_raised_there_is_raised_here_and_says_where() -> None:
-    with Processes(2) as processes:
+    with ProcessExecutor(2) as processes:
         with pytest.raises(ValueError, match="not 3") as raised:
-            list(processes.in_order(refuse, [3]))
+            list(processes.map_ordered(refuse, [3]))
         assert "in refuse" in raised.value.__notes__[0]
-        assert list(processes.as_done(squared, [4])) == [16]
+        assert list(processes.map_unordered(squared, [4])) == [16]
 
 
 @pytest.mark.parametrize("how", [killed, killed_in_the_middle_of_its_answer])
 def test_a_process_that_is_killed_is_told_of_and_not_waited_for(how) -> None:
-    with pytest.raises(ChildProcessError, match="exit code -9"), Processes(2) as processes:
-        list(processes.as_done(how, ITEMS))
+    with pytest.raises(ChildProcessError, match="exit code -9"), ProcessExecutor(2) as processes:
+        list(processes.map_unordered(how, ITEMS))
     assert children() == []
 
 
 def test_who_takes_no_more_leaves_nothing_running() -> None:
-    with Processes(2) as processes:
-        assert list(islice(processes.in_order(squared, ITEMS), 2)) == [0, 1]
+    with ProcessExecutor(2) as processes:
+        assert list(islice(processes.map_ordered(squared, ITEMS), 2)) == [0, 1]
     assert children() == []

@@ -7,10 +7,10 @@ import pytest
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.formats.ingestion import Recipe, read_sequences
 from pacmo_core.formats.registry import open_format
 from pacmo_core.formats.write_ntu import format_ntu
-from pacmo_core.store.clips import QuarantineFacts
+from pacmo_core.ingestion import IngestionSettings, read_sequences
+from pacmo_core.store.tables import QuarantineRecord
 from tests.formats.real_files import real_folder
 from tests.strategies import LIMITS
 
@@ -42,7 +42,7 @@ def write(folder, number, interaction):
 
 
 def ingest(root, name="ntu", settings=NTU, **changes):
-    recipe = Recipe(
+    recipe = IngestionSettings(
         dataset="test",
         root=root,
         format=open_format(name, settings),
@@ -53,7 +53,7 @@ def ingest(root, name="ntu", settings=NTU, **changes):
     )
     recipe = replace(recipe, **changes)
     outcomes = list(read_sequences(recipe, recipe.format.find(root)))
-    aside = [outcome for outcome in outcomes if isinstance(outcome, QuarantineFacts)]
+    aside = [outcome for outcome in outcomes if isinstance(outcome, QuarantineRecord)]
     return [outcome for outcome in outcomes if outcome not in aside], aside
 
 

@@ -1,1 +1,0 @@
-"""Work side by side: processes on this machine, or a Dask cluster."""

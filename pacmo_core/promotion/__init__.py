@@ -1,1 +1,0 @@
-"""Which trained models are current: the gate, the history of decisions, the shelf of models."""

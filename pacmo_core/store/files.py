@@ -1,0 +1,62 @@
+"""Atomic file writes, file hashes, and the error of a file that cannot be read."""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+class StoreError(ValueError):
+    """A file that this package did not write, that is cut short, or of another version."""
+
+
+@contextmanager
+def atomic_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
+    """Yield a temporary path beside ``path`` and rename it to ``path`` when the block succeeds.
+
+    After an interrupted process the file has its old content or its new content, complete; after
+    an exception in the block it has its old content. The temporary name contains the process
+    number, so that a child process that outlives its parent cannot write into the file of the
+    next run.
+
+    Parameters
+    ----------
+    sync : flush file and folder to the disk (fsync), so that the file survives a power failure
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        yield partial
+        if sync:
+            fsync(partial)
+        partial.replace(path)
+        if sync:
+            fsync(path.parent)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text atomically."""
+    with atomic_file(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def fsync(path: Path) -> None:
+    """Flush a file or a folder to the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def file_hash(*paths: Path) -> str:
+    """SHA-256 of the content of files, one after the other, in hexadecimal."""
+    digest = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
