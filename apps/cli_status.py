@@ -44,7 +44,7 @@ def show_status(as_json: AsJson = False, check: Check = False, stale: Stale = Tr
 def roll_back_model(why: Why) -> None:
     """Bring back the model that was current before, weights included.
 
-    The one taken back stays on the shelf and is not promoted again.
+    The one taken back stays among the promoted models and is not promoted again.
     """
     with (
         told_in_one_line(),
@@ -53,7 +53,9 @@ def roll_back_model(why: Why) -> None:
     ):
         decision = roll_back(why)
         run.reason = decision.reasons[0]
-        typer.echo(f"current is {SHELF / f'{decision.shelf:06d}'}, model {decision.model[:12]}")
+        typer.echo(
+            f"current is {SHELF / f'{decision.current_model:06d}'}, model {decision.model[:12]}"
+        )
 
 
 def status(*, stale: bool) -> dict[str, Any]:

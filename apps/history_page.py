@@ -29,6 +29,6 @@ def metrics_over_time(decisions: list[Decision]) -> Curve | None:
 def rows_of(decisions: list[Decision]) -> list[Row]:
     """Lay out the decisions, the last one first."""
     return [
-        Row(d.number, d.at, d.experiment, d.verdict, d.reasons, d.model[:12], d.shelf)
+        Row(d.number, d.at, d.experiment, d.verdict, d.reasons, d.model[:12], d.current_model)
         for d in reversed(decisions)
     ]

@@ -15,8 +15,8 @@ from apps.places import DECISIONS, METRICS, PAGE, REPORT, SHELF
 from apps.records import now
 from pacmo_core import promotion
 from pacmo_core.promotion import (
-    HELD,
     PROMOTED,
+    REJECTED,
     ROLLED_BACK,
     UNCHANGED,
     Decision,
@@ -86,7 +86,7 @@ def decide(gate: Gate) -> Decision:
         verdict=verdict,
         reasons=tuple(reasons),
         model=found.model,
-        shelf=number if verdict == PROMOTED else now_current,
+        current_model=number if verdict == PROMOTED else now_current,
         experiment=found.experiment,
         test_reactions=found.test_reactions,
         metrics=_judged(found, gate),
@@ -97,7 +97,7 @@ def decide(gate: Gate) -> Decision:
 def roll_back(why: str) -> Decision:
     """Make the model promoted before the current one current again, weights and all.
 
-    The one taken back stays on the shelf and is not promoted again.
+    The one taken back stays among the promoted models and is not promoted again.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def roll_back(why: str) -> Decision:
     decisions, _ = read_decisions(DECISIONS)
     now_current = promotion.current_model(SHELF)
     withdrawn = _withdrawn(decisions)
-    models = {d.shelf: d for d in decisions if d.verdict == PROMOTED}
+    models = {d.current_model: d for d in decisions if d.verdict == PROMOTED}
     earlier = [
         number
         for number in promotion.list_models(SHELF)
@@ -121,9 +121,9 @@ def roll_back(why: str) -> Decision:
         number=_next_number(),
         at=now(),
         verdict=ROLLED_BACK,
-        reasons=(f"from {gone.shelf} to {back.shelf}: {why}",),
+        reasons=(f"from {gone.current_model} to {back.current_model}: {why}",),
         model=gone.model,
-        shelf=back.shelf,
+        current_model=back.current_model,
         experiment=back.experiment,
         test_reactions=back.test_reactions,
         metrics=back.metrics,
@@ -136,8 +136,8 @@ def settle() -> None:
     decisions, broken = read_decisions(DECISIONS)
     for fault in broken:
         fault.file.replace(fault.file.with_suffix(".broken"))
-    if decisions and decisions[-1].shelf not in (0, promotion.current_model(SHELF)):
-        promotion.set_current_model(SHELF, decisions[-1].shelf)
+    if decisions and decisions[-1].current_model not in (0, promotion.current_model(SHELF)):
+        promotion.set_current_model(SHELF, decisions[-1].current_model)
     if decisions:
         write_table(DECISIONS)
 
@@ -147,18 +147,18 @@ def _judge(
 ) -> tuple[str, list[str]]:
     withdrawn = _withdrawn(decisions)
     if found.model in withdrawn:
-        return HELD, [f"these weights were rolled back on {withdrawn[found.model].at}"]
-    current = {d.shelf: d for d in decisions if d.verdict == PROMOTED}.get(now_current)
+        return REJECTED, [f"these weights were rolled back on {withdrawn[found.model].at}"]
+    current = {d.current_model: d for d in decisions if d.verdict == PROMOTED}.get(now_current)
     if current is not None and current.model == found.model:
         return UNCHANGED, []
     same = current is not None and current.experiment == found.experiment
     tables = _read_json(SHELF / promotion.CURRENT_LINK / METRICS)["pacmo"] if same else None
     reasons = check_gate(found.tables, tables, gate)
-    return (HELD if reasons else PROMOTED), reasons
+    return (REJECTED if reasons else PROMOTED), reasons
 
 
 def _next_number() -> int:
-    # A kill between shelf and decision leaves a folder that no decision names.
+    # A process killed between copy and decision leaves a folder without a decision.
     return max(next_number(DECISIONS), max(promotion.list_models(SHELF), default=0) + 1)
 
 
@@ -173,8 +173,8 @@ def _judged(found: Candidate, gate: Gate) -> dict[str, dict[str, float]]:
 
 def _write(decision: Decision) -> Decision:
     add_decision(DECISIONS, decision)
-    if decision.shelf:
-        promotion.set_current_model(SHELF, decision.shelf)
+    if decision.current_model:
+        promotion.set_current_model(SHELF, decision.current_model)
     write_page(PAGE, read_decisions(DECISIONS)[0])
     return decision
 

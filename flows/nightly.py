@@ -32,7 +32,7 @@ from flows.missed import is_covered
 from flows.remote import push
 from flows.reproduce import WORKERS, bring_up
 from flows.way import ByHand, ByPrefect, Way
-from pacmo_core.promotion import Gate
+from pacmo_core.promotion import REJECTED, Gate
 from stages._params import read_params
 
 _GB = 1e9
@@ -92,7 +92,7 @@ def _work(way: Way, experiment: str, run: Run) -> None:
 def compare(way: Way, gate: Gate, run: Run) -> None:
     """Decide about what stands in the workspace, and write that down where people look."""
     decision = way.step(decide, gate)
-    run.outcome = HELD if decision.verdict == "held" else DONE
+    run.outcome = HELD if decision.verdict == REJECTED else DONE
     run.reason = "; ".join((decision.verdict, *decision.reasons))
     run.facts |= {"decision": decision.number, "verdict": decision.verdict}
     publish(METRICS)

@@ -14,7 +14,7 @@ from apps.promote import candidate_of, decide, roll_back, settle
 from pacmo_core import promotion
 from pacmo_core.promotion import Gate, read_decisions
 
-GATE = Gate(row="pacmo", metrics=("f2id",), most_floors=2.0)
+GATE = Gate(row="pacmo", metrics=("f2id",), max_noise_floor_ratio=2.0)
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
 CURRENT = SHELF / "current" / WEIGHTS
 
@@ -41,7 +41,7 @@ def test_a_good_model_becomes_current_with_its_metrics_and_a_worse_one_does_not(
     assert decide(GATE).verdict == "promoted"
     train(b"two", 0.7)
     held = decide(GATE)
-    assert (held.verdict, held.shelf, held.test_reactions) == ("held", 1, 12)
+    assert (held.verdict, held.current_model, held.test_reactions) == ("rejected", 1, 12)
     assert held.reasons == ("F²ID rose to 0.7; current 0.5 (0.4 to 0.6)",)
     assert CURRENT.read_bytes() == b"one"
     assert json.loads((SHELF / "current/reports/metrics.json").read_text())["experiment"] == "lab"
@@ -51,7 +51,7 @@ def test_the_same_weights_are_no_new_decision_to_make():
     train(b"one", 0.5)
     decide(GATE)
     again = decide(GATE)
-    assert (again.verdict, again.number, again.shelf) == ("unchanged", 2, 1)
+    assert (again.verdict, again.number, again.current_model) == ("unchanged", 2, 1)
 
 
 def test_a_rollback_brings_the_weights_back_and_what_was_withdrawn_stays_out():
@@ -62,10 +62,10 @@ def test_a_rollback_brings_the_weights_back_and_what_was_withdrawn_stays_out():
     assert (back.verdict, back.reasons) == ("rolled back", ("from 2 to 1: it slides",))
     assert CURRENT.read_bytes() == b"one"
     held = decide(GATE)
-    assert held.verdict == "held" and "were rolled back on" in held.reasons[0]
+    assert held.verdict == "rejected" and "were rolled back on" in held.reasons[0]
     train(b"three", 0.45)
     assert decide(GATE).verdict == "promoted"
-    assert roll_back("again").shelf == 1  # not to the one withdrawn before
+    assert roll_back("again").current_model == 1  # not to the one withdrawn before
 
 
 def test_there_must_be_one_to_go_back_to():

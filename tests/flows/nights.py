@@ -67,7 +67,7 @@ ingest:
   stated_fps:
 model: {{f2id: {f2id}}}
 nightly:
-  gate: {{row: pacmo, metrics: [f2id], most_floors: 2.0}}
+  gate: {{row: pacmo, metrics: [f2id], max_noise_floor_ratio: 2.0}}
   least_new: {least_new}
   least_free_gb: 0.0
   stage_hours: 0.1
