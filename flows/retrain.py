@@ -1,6 +1,6 @@
 """Train models again, whether or not anything has changed; then compare, and promote or hold.
 
-python -m flows.retrain [MODEL ...]        # pacmo, pacmo_plain, regression, gru; none: all
+python -m flows.retrain [MODEL ...]        # pacmo, pacmo_paper, regression, gru; none: all
 """
 
 import argparse

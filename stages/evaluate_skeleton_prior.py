@@ -20,7 +20,7 @@ from pacmo_core.data.names import variation_name
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import Limits
-from pacmo_core.priors import load_prior
+from pacmo_core.models import load_skeleton_prior
 from pacmo_core.skeleton_prior import extractor
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
@@ -63,7 +63,7 @@ def main(paths: argparse.Namespace) -> None:
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
     for name in wanted.models:
         for seed in wanted.seeds:
-            model = load_prior(paths.models / name / str(seed) / WEIGHTS)
+            model = load_skeleton_prior(paths.models / name / str(seed) / WEIGHTS)
             drawn = drawn or drawn_bodies(model, chosen, params.bodies, params.solver)
             found = score(model, judge, (chosen, drawn), params)
             scores.setdefault(name, {})[seed] = found

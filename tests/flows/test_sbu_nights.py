@@ -41,7 +41,7 @@ LAB = {
     "train_gru": {"hidden": 16, "n_epochs": 1},
     "train_regression": {**NETWORK, "n_epochs": 2},
     "train_pacmo": {**NETWORK, "n_epochs": 12, "warmup_epochs": 4, "validate_from": 6},
-    "train_pacmo_plain": {**NETWORK, "n_epochs": 2, "validate_from": 1, "n_critic": 2},
+    "train_pacmo_paper": {**NETWORK, "n_epochs": 2, "validate_from": 1, "n_critic": 2},
     "evaluate_pacmo": {"n_samples": 50, "repeats": 2, "bootstrap": 50, "second_draws": 2},
     "report": {"played_clips": 1},
     # Of networks as small as these no figure is good; only that a worse one is held is asked.
@@ -52,7 +52,7 @@ RUINED = {
     "n_epochs": 6,
     "warmup_epochs": 1,
     "validate_from": 1,
-    "ema": 0.0,
+    "ema_decay": 0.0,
     "generator": {"learning_rate": 0.3},
 }
 
