@@ -32,11 +32,11 @@ def list_clips(
     """
     with _told():
         rows = read_rows(folder / "clips.parquet", ClipRecord)
-        stands = {row.clip: row.side for row in read_rows(sides, SplitRecord)} if sides else {}
+        stands = {row.clip: row.split for row in read_rows(sides, SplitRecord)} if sides else {}
     cells = [[_cell(getattr(row, column)) for column in CLIP_COLUMNS] for row in rows]
     if sides:
         cells = [[*line, stands.get(row.clip, "")] for line, row in zip(cells, rows, strict=True)]
-    _show(cells, (*CLIP_COLUMNS, *(["side"] if sides else [])), matching)
+    _show(cells, (*CLIP_COLUMNS, *(["split"] if sides else [])), matching)
 
 
 def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:

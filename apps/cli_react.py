@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from apps.live import answered
 from apps.reactions import Reactions, check_out, write
 from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
-from pacmo_core.models import load
+from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
 from pacmo_core.reaction.react import react_all, sample_times
@@ -84,12 +84,12 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
     torch.set_num_threads(1)
     with reading_errors_in_one_line():
         if stream:
-            _live(load(weights), samples, seed, action)
+            _live(load_reaction_model(weights), samples, seed, action)
             return
         if partner is None or out is None:
             raise CommandError("give a PARTNER and --out, or --stream")
         check_out(out)
-        model = load(weights)
+        model = load_reaction_model(weights)
         capture = _capture(partner, form, settings, person, clip).select_joints(model.skeleton)
         name = clip or partner.stem
         at = _instants(capture, fps, name)

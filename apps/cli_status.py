@@ -44,5 +44,5 @@ def roll_back_model(why: Why) -> None:
     ):
         decision = roll_back(why)
         run.reason = decision.reasons[0]
-        folder = PROMOTED_MODELS / f"{decision.shelf:06d}"
+        folder = PROMOTED_MODELS / f"{decision.current_model:06d}"
         typer.echo(f"current is {folder}, model {decision.model[:12]}")

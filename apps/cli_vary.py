@@ -30,7 +30,7 @@ from pacmo_core.augmentation.bodies import body_of, scaled
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
-from pacmo_core.priors import load_prior
+from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.skeleton_prior.model import SkeletonPrior
 from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
@@ -78,7 +78,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     files = (first,) if second is None else (first, second)
     torch.set_num_threads(1)
     with told(" and ".join(map(str, files))):
-        model = load_prior(weights)
+        model = load_skeleton_prior(weights)
         duo = _of(read_duo(files, form, settings, clip), model.config.skeleton)
         places = _places(duo, samples, out)
         wishes = [factors_of(words) for words in (a_scale, b_scale)]

@@ -1,21 +1,19 @@
 """Clips named on the command line: of the store, or captures of any format that is read."""
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, ONE_PERSON_FORMATS, format_of, open_format
 from pacmo_core.project.workspace import MOTIONS, CommandError
 from pacmo_core.store.motions import motion_file, read_motion
-from pacmo_core.store.tables import FAILED, GOOD, SOURCES, VARIATIONS, read_variations
+from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 
 STORE = Path("data/clips")
-# Who reacts, and the number of the sample: the file has the partner first.
-_REACTION = re.compile(r".+#[ab]#\d+")
 
 
 def read_scene(word: str, form: str | None, settings: Mapping[str, Any]) -> Scene:
@@ -55,9 +53,10 @@ def _stored(store: Path, name: str) -> Scene:
         raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
     found = read_motion(_file_of(store, name) if store.is_dir() else store, name)
     # A reaction is told from others to the same partner by its folder, as pacmo/1.
-    folder = "/".join(store.parts[-2:]) if _REACTION.fullmatch(name) and store.is_dir() else ""
+    folder = "/".join(store.parts[-2:]) if is_reaction(name) and store.is_dir() else ""
     label = f"{folder} · {name}" if folder else name
-    return Scene.of(label, found.swapped() if name.rpartition("#")[0].endswith("#a") else found)
+    swap = is_reaction(name) and ReactionName.parse(name).direction == "a"
+    return Scene.of(label, found.swapped() if swap else found)
 
 
 def _file_of(folder: Path, name: str) -> Path:
@@ -71,9 +70,9 @@ def _file_of(folder: Path, name: str) -> Path:
     row = rows[0]
     if name == row.clip:
         return motion_file(folder / SOURCES, row.clip)
-    if not row.figures:
+    if not row.measurements:
         raise CommandError(f"{facts}: {name} was not made: {row.reason}")
-    return motion_file(folder / (GOOD if row.kept else FAILED), row.clip)
+    return motion_file(folder / (ACCEPTED if row.accepted else FAILED), row.clip)
 
 
 def _captured(files: list[Path], form: str | None, settings: Mapping[str, Any]) -> Scene:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import ReactionName
 from pacmo_core.figures.scenes import Scene, packed_scenes
 from pacmo_core.project.workspace import MOTIONS, CommandError
 from pacmo_core.store.motions import read_motion, stream_motions
@@ -23,18 +24,15 @@ def draw_items(
     CommandError
         If the model answered too few.
     """
-    answered = {
-        name: reaction
-        for name, reaction in stream_motions(reactions / MOTIONS)
-        if name[-2:] == "#0"
-    }
-    sources = sorted({name.rsplit("#", 2)[0] for name in answered})
+    named = ((ReactionName.parse(n), motion) for n, motion in stream_motions(reactions / MOTIONS))
+    answered = {name: motion for name, motion in named if name.sample == 0}
+    sources = sorted({name.clip for name in answered})
     if len(sources) < count:
         raise CommandError(f"{reactions}: wanted answers to {count} clips; got {len(sources)}")
     for source in random.choice(np.array(sources), count, replace=False).tolist():
-        names = [name for name in answered if name.rsplit("#", 2)[0] == source]
+        names = [name for name in answered if name.clip == source]
         name = names[int(random.integers(len(names)))]
-        reaction = answered[name].swapped() if name.endswith("#a#0") else answered[name]
+        reaction = answered[name].swapped() if name.direction == "a" else answered[name]
         yield _item(REAL, source, read_motion(clips / MOTIONS, source))
         yield _item(GENERATED, source, reaction)
 

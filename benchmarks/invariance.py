@@ -27,7 +27,7 @@ import torch
 from benchmarks._captures import captures_of
 from benchmarks._figures import arguments, show
 from benchmarks._sampling import jittered, mismatch, smooth_partners, survivors
-from pacmo_core.models import load
+from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction.generator import Generator
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
@@ -52,7 +52,7 @@ def main() -> None:
 
 def model_of(path: Path) -> Generator:
     """Load a generator."""
-    model = load(path)
+    model = load_reaction_model(path)
     if not isinstance(model, Generator):
         raise TypeError(f"{path}: wanted a generator; got {type(model).__name__}")
     return model

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 from ruamel.yaml import YAML
-from pacmo_core.project.experiments import default_params
 
 from benchmarks._figures import arguments, show
 from benchmarks.incremental import set_captures
 from benchmarks.pipeline import call, clone, plain_commands, spent
+from pacmo_core.project.experiments import default_params
 
 STAGES = ("ingest", "cut", "split", "augment", "train_pacmo", "react", "evaluate_pacmo")
 NEEDED = ("train_autoencoder", "train_matcher", "react_oracle")

@@ -27,7 +27,7 @@ from torch import Tensor
 
 from benchmarks._figures import arguments, show
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.skeleton_prior.forms import build
+from pacmo_core.models import build_skeleton_prior
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.losses import LossWeights, terms, total
 from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
@@ -103,7 +103,7 @@ def training(hidden: int) -> dict[str, float]:
 
 def network(hidden: int) -> SkeletonPrior:
     """Build our form with fresh weights."""
-    model = build(PriorConfig(NTU25, LIMBS, "kinematic", hidden, STRIDE, 30.0, 0.0))
+    model = build_skeleton_prior(PriorConfig(NTU25, LIMBS, "kinematic", hidden, STRIDE, 30.0, 0.0))
     initialise(model, torch.Generator().manual_seed(0))
     return model
 

@@ -42,7 +42,7 @@ from pacmo_core.project.workspace import (
     configure_logging,
     log_event,
 )
-from pacmo_core.promotion import Gate
+from pacmo_core.promotion import REJECTED, Gate
 from stages._params import read_params
 
 _GB = 1e9
@@ -102,7 +102,7 @@ def _run_nightly(way: Way, experiment: str, run: RunRecord) -> None:
 def compare_and_promote(way: Way, gate: Gate, run: RunRecord) -> None:
     """Decide about what stands in the workspace, and write that down where people look."""
     decision = way.step(decide_promotion, gate)
-    run.outcome = HELD if decision.verdict == "held" else DONE
+    run.outcome = HELD if decision.verdict == REJECTED else DONE
     run.reason = "; ".join((decision.verdict, *decision.reasons))
     run.facts |= {"decision": decision.number, "verdict": decision.verdict}
     publish(METRICS)

@@ -1,36 +1,225 @@
-"""Trained models from their files."""
+"""The registry of models: what is trained, how it is called, and which code trains and reads it.
 
-from collections.abc import Callable, Mapping
+A further model is a row here, a module of its package and a section of ``params.yaml``. Code is
+named by dotted paths, which are imported when they are needed: importing this module does not
+import torch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, cast
 
-from torch import Tensor
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
 
-from pacmo_core.reaction import baselines, generator
-from pacmo_core.reaction.windows import ReactionModel
-from pacmo_core.store.files import StoreError
-from pacmo_core.store.weights import read_weights
+    from torch import Tensor, nn
 
-BUILDERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Tensor]], ReactionModel]] = {
-    "pacmo": generator.generator_from_state,
-    "regression": generator.generator_from_state,
-    "gru": baselines.gru_from_state,
-}
+    from pacmo_core.reaction.windows import ReactionModel
+    from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
+    from pacmo_core.training.loop import TrainingData, TrainingLoop
+
+Kind = Literal["reaction", "features", "skeleton_prior"]
 
 
-def load(path: Path | str) -> ReactionModel:
-    """Build a model that reacts from its ``weights.safetensors``; nothing is unpickled.
+@dataclass(frozen=True)
+class Model:
+    """A kind of model that can be trained.
+
+    Parameters
+    ----------
+    name : in file paths, tables and the weights' metadata
+    label : in reports
+    kind : ``reaction`` generates reactions, ``features`` serves the metrics, ``skeleton_prior``
+        generates variations on other bodies
+    section : of ``params.yaml``
+    settings : ``MODULE:CLASS`` of the section's dataclass
+    training : ``MODULE:FUNCTION`` that builds the training loop
+    reader : ``MODULE:FUNCTION`` from configuration and weights to the model
+    network : of skeleton priors, ``MODULE:FUNCTION`` from ``PriorConfig`` to untrained networks
+    uses_actions : whether the training takes the clips' action labels
+    multiprocess : whether processes started by torchrun can share its batches
+    """
+
+    name: str
+    label: str
+    kind: Kind
+    section: str
+    settings: str
+    training: str
+    reader: str
+    network: str = ""
+    uses_actions: bool = False
+    multiprocess: bool = False
+
+    @property
+    def package(self) -> str:
+        """Package of ``pacmo_core`` that holds the model's code."""
+        return self.training.split(".")[1]
+
+    def settings_class(self) -> type[Any]:
+        """Import the dataclass of the model's section of ``params.yaml``."""
+        return cast("type[Any]", _import(self.settings))
+
+    def build_training(
+        self, data: TrainingData[Any], settings: Any, *, device: str = "cpu", **extra: Any
+    ) -> TrainingLoop[Any]:
+        """Build the model and the loop that trains it.
+
+        Parameters
+        ----------
+        data : clips, or examples of a skeleton prior, and what weights are selected on
+        settings : of ``settings_class``
+        device : of torch
+        extra : what this model's training takes besides, such as ``variations``
+        """
+        if self.uses_actions:
+            extra["actions"] = data.train_actions
+            extra["validation_actions"] = data.validation_actions
+        build = cast("Callable[..., TrainingLoop[Any]]", _import(self.training))
+        return build(data.train, settings, validation=data.validation, device=device, **extra)
+
+    def read(self, config: Mapping[str, Any], state: Mapping[str, Tensor]) -> nn.Module:
+        """Rebuild a trained model from its configuration and weights."""
+        return cast("Callable[..., nn.Module]", _import(self.reader))(config, state)
+
+
+def _reaction(name: str, label: str, settings: str, training: str, **options: Any) -> Model:
+    options = {"reader": "generator:generator_from_state", "section": f"train_{name}"} | options
+    reader = f"pacmo_core.reaction.{options.pop('reader')}"
+    settings = f"pacmo_core.reaction.settings:{settings}"
+    training = f"pacmo_core.reaction.{training}"
+    kind: Kind = options.pop("kind", "reaction")
+    return Model(name, label, kind, options.pop("section"), settings, training, reader, **options)
+
+
+def _wgan(name: str, label: str, **options: Any) -> Model:
+    options = {"training": "wgan:build_training", **options}
+    return _reaction(name, label, "PacmoSettings", uses_actions=True, multiprocess=True, **options)
+
+
+def _skeleton_prior(name: str, label: str) -> Model:
+    package = "pacmo_core.skeleton_prior"
+    return Model(
+        name,
+        label,
+        kind="skeleton_prior",
+        section="train_skeleton_prior",
+        settings=f"{package}.settings:PriorSettings",
+        training=f"{package}.training:fit",
+        reader=f"{package}.training:from_state",
+        network=f"{package}.forms:{name}",
+    )
+
+
+_ROWS = (
+    _wgan("pacmo", "PaCMO"),
+    _wgan("pacmo_paper", "PaCMO, as in the paper"),
+    _wgan(
+        "pacmo_augmented",
+        "PaCMO, augmented",
+        section="train_pacmo",
+        training="variations:build_training",
+    ),
+    _reaction(
+        "regression", "Regression", "RegressionSettings", "baselines:build_regression_training"
+    ),
+    _reaction(
+        "gru",
+        "GRU",
+        "GruSettings",
+        "baselines:build_gru_training",
+        reader="baselines:gru_from_state",
+    ),
+    _reaction(
+        "autoencoder",
+        "Auto-encoder",
+        "AutoencoderSettings",
+        "autoencoder:build_training",
+        kind="features",
+        reader="autoencoder:autoencoder_from_state",
+    ),
+    _reaction(
+        "matcher",
+        "Matcher",
+        "MatcherSettings",
+        "matcher:build_training",
+        kind="features",
+        reader="matcher:matcher_from_state",
+    ),
+    _skeleton_prior("kinematic", "Kinematic"),
+    _skeleton_prior("paper", "Paper"),
+    _skeleton_prior("f_cnn", "F-CNN"),
+    _skeleton_prior("f_gcn", "F-GCN"),
+    _skeleton_prior("m_cnn", "M-CNN"),
+    _skeleton_prior("m_gcn", "M-GCN"),
+)
+MODELS = {model.name: model for model in _ROWS}
+
+
+def model_names(kind: Kind) -> tuple[str, ...]:
+    """List the models of one kind, in the order of the tables."""
+    return tuple(model.name for model in MODELS.values() if model.kind == kind)
+
+
+def get_model(name: str, kind: Kind) -> Model:
+    """Look a model up.
+
+    Raises
+    ------
+    ValueError
+        If there is no such model of that kind; the message lists those there are.
+    """
+    if name not in model_names(kind):
+        raise ValueError(f"model must be one of {', '.join(model_names(kind))}; got {name!r}")
+    return MODELS[name]
+
+
+def load_model(path: Path | str, kind: Kind) -> nn.Module:
+    """Read a trained model from its ``weights.safetensors``; nothing is unpickled.
 
     Raises
     ------
     OSError
         If there is no such file.
     StoreError
-        If the file is not whole, or holds a model that does not react.
+        If the file is not whole, or holds no model of this kind.
     """
-    Path(path).stat()  # an error of the system names the file, safetensors' does not
-    config, state = read_weights(Path(path))
-    kind = config.get("kind")
-    if kind not in BUILDERS:
-        raise StoreError(f"{path}: wanted a model of {', '.join(BUILDERS)}; got {kind}")
-    return BUILDERS[kind](config["model"], state)
+    # The store reads Parquet too: it is imported when a file is read.
+    from pacmo_core.store.files import StoreError  # noqa: PLC0415
+    from pacmo_core.store.weights import read_weights  # noqa: PLC0415
+
+    Path(path).stat()  # the system's error names the file, safetensors' does not
+    facts, state = read_weights(Path(path))
+    name = facts.get("model")
+    if name not in model_names(kind):
+        raise StoreError(f"{path}: wanted a model of {', '.join(model_names(kind))}; got {name}")
+    try:
+        return MODELS[name].read(facts["config"], state)
+    except (KeyError, TypeError) as fault:
+        raise StoreError(
+            f"{path}: a model of another version, to be trained again; differs in {fault}"
+        ) from fault
+
+
+def load_reaction_model(path: Path | str) -> ReactionModel:
+    """Read a trained model that generates reactions; see ``load_model``."""
+    return cast("ReactionModel", load_model(path, "reaction"))
+
+
+def load_skeleton_prior(path: Path | str) -> SkeletonPrior:
+    """Read a trained skeleton prior; see ``load_model``."""
+    return cast("SkeletonPrior", load_model(path, "skeleton_prior"))
+
+
+def build_skeleton_prior(config: PriorConfig) -> SkeletonPrior:
+    """Build the untrained networks of the skeleton prior that ``config.model`` names."""
+    network = _import(get_model(config.model, "skeleton_prior").network)
+    return cast("Callable[[PriorConfig], SkeletonPrior]", network)(config)
+
+
+def _import(path: str) -> object:
+    module, _, name = path.partition(":")
+    return getattr(import_module(module), name)

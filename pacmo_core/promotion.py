@@ -1,8 +1,16 @@
-"""May a newly trained model become current? Every reason against it, in words."""
+"""Promotion: which trained model is the current one.
 
-import hashlib
+- The *gate* compares the metrics of a new model with the current one's and lists the reasons
+  against its promotion: ``check_gate``. Tolerances are the intervals of the current metrics.
+- The *history* is a JSON file for each decision, and one Parquet table of all: ``add_decision``.
+  The JSON files are written once; the table is made from them again after each decision.
+  Decisions are in the order of their numbers, as clocks may jump.
+- *Promoted models* are copied to a numbered folder each: ``store_model``. DVC does not manage the
+  copies, so that pruning its cache deletes no promoted model. ``current`` is a symbolic link to
+  one of the folders, replaced in one step: a reader finds the old model or the new one, complete.
+"""
+
 import json
-import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -13,7 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pacmo_core.figures.columns import CLOSER, HIGHER, LOWER, METRICS
-from pacmo_core.store.files import atomic_file, write_text
+from pacmo_core.store.files import atomic_file, file_hash, fsync, write_text
 from pacmo_core.store.tables import VERSION
 
 Interval = Mapping[str, float]  # mean, low, high
@@ -22,56 +30,58 @@ Metrics = Mapping[str, Interval]
 
 @dataclass(frozen=True, kw_only=True)
 class Gate:
-    """What a model must keep to.
+    """The conditions of a promotion: the section ``nightly.gate`` of ``params.yaml``.
 
     Parameters
     ----------
-    row : the row of the table that is judged
-    metrics : the metrics that may not become worse
-    most_floors : F²ID may be at most so many times its floor, what two draws of real motion give
+    row : row of the tables that is compared, such as ``pacmo``
+    metrics : metrics that may not become worse
+    max_noise_floor_ratio : maximum of F²ID over its noise floor, the F²ID between two samples of
+        real motion
     """
 
     row: str
     metrics: tuple[str, ...]
-    most_floors: float
+    max_noise_floor_ratio: float
 
 
 def check_gate(
     candidate: Mapping[str, Metrics], current: Mapping[str, Metrics] | None, gate: Gate
 ) -> list[str]:
-    """Say why a model is not to become current; nothing if it may.
+    """List the reasons against the promotion of a candidate; empty if it may be promoted.
 
-    A metric is worse by more than its interval where the candidate's mean lies beyond the bad end
-    of the current model's interval. A metric that is better closer to real motion is held by its
-    distance to the row ``real``, each in its own table.
+    A metric is worse beyond its tolerance where the mean of the candidate is outside the interval
+    of the current model, on the bad side. A metric that should be close to that of real motion is
+    compared by its distance to the row ``real`` of the same table.
 
     Parameters
     ----------
-    candidate, current : tables of metrics by row; there is no current one on the first night
+    candidate, current : tables of metrics by row; ``current`` is None before the first promotion
 
     Raises
     ------
     KeyError
-        If the candidate's table lacks the row or one of the metrics.
+        If the table of the candidate lacks the row or one of the metrics.
     """
-    found = _noise_floor_reasons(candidate[gate.row], gate)
+    reasons = _noise_floor_reasons(candidate[gate.row], gate)
     if current is None:
-        return found
+        return reasons
     for name in gate.metrics:
         if name not in current.get(gate.row, {}):
-            continue  # a metric that is new tonight has nothing to be worse than
+            continue  # a metric added since then has nothing to compare with
         reason = _degradation(name, candidate, current, gate.row)
-        found += [reason] if reason else []
-    return found
+        reasons += [reason] if reason else []
+    return reasons
 
 
 def _noise_floor_reasons(metrics: Metrics, gate: Gate) -> list[str]:
     f2id, floor = metrics["f2id"]["mean"], metrics["f2id_floor"]["mean"]
-    if f2id <= gate.most_floors * floor:
+    if f2id <= gate.max_noise_floor_ratio * floor:
         return []
+    ratio = gate.max_noise_floor_ratio
     return [
-        f"F²ID {f2id:.4g} is above {gate.most_floors:g} times its floor {floor:.4g}, "
-        f"that is {gate.most_floors * floor:.4g}"
+        f"F²ID {f2id:.4g} is above {ratio:g} times its noise floor {floor:.4g}, "
+        f"that is {ratio * floor:.4g}"
     ]
 
 
@@ -86,21 +96,24 @@ def _degradation(
     if better == HIGHER and new["mean"] < old["low"]:
         return f"{label} fell to {new['mean']:.4g}; current {_format_interval(old)}"
     if better == CLOSER:
-        goals = [table["real"][name]["mean"] for table in (candidate, current)]
-        away, was_away = abs(new["mean"] - goals[0]), abs(old["mean"] - goals[1])
-        # The interval's longer arm: its reach from the mean towards either side.
-        reach = max(old["high"] - old["mean"], old["mean"] - old["low"])
-        if away > was_away + reach:
-            return f"{label} is {away:.4g} from real motion's; current {was_away:.4g} ± {reach:.4g}"
+        real = [table["real"][name]["mean"] for table in (candidate, current)]
+        distance, current_distance = abs(new["mean"] - real[0]), abs(old["mean"] - real[1])
+        tolerance = max(old["high"] - old["mean"], old["mean"] - old["low"])
+        if distance > current_distance + tolerance:
+            return (
+                f"{label} is {distance:.4g} from real motion's; "
+                f"current {current_distance:.4g} ± {tolerance:.4g}"
+            )
     return ""
 
 
-def _format_interval(cell: Interval) -> str:
-    return f"{cell['mean']:.4g} ({cell['low']:.4g} to {cell['high']:.4g})"
+def _format_interval(interval: Interval) -> str:
+    return f"{interval['mean']:.4g} ({interval['low']:.4g} to {interval['high']:.4g})"
 
 
+CURRENT_LINK = "current"
 TABLE = "decisions.parquet"
-PROMOTED, HELD, UNCHANGED, ROLLED_BACK = "promoted", "held", "unchanged", "rolled back"
+PROMOTED, REJECTED, UNCHANGED, ROLLED_BACK = "promoted", "rejected", "unchanged", "rolled back"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,15 +122,15 @@ class Decision:
 
     Parameters
     ----------
-    number : from 1, rising
+    number : 1, 2, 3, ...
     at : UTC, ISO 8601
-    verdict : ``promoted``, ``held``, ``unchanged`` or ``rolled back``
-    reasons : why it was held, or what was rolled back
+    verdict : ``promoted``, ``rejected``, ``unchanged`` or ``rolled back``
+    reasons : why it was rejected, or what was rolled back
     model : SHA-256 of the candidate's weights
-    shelf : number on the shelf of what is current after the decision; 0 for none
+    current_model : number of the model that is current after the decision; 0 for none
     experiment : its name
-    test_reactions : how many reactions the metrics rest on
-    metrics : mean, low and high of every metric that the gate looks at
+    test_reactions : number of reactions that the metrics were computed from
+    metrics : mean, low and high of every metric of the gate
     """
 
     number: int
@@ -125,7 +138,7 @@ class Decision:
     verdict: str
     reasons: tuple[str, ...]
     model: str
-    shelf: int
+    current_model: int
     experiment: str
     test_reactions: int
     metrics: dict[str, dict[str, float]]
@@ -133,30 +146,30 @@ class Decision:
 
 @dataclass(frozen=True)
 class UnreadableDecision:
-    """A file among the decisions that cannot be read, and why."""
+    """A file of the history that cannot be read, and why."""
 
     file: Path
     reason: str
 
 
 def read_decisions(folder: Path) -> tuple[list[Decision], list[UnreadableDecision]]:
-    """Read all decisions in the order of their numbers, and name the files that are broken."""
-    decisions, broken = [], []
+    """Read all decisions in the order of their numbers, and list the unreadable files."""
+    decisions, unreadable = [], []
     for file in sorted(folder.glob("[0-9]*.json")):
         try:
             decisions.append(_from_json(json.loads(file.read_text(encoding="utf-8"))))
-        except (ValueError, TypeError) as fault:
-            broken.append(UnreadableDecision(file, str(fault)))
-    return sorted(decisions, key=lambda decision: decision.number), broken
+        except (ValueError, TypeError) as error:
+            unreadable.append(UnreadableDecision(file, str(error)))
+    return sorted(decisions, key=lambda decision: decision.number), unreadable
 
 
 def next_number(folder: Path) -> int:
-    """Give the number after the last, broken files counted."""
+    """Return the next number; unreadable files count."""
     return max((int(file.stem) for file in folder.glob("[0-9]*.json")), default=0) + 1
 
 
 def add_decision(folder: Path, decision: Decision) -> None:
-    """Write a decision down, and the table anew.
+    """Write a decision, and the table of all again.
 
     Raises
     ------
@@ -171,124 +184,110 @@ def add_decision(folder: Path, decision: Decision) -> None:
 
 
 def write_table(folder: Path) -> Path:
-    """Make the Parquet table from the decisions: a row a decision, metrics as a list of structs."""
+    """Write the Parquet table of all decisions, a row each; metrics are a list of structs."""
     decisions, _ = read_decisions(folder)
-    cell = pa.struct(
+    interval = pa.struct(
         [("metric", pa.string()), *((n, pa.float64()) for n in ("mean", "low", "high"))]
     )
-    kinds: dict[str, pa.DataType] = {
-        **dict.fromkeys(("number", "shelf", "test_reactions"), pa.int64()),
+    types: dict[str, pa.DataType] = {
+        **dict.fromkeys(("number", "current_model", "test_reactions"), pa.int64()),
         "reasons": pa.list_(pa.string()),
-        "metrics": pa.list_(cell),
+        "metrics": pa.list_(interval),
     }
     names = [field.name for field in fields(Decision)]
     schema = pa.schema(
-        [(name, kinds.get(name, pa.string())) for name in names], metadata={"pacmo": VERSION}
+        [(name, types.get(name, pa.string())) for name in names], metadata={"pacmo": VERSION}
     )
-    rows = [{**asdict(decision), "metrics": _cells(decision)} for decision in decisions]
+    rows = [{**asdict(decision), "metrics": _metric_rows(decision)} for decision in decisions]
     path = folder / TABLE
     with atomic_file(path) as partial:
         pq.write_table(pa.Table.from_pylist(rows, schema=schema), partial, compression="zstd")
     return path
 
 
-def _cells(decision: Decision) -> list[dict[str, Any]]:
-    return [{"metric": name, **cell} for name, cell in decision.metrics.items()]
+def _metric_rows(decision: Decision) -> list[dict[str, Any]]:
+    return [{"metric": name, **interval} for name, interval in decision.metrics.items()]
 
 
-def _from_json(facts: Any) -> Decision:
-    if not isinstance(facts, dict):
-        raise TypeError(f"wanted an object, got {type(facts).__name__}")
-    return Decision(**{**facts, "reasons": tuple(facts.get("reasons", ()))})
-
-
-CURRENT_LINK = "current"
+def _from_json(content: Any) -> Decision:
+    if not isinstance(content, dict):
+        raise TypeError(f"wanted an object, got {type(content).__name__}")
+    return Decision(**{**content, "reasons": tuple(content.get("reasons", ()))})
 
 
 def model_hash(files: Sequence[Path]) -> str:
-    """SHA-256 of files of weights, in order."""
+    """Compute the SHA-256 of files of weights, one after the other."""
     if not files:
         raise ValueError("a model is at least one file of weights; got none")
-    digest = hashlib.sha256()
-    for file in files:
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
+    return file_hash(*files)
 
 
-def store_model(shelf: Path, number: int, files: Mapping[str, Path]) -> Path:
-    """Copy files into a new folder of the shelf, whole or not at all.
+def store_model(models: Path, number: int, files: Mapping[str, Path]) -> Path:
+    """Copy the files of a promoted model into a new folder, atomically.
 
     Parameters
     ----------
-    shelf : the folder of all
-    number : of the decision that promotes them
-    files : what to copy, by the path that it gets
+    models : the folder of all promoted models
+    number : of the decision that promotes the model
+    files : source files, by the path of the copy
 
     Raises
     ------
     FileExistsError
-        If the shelf has that number.
+        If there is a model of that number.
     """
-    place = shelf / f"{number:06d}"
-    if place.exists():
-        raise FileExistsError(f"{place}: what is on the shelf stays as it is")
-    partial = shelf / f".{place.name}"
+    folder = models / f"{number:06d}"
+    if folder.exists():
+        raise FileExistsError(f"{folder}: a promoted model is written once")
+    partial = models / f".{folder.name}"
     if partial.exists():
-        shutil.rmtree(partial)  # a killed run's
+        shutil.rmtree(partial)  # of a killed run
     for name, file in files.items():
         (partial / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file, partial / name)
-        _sync(partial / name)
-    partial.replace(place)
-    _sync(shelf)
-    return place
+        fsync(partial / name)
+    partial.replace(folder)
+    fsync(models)
+    return folder
 
 
-def list_models(shelf: Path) -> list[int]:
-    """List what is on the shelf."""
-    return sorted(int(place.name) for place in shelf.glob("[0-9]*") if place.is_dir())
+def list_models(models: Path) -> list[int]:
+    """List the numbers of the promoted models."""
+    return sorted(int(path.name) for path in models.glob("[0-9]*") if path.is_dir())
 
 
-def current_model(shelf: Path) -> int:
-    """Give the number of the current model; 0 if none is."""
-    link = shelf / CURRENT_LINK
+def current_model(models: Path) -> int:
+    """Return the number of the current model; 0 if there is none."""
+    link = models / CURRENT_LINK
     return int(link.readlink().name) if link.is_symlink() else 0
 
 
-def set_current_model(shelf: Path, number: int) -> None:
-    """Point ``current`` to a folder of the shelf.
+def set_current_model(models: Path, number: int) -> None:
+    """Point ``current`` to a promoted model.
 
     Raises
     ------
     FileNotFoundError
-        If the shelf has no such number.
+        If there is no model of that number.
     """
     name = f"{number:06d}"
-    if not (shelf / name).is_dir():
-        raise FileNotFoundError(f"{shelf} holds no {name}; it holds {list_models(shelf)}")
-    partial = shelf / f".{CURRENT_LINK}"
+    if not (models / name).is_dir():
+        raise FileNotFoundError(f"{models}: no model {name}; there are {list_models(models)}")
+    partial = models / f".{CURRENT_LINK}"
     partial.unlink(missing_ok=True)
     partial.symlink_to(name)
-    partial.replace(shelf / CURRENT_LINK)
-    _sync(shelf)
+    partial.replace(models / CURRENT_LINK)
+    fsync(models)
 
 
-def remove_model(shelf: Path, number: int) -> None:
-    """Take a folder off the shelf.
+def remove_model(models: Path, number: int) -> None:
+    """Delete a promoted model.
 
     Raises
     ------
     ValueError
-        If it is current.
+        If it is the current one.
     """
-    if number == current_model(shelf):
-        raise ValueError(f"{shelf}: {number} is current")
-    shutil.rmtree(shelf / f"{number:06d}")
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    if number == current_model(models):
+        raise ValueError(f"{models}: model {number} is current")
+    shutil.rmtree(models / f"{number:06d}")

@@ -24,7 +24,7 @@ def stream_side(clips: Path, sides: Path, side: str) -> Iterator[tuple[ClipRecor
         If the table is of other clips.
     """
     facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipRecord)}
-    stands = {row.clip: row.side for row in read_rows(sides, SplitRecord)}
+    stands = {row.clip: row.split for row in read_rows(sides, SplitRecord)}
     if facts.keys() != stands.keys():
         odd = min(facts.keys() ^ stands.keys())
         raise ValueError(f"{sides} wanted a side for each clip of {clips}; they differ in {odd}")

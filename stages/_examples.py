@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
+from pacmo_core.data.names import sort_clips
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.splits import Fact
-from pacmo_core.store.motions import motion_file, read_motion, sort_clips, stream_motions
+from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
-    GOOD,
+    ACCEPTED,
     SOURCES,
     VARIATIONS,
     SplitRecord,
@@ -22,7 +23,7 @@ from pacmo_core.store.tables import (
 def kept_facts(family: Path) -> dict[str, Fact]:
     """Read what a split knows of the variations that are good enough to learn from."""
     rows = read_variations(family / VARIATIONS)
-    return {row.variation: Fact(row.clip, _scales(row)) for row in rows if row.kept}
+    return {row.variation: Fact(row.clip, _scales(row)) for row in rows if row.accepted}
 
 
 def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str, Example]]:
@@ -34,14 +35,14 @@ def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str,
         If the table of sides is of other variations.
     """
     facts = kept_facts(family)
-    stands: Mapping[str, str] = {row.clip: row.side for row in read_rows(sides, SplitRecord)}
+    stands: Mapping[str, str] = {row.clip: row.split for row in read_rows(sides, SplitRecord)}
     if facts.keys() != stands.keys():
         odd = min(facts.keys() ^ stands.keys())
         raise ValueError(f"{sides} wanted a side for each variation of {family}; differ in {odd}")
     wanted = {fact.source for name, fact in facts.items() if stands[name] == side}
     for clip in sort_clips(wanted):
         source = read_motion(motion_file(family / SOURCES, clip), clip)
-        for name, varied in stream_motions(motion_file(family / GOOD, clip)):
+        for name, varied in stream_motions(motion_file(family / ACCEPTED, clip)):
             if stands[name] == side:
                 yield name, Example(clip, source, facts[name].scales, varied)
 

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 
 PARAMS = Path("params.yaml")
@@ -52,11 +53,15 @@ def read_params(
     try:
         return TypeAdapter(kind).validate_python(values)
     except ValidationError as fault:
-        lines = [
-            f"{'.'.join(map(str, error['loc']))}: {error['msg']}, got {error['input']!r}"
-            for error in fault.errors()
-        ]
+        lines = [_in_words(error) for error in fault.errors()]
         raise ParamsError(f"{path}, {section}: {'; '.join(lines)}") from fault
+
+
+def _in_words(error: ErrorDetails) -> str:
+    place = "".join(f"{part}." for part in error["loc"])[:-1]
+    if error["type"] == "value_error":  # a dataclass's own check, which names the values
+        return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
+    return f"{place}: {error['msg']}, got {error['input']!r}"
 
 
 def unknown_keys(values: Any, kind: Any) -> list[str]:

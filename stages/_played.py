@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import ReactionName, direction_of
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.store.motions import stream_motions
 from stages._files import MOTIONS
@@ -19,7 +20,7 @@ def played(folders: tuple[Path, Path], reactions: dict[str, str], n_clips: int) 
     clips = {
         name: (facts.action, seen)
         for name, facts, seen in directed_clips(*folders, "test")
-        if name.endswith("#b")
+        if direction_of(name) == "b"
     }
     answers = {row: answers_in(Path(folder)) for row, folder in reactions.items()}
     judged = answers.get(JUDGED, {})
@@ -75,5 +76,5 @@ def in_turn(clips: dict[str, tuple[str, Interaction]]) -> Iterator[str]:
 
 def answers_in(folder: Path) -> dict[str, Interaction]:
     """Hold the first reactions of one row, by clip and person."""
-    found = ((n.rsplit("#", 1), i) for n, i in stream_motions(folder / MOTIONS))
-    return {name: interaction for (name, number), interaction in found if number == "0"}
+    found = ((ReactionName.parse(name), i) for name, i in stream_motions(folder / MOTIONS))
+    return {name.directed: interaction for name, interaction in found if name.sample == 0}

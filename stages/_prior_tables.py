@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import split_variation_name
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.priors import (
     MODELS,
@@ -17,7 +18,7 @@ from pacmo_core.figures.priors import (
     verdicts,
 )
 from pacmo_core.figures.report import Section
-from pacmo_core.store.motions import SEPARATOR, stream_motions
+from pacmo_core.store.motions import stream_motions
 from stages._prior_scores import ALL
 
 LABELS = {"source": "source", "solver": "solver"} | {
@@ -83,7 +84,7 @@ def prior_clips(priors: Path, pooled: dict[str, Any]) -> Iterator[PlayedClip]:
         shown: dict[str, dict[str, Interaction]] = {}
         split = next(iter(splits))
         for name, motion in stream_motions(priors / "samples" / family / f"{split}.parquet"):
-            source, _, made = name.rpartition(SEPARATOR)
+            source, made = split_variation_name(name)
             shown.setdefault(source, {})[made] = motion
         for source, made_by in shown.items():
             panels = tuple(Panel(LABELS[made], made_by[made]) for made in LABELS if made in made_by)

@@ -1,8 +1,6 @@
 """Reactions in a folder: an interaction each, ``person_a`` the partner, ``person_b`` the reaction.
 
-A reaction's name is its clip's, ``#``, the person who reacts, ``#`` and the number of the sample;
-``#`` sorts before every character of a clip's name but itself, so reactions come in their clips'
-order.
+Names are those of ``pacmo_core.data.names``: ``CLIP#b#0``.
 """
 
 import hashlib
@@ -10,15 +8,11 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.names import DIRECTIONS, MAX_SAMPLES, directed_name, sample_name
 from pacmo_core.store.motions import read_skeleton, write_motions
 from pacmo_core.store.tables import ClipRecord
 from stages._clips import stream_side
 from stages._files import MOTIONS
-
-ROLES = ("a", "b")
-
-
-MOST_SAMPLES = 10  # numbers of one digit sort as they count
 
 
 def directed_clips(
@@ -29,9 +23,9 @@ def directed_clips(
     The name is the clip's, ``#`` and the person who reacts.
     """
     for facts, interaction in stream_side(clips, sides, side):
-        for role in ROLES:
+        for role in DIRECTIONS:
             seen = interaction.swapped() if role == "a" else interaction
-            yield f"{facts.clip}#{role}", facts, seen
+            yield directed_name(facts.clip, role), facts, seen
 
 
 def write_reactions(
@@ -50,10 +44,10 @@ def write_reactions(
     with write_motions(reactions / MOTIONS, read_skeleton(clips / MOTIONS)) as writer:
         for name, facts, seen in directed_clips(clips, sides, "test"):
             for number, answer in enumerate(react(name, facts, seen)):
-                if number == MOST_SAMPLES:
-                    raise ValueError(f"{name}: wanted at most {MOST_SAMPLES} reactions, got more")
+                if number == MAX_SAMPLES:
+                    raise ValueError(f"{name}: wanted at most {MAX_SAMPLES} reactions, got more")
                 both = Interaction(seen.skeleton, seen.times, seen.person_a, answer)
-                writer.add(f"{name}#{number}", both)
+                writer.add(sample_name(name, number), both)
 
 
 def seed_of(name: str, random_seed: int) -> int:

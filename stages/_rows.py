@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import ReactionName, sample_name
 from pacmo_core.metrics.partners import has_wrong_partner
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.reaction import autoencoder, matcher
@@ -103,8 +104,8 @@ def generated(file: Path, real: Seen) -> Seen | None:
     found = dict(stream_motions(file))
     if not found:
         return None
-    n_samples = 1 + max(int(name.rpartition("#")[2]) for name in found)
-    wanted = [[f"{name}#{k}" for name in real.names] for k in range(n_samples)]
+    n_samples = 1 + max(ReactionName.parse(name).sample for name in found)
+    wanted = [[sample_name(name, k) for name in real.names] for k in range(n_samples)]
     missing = {name for names in wanted for name in names} ^ found.keys()
     if missing:
         raise ValueError(

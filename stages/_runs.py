@@ -1,14 +1,18 @@
 """The command line of a training run: clips and sides in, a model and its curve out."""
 
 import argparse
+import sys
+from collections.abc import Callable
 from pathlib import Path
+
+from stages._params import ParamsError
 
 PATHS = ("clips", "sides", "model", "curve")
 
 
-def fold_arguments() -> dict[str, Path]:
+def fold_arguments() -> argparse.Namespace:
     """Read ``CLIPS SIDES.parquet MODEL CURVE.csv``, of a model trained once a fold."""
-    return vars(_parser().parse_args())
+    return _parser().parse_args()
 
 
 def run_arguments(section: str) -> argparse.Namespace:
@@ -29,3 +33,11 @@ def _parser() -> argparse.ArgumentParser:
     for name in PATHS:
         parser.add_argument(name, type=Path)
     return parser
+
+
+def run_stage(main: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
+    """Run a stage; refuse contradictory parameters in one line, without a traceback."""
+    try:
+        main(arguments)
+    except ParamsError as fault:
+        sys.exit(str(fault))

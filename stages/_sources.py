@@ -9,6 +9,7 @@ from typing import Any
 
 from pacmo_core.augmentation.choose import Candidate, choose, nearness_of
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import clip_name
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.splits import window_edges
 from pacmo_core.formats.registry import open_format
@@ -88,7 +89,7 @@ def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]
     for facts, whole in _captures(second, raw):
         edges = window_edges(len(whole.times), whole.fps, second.clip_seconds)
         for number, (start, stop) in enumerate(edges):
-            name = facts.sequence if len(edges) == 1 else f"{facts.sequence}#{number:04d}"
+            name = clip_name(facts.sequence, number, len(edges))
             clips[name] = whole.frames(start, stop)
             own = replace(facts, clip=name, duration=clips[name].duration, frames=stop - start)
             rows[name] = replace(own, start_frame=start)

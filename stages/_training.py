@@ -1,28 +1,27 @@
 """What the training stages share: clips in; weights, a curve and, on the way, checkpoints out."""
 
+import argparse
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Protocol
 
 import torch
 import torch.distributed as dist
 from rich.console import Console
 from rich.progress import track
-from torch import nn
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.models import MODELS, Model
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.checkpoints import Checkpoint, data_hash
 from pacmo_core.training.devices import is_main_process, training_device
-from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.loop import TrainingData, TrainingLoop
 from pacmo_core.training.state import model_config, model_state
 from stages._clips import stream_side
 from stages._files import WEIGHTS, write_curve
 from stages._live import live_curve
-
-Model = TypeVar("Model", bound=nn.Module)
 
 
 class TrainingParams(Protocol):
@@ -42,41 +41,27 @@ class TrainingParams(Protocol):
 
 
 @dataclass(frozen=True)
-class Sides:
-    """The clips that a model learns from, those its weights are chosen on, and their actions."""
-
-    train: list[Interaction]
-    validation: list[Interaction]
-    train_actions: list[str]
-    validation_actions: list[str]
-
-
-@dataclass(frozen=True)
-class Task(Generic[Model]):
+class Task:
     """One model's training.
 
     Parameters
     ----------
-    kind : what the weights are of; the stage is ``train_KIND``
-    params : the stage's section
-    sides : Sides
-    fit : device to a fit, not begun
-    shares : whether torchrun's processes can share its batches
-    package : of ``pacmo_core``, in which the model is: checkpoints of other code are not resumed
+    model : row of the registry
+    params : the model's section of ``params.yaml``
+    data : clips that the model is trained and selected on; their hashes stand beside the weights
+    build : device to a training loop
     """
 
-    kind: str
+    model: Model
     params: TrainingParams
-    sides: Sides
-    fit: Callable[[str], TrainingLoop[Model]]
-    shares: bool
-    package: str = "reaction"
+    data: TrainingData[Interaction]
+    build: Callable[[str], TrainingLoop[Any]]
 
 
-def sides_of(clips: Path, sides: Path) -> Sides:
-    """Hold a fold's training and validation clips in memory."""
+def read_training_data(clips: Path, sides: Path) -> TrainingData[Interaction]:
+    """Read a fold's training and validation clips into memory."""
     train, validation = (list(stream_side(clips, sides, side)) for side in ("train", "validation"))
-    return Sides(
+    return TrainingData(
         [interaction for _, interaction in train],
         [interaction for _, interaction in validation],
         [facts.action for facts, _ in train],
@@ -84,17 +69,36 @@ def sides_of(clips: Path, sides: Path) -> Sides:
     )
 
 
-def train(task: Task[Any], model: Path, curve: Path) -> None:
+def train_on_clips(name: str, params: TrainingParams, paths: argparse.Namespace) -> None:
+    """Train a model of reactions or features on a fold's clips.
+
+    Parameters
+    ----------
+    name : of the model, in the registry
+    params : its section of ``params.yaml``
+    paths : clips, sides, model and curve
+    """
+    model, data = MODELS[name], read_training_data(paths.clips, paths.sides)
+    task = Task(
+        model, params, data, lambda device: model.build_training(data, params, device=device)
+    )
+    train(task, paths.model, paths.curve)
+
+
+def train(task: Task, model: Path, curve: Path) -> None:
     """Train, from the last checkpoint if there is one; write weights into ``model``, and the curve.
 
     Killed and started again, it writes the bytes that it would have written uninterrupted, on a
     CPU.
     """
     params = task.params
-    with training_device(params.device, threads=params.threads, shares=task.shares) as device:
-        fitting = task.fit(device)
+    with training_device(
+        params.device, threads=params.threads, multiprocess=task.model.multiprocess
+    ) as device:
+        fitting = task.build(device)
         facts = _facts(task, fitting)
-        checkpoint = Checkpoint(f"train_{task.kind}", {**facts, **_place(device)}, task.package)
+        stage = f"train_{task.model.name}"
+        checkpoint = Checkpoint(stage, {**facts, **_place(device)}, task.model.package)
         checkpoint.resume(fitting)
         if is_main_process():
             _train_watched(fitting, checkpoint, params.checkpoint_every, model)
@@ -106,14 +110,14 @@ def train(task: Task[Any], model: Path, curve: Path) -> None:
             fitting.finish()
 
 
-def _facts(task: Task[Any], fitting: TrainingLoop[Any]) -> dict[str, Any]:
+def _facts(task: Task, fitting: TrainingLoop[Any]) -> dict[str, Any]:
     return {
-        "kind": task.kind,
-        "model": model_config(fitting.model),
+        "model": task.model.name,
+        "config": model_config(fitting.model),
         "settings": asdict(task.params),  # type: ignore[call-overload]  # a dataclass, see Params
         "data": {
-            "train": data_hash(task.sides.train),
-            "validation": data_hash(task.sides.validation),
+            "train": data_hash(task.data.train),
+            "validation": data_hash(task.data.validation),
         },
         # Without the name of the build, by which equal results would differ.
         "torch": torch.__version__.partition("+")[0],

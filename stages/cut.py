@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import clip_name
 from pacmo_core.data.splits import window_edges
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
 from pacmo_core.store.tables import ClipRecord, read_rows, write_rows
@@ -44,7 +45,7 @@ def cut(
     edges = window_edges(len(sequence.times), sequence.fps, seconds)
     clips = []
     for number, (start, stop) in enumerate(edges):
-        name = facts.sequence if len(edges) == 1 else f"{facts.sequence}#{number:04d}"
+        name = clip_name(facts.sequence, number, len(edges))
         clip = sequence.frames(start, stop)
         row = replace(
             facts, clip=name, duration=clip.duration, frames=stop - start, start_frame=start

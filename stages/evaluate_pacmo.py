@@ -10,6 +10,7 @@ of clips, for ``pool_pacmo`` to pool.
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import torch
@@ -19,10 +20,11 @@ from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.partners import wrong_partners
 from pacmo_core.metrics.table import REAL, REAL_PAIRS, Measured, Table
 from pacmo_core.metrics.yardstick import Settings
-from pacmo_core.reaction import autoencoder, matcher
+from pacmo_core.models import load_model
+from pacmo_core.reaction.autoencoder import Autoencoder
+from pacmo_core.reaction.matcher import Matcher
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.scores import Score, write_scores
-from pacmo_core.store.weights import read_weights
 from stages._files import WEIGHTS
 from stages._params import read_params
 from stages._rows import Extractors, Indices, Seen, exchangeable, real_side, runs
@@ -92,11 +94,9 @@ def evaluate(paths: argparse.Namespace, params: Params) -> None:
 
 def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractors:
     """Read the two frozen networks."""
-    encoder, encoder_state = read_weights(autoencoder_folder / WEIGHTS)
-    matcher_facts, matcher_state = read_weights(matcher_folder / WEIGHTS)
     return Extractors(
-        autoencoder.autoencoder_from_state(encoder["model"], encoder_state),
-        matcher.matcher_from_state(matcher_facts["model"], matcher_state),
+        cast("Autoencoder", load_model(autoencoder_folder / WEIGHTS, "features")),
+        cast("Matcher", load_model(matcher_folder / WEIGHTS, "features")),
     )
 
 

@@ -16,15 +16,16 @@ import numpy as np
 import torch
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import variation_name
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import Limits
-from pacmo_core.priors import load_prior
+from pacmo_core.models import load_skeleton_prior
 from pacmo_core.skeleton_prior import extractor
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.extractor import ExtractorSettings
 from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.store.motions import SEPARATOR, write_motions
+from pacmo_core.store.motions import write_motions
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
 from stages._params import read_params
@@ -62,7 +63,7 @@ def main(paths: argparse.Namespace) -> None:
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
     for name in wanted.models:
         for seed in wanted.seeds:
-            model = load_prior(paths.models / name / str(seed) / WEIGHTS)
+            model = load_skeleton_prior(paths.models / name / str(seed) / WEIGHTS)
             drawn = drawn or drawn_bodies(model, chosen, params.bodies, params.solver)
             found = score(model, judge, (chosen, drawn), params)
             scores.setdefault(name, {})[seed] = found
@@ -120,7 +121,7 @@ def first_of_each(drawn: list[Example]) -> list[Example]:
 def samples_of(model: SkeletonPrior, name: str, drawn: list[Example]) -> dict[str, Interaction]:
     """Give the likeliest motions of a model on the drawn bodies that are shown."""
     return {
-        f"{one.source}{SEPARATOR}{name}": varied(model, [one], None)[0]
+        variation_name(one.source, name): varied(model, [one], None)[0]
         for one in first_of_each(drawn)
     }
 
@@ -128,8 +129,8 @@ def samples_of(model: SkeletonPrior, name: str, drawn: list[Example]) -> dict[st
 def solver_samples(drawn: list[Example]) -> dict[str, Interaction]:
     """Give the sources, and the solver's motions on those bodies."""
     shown = first_of_each(drawn)
-    sources = {f"{one.source}{SEPARATOR}source": one.template for one in shown}
-    return sources | {f"{one.source}{SEPARATOR}solver": one.varied for one in shown}
+    sources = {variation_name(one.source, "source"): one.template for one in shown}
+    return sources | {variation_name(one.source, "solver"): one.varied for one in shown}
 
 
 def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import torch
 
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.models import load
+from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.react import react_all
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
@@ -33,7 +33,7 @@ class Params:
 def main(model: Path, clips: Path, sides: Path, reactions: Path, *, seed: int) -> None:
     params = read_params("react", Params)
     torch.set_num_threads(1)
-    reactor = load(model / WEIGHTS)
+    reactor = load_reaction_model(model / WEIGHTS)
     n_samples = 1 if is_deterministic(reactor) else params.n_samples
     labelled = isinstance(reactor, Generator) and reactor.config.actions
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.names import direction_of
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.store.motions import read_skeleton, write_motions
 from pacmo_core.store.tables import ClipRecord
@@ -39,7 +40,7 @@ def main(raw: Path, clips: Path, sides: Path, reactions: Path) -> None:
     def answer(name: str, facts: ClipRecord, seen: Interaction) -> list[Motion]:
         script = Script.from_json(law[facts.sequence])
         random = np.random.default_rng(seed_of(name, params.random_seed))
-        motion = sample_oracle_reaction(script, "a" if name.endswith("#a") else "b", random)
+        motion = sample_oracle_reaction(script, direction_of(name), random)
         window = slice(facts.start_frame, facts.start_frame + facts.frames)
         return [motion[window][:, NTU25.indices(seen.skeleton.joints)]]
 

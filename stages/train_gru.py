@@ -3,14 +3,13 @@
 Usage: python -m stages.train_gru --seed=S CLIPS SIDES.parquet MODEL CURVE.csv
 """
 
+import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
-from pacmo_core.reaction import baselines
 from pacmo_core.reaction.settings import GruSettings
 from stages._params import read_params
-from stages._runs import run_arguments
-from stages._training import Task, sides_of, train
+from stages._runs import run_arguments, run_stage
+from stages._training import train_on_clips
 
 
 @dataclass(frozen=True)
@@ -20,20 +19,10 @@ class Params(GruSettings):
     threads: int
 
 
-def main(clips: Path, sides: Path, model: Path, curve: Path, *, section: str, seed: int) -> None:
-    params = read_params(section, Params, given={"random_seed": seed})
-    found = sides_of(clips, sides)
-    task = Task(
-        "gru",
-        params,
-        found,
-        lambda device: baselines.build_gru_training(
-            found.train, params, validation=found.validation, device=device
-        ),
-        shares=False,
-    )
-    train(task, model, curve)
+def main(paths: argparse.Namespace) -> None:
+    params = read_params(paths.section, Params, given={"random_seed": paths.seed})
+    train_on_clips("gru", params, paths)
 
 
 if __name__ == "__main__":
-    main(**vars(run_arguments("train_gru")))
+    run_stage(main, run_arguments("train_gru"))

@@ -1,16 +1,15 @@
-"""Train the matcher, which tells which partner a reaction answers.
+"""Train the matcher of partners and reactions, for the metric ``matching``.
 
 Usage: python -m stages.train_matcher CLIPS SIDES.parquet MODEL CURVE.csv
 """
 
+import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
-from pacmo_core.reaction import matcher
 from pacmo_core.reaction.settings import MatcherSettings
 from stages._params import read_params
-from stages._runs import fold_arguments
-from stages._training import Task, sides_of, train
+from stages._runs import fold_arguments, run_stage
+from stages._training import train_on_clips
 
 
 @dataclass(frozen=True)
@@ -20,20 +19,9 @@ class Params(MatcherSettings):
     threads: int
 
 
-def main(clips: Path, sides: Path, model: Path, curve: Path) -> None:
-    params = read_params("train_matcher", Params)
-    found = sides_of(clips, sides)
-    task = Task(
-        "matcher",
-        params,
-        found,
-        lambda device: matcher.build_training(
-            found.train, params, validation=found.validation, device=device
-        ),
-        shares=False,
-    )
-    train(task, model, curve)
+def main(paths: argparse.Namespace) -> None:
+    train_on_clips("matcher", read_params("train_matcher", Params), paths)
 
 
 if __name__ == "__main__":
-    main(**fold_arguments())
+    run_stage(main, fold_arguments())

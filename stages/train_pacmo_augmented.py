@@ -11,13 +11,15 @@ import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pacmo_core.reaction import wgan
+from pacmo_core.data.names import split_variation_name
+from pacmo_core.models import MODELS
 from pacmo_core.reaction.settings import PacmoSettings
-from pacmo_core.reaction.variations import TrainingVariations, add_variations
-from pacmo_core.store.motions import SEPARATOR, stream_folder
+from pacmo_core.reaction.variations import TrainingVariations
+from pacmo_core.store.motions import stream_folder
 from stages._clips import stream_side
 from stages._params import read_params
-from stages._training import Task, sides_of, train
+from stages._runs import run_stage
+from stages._training import Task, read_training_data, train
 
 
 @dataclass(frozen=True)
@@ -31,25 +33,15 @@ class Params(PacmoSettings):
 def main(paths: argparse.Namespace) -> None:
     given = {"random_seed": paths.seed, "share": paths.share}
     params = read_params(paths.section, Params, given=given)
-    found = sides_of(paths.clips, paths.sides)
+    data = read_training_data(paths.clips, paths.sides)
     variations = variations_of(paths, params.share)
+    model = MODELS["pacmo_augmented"]
     task = Task(
-        "pacmo",
+        model,
         params,
-        # What it learns from, and so what a checkpoint is of.
-        replace(found, train=[*found.train, *variations.interactions]),
-        lambda device: add_variations(
-            wgan.build_training(
-                found.train,
-                params,
-                labels=found.train_actions,
-                validation=found.validation,
-                validation_labels=found.validation_actions,
-                device=device,
-            ),
-            variations,
-        ),
-        shares=True,
+        # All that it is trained on, and so what a checkpoint depends on.
+        replace(data, train=[*data.train, *variations.interactions]),
+        lambda device: model.build_training(data, params, device=device, variations=variations),
     )
     train(task, paths.model, paths.curve)
 
@@ -66,7 +58,7 @@ def variations_of(paths: argparse.Namespace, share: float) -> TrainingVariations
     numbers = {facts.clip: number for number, (facts, _) in enumerate(trained)}
     made, sources = [], []
     for name, motion in stream_folder(paths.variations):
-        source = name.rpartition(SEPARATOR)[0]
+        source, _ = split_variation_name(name)
         if source in numbers:
             made.append(motion)
             sources.append(numbers[source])
@@ -87,4 +79,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(arguments())
+    run_stage(main, arguments())

@@ -10,16 +10,17 @@ from pathlib import Path
 from rich.console import Console
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.skeleton_prior import training
+from pacmo_core.models import get_model
 from pacmo_core.skeleton_prior.examples import Example
 from pacmo_core.skeleton_prior.model import SkeletonPrior
 from pacmo_core.skeleton_prior.products import has_bfloat16
 from pacmo_core.skeleton_prior.settings import PriorSettings
 from pacmo_core.training.devices import keep_freed_memory
-from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.loop import TrainingData, TrainingLoop
 from stages._examples import stream_examples
 from stages._params import read_params
-from stages._training import Sides, Task, train
+from stages._runs import run_stage
+from stages._training import Task, train
 
 SECTION = "train_skeleton_prior"
 
@@ -40,20 +41,16 @@ def main(paths: argparse.Namespace) -> None:
         for side in ("train", "validation")
     )
 
-    def fit(device: str) -> TrainingLoop[SkeletonPrior]:
+    model = get_model(paths.model_name, "skeleton_prior")
+
+    def build(device: str) -> TrainingLoop[SkeletonPrior]:
         kind = device.partition(":")[0]
         if params.mixed_precision and not has_bfloat16(kind):
-            Console(stderr=True).print(f"{kind} has no products of bfloat16: learning in float32")
-        return training.fit(learnt, params, validation=held_out, device=device)
+            Console(stderr=True).print(f"{kind} has no products of bfloat16: training in float32")
+        return model.build_training(TrainingData(learnt, held_out), params, device=device)
 
-    task = Task(
-        "skeleton_prior",
-        params,
-        Sides(_motions(learnt), _motions(held_out), [], []),
-        fit,
-        shares=False,
-        package="skeleton_prior",
-    )
+    motions = TrainingData(_motions(learnt), _motions(held_out))
+    task = Task(model, params, motions, build)
     train(task, paths.model, paths.curve)
 
 
@@ -73,4 +70,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(arguments())
+    run_stage(main, arguments())

@@ -16,7 +16,7 @@ LIMITS = QualityLimits(
     max_bone_length_variation=0.2,
     max_joint_speed=25,
     max_body_speed=8,
-    min_apart=0.1,
+    min_person_distance=0.1,
 )
 
 

@@ -11,6 +11,7 @@ import pytest
 from dvc.repo import Repo
 from ruamel.yaml import YAML
 
+from pacmo_core.models import MODELS
 from pacmo_core.project.experiments import compose_params, experiment_names
 
 ROOT = Path(__file__).parents[1]
@@ -64,8 +65,17 @@ def parse(path: Path) -> ast.Module:
 
 def imported(path: Path) -> set[str]:
     """Name the modules that a file imports, and what it takes from packages."""
+    tree = parse(path)
+    unused = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
     names = set()
-    for node in ast.walk(parse(path)):
+    for node in ast.walk(tree):
+        if node in unused:
+            continue
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -79,9 +89,19 @@ def code_below(path: Path) -> set[Path]:
     while waiting:
         file = waiting.pop()
         below.add(file)
-        found = {module_file(name) for name in imported(file)} - {None} - below
+        found = {module_file(name) for name in imported(file) | registered(below)} - {None} - below
         waiting.extend(found - set(waiting))
     return below
+
+
+def registered(files: set[Path]) -> set[str]:
+    """Name the modules that the registry imports for the packages that files are of."""
+    if module_file("pacmo_core.models") not in files:
+        return set()
+    packages = {file.parent.name for file in files}
+    rows = [row for row in MODELS.values() if row.package in packages]
+    paths = {path for row in rows for path in (row.settings, row.training, row.reader, row.network)}
+    return {path.partition(":")[0] for path in paths if path}
 
 
 def code_named(deps: set[str]) -> set[Path]:

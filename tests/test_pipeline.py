@@ -72,7 +72,7 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
     metrics = json.loads((twins[0] / "reports" / "metrics.json").read_text())
     assert metrics["data"]["usable"] == 40
     assert metrics["pacmo"].keys() >= {
-        *("real", "oracle", "pacmo", "pacmo_plain", "gru", "wrong_partner", "pacmo_permuted"),
+        *("real", "oracle", "pacmo", "pacmo_paper", "gru", "wrong_partner", "pacmo_permuted"),
         "pacmo_augmented",
     }
     gained = metrics["pacmo_augmentation"]
@@ -130,8 +130,8 @@ def test_another_seed_trains_just_its_own_models(twins):
     ran = {line.split("'")[1] for line in said.splitlines() if line.startswith("Running stage")}
     assert ran == {
         *("train_gru@1-2", "train_regression@1-2"),
-        *("train_pacmo@pacmo-1-2", "train_pacmo@pacmo_plain-1-2"),
-        *("react@gru-1-2", "react@regression-1-2", "react@pacmo-1-2", "react@pacmo_plain-1-2"),
+        *("train_pacmo@pacmo-1-2", "train_pacmo@pacmo_paper-1-2"),
+        *("react@gru-1-2", "react@regression-1-2", "react@pacmo-1-2", "react@pacmo_paper-1-2"),
         *("evaluate_pacmo@1", "pool_pacmo", "report"),
     }
     models = twins[1] / "models" / "1" / "gru"

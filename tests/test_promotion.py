@@ -1,4 +1,4 @@
-"""What is trusted: tables written out by hand, and the words better and worse."""
+"""What is trusted: tables and bytes that the test wrote."""
 
 import json
 import os
@@ -19,7 +19,7 @@ from pacmo_core.promotion import (
     write_table,
 )
 
-GATE = Gate(row="pacmo", metrics=("f2id", "matching", "diversity"), most_floors=2.0)
+GATE = Gate(row="pacmo", metrics=("f2id", "matching", "diversity"), max_noise_floor_ratio=2.0)
 
 
 def cell(mean, reach=0.1):
@@ -38,10 +38,10 @@ def table(f2id=0.5, matching=0.6, diversity=6.0, floor=0.5, real=6.2):
     }
 
 
-def test_the_first_model_is_held_to_the_floor_alone():
+def test_the_first_model_is_compared_with_the_noise_floor_alone():
     assert check_gate(table(f2id=1.0), None, GATE) == []
     (reason,) = check_gate(table(f2id=1.01), None, GATE)
-    assert reason == "F²ID 1.01 is above 2 times its floor 0.5, that is 1"
+    assert reason == "F²ID 1.01 is above 2 times its noise floor 0.5, that is 1"
 
 
 def test_a_model_as_good_as_the_current_one_may_follow_it():
@@ -88,7 +88,7 @@ def test_a_candidate_without_a_metric_is_an_error():
 
 @settings(derandomize=True, max_examples=50)
 @given(st.floats(0.01, 0.9), st.floats(0.0, 0.9), st.floats(0.0, 10.0))
-def test_a_better_model_is_never_held(f2id, less, diversity):
+def test_a_better_model_is_never_rejected(f2id, less, diversity):
     better = table(f2id=f2id * (1 - less), matching=0.6 + less, diversity=diversity)
     assert check_gate(better, table(f2id=f2id, diversity=diversity), GATE) == []
 
@@ -100,7 +100,7 @@ def decision(number, **changes):
         "verdict": "promoted",
         "reasons": (),
         "model": "00",
-        "shelf": number,
+        "current_model": number,
         "experiment": "small",
         "test_reactions": 4,
         "metrics": {"f2id": {"mean": 0.5, "low": 0.4, "high": 0.6}},
@@ -115,29 +115,29 @@ def weights(tmp_path):
     return path
 
 
-def test_what_is_put_on_the_shelf_is_a_copy_that_edits_do_not_reach(tmp_path, weights):
-    promotion.store_model(tmp_path / "shelf", 3, {"models/w": weights})
+def test_a_promoted_model_is_a_copy_that_edits_do_not_change(tmp_path, weights):
+    promotion.store_model(tmp_path / "promoted", 3, {"models/w": weights})
     weights.write_bytes(b"two")
-    assert (tmp_path / "shelf/000003/models/w").read_bytes() == b"one"
-    assert promotion.list_models(tmp_path / "shelf") == [3]
+    assert (tmp_path / "promoted/000003/models/w").read_bytes() == b"one"
+    assert promotion.list_models(tmp_path / "promoted") == [3]
 
 
-def test_nothing_on_the_shelf_is_written_twice(tmp_path, weights):
-    promotion.store_model(tmp_path / "shelf", 3, {"w": weights})
-    with pytest.raises(FileExistsError, match="stays as it is"):
-        promotion.store_model(tmp_path / "shelf", 3, {"w": weights})
+def test_a_promoted_model_is_written_once(tmp_path, weights):
+    promotion.store_model(tmp_path / "promoted", 3, {"w": weights})
+    with pytest.raises(FileExistsError, match="written once"):
+        promotion.store_model(tmp_path / "promoted", 3, {"w": weights})
 
 
 def test_what_a_killed_run_left_half_copied_is_no_model(tmp_path, weights):
-    (tmp_path / "shelf/.000003").mkdir(parents=True)
-    (tmp_path / "shelf/.000003/other").write_bytes(b"half")
-    assert promotion.list_models(tmp_path / "shelf") == []
-    place = promotion.store_model(tmp_path / "shelf", 3, {"w": weights})
+    (tmp_path / "promoted/.000003").mkdir(parents=True)
+    (tmp_path / "promoted/.000003/other").write_bytes(b"half")
+    assert promotion.list_models(tmp_path / "promoted") == []
+    place = promotion.store_model(tmp_path / "promoted", 3, {"w": weights})
     assert [path.name for path in place.iterdir()] == ["w"]
 
 
-def test_current_is_one_of_the_shelf_and_can_go_back(tmp_path, weights):
-    place = tmp_path / "shelf"
+def test_current_is_one_of_the_promoted_models_and_can_go_back(tmp_path, weights):
+    place = tmp_path / "promoted"
     assert promotion.current_model(place) == 0
     for number in (1, 2):
         weights.write_bytes(bytes([number]))
@@ -146,7 +146,7 @@ def test_current_is_one_of_the_shelf_and_can_go_back(tmp_path, weights):
         assert (place / "current/w").read_bytes() == bytes([number])
     promotion.set_current_model(place, 1)
     assert (promotion.current_model(place), (place / "current/w").read_bytes()) == (1, b"\1")
-    with pytest.raises(FileNotFoundError, match=r"holds no 000007; it holds \[1, 2\]"):
+    with pytest.raises(FileNotFoundError, match=r"no model 000007; there are \[1, 2\]"):
         promotion.set_current_model(place, 7)
     with pytest.raises(ValueError, match="is current"):
         promotion.remove_model(place, 1)
@@ -162,9 +162,11 @@ def test_decisions_come_back_in_the_order_of_their_numbers_whatever_the_clock_sa
 
 def test_the_table_has_a_row_a_decision_with_its_reasons_and_metrics(tmp_path):
     add_decision(tmp_path, decision(1))
-    add_decision(tmp_path, decision(2, verdict="held", reasons=("worse", "and worse"), shelf=1))
+    add_decision(
+        tmp_path, decision(2, verdict="rejected", reasons=("worse", "and worse"), current_model=1)
+    )
     rows = pl.read_parquet(tmp_path / "decisions.parquet")
-    assert rows["verdict"].to_list() == ["promoted", "held"]
+    assert rows["verdict"].to_list() == ["promoted", "rejected"]
     assert rows["reasons"].to_list() == [[], ["worse", "and worse"]]
     assert rows["metrics"][0][0] == {"metric": "f2id", "mean": 0.5, "low": 0.4, "high": 0.6}
 

@@ -27,7 +27,7 @@ ingest:
     max_bone_length_variation: 0.2
     max_joint_speed: 25
     max_body_speed: 8
-    min_apart: 0.1
+    min_person_distance: 0.1
   contact_distance: 0.1
   stated_fps:
 """

@@ -1,4 +1,7 @@
-"""Two people on one clock in one world: metres, y up, right-handed, seconds."""
+"""Interactions: two motions on one clock in one world, and the distances between the two people.
+
+World coordinates are metres, y up, right-handed; times are seconds.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -67,24 +70,24 @@ class Interaction:
         return replace(self, person_a=self.person_b, person_b=self.person_a)
 
     def frames(self, start: int, stop: int) -> "Interaction":
-        """Cut frames ``start`` to ``stop`` (exclusive), the clock set back to zero."""
-        cut = slice(start, stop)
+        """Select frames ``start`` to ``stop`` (exclusive); times start at zero again."""
+        window = slice(start, stop)
         return replace(
             self,
-            times=self.times[cut] - self.times[start],
-            person_a=self.person_a[cut],
-            person_b=self.person_b[cut],
+            times=self.times[window] - self.times[start],
+            person_a=self.person_a[window],
+            person_b=self.person_b[window],
         )
 
     def without(self, joints: list[str]) -> "Interaction":
-        """Leave out joints by name, as PaCMO does with finger tips and thumbs (section 4.1)."""
+        """Remove joints by name, as PaCMO does with finger tips and thumbs (section 4.1)."""
         skeleton = self.skeleton.without(joints)
-        kept = self.skeleton.indices(skeleton.joints)
+        remaining = self.skeleton.indices(skeleton.joints)
         return replace(
             self,
             skeleton=skeleton,
-            person_a=np.ascontiguousarray(self.person_a[:, kept]),
-            person_b=np.ascontiguousarray(self.person_b[:, kept]),
+            person_a=np.ascontiguousarray(self.person_a[:, remaining]),
+            person_b=np.ascontiguousarray(self.person_b[:, remaining]),
         )
 
 
@@ -98,13 +101,13 @@ def bone_lengths(motion: Motion, skeleton: Skeleton) -> NDArray[np.float32]:
 def joint_distances(interaction: Interaction) -> NDArray[np.float32]:
     """``(T, J, J)`` metres: from each joint of person a (rows) to each of person b (columns)."""
     a, b = interaction.person_a, interaction.person_b
-    # Joint by joint: all differences at once would take three times the result in passing.
+    # Joint by joint: all differences at once would take three times the memory of the result.
     rows = [np.linalg.norm(b - a[:, [joint]], axis=-1) for joint in range(a.shape[1])]
     return np.stack(rows, axis=1)
 
 
 def min_joint_distance(interaction: Interaction) -> NDArray[np.float32]:
-    """``(T,)`` metres: between the two joints that are closest, one of either person."""
+    """``(T,)`` metres: the minimum of ``joint_distances``, computed in less memory."""
     a, b = interaction.person_a, interaction.person_b
     least = np.full(len(a), np.inf, dtype=np.float32)
     for joint in range(a.shape[1]):
@@ -114,16 +117,16 @@ def min_joint_distance(interaction: Interaction) -> NDArray[np.float32]:
 
 
 def min_point_distance(first: Motion, second: Motion) -> NDArray[np.float64]:
-    """``(T,)`` metres: between the closest two points, one of either set, to a micrometre.
+    """``(T,)`` metres: minimum distance between two sets of points, accurate to a micrometre.
 
-    One product of matrices a frame, where ``min_joint_distance`` goes joint by joint: for the many
-    motions that metrics compare.
+    One matrix product a frame, faster than ``min_joint_distance``: for the many motions that
+    metrics compare.
 
     Parameters
     ----------
     first, second : (T, P, 3), (T, Q, 3) float32, metres
     """
-    # About the middle of one, lest a common offset swallow the digits of the identity below.
+    # Centred, as a large common offset would cancel the digits of |a - b|² = |a|² + |b|² - 2 a·b.
     centre = first.mean(axis=1, keepdims=True)
     a, b = first - centre, second - centre
     squared = (a**2).sum(axis=-1)[:, :, None] + (b**2).sum(axis=-1)[:, None]

@@ -1,4 +1,4 @@
-"""How good a capture is, and when it is too bad to use."""
+"""Quality of a capture: what is measured, and the limits beyond which it is not used."""
 
 from dataclasses import dataclass
 
@@ -8,38 +8,43 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Interaction, Motion, bone_lengths, min_joint_distance
 from pacmo_core.data.skeleton import Skeleton
 
-# Metres. Formats have bones of no length at all, which cannot vary in proportion to it.
-_SHORTEST_BONE = 1e-3
+# Metres. Formats have bones of zero length, whose relative variation is undefined.
+_MIN_BONE_LENGTH = 1e-3
 
 
 class QualityError(ValueError):
-    """A capture that reads well and is no record of two people; ``faults`` says why not."""
+    """A capture that was read without error and exceeds quality limits.
 
-    def __init__(self, faults: list[str]) -> None:
-        self.faults = faults
-        super().__init__("; ".join(faults))
+    Parameters
+    ----------
+    violations : as ``limit_violations`` lists them
+    """
+
+    def __init__(self, violations: list[str]) -> None:
+        self.violations = violations
+        super().__init__("; ".join(violations))
 
     def __reduce__(self) -> tuple[type["QualityError"], tuple[list[str]]]:
-        """Cross process boundaries with the list, not with the message in its place."""
-        return QualityError, (self.faults,)
+        """Pickle the list; by default an exception is rebuilt from its message."""
+        return QualityError, (self.violations,)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """What can be said of a capture without knowing what it shows.
+    """Measurements of a capture that do not depend on what it shows.
 
     Parameters
     ----------
     n_frames : frames
     fps : frames a second, the inverse of the median time between frames
-    rate_jitter : the largest departure of a time between frames from the median, as a share of it
-    bone_length_variation : standard deviation by mean of a bone's length over time, the median
-        over bones, the worse of the two people; inf for a body without extent
+    rate_jitter : the largest deviation of a time between frames from the median, relative to it
+    bone_length_variation : standard deviation over mean of a bone's length over time, median over
+        bones, maximum of the two people; inf for a body without extent
     max_joint_speed : m/s, of any joint between any two frames
-    max_body_speed : m/s, the same of the median joint: half of the body moves at least so fast
+    max_body_speed : m/s, the same of the median joint: half of the body moves at least as fast
     min_joint_distance : metres, from any joint of one person to any of the other in any frame
-    contact_share : of the frames, those with two joints within the contact distance
-    apart : metres from a joint of one person to the same joint of the other, the mean
+    contact_share : share of frames with two joints within the contact distance
+    person_distance : metres from a joint of one person to the same joint of the other, mean
     """
 
     n_frames: int
@@ -50,21 +55,21 @@ class Quality:
     max_body_speed: float
     min_joint_distance: float
     contact_share: float
-    apart: float
+    person_distance: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class QualityLimits:
-    """Where a capture becomes too bad; the fields bound those of ``Quality``.
+    """Limits of the fields of ``Quality``.
 
     Parameters
     ----------
     min_frames : frames
     max_rate_jitter : share of the median time between frames
-    max_rate_error : share of the stated rate by which the file's own times may contradict it
+    max_rate_error : share of the stated rate by which the times in the file may differ from it
     max_bone_length_variation : share of a bone's length
     max_joint_speed, max_body_speed : m/s
-    min_apart : metres; two people do not stand in each other
+    min_person_distance : metres; less is one body twice
     """
 
     min_frames: int
@@ -73,7 +78,7 @@ class QualityLimits:
     max_bone_length_variation: float
     max_joint_speed: float
     max_body_speed: float
-    min_apart: float
+    min_person_distance: float
 
 
 def measure_quality(interaction: Interaction, *, contact_distance: float) -> Quality:
@@ -87,33 +92,33 @@ def measure_quality(interaction: Interaction, *, contact_distance: float) -> Qua
         n_frames=len(interaction.times),
         fps=interaction.fps,
         rate_jitter=float(np.abs(steps / np.median(steps) - 1).max()),
-        bone_length_variation=max(_variation(m, interaction.skeleton) for m in people),
+        bone_length_variation=max(_length_variation(m, interaction.skeleton) for m in people),
         max_joint_speed=float(speeds.max()),
         max_body_speed=float(np.median(speeds, axis=2).max()),
         min_joint_distance=float(least.min()),
         contact_share=float((least <= contact_distance).mean()),
-        apart=float(same_joint.mean()),
+        person_distance=float(same_joint.mean()),
     )
 
 
 def limit_violations(
     quality: Quality, limits: QualityLimits, stated_fps: float | None = None
 ) -> list[str]:
-    """Say in words where a capture passes its limits; nothing if it is good.
+    """List the limits that a capture exceeds, in words; empty if it is good.
 
     Parameters
     ----------
-    quality, limits : figures and their bounds
-    stated_fps : the rate that the data set claims, where the times come from the file instead
+    quality, limits : measurements and their limits
+    stated_fps : the rate that the dataset documents, where the times come from the file instead
     """
-    tests = [
+    checks = [
         (
             quality.n_frames < limits.min_frames,
             f"{quality.n_frames} frames, wanted at least {limits.min_frames}",
         ),
         (
             quality.rate_jitter > limits.max_rate_jitter,
-            f"times between frames depart from their median by {quality.rate_jitter:.0%}, "
+            f"times between frames deviate from their median by {quality.rate_jitter:.0%}, "
             f"wanted at most {limits.max_rate_jitter:.0%}",
         ),
         (
@@ -132,29 +137,29 @@ def limit_violations(
             f"wanted at most {limits.max_body_speed:.1f}",
         ),
         (
-            quality.apart < limits.min_apart,
-            f"the same body twice: joints {quality.apart:.3f} m from their like on average, "
-            f"wanted at least {limits.min_apart:.3f}",
+            quality.person_distance < limits.min_person_distance,
+            f"the same body twice: joints {quality.person_distance:.3f} m from their counterparts "
+            f"on average, wanted at least {limits.min_person_distance:.3f}",
         ),
         (
             stated_fps is not None and abs(quality.fps / stated_fps - 1) > limits.max_rate_error,
             f"the file's own times give {quality.fps:.4g} frames a second, wanted {stated_fps}",
         ),
     ]
-    return [words for is_fault, words in tests if is_fault]
+    return [message for is_violation, message in checks if is_violation]
 
 
 def check_quality(quality: Quality, limits: QualityLimits, stated_fps: float | None = None) -> None:
-    """Refuse a capture that has ``faults``.
+    """Refuse a capture that exceeds limits.
 
     Raises
     ------
     QualityError
-        With all of them in words.
+        With all ``limit_violations``.
     """
-    found = limit_violations(quality, limits, stated_fps)
-    if found:
-        raise QualityError(found)
+    violations = limit_violations(quality, limits, stated_fps)
+    if violations:
+        raise QualityError(violations)
 
 
 def _speeds(motion: Motion, steps: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -163,10 +168,10 @@ def _speeds(motion: Motion, steps: NDArray[np.float64]) -> NDArray[np.float64]:
     return paths / steps[:, None]
 
 
-def _variation(motion: Motion, skeleton: Skeleton) -> float:
+def _length_variation(motion: Motion, skeleton: Skeleton) -> float:
     lengths = bone_lengths(motion, skeleton).astype(np.float64)
     mean = lengths.mean(axis=0)
-    real = mean > _SHORTEST_BONE
-    if not real.any():
+    measurable = mean > _MIN_BONE_LENGTH
+    if not measurable.any():
         return float("inf")
-    return float(np.median(lengths[:, real].std(axis=0) / mean[real]))
+    return float(np.median(lengths[:, measurable].std(axis=0) / mean[measurable]))

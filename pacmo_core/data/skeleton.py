@@ -1,7 +1,7 @@
-"""A body as a tree of named joints, and the published trees of the datasets.
+"""Skeletons: trees of named joints, and the published skeletons of the datasets.
 
-Joints keep the order in which their dataset publishes them, so that indices in the literature
-hold here; a parent may therefore come after its child, and ``Skeleton.order`` walks the tree.
+Joints keep the order of their dataset, so that joint indices in the literature are valid here; a
+parent may therefore come after its child, and ``Skeleton.order`` lists parents first.
 """
 
 from collections.abc import Iterable, Mapping
@@ -108,44 +108,46 @@ class Skeleton:
         return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
     def without(self, names: Iterable[str]) -> "Skeleton":
-        """Leave out joints; a child of one that goes hangs on its nearest parent that stays.
+        """Remove joints; their children become children of the nearest remaining ancestor.
 
         Raises
         ------
         ValueError
             If a name is not a joint's, or is the root's.
         """
-        gone = set(names)
-        unknown = gone - set(self.joints)
-        if unknown or self.joints[self.root] in gone:
+        removed = set(names)
+        unknown = removed - set(self.joints)
+        if unknown or self.joints[self.root] in removed:
             raise ValueError(
-                f"skeleton {self.name}: cannot leave out {sorted(unknown) or 'the root'}; "
+                f"skeleton {self.name}: cannot remove {sorted(unknown) or 'the root'}; "
                 f"its joints are {', '.join(self.joints)}"
             )
-        if not gone:
+        if not removed:
             return self
-        kept = [i for i, joint in enumerate(self.joints) if joint not in gone]
-        new = {old: i for i, old in enumerate(kept)}
+        remaining = [i for i, joint in enumerate(self.joints) if joint not in removed]
+        new = {old: i for i, old in enumerate(remaining)}
         return Skeleton(
-            name=f"{self.name}-{len(kept)}",
-            joints=tuple(self.joints[i] for i in kept),
-            parents=tuple(new.get(self._kept_parent(i, gone), -1) for i in kept),
-            left_right=tuple((new[a], new[b]) for a, b in self.left_right if {a, b} <= set(kept)),
+            name=f"{self.name}-{len(remaining)}",
+            joints=tuple(self.joints[i] for i in remaining),
+            parents=tuple(new.get(self._remaining_parent(i, removed), -1) for i in remaining),
+            left_right=tuple(
+                (new[a], new[b]) for a, b in self.left_right if {a, b} <= set(remaining)
+            ),
         )
 
     def indices(self, names: Iterable[str]) -> list[int]:
         """List the indices of joints by name."""
         return [self.joints.index(name) for name in names]
 
-    def _kept_parent(self, joint: int, gone: set[str]) -> int:
+    def _remaining_parent(self, joint: int, removed: set[str]) -> int:
         parent = self.parents[joint]
-        while parent >= 0 and self.joints[parent] in gone:
+        while parent >= 0 and self.joints[parent] in removed:
             parent = self.parents[parent]
         return parent
 
 
 def mirror_by_name(joints: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
-    """Pair joints whose names differ by left for right (``left_knee``, ``LeftLeg``, ``lknee``)."""
+    """Pair joints whose names differ in left and right (``left_knee``, ``LeftLeg``, ``lknee``)."""
     lower = [joint.lower() for joint in joints]
     pairs = []
     for i, name in enumerate(lower):

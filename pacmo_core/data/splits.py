@@ -1,10 +1,11 @@
-"""Cut long recordings into clips, and put every clip on a side: train, validation or test.
+"""Cut long recordings into clips, and assign every clip to a split: train, validation or test.
 
-Sides come from a hash of what must stay together, never from a shuffled list: adding a capture
-moves no other clip. The price is that shares are met on average, not exactly.
+The split is a hash of what must stay together (a recording, a pair, a person), never a position in
+a shuffled list: a new capture does not move any other clip. Therefore the shares hold on average,
+not exactly.
 
-Fold k of a hashed split tests the k-th slice of ``[0, 1)``, each of width ``test_share``: what one
-fold tests, no other does.
+Fold k of a hashed split tests the k-th interval of ``[0, 1)``, each of width ``test_share``: no
+two folds test the same clip.
 """
 
 import hashlib
@@ -20,12 +21,12 @@ METHODS = ("auto", "clip", "recording", "pair", "person", "listed", "listed_peop
 
 @dataclass(frozen=True)
 class ClipOrigin:
-    """What a clip must not share with a clip on the other side.
+    """What a test clip must not have in common with a training clip.
 
     Parameters
     ----------
     clip, recording : names
-    people : who stands in it, as far as the data set says
+    people : its people, as far as the dataset names them
     """
 
     clip: str
@@ -34,27 +35,27 @@ class ClipOrigin:
 
     @property
     def pair(self) -> str:
-        """The people as one name, whatever their order."""
+        """The people as one name, the same in either order."""
         return "+".join(sorted(self.people))
 
 
 @dataclass(frozen=True)
 class SplitRule:
-    """How clips are put on sides.
+    """How clips are assigned to splits.
 
     Parameters
     ----------
-    method : ``clip`` (the papers' random split; it leaks people), ``recording``, ``pair``,
-        ``person`` (nobody stands on both sides), ``listed`` (pairs named in ``test_pairs``),
-        ``listed_people`` (people named in ``test_people``; nobody stands on both sides), or
-        ``auto``: ``person`` where at least ``min_people`` people are known, else ``recording``
+    method : ``clip`` (the random split of the papers; the same people are in training and test),
+        ``recording``, ``pair``, ``person`` (nobody is in both training and test), ``listed`` (pairs
+        of ``test_pairs``), ``listed_people`` (people of ``test_people``; nobody is in both), or
+        ``auto``: ``person`` if at least ``min_people`` people are known, else ``recording``
     test_share, validation_share : expected shares of what is hashed
     validation_by : ``recording``, or ``clip`` where no recording can be spared from training
     min_people : for ``auto``
     test_pairs : for ``listed``, the pairs that each fold tests, such as the published folds:
-        ``s01+s02``, the people in the order of their data set
+        ``s01+s02``, the people in the order of the dataset
     test_people : for ``listed_people``, the people that each fold tests
-    random_seed : another seed, another split
+    random_seed : part of the hash
     """
 
     method: str
@@ -79,11 +80,11 @@ class SplitRule:
 
     @property
     def listed(self) -> tuple[tuple[str, ...], ...]:
-        """What each fold tests, for a method that says so by name."""
+        """The pairs or people that each fold tests, for a method that lists them."""
         return {"listed": self.test_pairs, "listed_people": self.test_people}.get(self.method, ())
 
     def check_fold(self, fold: int) -> None:
-        """Refuse a fold that the rule does not have.
+        """Check that the rule has a fold of this number.
 
         Raises
         ------
@@ -93,18 +94,18 @@ class SplitRule:
         listed = self.method.startswith("listed")
         n_folds = len(self.listed) if listed else int(1 / self.test_share + ROUNDING)
         if not 1 <= fold <= n_folds:
-            why = "are listed" if listed else f"of test_share {self.test_share} fit into 1"
-            raise ValueError(f"fold must be 1 to {n_folds}, as many as {why}; got {fold}")
+            reason = "are listed" if listed else f"of test_share {self.test_share} fit into 1"
+            raise ValueError(f"fold must be 1 to {n_folds}, as many as {reason}; got {fold}")
 
 
 Split = Literal["train", "validation", "test", "dropped"]
-ROUNDING = 1e-9  # five folds of a share of 0.2 fit, whatever 5 x 0.2 rounds to
+ROUNDING = 1e-9  # so that five folds of a share of 0.2 fit into 1
 
 
 def window_edges(n_frames: int, fps: float, seconds: float) -> list[tuple[int, int]]:
-    """Cut a recording into equal windows, without overlap, as near to ``seconds`` as they go.
+    """Cut a recording into equal windows of about ``seconds``, without overlap.
 
-    A recording of up to one and a half windows stays whole.
+    A recording of up to one and a half windows is one window.
 
     Returns
     -------
@@ -116,51 +117,49 @@ def window_edges(n_frames: int, fps: float, seconds: float) -> list[tuple[int, i
 
 
 def resolve_method(origins: Sequence[ClipOrigin], rule: SplitRule) -> str:
-    """Say which method ``auto`` means for these clips."""
+    """Return the method, ``auto`` replaced by what it means for these clips."""
     if rule.method != "auto":
         return rule.method
     people = {person for origin in origins for person in origin.people}
-    everywhere = all(origin.people for origin in origins)
-    return "person" if everywhere and len(people) >= rule.min_people else "recording"
+    all_named = all(origin.people for origin in origins)
+    return "person" if all_named and len(people) >= rule.min_people else "recording"
 
 
 def assign_splits(origins: Sequence[ClipOrigin], rule: SplitRule, fold: int) -> dict[str, Split]:
-    """Put every clip on a side.
+    """Assign every clip to a split.
 
     Validation clips are taken from training by recording or by clip, whatever the method: they
-    choose checkpoints and are no claim about new people. Split by person, a clip whose two
-    people stand on different sides is ``dropped``.
+    select checkpoints and are no statement about new people. Split by person, a clip of one
+    training and one test person is ``dropped``.
 
     Returns
     -------
-    side of each clip by name, in the fold of that number, counted from 1
+    split of each clip by name, in the fold of that number, counted from 1
 
     Raises
     ------
     ValueError
-        If the rule has no such fold, it names a pair or a person that no clip has, it is by
-        person and a clip names none, or nothing is left to train on or to test on.
+        If the rule has no such fold or lists a pair or a person that no clip has; if it is by
+        person and a clip names none; or if no clip is left to train on or to test on.
     """
     rule.check_fold(fold)
     method = resolve_method(origins, rule)
-    _check_units(origins, method, rule, fold)
-    sides = {origin.clip: _side(origin, method, rule, fold) for origin in origins}
-    for wanted in ("train", "test"):
-        if wanted not in sides.values():
+    _check_listed(origins, method, rule, fold)
+    splits = {origin.clip: _split(origin, method, rule, fold) for origin in origins}
+    for split in ("train", "test"):
+        if split not in splits.values():
             raise ValueError(
-                f"split by {method} with random_seed {rule.random_seed} leaves no {wanted} clip "
-                f"of {len(sides)} in fold {fold}; take another seed, share or method"
+                f"split by {method} with random_seed {rule.random_seed} leaves no {split} clip "
+                f"of {len(splits)} in fold {fold}; take another seed, share or method"
             )
-    return sides
+    return splits
 
 
-def _check_units(origins: Sequence[ClipOrigin], method: str, rule: SplitRule, fold: int) -> None:
+def _check_listed(origins: Sequence[ClipOrigin], method: str, rule: SplitRule, fold: int) -> None:
     units = {origin.clip: _units(origin, method) for origin in origins}
-    nameless = [clip for clip, names in units.items() if not names]
-    if nameless:
-        raise ValueError(
-            f"split by {method} wants the people of every clip; {nameless[0]} has none"
-        )
+    unnamed = [clip for clip, names in units.items() if not names]
+    if unnamed:
+        raise ValueError(f"split by {method} wants the people of every clip; {unnamed[0]} has none")
     known = {unit for names in units.values() for unit in names}
     unknown = set(rule.listed[fold - 1]) - known if rule.listed else set()
     if unknown:
@@ -170,7 +169,7 @@ def _check_units(origins: Sequence[ClipOrigin], method: str, rule: SplitRule, fo
         )
 
 
-def _side(origin: ClipOrigin, method: str, rule: SplitRule, fold: int) -> Split:
+def _split(origin: ClipOrigin, method: str, rule: SplitRule, fold: int) -> Split:
     tests = {_tests(method, unit, rule, fold) for unit in _units(origin, method)}
     if tests == {True, False}:
         return "dropped"
@@ -196,6 +195,6 @@ def _tests(method: str, unit: str, rule: SplitRule, fold: int) -> bool:
 
 
 def _fraction(purpose: str, unit: str, rule: SplitRule) -> float:
-    """Hash to [0, 1): evenly, the same everywhere and for ever."""
+    """Hash a text to [0, 1), uniformly and independent of platform and version."""
     text = f"{rule.random_seed}\0{purpose}\0{unit}".encode()
     return int.from_bytes(hashlib.blake2b(text, digest_size=8).digest()) / 2**64

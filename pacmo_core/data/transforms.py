@@ -1,4 +1,4 @@
-"""Canonical frames: a body's pelvis at the origin, its chest towards +z, and the way back."""
+"""Canonical coordinates: root at the origin, chest towards +z, and the transform back."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
 
-# Mirror joints nearer than this share a place: some formats put hips into the root (metres).
-APART = 0.01
+# Metres. Mirror joints nearer than this are one point: some formats put both hips into the root.
+MIN_SEPARATION = 0.01
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A place on the ground and in height, and a heading, in the world.
+    """A coordinate frame: a position and a heading in the world.
 
     Parameters
     ----------
@@ -26,18 +26,18 @@ class Frame:
     yaw: float
 
     def to_local(self, motion: Motion) -> Motion:
-        """See ``(..., 3)`` world metres from this frame, float32."""
-        local: Motion = ((motion - self.origin) @ _turn(-self.yaw).T).astype(np.float32)
+        """Transform ``(..., 3)`` metres from world to frame coordinates, float32."""
+        local: Motion = ((motion - self.origin) @ _rotation_y(-self.yaw).T).astype(np.float32)
         return local
 
     def to_world(self, motion: Motion) -> Motion:
-        """See ``(..., 3)`` metres of this frame from the world, float32: undoes ``to_local``."""
-        world: Motion = (motion @ _turn(self.yaw).T + self.origin).astype(np.float32)
+        """Transform from frame to world coordinates, float32: the inverse of ``to_local``."""
+        world: Motion = (motion @ _rotation_y(self.yaw).T + self.origin).astype(np.float32)
         return world
 
 
 def body_frame(motion: Motion, skeleton: Skeleton) -> Frame:
-    """Find the frame of a person's first pose: root at the origin, chest towards +z.
+    """Compute the frame of a person's first pose: root at the origin, chest towards +z.
 
     Parameters
     ----------
@@ -46,35 +46,35 @@ def body_frame(motion: Motion, skeleton: Skeleton) -> Frame:
     Raises
     ------
     ValueError
-        If the body has no heading: no mirror joints, or its sides are one above the other.
+        If the heading is undefined: no mirror joints, or left vertically above right.
     """
     pose = motion[0].astype(np.float64)
-    sides = _sides(pose, skeleton)
-    lateral = sum((pose[left] - pose[right] for left, right in sides), start=np.zeros(3))
+    pairs = _lateral_pairs(pose, skeleton)
+    lateral = sum((pose[left] - pose[right] for left, right in pairs), start=np.zeros(3))
     if np.hypot(lateral[0], lateral[2]) < 1e-3:
         raise ValueError(
             f"skeleton {skeleton.name}: a heading needs left and right apart on the ground; "
-            f"pairs {sides} differ by {lateral} m"
+            f"pairs {pairs} differ by {lateral} m"
         )
-    # Left is +x for who faces +z with y up; so (x, z) of the chest's direction is (-z, x) of it.
+    # Facing +z with y up, left is +x; so (x, z) of the chest's direction is (-z, x) of it.
     return Frame(origin=pose[skeleton.root], yaw=float(np.arctan2(-lateral[2], lateral[0])))
 
 
-def _sides(pose: NDArray[np.float64], skeleton: Skeleton) -> list[tuple[int, int]]:
-    """Pair the joints where limbs leave the trunk: mirror joints that hang on one parent."""
+def _lateral_pairs(pose: NDArray[np.float64], skeleton: Skeleton) -> list[tuple[int, int]]:
+    """List the mirror joints with a common parent: shoulders and hips, where limbs start."""
     parents = skeleton.parents
-    open_pairs = [(a, b) for a, b in skeleton.left_right if parents[a] == parents[b]]
-    found = []
-    for a, b in open_pairs:
-        if np.linalg.norm(pose[a] - pose[b]) > APART:
-            found.append((a, b))
+    candidates = [(a, b) for a, b in skeleton.left_right if parents[a] == parents[b]]
+    selected = []
+    for a, b in candidates:
+        if np.linalg.norm(pose[a] - pose[b]) > MIN_SEPARATION:
+            selected.append((a, b))
         else:
-            open_pairs.extend(
+            candidates.extend(
                 p for p in skeleton.left_right if (parents[p[0]], parents[p[1]]) == (a, b)
             )
-    return found
+    return selected
 
 
-def _turn(yaw: float) -> NDArray[np.float64]:
+def _rotation_y(yaw: float) -> NDArray[np.float64]:
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])

@@ -63,7 +63,7 @@ ROWS = {
     "oracle": ("Oracle", "a fresh draw from the true law: how good a score can get"),
     "pacmo": ("PaCMO", ""),
     "pacmo_augmented": ("PaCMO, augmented", "trained on clips and their variations"),
-    "pacmo_plain": ("PaCMO, plain", "in the paper's form"),
+    "pacmo_paper": ("PaCMO, plain", "in the paper's form"),
     "regression": ("Regression", "the same operator, trained to predict one reaction"),
     "gru": ("GRU", "baseline"),
     "wrong_partner": ("Wrong partner", "real reactions, shuffled among partners"),
@@ -74,7 +74,7 @@ ROWS = {
     "pacmo_same_act": ("PaCMO", "of acts that others perform too"),
     "pacmo_permuted_same_act": ("PaCMO, wrong partner, same act", "shuffled in each act"),
 }
-MODELS = ("pacmo", "pacmo_augmented", "pacmo_plain", "regression", "gru")
+MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
 MAIN_ROWS = ("real", "oracle", *MODELS, "wrong_partner", "pacmo_permuted")
 SAME_ACT_ROWS = (
     *("real_pairs_same_act", "wrong_partner_same_act"),

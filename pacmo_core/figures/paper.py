@@ -48,7 +48,7 @@ LABELS = {"real": "Real Motion", "pacmo": "PaCMO", "gru": "GRU baseline"}
 # Our rows that stand under a row of the paper, and what each is called there.
 OURS = {
     "real": {"real": "here: another draw, not the same set"},
-    "pacmo": {"pacmo": "here", "pacmo_plain": "here, in the paper's plain form"},
+    "pacmo": {"pacmo": "here", "pacmo_paper": "here, in the paper's plain form"},
     "gru": {"gru": "here"},
 }
 

@@ -23,8 +23,8 @@ from pacmo_core.project.workspace import (
     CommandError,
 )
 from pacmo_core.promotion import (
-    HELD,
     PROMOTED,
+    REJECTED,
     ROLLED_BACK,
     UNCHANGED,
     Decision,
@@ -108,7 +108,7 @@ def decide_promotion(gate: Gate) -> Decision:
         verdict=verdict,
         reasons=tuple(reasons),
         model=candidate.model,
-        shelf=number if verdict == PROMOTED else current_number,
+        current_model=number if verdict == PROMOTED else current_number,
         experiment=candidate.experiment,
         test_reactions=candidate.test_reactions,
         metrics=_compared_metrics(candidate, gate),
@@ -134,7 +134,7 @@ def roll_back(why: str) -> Decision:
     decisions, _ = read_decisions(DECISIONS)
     current_number = promotion.current_model(PROMOTED_MODELS)
     withdrawn = _withdrawn(decisions)
-    models = {d.shelf: d for d in decisions if d.verdict == PROMOTED}
+    models = {d.current_model: d for d in decisions if d.verdict == PROMOTED}
     earlier = [
         number
         for number in promotion.list_models(PROMOTED_MODELS)
@@ -147,9 +147,9 @@ def roll_back(why: str) -> Decision:
         number=_next_number(),
         at=utc_now(),
         verdict=ROLLED_BACK,
-        reasons=(f"from {replaced.shelf} to {restored.shelf}: {why}",),
+        reasons=(f"from {replaced.current_model} to {restored.current_model}: {why}",),
         model=replaced.model,
-        shelf=restored.shelf,
+        current_model=restored.current_model,
         experiment=restored.experiment,
         test_reactions=restored.test_reactions,
         metrics=restored.metrics,
@@ -162,8 +162,11 @@ def repair_promotion() -> None:
     decisions, broken = read_decisions(DECISIONS)
     for fault in broken:
         fault.file.replace(fault.file.with_suffix(".broken"))
-    if decisions and decisions[-1].shelf not in (0, promotion.current_model(PROMOTED_MODELS)):
-        promotion.set_current_model(PROMOTED_MODELS, decisions[-1].shelf)
+    if decisions and decisions[-1].current_model not in (
+        0,
+        promotion.current_model(PROMOTED_MODELS),
+    ):
+        promotion.set_current_model(PROMOTED_MODELS, decisions[-1].current_model)
     if decisions:
         write_table(DECISIONS)
 
@@ -173,8 +176,8 @@ def _verdict(
 ) -> tuple[str, list[str]]:
     withdrawn = _withdrawn(decisions)
     if candidate.model in withdrawn:
-        return HELD, [f"these weights were rolled back on {withdrawn[candidate.model].at}"]
-    current = {d.shelf: d for d in decisions if d.verdict == PROMOTED}.get(current_number)
+        return REJECTED, [f"these weights were rolled back on {withdrawn[candidate.model].at}"]
+    current = {d.current_model: d for d in decisions if d.verdict == PROMOTED}.get(current_number)
     if current is not None and current.model == candidate.model:
         return UNCHANGED, []
     same = current is not None and current.experiment == candidate.experiment
@@ -182,7 +185,7 @@ def _verdict(
         _read_json(PROMOTED_MODELS / promotion.CURRENT_LINK / METRICS)["pacmo"] if same else None
     )
     reasons = check_gate(candidate.tables, tables, gate)
-    return (HELD if reasons else PROMOTED), reasons
+    return (REJECTED if reasons else PROMOTED), reasons
 
 
 def _next_number() -> int:
@@ -201,8 +204,8 @@ def _compared_metrics(candidate: Candidate, gate: Gate) -> dict[str, dict[str, f
 
 def _write(decision: Decision) -> Decision:
     add_decision(DECISIONS, decision)
-    if decision.shelf:
-        promotion.set_current_model(PROMOTED_MODELS, decision.shelf)
+    if decision.current_model:
+        promotion.set_current_model(PROMOTED_MODELS, decision.current_model)
     write_history_page(HISTORY_PAGE, read_decisions(DECISIONS)[0])
     return decision
 
@@ -236,6 +239,6 @@ def metrics_over_time(decisions: list[Decision]) -> Curve | None:
 def history_rows(decisions: list[Decision]) -> list[Row]:
     """Return table rows of the decisions, the last one first."""
     return [
-        Row(d.number, d.at, d.experiment, d.verdict, d.reasons, d.model[:12], d.shelf)
+        Row(d.number, d.at, d.experiment, d.verdict, d.reasons, d.model[:12], d.current_model)
         for d in reversed(decisions)
     ]

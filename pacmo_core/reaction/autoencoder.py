@@ -19,7 +19,7 @@ from pacmo_core.operators.uno import (
     u_shape_channels,
     uno_config_from_dict,
 )
-from pacmo_core.reaction.data import MotionPairs, both_directions, sample_motion_pairs
+from pacmo_core.reaction.data import MotionPairs, expand_directions, sample_motion_pairs
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import AutoencoderSettings
 from pacmo_core.training.loop import TrainingLoop
@@ -129,10 +129,10 @@ def build_training(
     ``validation`` is the loss on either side of the held-out clips.
     """
     random = torch.Generator().manual_seed(settings.random_seed)
-    pairs = sample_motion_pairs(both_directions(clips, swap=settings.swap), settings.n_points).to(
-        device
-    )
-    held_out = both_directions(validation, swap=True)
+    pairs = sample_motion_pairs(
+        expand_directions(clips, both=settings.both_directions), settings.n_points
+    ).to(device)
+    held_out = expand_directions(validation, both=True)
     held_out_pairs = (
         sample_motion_pairs(held_out, settings.n_points).to(device) if held_out else None
     )
@@ -175,7 +175,7 @@ def autoencoder_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor
 
 def _autoencoder_config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderConfig:
     channels = list(u_shape_channels(settings.width))
-    channels[BOTTLENECK_LAYER - 1] = settings.bottleneck
+    channels[BOTTLENECK_LAYER - 1] = settings.bottleneck_channels
     both = 6 * len(skeleton.joints)
     uno = UnoConfig(
         in_channels=both + 3,

@@ -21,8 +21,8 @@ from pacmo_core.operators.uno import u_shape_config
 from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
-    both_directions,
     check_common_skeleton,
+    expand_directions,
     sample_motion_pairs,
 )
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
@@ -118,9 +118,9 @@ def build_gru_training(
     """
     check_common_skeleton([*clips, *validation])
     random = torch.Generator().manual_seed(settings.random_seed)
-    sides = both_directions(clips, swap=settings.swap)
+    sides = expand_directions(clips, both=settings.both_directions)
     frames = sample_frames(sides, settings.fps, device)
-    held_out = sample_frames(both_directions(validation, swap=True), settings.fps, device)
+    held_out = sample_frames(expand_directions(validation, both=True), settings.fps, device)
     config = GruConfig(clips[0].skeleton, settings.fps, settings.hidden, settings.n_layers)
     model = Gru(config)
     initialise_weights(model, random)
@@ -170,15 +170,15 @@ def build_regression_training(
     ``validation`` is the loss on either side of the held-out clips.
     """
     random = torch.Generator().manual_seed(settings.random_seed)
-    pairs = sample_motion_pairs(both_directions(clips, swap=settings.swap), settings.n_points).to(
-        device
-    )
-    sides = both_directions(validation, swap=True)
+    pairs = sample_motion_pairs(
+        expand_directions(clips, both=settings.both_directions), settings.n_points
+    ).to(device)
+    sides = expand_directions(validation, both=True)
     held_out = sample_motion_pairs(sides, settings.n_points).to(device) if sides else None
     model = Generator(_regression_config(clips[0].skeleton, settings))
     initialise_weights(model, random)
     model.to(device).normalisation.measure(pairs)
-    augment = RandomAugmentation(settings.augment, model.skeleton, settings.n_points)
+    augment = RandomAugmentation(settings.augmentation, model.skeleton, settings.n_points)
     training = SupervisedTrainer(
         model,
         len(pairs),

@@ -102,9 +102,9 @@ def sample_motion_pairs(
     )
 
 
-def both_directions(interactions: Sequence[Interaction], *, swap: bool) -> list[Interaction]:
-    """List the interactions and, if asked, each with its people exchanged (PaCMO, 3.1)."""
-    return [*interactions, *(i.swapped() for i in interactions if swap)]
+def expand_directions(interactions: Sequence[Interaction], *, both: bool) -> list[Interaction]:
+    """List interactions and, if ``both``, each again with its people exchanged (PaCMO, 3.1)."""
+    return [*interactions, *(i.swapped() for i in interactions if both)]
 
 
 def check_common_skeleton(interactions: Sequence[Interaction]) -> None:
@@ -183,13 +183,13 @@ class RandomAugmentation:
         self.settings = settings
         swapped = dict(skeleton.left_right) | {right: left for left, right in skeleton.left_right}
         self.mirrored = torch.tensor([swapped.get(i, i) for i in range(len(skeleton.joints))])
-        least = max(4, round(settings.least_rate * n_points))
+        least = max(4, round(settings.min_rate * n_points))
         self.resamplings = [frame_rate_matrix(n_points, n) for n in range(least, n_points)]
 
     def __call__(self, pairs: MotionPairs, random: torch.Generator) -> MotionPairs:
         """Draw anew for each interaction; the frame rate for the batch."""
         place = random_transforms(len(pairs), self.settings, random).to(pairs.partner.device)
-        mirror = torch.rand(len(pairs), generator=random) < self.settings.mirror
+        mirror = torch.rand(len(pairs), generator=random) < self.settings.mirror_probability
         partner, reaction = (
             self._seen(motion, mirror.to(motion.device), place)
             for motion in (pairs.partner, pairs.reaction)
@@ -209,8 +209,8 @@ class RandomAugmentation:
 
 def random_transforms(n: int, settings: AugmentationSettings, random: torch.Generator) -> Tensor:
     """Draw ``(n, 3, 3)`` turns about the vertical, each times a size, for rows from the right."""
-    angle = settings.turn * torch.randn(n, generator=random)
-    size = (settings.size * torch.randn(n, generator=random)).exp()
+    angle = settings.rotation_spread * torch.randn(n, generator=random)
+    size = (settings.size_spread * torch.randn(n, generator=random)).exp()
     cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros(n), torch.ones(n)
     rows = [[cos, zero, -sin], [zero, one, zero], [sin, zero, cos]]
     return size[:, None, None] * torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)

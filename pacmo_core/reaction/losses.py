@@ -134,26 +134,32 @@ class WganLosses:
         )
         distance = real.mean() - made.mean()  # eq. 1
         penalty = (norms - 1).square().mean()  # eq. 2
-        loss = self.settings.penalty_weight * penalty - distance
-        return loss, {"distance": distance, "penalty": penalty, "gradient_norm": norms.mean()}
+        loss = self.settings.gradient_penalty_weight * penalty - distance
+        return loss, {
+            "wasserstein_distance": distance,
+            "gradient_penalty": penalty,
+            "gradient_norm": norms.mean(),
+        }
 
     def of_generator(self, batch: WganBatch, *, judged: bool) -> LossAndTerms:
         """Weigh the energy score and the penalties on bones against the critic's judgement."""
         settings = self.settings
         reactions = self.reactions(batch)
         made, every = self.generator.normalisation.reaction(reactions), reactions.flatten(0, 1)
-        terms = {"symmetry": self.symmetry(every, self.weights)}
-        loss = settings.symmetry_weight * terms["symmetry"]
+        terms = {"bone_symmetry": self.symmetry(every, self.weights)}
+        loss = settings.bone_symmetry_weight * terms["bone_symmetry"]
         if judged:
-            terms["judged"] = self._judge(made, batch.real).mean()
-            loss = loss - terms["judged"]
-        if settings.score_weight:
+            terms["critic_score"] = self._judge(made, batch.real).mean()
+            loss = loss - terms["critic_score"]
+        if settings.energy_score_weight:
             u, _ = self._normalised(batch.real)
-            terms["score"] = self.energy_score(made, u, self.weights, settings.score_spread).mean()
-            loss = loss + settings.score_weight * terms["score"]
-        if settings.bone_weight:
-            terms["bones"] = self.constant_bones(every, self.weights)
-            loss = loss + settings.bone_weight * terms["bones"]
+            terms["energy_score"] = self.energy_score(
+                made, u, self.weights, settings.energy_score_spread
+            ).mean()
+            loss = loss + settings.energy_score_weight * terms["energy_score"]
+        if settings.bone_length_weight:
+            terms["bone_length_variance"] = self.constant_bones(every, self.weights)
+            loss = loss + settings.bone_length_weight * terms["bone_length_variance"]
         return loss, terms
 
     def reactions(self, batch: WganBatch) -> Tensor:

@@ -22,8 +22,8 @@ from pacmo_core.operators.spectral import initialise_weights, interpolation_matr
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
 from pacmo_core.reaction.data import (
     MotionPairs,
-    both_directions,
     check_common_skeleton,
+    expand_directions,
     mirror_interaction,
     sample_motion_pairs,
 )
@@ -121,7 +121,7 @@ def build_training(
 
     def loss(rows: Tensor) -> Tensor:
         rows = rows.to(device)
-        return model.loss(_offset_joints(pairs[rows], settings.noise, random), codes[rows])
+        return model.loss(_offset_joints(pairs[rows], settings.joint_noise, random), codes[rows])
 
     judge = None if held_out is None else lambda: model.loss(*held_out)
     training = SupervisedTrainer(model, len(pairs), loss, judge, settings, random)
@@ -154,7 +154,7 @@ def _matcher_config(skeleton: Skeleton, settings: MatcherSettings) -> MatcherCon
     width = settings.width
     uno = UnoConfig(
         in_channels=3 * len(skeleton.joints) + 3,
-        out_channels=settings.embedding,
+        out_channels=settings.embedding_channels,
         lifting=width,
         channels=(width, width, width),
         modes=tuple(settings.modes),
@@ -171,7 +171,7 @@ def _all_views(
 ) -> tuple[MotionPairs, Tensor]:
     """Encode each clip from either person and, if asked, mirrored; with the clip of each."""
     check_common_skeleton(clips)
-    views = both_directions(clips, swap=True)
+    views = expand_directions(clips, both=True)
     if settings.mirror:
         views += [mirror_interaction(view) for view in views]
     codes = torch.arange(len(clips), device=device).repeat(len(views) // len(clips))

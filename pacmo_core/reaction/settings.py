@@ -1,6 +1,19 @@
-"""What ``params.yaml`` says about training: one class a section, key for key."""
+"""Settings of the trainings: a dataclass for each section of ``params.yaml``, key for key.
+
+Settings that contradict each other are refused here, in one line, before any data are read.
+"""
 
 from dataclasses import dataclass
+from typing import Any
+
+# Numbers of every training that are at least 1.
+LOOP_COUNTS = (
+    "n_epochs",
+    "validate_every",
+    "checkpoint_every",
+    "halve_learning_rate_every",
+    "batch_size",
+)
 
 
 @dataclass(frozen=True)
@@ -8,19 +21,22 @@ class AutoencoderSettings:
     """The ``train_autoencoder`` section."""
 
     random_seed: int
-    device: str  # cpu, cuda or auto: cuda where there is one
+    device: str  # cpu, cuda, or auto: cuda where available
     n_points: int  # grid on [0, 1]; period * (n_points - 1) is the latent grid
     period: float  # of the latent grid, longer than 1
     width: int  # channels of the lifted function
-    bottleneck: int  # channels of the feature functions
+    bottleneck_channels: int  # channels of the feature functions
     modes: list[int]  # of the seven layers
     learning_rate: float
-    halve_every: int  # epochs
+    halve_learning_rate_every: int  # epochs
     batch_size: int
     n_epochs: int
-    validate_every: int  # epochs; the weights that score best are handed over
+    validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
-    swap: bool  # show each interaction from both sides
+    both_directions: bool  # train on each interaction with either person as the partner
+
+    def __post_init__(self) -> None:
+        check_positive(self, *LOOP_COUNTS)
 
 
 @dataclass(frozen=True)
@@ -28,22 +44,25 @@ class GruSettings:
     """The ``train_gru`` section."""
 
     random_seed: int
-    device: str  # cpu, cuda or auto: cuda where there is one
-    fps: float  # the one rate at which the recurrence runs
+    device: str  # cpu, cuda, or auto: cuda where available
+    fps: float  # frame rate of the recurrent network
     hidden: int
     n_layers: int
     learning_rate: float
-    halve_every: int  # epochs
+    halve_learning_rate_every: int  # epochs
     batch_size: int
     n_epochs: int
-    validate_every: int  # epochs; the weights that score best are handed over
+    validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
-    swap: bool
+    both_directions: bool
+
+    def __post_init__(self) -> None:
+        check_positive(self, *LOOP_COUNTS)
 
 
 @dataclass(frozen=True)
 class AdamSettings:
-    """How Adam moves one of two networks."""
+    """Learning rate and moment decay rates (beta 1, beta 2) of Adam for one network."""
 
     learning_rate: float
     betas: tuple[float, float]
@@ -51,26 +70,31 @@ class AdamSettings:
 
 @dataclass(frozen=True)
 class AugmentationSettings:
-    """How captures are changed on their way into a batch; see ``augment.Augment``.
+    """Random augmentation of training pairs; see ``data.RandomAugmentation``.
 
     Parameters
     ----------
-    mirror : share of interactions shown as their mirror image
-    size : standard deviation of the logarithm of both people's size
-    turn : standard deviation of the turn of the partner's frame, radians
-    least_rate : share of the grid's points, from which up the partner's frame rate is drawn
+    mirror_probability : of showing an interaction as its mirror image
+    size_spread : standard deviation of the logarithm of both people's size
+    rotation_spread : standard deviation of a rotation about the vertical axis, radians
+    min_rate : lowest frame rate of the partner, as a share of the grid's points
     """
 
-    mirror: float
-    size: float
-    turn: float
-    least_rate: float
+    mirror_probability: float
+    size_spread: float
+    rotation_spread: float
+    min_rate: float
 
     def __post_init__(self) -> None:
-        if not (0 <= self.mirror <= 1 and self.size >= 0 and self.turn >= 0):
-            raise ValueError(f"mirror must lie in [0, 1], size and turn not below 0; got {self}")
-        if not 0 < self.least_rate <= 1:
-            raise ValueError(f"least_rate must lie in (0, 1]; got {self.least_rate}")
+        if not 0 <= self.mirror_probability <= 1:
+            raise ValueError(f"mirror_probability must be in [0, 1]; got {self.mirror_probability}")
+        if self.size_spread < 0 or self.rotation_spread < 0:
+            raise ValueError(
+                "size_spread and rotation_spread must be at least 0; "
+                f"got {self.size_spread} and {self.rotation_spread}"
+            )
+        if not 0 < self.min_rate <= 1:
+            raise ValueError(f"min_rate must be in (0, 1]; got {self.min_rate}")
 
 
 @dataclass(frozen=True)
@@ -78,19 +102,22 @@ class RegressionSettings:
     """The ``train_regression`` section."""
 
     random_seed: int
-    device: str  # cpu, cuda or auto: cuda where there is one
+    device: str  # cpu, cuda, or auto: cuda where available
     n_points: int
     period: float
     width: int
     modes: list[int]
     learning_rate: float
-    halve_every: int  # epochs
+    halve_learning_rate_every: int  # epochs
     batch_size: int
     n_epochs: int
-    validate_every: int  # epochs; the weights that score best are handed over
+    validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
-    swap: bool
-    augment: AugmentationSettings
+    both_directions: bool
+    augmentation: AugmentationSettings
+
+    def __post_init__(self) -> None:
+        check_positive(self, *LOOP_COUNTS)
 
 
 @dataclass(frozen=True)
@@ -98,7 +125,7 @@ class PacmoSettings:
     """The ``train_pacmo`` section."""
 
     random_seed: int
-    device: str  # cpu, cuda or auto: cuda where there is one
+    device: str  # cpu, cuda, or auto: cuda where available
     n_points: int
     period: float
     width: int
@@ -108,40 +135,48 @@ class PacmoSettings:
     noise_alpha: float
     noise_tau: float
     functional_hidden: int  # units of the critic's kernel network
-    body_distances: bool  # show the critic the distances from body to body
-    action_channels: int  # of functions of the action's label; 0: the partner is all it is told
+    body_distances: bool  # give the critic the distances between end effectors of the two bodies
+    action_channels: int  # of the action label's embedding; 0: the partner is the only condition
     generator: AdamSettings
     critic: AdamSettings
-    halve_every: int  # epochs
+    halve_learning_rate_every: int  # epochs
     batch_size: int
-    n_epochs: int  # in each the critic sees about as many pairs as there are
-    validate_every: int  # epochs; the weights that score best are handed over
+    n_epochs: int  # in each the critic is trained on about as many pairs as there are
+    validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
-    validate_from: int  # epochs; earlier weights are not handed over
-    validation_samples: int  # reactions to a held-out partner, for the energy score
-    n_critic: int  # steps of the critic for each of the generator's
-    penalty_weight: float  # of the gradient penalty (PaCMO, eq. 2)
-    warmup_epochs: int  # in which the generator follows the energy score alone
-    score_weight: float  # of the energy score; 0 is the paper's plain form
-    score_spread: float  # share of its term for spread; below 1 reactions are truer, less varied
-    symmetry_weight: float  # of the squared difference of mirror bones, 1 / m^2
-    bone_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off
-    ema: float  # share of the running mean that stays each step
-    swap: bool
-    augment: AugmentationSettings
+    validate_from: int  # epochs; no weights of earlier epochs are selected
+    validation_samples: int  # reactions to each validation partner, for the energy score
+    n_critic: int  # critic steps for each generator step
+    gradient_penalty_weight: float  # lambda of the gradient penalty (PaCMO, eq. 2)
+    warmup_epochs: int  # in which the generator is trained on the energy score, without the critic
+    energy_score_weight: float  # of the energy score in the generator's loss; 0 in the paper
+    energy_score_spread: float  # factor of its spread term; below 1: less error, less diversity
+    bone_symmetry_weight: float  # of the squared length difference of mirrored bones, 1 / m^2
+    bone_length_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off
+    ema_decay: float  # of the exponential moving average of the weights, a step
+    both_directions: bool
+    augmentation: AugmentationSettings
     mixed_precision: bool  # bfloat16 in the networks, on a GPU only
     compile_generator: bool  # on a GPU only
 
     def __post_init__(self) -> None:
-        if self.warmup_epochs and not self.score_weight:
+        check_positive(self, *LOOP_COUNTS, "n_critic")
+        if not 0 <= self.validate_from < self.n_epochs:
             raise ValueError(
-                f"warmup_epochs {self.warmup_epochs} want a score_weight: "
-                "without it the generator has nothing to follow"
+                "validate_from must be at least 0 and less than n_epochs: weights are selected in "
+                f"the epochs after it; got validate_from {self.validate_from}, "
+                f"n_epochs {self.n_epochs}"
             )
-        if not 0 <= self.warmup_epochs <= self.validate_from < self.n_epochs:
+        if not 0 <= self.warmup_epochs <= self.validate_from:
             raise ValueError(
-                "wanted 0 <= warmup_epochs <= validate_from < n_epochs; "
-                f"got {self.warmup_epochs}, {self.validate_from}, {self.n_epochs}"
+                "warmup_epochs must be at least 0 and at most validate_from; got warmup_epochs "
+                f"{self.warmup_epochs}, validate_from {self.validate_from}"
+            )
+        if self.warmup_epochs and not self.energy_score_weight:
+            raise ValueError(
+                "warmup_epochs above 0 want an energy_score_weight above 0: the generator has no "
+                f"other loss on reactions; got warmup_epochs {self.warmup_epochs}, "
+                f"energy_score_weight {self.energy_score_weight}"
             )
 
 
@@ -150,19 +185,35 @@ class MatcherSettings:
     """The ``train_matcher`` section."""
 
     random_seed: int
-    device: str  # cpu, cuda or auto: cuda where there is one
+    device: str  # cpu, cuda, or auto: cuda where available
     n_points: int  # grid on [0, 1]
     period: float
     width: int
     modes: list[int]  # of the three layers
-    embedding: int  # channels of the functions that are compared
+    embedding_channels: int  # channels of the functions that are compared
     n_instants: int  # at which they are
-    temperature: float  # of the choice: small is sharp
-    noise: float  # metres, whole bodies moved at random while training
+    temperature: float  # of the softmax: smaller is sharper
+    joint_noise: float  # metres, standard deviation of a constant offset of each joint
     learning_rate: float
-    halve_every: int  # epochs
+    halve_learning_rate_every: int  # epochs
     batch_size: int
     n_epochs: int
-    validate_every: int  # epochs; the weights that score best are handed over
+    validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
-    mirror: bool  # show each interaction mirrored too
+    mirror: bool  # add the mirror image of each interaction
+
+    def __post_init__(self) -> None:
+        check_positive(self, *LOOP_COUNTS)
+
+
+def check_positive(settings: Any, *names: str) -> None:
+    """Refuse counts below 1.
+
+    Raises
+    ------
+    ValueError
+        Naming the first of ``names`` that is below 1, and its value.
+    """
+    for name in names:
+        if getattr(settings, name) < 1:
+            raise ValueError(f"{name} must be at least 1; got {getattr(settings, name)}")

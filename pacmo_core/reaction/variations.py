@@ -6,6 +6,7 @@ images as a training of the same seed without variations, so that the two can be
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.reaction.data import MotionPairs, both_directions, sample_motion_pairs
+from pacmo_core.reaction import wgan
+from pacmo_core.reaction.data import MotionPairs, expand_directions, sample_motion_pairs
 from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.settings import PacmoSettings
 from pacmo_core.reaction.wgan import WganTrainer
 from pacmo_core.training.loop import TrainingLoop
 
@@ -47,6 +50,24 @@ class TrainingVariations:
             )
         if not 0 <= self.share <= 1:
             raise ValueError(f"share must lie in [0, 1]; got {self.share}")
+
+
+def build_training(
+    clips: Sequence[Interaction],
+    settings: PacmoSettings,
+    *,
+    variations: TrainingVariations,
+    **options: Any,
+) -> TrainingLoop[Generator]:
+    """Build the training of ``wgan.build_training`` on clips and their variations.
+
+    Parameters
+    ----------
+    clips, settings : as there
+    variations : of the clips
+    options : as there
+    """
+    return add_variations(wgan.build_training(clips, settings, **options), variations)
 
 
 def add_variations(
@@ -90,10 +111,10 @@ class AugmentedWganTrainer:
 
     def __init__(self, training: WganTrainer, variations: TrainingVariations) -> None:
         settings, own = training.settings, training.pairs
-        n_clips = len(own) // (2 if settings.swap else 1)
+        n_clips = len(own) // (2 if settings.both_directions else 1)
         if not 0 <= min(variations.sources) <= max(variations.sources) < n_clips:
             raise ValueError(f"sources must be numbers of {n_clips} clips; {variations.sources}")
-        sides = both_directions(variations.interactions, swap=settings.swap)
+        sides = expand_directions(variations.interactions, both=settings.both_directions)
         # Clips' own pairs, and so their variations', come in the order of the clips, then again
         # with the people exchanged.
         sources = np.concatenate(

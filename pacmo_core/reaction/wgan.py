@@ -15,7 +15,7 @@ from pacmo_core.reaction.critic import Critic, CriticInputs, end_effectors
 from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
-    both_directions,
+    expand_directions,
     sample_motion_pairs,
 )
 from pacmo_core.reaction.energy_score import mean_energy_score
@@ -76,7 +76,9 @@ class WganTrainer:
         self.mean = ema_copy(generator)
         self.looked_at = not settings.validate_from
         self.objectives = WganLosses(generator, critic, settings)
-        self.augment = RandomAugmentation(settings.augment, generator.skeleton, settings.n_points)
+        self.augment = RandomAugmentation(
+            settings.augmentation, generator.skeleton, settings.n_points
+        )
         self.adam_generator = _build_adam(generator, settings.generator)
         self.adam_critic = _build_adam(critic, settings.critic)
 
@@ -96,7 +98,7 @@ class WganTrainer:
         In the first ``warmup_epochs`` the generator follows its score and penalties alone: it is
         then near enough to the data for a fresh critic to tell it something.
         """
-        settings, every = self.settings, self.settings.halve_every
+        settings, every = self.settings, self.settings.halve_learning_rate_every
         set_learning_rate(
             self.adam_generator, settings.generator.learning_rate, epoch=number, every=every
         )
@@ -124,7 +126,7 @@ class WganTrainer:
         moved = self._descend(
             self.adam_generator, self.objectives.of_generator(batch, judged=judged)
         )
-        update_ema(self.mean, self.generator, self.settings.ema)
+        update_ema(self.mean, self.generator, self.settings.ema_decay)
         return moved
 
     def score(self) -> Tensor | None:
@@ -170,7 +172,7 @@ class WganTrainer:
         rows = torch.randint(len(self.pairs), (n,), generator=self.random)
         real = self.augment(self.pairs[rows.to(device)], self.random)
         # The critic judges one reaction to a partner; an energy score wants two.
-        n_samples = 2 if self.settings.score_weight and not mixed else 1
+        n_samples = 2 if self.settings.energy_score_weight and not mixed else 1
         noise = torch.stack([self.generator.draw(n, self.random) for _ in range(n_samples)])
         mixing = torch.rand(n, 1, 1, generator=self.random) if mixed else torch.zeros(n, 1, 1)
         return WganBatch(
@@ -181,7 +183,7 @@ class WganTrainer:
         loss, terms = of_rows
         # Averaged first, so that all processes stop at a loss that is no number.
         whole = self.processes.mean(list(terms.values()), self.batch_size)
-        values = check_finite(dict(zip(terms, whole, strict=True)), "adversarial")
+        values = check_finite(dict(zip(terms, whole, strict=True)), "wgan")
         parameters = adam.param_groups[0]["params"]
         gradients = self.processes.mean(torch.autograd.grad(loss, parameters), self.batch_size)
         for parameter, gradient in zip(parameters, gradients, strict=True):
@@ -199,67 +201,66 @@ def build_training(
     clips: Sequence[Interaction],
     settings: PacmoSettings,
     *,
-    labels: Sequence[str] = (),
+    actions: Sequence[str] = (),
     validation: Sequence[Interaction] = (),
-    validation_labels: Sequence[str] = (),
+    validation_actions: Sequence[str] = (),
     device: str = "cpu",
 ) -> TrainingLoop[Generator]:
-    """Train adversarially; the model is the running mean with the best energy score.
+    """Build generator, critic and the loop that trains them.
 
-    An epoch yields ``distance`` (eq. 1's estimate), ``penalty``, ``gradient_norm``, ``judged``,
-    ``symmetry`` and, if weighed, ``score`` and ``bones`` (m^2); ``validation`` is the energy score
-    on either side of the held-out clips. In a group of processes each takes its share of every
-    batch.
+    The model is the exponential moving average with the best energy score on the validation
+    clips, in both directions. An epoch yields ``wasserstein_distance`` (the estimate of eq. 1),
+    ``gradient_penalty``, ``gradient_norm``, ``critic_score``, ``bone_symmetry`` and, where their
+    weights are not 0, ``energy_score`` and ``bone_length_variance`` (m^2). In a group of processes
+    each computes a part of every batch.
 
     Parameters
     ----------
     clips, validation : interactions
     settings : PacmoSettings
-    labels, validation_labels : the action of each, a condition if ``action_channels`` is not 0
+    actions, validation_actions : label of each clip, a condition if ``action_channels`` is not 0
     device : of torch
 
     Raises
     ------
     ValueError
-        If labels are wanted and not one a clip, or a held-out one was never trained on.
+        If ``action_channels`` is not 0 and the labels are not one a clip, or a validation label is
+        no training label.
     """
-    actions = tuple(sorted(set(labels))) if settings.action_channels else ()
-    if settings.action_channels and (len(labels), len(validation_labels)) != (
+    if settings.action_channels and (len(actions), len(validation_actions)) != (
         len(clips),
         len(validation),
     ):
         raise ValueError(
             f"action_channels want a label a clip: {len(clips)} and {len(validation)}; "
-            f"got {len(labels)} and {len(validation_labels)}"
+            f"got {len(actions)} and {len(validation_actions)}"
         )
+    known = tuple(sorted(set(actions))) if settings.action_channels else ()
     random = torch.Generator().manual_seed(settings.random_seed)
-    pairs = _motion_pairs(clips, labels, actions, settings, swap=settings.swap).to(device)
-    held_out = (
-        _motion_pairs(validation, validation_labels, actions, settings, swap=True).to(device)
+    pairs = _motion_pairs(clips, actions, known, settings, both=settings.both_directions)
+    validation_pairs = (
+        _motion_pairs(validation, validation_actions, known, settings, both=True).to(device)
         if validation
         else None
     )
-    generator = Generator(_generator_config(clips[0].skeleton, actions, settings))
+    generator = Generator(_generator_config(clips[0].skeleton, known, settings))
     critic = _build_critic(generator, settings)
-    training = WganTrainer(generator, critic, pairs, held_out, settings, random)
-    return TrainingLoop(
-        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
-    )
+    trainer = WganTrainer(generator, critic, pairs.to(device), validation_pairs, settings, random)
+    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def _motion_pairs(
     clips: Sequence[Interaction],
-    labels: Sequence[str],
-    actions: tuple[str, ...],
+    actions: Sequence[str],
+    known: tuple[str, ...],
     settings: PacmoSettings,
     *,
-    swap: bool,
+    both: bool,
 ) -> MotionPairs:
-    sides = both_directions(clips, swap=swap)
-    numbers = (
-        action_indices(labels, actions) if actions else torch.zeros(len(clips), dtype=torch.long)
-    )
-    return sample_motion_pairs(sides, settings.n_points, numbers.repeat(len(sides) // len(clips)))
+    directions = expand_directions(clips, both=both)
+    indices = action_indices(actions, known) if known else torch.zeros(len(clips), dtype=torch.long)
+    repeated = indices.repeat(len(directions) // len(clips))
+    return sample_motion_pairs(directions, settings.n_points, repeated)
 
 
 def _generator_config(

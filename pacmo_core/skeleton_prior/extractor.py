@@ -34,7 +34,7 @@ class ExtractorSettings:
     hidden, features : channels of the widest layer, and of the code
     frames : that it sees, spread evenly over a motion of any length
     instants : at which the decoder gives the motion back
-    learning_rate, halve_every, batch_size, n_epochs : of the descent
+    learning_rate, halve_learning_rate_every, batch_size, n_epochs : of the descent
     """
 
     random_seed: int
@@ -43,7 +43,7 @@ class ExtractorSettings:
     frames: int
     instants: int
     learning_rate: float
-    halve_every: int
+    halve_learning_rate_every: int
     batch_size: int
     n_epochs: int
 

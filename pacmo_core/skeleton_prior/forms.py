@@ -1,6 +1,5 @@
-"""The models by name: our form, the paper's, and the supplement's four baselines."""
+"""The models by name, as ``pacmo_core.models`` lists them: ours, the paper's, four baselines."""
 
-from collections.abc import Callable
 from typing import TypedDict
 
 from pacmo_core.skeleton_prior.frame_baselines import FrameCnn, FrameGcn
@@ -20,53 +19,45 @@ class Sizes(TypedDict):
     dropout: float
 
 
-def build(config: PriorConfig) -> SkeletonPrior:
-    """Build a model by name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such model.
-    """
-    if config.model not in FORMS:
-        raise ValueError(f"model must be one of {', '.join(FORMS)}; got {config.model!r}")
-    return FORMS[config.model](config)
-
-
-def _kinematic(config: PriorConfig) -> SkeletonPrior:
+def kinematic(config: PriorConfig) -> SkeletonPrior:
+    """Build our model: limb inverse kinematics in the decoder."""
     hidden = max(LEAST_HIDDEN, config.hidden // NARROWER)
     sizes: Sizes = {"hidden": hidden, "dropout": config.dropout}
     first, second = (KinematicCharacter(config.skeleton, config.limbs, **sizes) for _ in range(2))
     return SkeletonPrior(config, (first, second), both_roles=True)
 
 
-def _paper(config: PriorConfig) -> SkeletonPrior:
+def paper(config: PriorConfig) -> SkeletonPrior:
+    """Build the paper's model."""
     sizes: Sizes = {"hidden": config.hidden, "dropout": config.dropout}
     first, second = First(config.skeleton, **sizes), Second(config.skeleton, **sizes)
     return SkeletonPrior(config, (first, second), both_roles=False)
 
 
-def _sized(kind: type[FrameCnn | FrameGcn | MotionCnn]) -> Callable[[PriorConfig], SkeletonPrior]:
-    def built(config: PriorConfig) -> SkeletonPrior:
-        first = kind(config.skeleton, hidden=config.hidden, first=True)
-        second = kind(config.skeleton, hidden=config.hidden, first=False)
-        return SkeletonPrior(config, (first, second), both_roles=False)
-
-    return built
+def _baseline(config: PriorConfig, kind: type[FrameCnn | FrameGcn | MotionCnn]) -> SkeletonPrior:
+    first = kind(config.skeleton, hidden=config.hidden, first=True)
+    second = kind(config.skeleton, hidden=config.hidden, first=False)
+    return SkeletonPrior(config, (first, second), both_roles=False)
 
 
-def _motion_gcn(config: PriorConfig) -> SkeletonPrior:
+def f_cnn(config: PriorConfig) -> SkeletonPrior:
+    """Build F-CNN."""
+    return _baseline(config, FrameCnn)
+
+
+def f_gcn(config: PriorConfig) -> SkeletonPrior:
+    """Build F-GCN."""
+    return _baseline(config, FrameGcn)
+
+
+def m_cnn(config: PriorConfig) -> SkeletonPrior:
+    """Build M-CNN."""
+    return _baseline(config, MotionCnn)
+
+
+def m_gcn(config: PriorConfig) -> SkeletonPrior:
+    """Build M-GCN."""
     sizes: Sizes = {"hidden": config.hidden, "dropout": config.dropout}
     first = MotionGcn(config.skeleton, **sizes, first=True)
     second = MotionGcn(config.skeleton, **sizes, first=False)
     return SkeletonPrior(config, (first, second), both_roles=False)
-
-
-FORMS: dict[str, Callable[[PriorConfig], SkeletonPrior]] = {
-    "kinematic": _kinematic,
-    "paper": _paper,
-    "f_cnn": _sized(FrameCnn),
-    "f_gcn": _sized(FrameGcn),
-    "m_cnn": _sized(MotionCnn),
-    "m_gcn": _motion_gcn,
-}

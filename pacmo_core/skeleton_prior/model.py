@@ -21,7 +21,7 @@ class PriorConfig:
     ----------
     skeleton : of both characters
     limbs : of the skeleton
-    model : a name of ``forms.FORMS``
+    model : the name of a skeleton prior in ``pacmo_core.models``
     hidden : channels of the widest layers; of our form a part of them
     stride : frames from one that the networks see to the next
     fps : of the motions learnt from; of others the networks see frames as far apart in time

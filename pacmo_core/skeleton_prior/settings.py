@@ -12,7 +12,7 @@ class PriorSettings:
     random_seed: int
     device: str  # cpu, cuda or auto: cuda where there is one
     mixed_precision: bool  # factors of products in bfloat16 while learning, where the device has it
-    model: str  # a name of forms.FORMS
+    model: str  # name of a skeleton prior in pacmo_core.models
     hidden: int  # channels of the widest layers; 256 in the paper's size
     stride: int  # frames from one that the networks see to the next; the change is smooth
     window: int  # frames, so far apart, of a row in a batch
@@ -23,7 +23,7 @@ class PriorSettings:
     turn: bool  # show each row from any side
     swap: bool  # let the characters swap roles, where the model knows both bodies
     learning_rate: float
-    halve_every: int  # epochs
+    halve_learning_rate_every: int  # epochs
     batch_size: int
     n_epochs: int
     validate_every: int  # epochs; the weights that score best are handed over

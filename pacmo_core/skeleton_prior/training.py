@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.models import build_skeleton_prior
 from pacmo_core.skeleton_prior.bodies import learn
 from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
-from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.losses import terms, total
@@ -116,7 +116,7 @@ def fit(
     learnt = encode(examples).to(device)
     held_out = encode(validation).to(device) if validation else None
     template = examples[0].template
-    model = build(
+    model = build_skeleton_prior(
         PriorConfig(
             skeleton=template.skeleton,
             limbs=find_limbs(template.skeleton, template.person_a),
@@ -160,6 +160,6 @@ def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Skelet
         "skeleton": Skeleton.from_dict(config["skeleton"]),
         "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
     }
-    model = build(PriorConfig(**{**config, **own}))
+    model = build_skeleton_prior(PriorConfig(**{**config, **own}))
     model.load_state_dict(dict(state))
     return model.eval().requires_grad_(False)

@@ -16,14 +16,14 @@ class DeviceError(ValueError):
 
 
 @contextmanager
-def training_device(device: str, *, threads: int, shares: bool) -> Iterator[str]:
+def training_device(device: str, *, threads: int, multiprocess: bool) -> Iterator[str]:
     """Name the device to train on, its process group open while the block runs.
 
     Parameters
     ----------
     device : cpu, cuda, or auto: cuda where there is one
     threads : of torch; another number rounds otherwise
-    shares : whether the training can share its batches between torchrun's processes
+    multiprocess : whether the training can share its batches between torchrun's processes
 
     Raises
     ------
@@ -38,7 +38,7 @@ def training_device(device: str, *, threads: int, shares: bool) -> Iterator[str]
     if n_processes == 1:
         yield found
         return
-    if not shares:
+    if not multiprocess:
         raise DeviceError(f"this training runs in one process; torchrun started {n_processes}")
     if found == "cuda":
         found = f"cuda:{os.environ['LOCAL_RANK']}"

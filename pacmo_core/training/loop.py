@@ -1,6 +1,6 @@
 """The training loop of every model: epochs, validation, best weights, exact resumption."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -9,9 +9,27 @@ from torch import Tensor, nn
 from pacmo_core.training.state import check_finite, join_tables, model_state, select_table
 
 Model = TypeVar("Model", bound=nn.Module)
+Example = TypeVar("Example")
 Handed = TypeVar("Handed", bound=nn.Module, covariant=True)
 
 VALIDATION = "validation"
+
+
+@dataclass(frozen=True)
+class TrainingData(Generic[Example]):
+    """The training and validation split of a data set, in memory.
+
+    Parameters
+    ----------
+    train, validation : what is trained on, and what weights are selected on; the latter may be
+        empty
+    train_actions, validation_actions : action label of each, if a model is conditioned on labels
+    """
+
+    train: Sequence[Example]
+    validation: Sequence[Example] = ()
+    train_actions: Sequence[str] = ()
+    validation_actions: Sequence[str] = ()
 
 
 class Trainer(Protocol[Handed]):

@@ -25,7 +25,7 @@ class SupervisedSettings(Protocol):
         """Of Adam, in the first epoch."""
 
     @property
-    def halve_every(self) -> int:
+    def halve_learning_rate_every(self) -> int:
         """Epochs."""
 
     @property
@@ -68,7 +68,10 @@ class SupervisedTrainer(Generic[Model]):
         """See every row once; ``loss`` is the mean over the batches."""
         settings = self.settings
         set_learning_rate(
-            self.optimiser, settings.learning_rate, epoch=number, every=settings.halve_every
+            self.optimiser,
+            settings.learning_rate,
+            epoch=number,
+            every=settings.halve_learning_rate_every,
         )
         losses = [
             self._step(rows)

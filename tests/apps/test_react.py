@@ -19,7 +19,7 @@ from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
-from pacmo_core.models import load
+from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.react import react, sample_times
 from pacmo_core.store.motions import stream_motions, write_motions
@@ -35,7 +35,7 @@ CLIP = delayed_mirror(1, np.arange(40) / 15)
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model = wgan.build_training(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
-    write_weights(path, {"kind": "pacmo", "model": model_config(model)}, model_state(model))
+    write_weights(path, {"model": "pacmo", "config": model_config(model)}, model_state(model))
     return path
 
 
@@ -66,7 +66,7 @@ def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
     found = dict(stream_motions(out))
     assert list(found) == ["one#0000", "one#0001", "one#0002"]
 
-    model = load(weights)
+    model = load_reaction_model(weights)
     at = sample_times(CLIP.times, fps=60)
     random = torch.Generator().manual_seed(5)
     samples = react(model, CLIP.person_b, CLIP.times, out_times=at, n_samples=3, random=random)
@@ -121,7 +121,7 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     refused(pacmo(bvh, *words), "unit")
     sbu = tmp_path / "skeleton_pos.txt"
     sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
-    refused(pacmo(sbu, *words), "ending", "sbu")
+    refused(pacmo(sbu, *words), "suffix", "sbu")
     refused(pacmo(sbu, "--format", "sbu", *words), "two people")
 
 

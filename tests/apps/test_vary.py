@@ -10,8 +10,8 @@ from typer.testing import CliRunner, Result
 from apps.cli import app
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.models import build_skeleton_prior
 from pacmo_core.skeleton_prior import training
-from pacmo_core.skeleton_prior.forms import build
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.limbs import find_limbs
 from pacmo_core.skeleton_prior.model import PriorConfig
@@ -27,13 +27,13 @@ __all__ = ["files", "stored"]  # fixtures
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a model with fresh weights."""
     limbs = find_limbs(SBU15, CLIP.person_a)
-    model = build(PriorConfig(SBU15, limbs, "kinematic", 16, 3, CLIP.fps, 0.0))
+    model = build_skeleton_prior(PriorConfig(SBU15, limbs, "kinematic", 16, 3, CLIP.fps, 0.0))
     initialise(model, torch.Generator().manual_seed(0))
     for weight in model.parameters():  # where the network begins at nothing too
         if not weight.any():
             torch.nn.init.constant_(weight, 0.01)
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
-    config = {"kind": "skeleton_prior", "model": training.config(model)}
+    config = {"model": "kinematic", "config": training.config(model)}
     write_weights(path, config, model_state(model))
     return path
 
@@ -95,7 +95,7 @@ def test_what_cannot_be_varied_is_told_in_one_line(
     given = [stored, "--clip", "one", "--weights", weights]
     refused(pacmo(*given[:3], "--weights", stored, "--out", tmp_path), str(stored))
     config, state = read_weights(weights)
-    del config["model"]["fps"]
+    del config["config"]["fps"]
     write_weights(tmp_path / "old.safetensors", config, state)
     old = ["--weights", tmp_path / "old.safetensors"]
     refused(pacmo(*given[:3], *old, "--out", tmp_path), "another version")

@@ -46,7 +46,7 @@ def test_a_steady_walk_has_its_own_figures():
     assert quality.bone_length_variation == pytest.approx(0, abs=1e-6)
     assert quality.max_joint_speed == pytest.approx(0.5, rel=1e-4)
     assert quality.max_body_speed == pytest.approx(0.5, rel=1e-4)
-    assert quality.apart == pytest.approx(1, rel=1e-5)
+    assert quality.person_distance == pytest.approx(1, rel=1e-5)
     check_quality(quality, LIMITS)
 
 
@@ -106,7 +106,7 @@ def test_the_same_dancer_fitted_twice_is_no_pair(noise):
 def test_few_frames_and_uneven_times_are_faults():
     assert of(two(n_frames=9)) == ["9 frames, wanted at least 10"]
     times = np.delete(np.arange(N_FRAMES + 1) / 10, 7)
-    assert "depart from their median by 100%" in of(replace(two(), times=times))[0]
+    assert "deviate from their median by 100%" in of(replace(two(), times=times))[0]
 
 
 def test_a_rate_against_the_files_own_times_is_a_fault():
@@ -125,9 +125,9 @@ def test_bones_without_length_are_left_out_and_a_body_of_none_is_refused():
 def test_an_error_names_all_faults_and_crosses_processes():
     with pytest.raises(QualityError) as caught:
         check_quality(measure_quality(two(apart=0, n_frames=3), contact_distance=0.1), LIMITS)
-    assert len(caught.value.faults) == 2
+    assert len(caught.value.violations) == 2
     rebuilt = copy.copy(caught.value)  # by __reduce__, as between worker processes
-    assert (str(rebuilt), rebuilt.faults) == (str(caught.value), caught.value.faults)
+    assert (str(rebuilt), rebuilt.violations) == (str(caught.value), caught.value.violations)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no published files at {REAL}")

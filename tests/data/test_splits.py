@@ -45,7 +45,7 @@ def test_adding_captures_moves_no_other_clip(method):
     rule = replace(RULE, method=method)
     before = assign_splits(circle(40)[:-50], rule, 1)
     after = assign_splits(circle(40), rule, 1)
-    assert all(after[clip] == side for clip, side in before.items())
+    assert all(after[clip] == split for clip, split in before.items())
 
 
 @pytest.mark.parametrize(
@@ -58,9 +58,9 @@ def test_adding_captures_moves_no_other_clip(method):
 )
 def test_nothing_that_must_stay_together_stands_on_both_sides(method, unit):
     origins = circle(40)
-    sides = assign_splits(origins, replace(RULE, method=method), 1)
-    trained = {u for o in origins if sides[o.clip] in ("train", "validation") for u in unit(o)}
-    tested = {u for o in origins if sides[o.clip] == "test" for u in unit(o)}
+    splits = assign_splits(origins, replace(RULE, method=method), 1)
+    trained = {u for o in origins if splits[o.clip] in ("train", "validation") for u in unit(o)}
+    tested = {u for o in origins if splits[o.clip] == "test" for u in unit(o)}
     assert trained and tested and not trained & tested
 
 
@@ -68,33 +68,33 @@ def test_only_a_split_by_person_drops_clips_and_only_mixed_ones():
     origins = circle(40)
     for method in ("clip", "recording", "pair"):
         assert "dropped" not in assign_splits(origins, replace(RULE, method=method), 1).values()
-    sides = assign_splits(origins, replace(RULE, method="person"), 1)
-    tested = {p for o in origins if sides[o.clip] == "test" for p in o.people}
+    splits = assign_splits(origins, replace(RULE, method="person"), 1)
+    tested = {p for o in origins if splits[o.clip] == "test" for p in o.people}
     for origin in origins:
-        if sides[origin.clip] == "dropped":
+        if splits[origin.clip] == "dropped":
             assert len(set(origin.people) & tested) <= 1
 
 
 def test_shares_are_met_on_average():
     origins = [ClipOrigin(f"c{k}", f"r{k}", ()) for k in range(5000)]
-    sides = list(assign_splits(origins, RULE, 1).values())
-    assert sides.count("test") / 5000 == pytest.approx(0.2, abs=0.02)
-    assert sides.count("validation") / 5000 == pytest.approx(0.08, abs=0.015)
+    splits = list(assign_splits(origins, RULE, 1).values())
+    assert splits.count("test") / 5000 == pytest.approx(0.2, abs=0.02)
+    assert splits.count("validation") / 5000 == pytest.approx(0.08, abs=0.015)
 
 
 def test_what_is_validation_does_not_hang_on_what_is_test():
     origins = [ClipOrigin(f"c{k}", f"r{k}", ()) for k in range(5000)]
-    sides = list(assign_splits(origins, replace(RULE, method="recording"), 1).values())
-    assert sides.count("validation") / sides.count("train") == pytest.approx(0.1 / 0.9, abs=0.02)
+    splits = list(assign_splits(origins, replace(RULE, method="recording"), 1).values())
+    assert splits.count("validation") / splits.count("train") == pytest.approx(0.1 / 0.9, abs=0.02)
 
 
 def test_validation_takes_whole_recordings_or_single_clips_of_them():
     origins = [ClipOrigin(f"c{k}", f"r{k // 10}", ()) for k in range(1000)]
     for unit, parted in (("recording", 0), ("clip", 50)):
         rule = replace(RULE, method="recording", validation_by=unit, validation_share=0.2)
-        sides = assign_splits(origins, rule, 1)
+        splits = assign_splits(origins, rule, 1)
         mixed = [
-            {"train", "validation"} <= {sides[f"c{10 * r + k}"] for k in range(10)}
+            {"train", "validation"} <= {splits[f"c{10 * r + k}"] for k in range(10)}
             for r in range(100)
         ]
         assert bool(parted) == (sum(mixed) > parted)
@@ -129,29 +129,29 @@ def test_listed_pairs_are_tested_in_the_order_that_their_data_set_gives_them():
 def test_of_listed_people_both_are_tested_neither_is_trained_on_and_the_rest_is_dropped():
     rule = replace(RULE, method="listed_people", test_people=(("p0",), ("p1", "p2", "p3")))
     origins = circle(8)
-    sides = assign_splits(origins, rule, 2)
+    splits = assign_splits(origins, rule, 2)
     for origin in origins:
         listed = len({"p1", "p2", "p3"} & {*origin.people})
         wanted = {0: ("train", "validation"), 1: ("dropped",), 2: ("test",)}[listed]
-        assert sides[origin.clip] in wanted
+        assert splits[origin.clip] in wanted
 
 
 @pytest.mark.parametrize("method", ["clip", "recording", "pair"])
 def test_the_folds_of_a_hashed_split_test_everything_once(method):
     origins = circle(40)
     folds = [assign_splits(origins, replace(RULE, method=method), fold) for fold in range(1, 6)]
-    tested = [clip for sides in folds for clip, side in sides.items() if side == "test"]
+    tested = [clip for splits in folds for clip, split in splits.items() if split == "test"]
     assert sorted(tested) == sorted(origin.clip for origin in origins)
 
 
 def test_a_fold_tests_its_own_slice_of_the_hash():
     """As BLAKE2b gives it, written out here anew."""
     origins = [ClipOrigin(f"c{k}", f"r{k}", ()) for k in range(200)]
-    sides = assign_splits(origins, RULE, 3)
+    splits = assign_splits(origins, RULE, 3)
     for origin in origins:
         digest = hashlib.blake2b(f"0\0clip\0{origin.clip}".encode(), digest_size=8).digest()
         tested = 0.4 <= int.from_bytes(digest, "big") / 2**64 < 0.6
-        assert (sides[origin.clip] == "test") == tested
+        assert (splits[origin.clip] == "test") == tested
 
 
 @pytest.mark.parametrize(

@@ -32,14 +32,14 @@ def folds(name):
 def test_by_person_every_fold_leaves_enough_and_no_clip_is_tested_twice():
     people = {origin.clip: {*origin.people} for origin in origins()}
     tested = Counter()
-    for sides in folds("sbu"):
-        sizes = Counter(sides.values())
+    for splits in folds("sbu"):
+        sizes = Counter(splits.values())
         assert sizes["train"] >= 80 and sizes["test"] >= 20 and sizes["validation"]
-        by_side = {side: set() for side in sizes}
-        for clip, side in sides.items():
-            by_side[side] |= people[clip]
+        by_side = {split: set() for split in sizes}
+        for clip, split in splits.items():
+            by_side[split] |= people[clip]
         assert not by_side["test"] & (by_side["train"] | by_side["validation"])
-        tested.update(clip for clip, side in sides.items() if side == "test")
+        tested.update(clip for clip, split in splits.items() if split == "test")
     assert max(tested.values()) == 1
     assert len({Path(clip).parts[0] for clip in tested}) == 15
 
@@ -48,5 +48,5 @@ def test_the_published_folds_test_every_clip_once_and_drop_none():
     found = folds("sbu_pairs")
     assert len(found) == 5
     for clip in found[0]:
-        assert sorted(sides[clip] == "test" for sides in found) == [False] * 4 + [True]
-    assert all("dropped" not in sides.values() for sides in found)
+        assert sorted(splits[clip] == "test" for splits in found) == [False] * 4 + [True]
+    assert all("dropped" not in splits.values() for splits in found)

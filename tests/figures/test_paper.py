@@ -9,7 +9,7 @@ from tests.figures.samples import cell
 
 OURS = {
     row: {column: cell(0.5) for column in PUBLISHED_COLUMNS}
-    for row in ("real", "pacmo", "pacmo_plain", "gru", "oracle")
+    for row in ("real", "pacmo", "pacmo_paper", "gru", "oracle")
 }
 
 
@@ -33,7 +33,7 @@ def test_ours_stand_under_the_papers_and_only_what_there_is():
     assert [label for label, _ in rows(OURS)] == [
         *("Real Motion", "", "PaCMO", "", "", "GRU baseline", "")
     ]
-    few = {row: cells for row, cells in OURS.items() if row != "pacmo_plain"}
+    few = {row: cells for row, cells in OURS.items() if row != "pacmo_paper"}
     assert len(rows(few)) == len(rows(OURS)) - 1
     assert all(meaning.startswith("here") for label, meaning in rows(OURS) if not label)
 

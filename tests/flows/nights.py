@@ -62,12 +62,12 @@ ingest:
     max_bone_length_variation: 0.2
     max_joint_speed: 25
     max_body_speed: 8
-    min_apart: 0.1
+    min_person_distance: 0.1
   contact_distance: 0.1
   stated_fps:
 model: {{f2id: {f2id}}}
 nightly:
-  gate: {{row: pacmo, metrics: [f2id], most_floors: 2.0}}
+  gate: {{row: pacmo, metrics: [f2id], max_noise_floor_ratio: 2.0}}
   least_new: {least_new}
   least_free_gb: 0.0
   stage_hours: 0.1

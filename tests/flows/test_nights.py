@@ -53,7 +53,7 @@ def test_ten_captures_three_of_them_spoilt_lead_to_a_promotion_and_a_worse_model
 
     set_params(project, f2id=0.7)
     second = run_nightly(HAND)
-    assert (second.outcome, second.facts["verdict"]) == ("held", "held")
+    assert (second.outcome, second.facts["verdict"]) == ("held", "rejected")
     assert "F²ID rose to 0.7; current 0.5 (0.4 to 0.6)" in second.reason
     assert CURRENT.read_bytes() == good
 
@@ -201,7 +201,7 @@ def test_a_held_night_has_an_exit_code_of_its_own(project):
     done = run_flow(project, "nightly")
     assert done.returncode == 3, done.stderr
     log = [json.loads(line) for line in Path("history/log.jsonl").read_text().splitlines()]
-    assert log[-1]["verdict"] == "held" and log[-1]["level"] == "info"
+    assert log[-1]["verdict"] == "rejected" and log[-1]["level"] == "info"
 
 
 def test_training_again_is_a_run_of_its_own_and_the_same_model_is_no_news(project):

@@ -19,7 +19,7 @@ from pacmo_core.project.workspace import (
 )
 from pacmo_core.promotion import Gate, read_decisions
 
-GATE = Gate(row="pacmo", metrics=("f2id",), most_floors=2.0)
+GATE = Gate(row="pacmo", metrics=("f2id",), max_noise_floor_ratio=2.0)
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
 CURRENT = PROMOTED_MODELS / "current" / WEIGHTS
 
@@ -46,7 +46,7 @@ def test_a_good_model_becomes_current_with_its_metrics_and_a_worse_one_does_not(
     assert decide_promotion(GATE).verdict == "promoted"
     train(b"two", 0.7)
     held = decide_promotion(GATE)
-    assert (held.verdict, held.shelf, held.test_reactions) == ("held", 1, 12)
+    assert (held.verdict, held.current_model, held.test_reactions) == ("rejected", 1, 12)
     assert held.reasons == ("F²ID rose to 0.7; current 0.5 (0.4 to 0.6)",)
     assert CURRENT.read_bytes() == b"one"
     assert (
@@ -59,7 +59,7 @@ def test_the_same_weights_are_no_new_decision_to_make():
     train(b"one", 0.5)
     decide_promotion(GATE)
     again = decide_promotion(GATE)
-    assert (again.verdict, again.number, again.shelf) == ("unchanged", 2, 1)
+    assert (again.verdict, again.number, again.current_model) == ("unchanged", 2, 1)
 
 
 def test_a_rollback_brings_the_weights_back_and_what_was_withdrawn_stays_out():
@@ -70,10 +70,10 @@ def test_a_rollback_brings_the_weights_back_and_what_was_withdrawn_stays_out():
     assert (back.verdict, back.reasons) == ("rolled back", ("from 2 to 1: it slides",))
     assert CURRENT.read_bytes() == b"one"
     held = decide_promotion(GATE)
-    assert held.verdict == "held" and "were rolled back on" in held.reasons[0]
+    assert held.verdict == "rejected" and "were rolled back on" in held.reasons[0]
     train(b"three", 0.45)
     assert decide_promotion(GATE).verdict == "promoted"
-    assert roll_back("again").shelf == 1  # not to the one withdrawn before
+    assert roll_back("again").current_model == 1  # not to the one withdrawn before
 
 
 def test_there_must_be_one_to_go_back_to():

@@ -15,7 +15,7 @@ from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
-    both_directions,
+    expand_directions,
     frame_rate_matrix,
     random_transforms,
     replace_reaction,
@@ -51,10 +51,10 @@ def test_functions_do_not_change_when_the_world_turns() -> None:
 
 def test_both_sides_hold_each_interaction_and_its_exchange() -> None:
     some = clips(3)
-    sides = both_directions(some, swap=True)
+    sides = expand_directions(some, both=True)
     assert len(sides) == 6
     assert np.array_equal(sides[4].person_b, some[1].person_a)
-    assert both_directions(some, swap=False) == some
+    assert expand_directions(some, both=False) == some
 
 
 def test_bodies_of_different_joints_are_refused() -> None:
@@ -133,7 +133,9 @@ def test_a_dealt_reaction_is_played_over_the_other_partners_duration():
 
 
 PAIRS = sample_motion_pairs(clips(6), 17)
-PLAIN = AugmentationSettings(mirror=0.0, size=0.0, turn=0.0, least_rate=1.0)
+PLAIN = AugmentationSettings(
+    mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
+)
 
 
 def augmented(
@@ -157,30 +159,32 @@ def test_all_zero_changes_nothing() -> None:
 
 
 def test_a_mirror_image_has_left_and_right_exchanged_and_mirrored_again_is_the_original() -> None:
-    once = augmented(replace(PLAIN, mirror=1.0))
+    once = augmented(replace(PLAIN, mirror_probability=1.0))
     left, right = SBU15.indices(["left_hand", "right_hand"])
     expected = as_joints(PAIRS.reaction)[:, :, left] * torch.tensor([-1.0, 1.0, 1.0])
     torch.testing.assert_close(as_joints(once.reaction)[:, :, right], expected)
-    twice = augmented(replace(PLAIN, mirror=1.0), once)
+    twice = augmented(replace(PLAIN, mirror_probability=1.0), once)
     torch.testing.assert_close(twice.partner, PAIRS.partner)
 
 
 def test_a_turn_keeps_heights_and_all_distances_between_the_bodies() -> None:
-    found = augmented(replace(PLAIN, turn=1.0))
+    found = augmented(replace(PLAIN, rotation_spread=1.0))
     assert (found.partner - PAIRS.partner).abs().max() > 0.1
     torch.testing.assert_close(as_joints(found.partner)[..., 1], as_joints(PAIRS.partner)[..., 1])
     torch.testing.assert_close(between(found), between(PAIRS), atol=1e-4, rtol=1e-4)
 
 
 def test_a_size_scales_both_people_alike() -> None:
-    found = augmented(replace(PLAIN, size=0.2))
+    found = augmented(replace(PLAIN, size_spread=0.2))
     ratio = (between(found) / between(PAIRS)).flatten(1)
     torch.testing.assert_close(ratio, ratio[:, :1].expand_as(ratio), atol=1e-3, rtol=1e-3)
     assert ratio[:, 0].std() > 0.05
 
 
 def test_turns_turn_and_do_not_mirror() -> None:
-    place = random_transforms(5, replace(PLAIN, turn=1.0), torch.Generator().manual_seed(0))
+    place = random_transforms(
+        5, replace(PLAIN, rotation_spread=1.0), torch.Generator().manual_seed(0)
+    )
     torch.testing.assert_close(place @ place.mT, torch.eye(3).expand(5, 3, 3))
     torch.testing.assert_close(torch.linalg.det(place), torch.ones(5))
 
@@ -193,7 +197,7 @@ def test_frames_enough_for_a_smooth_function_lose_nothing_and_too_few_do() -> No
 
 
 def test_a_lower_frame_rate_is_the_partners_alone() -> None:
-    found = [augmented(replace(PLAIN, least_rate=0.3), seed=seed) for seed in range(8)]
+    found = [augmented(replace(PLAIN, min_rate=0.3), seed=seed) for seed in range(8)]
     assert all(torch.allclose(pairs.reaction, PAIRS.reaction) for pairs in found)
     changes = [float((pairs.partner - PAIRS.partner).abs().max()) for pairs in found]
     assert max(changes) > 1e-5
@@ -202,8 +206,14 @@ def test_a_lower_frame_rate_is_the_partners_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"mirror": 1.5}, {"size": -0.1}, {"turn": -1.0}, {"least_rate": 0.0}]
+    ("wrong", "message"),
+    [
+        ({"mirror_probability": 1.5}, "mirror_probability must be in"),
+        ({"size_spread": -0.1}, "got -0.1 and 0.0"),
+        ({"rotation_spread": -0.1}, "got 0.0 and -0.1"),
+        ({"min_rate": 0.0}, "min_rate must be in"),
+    ],
 )
-def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="must lie in"):
+def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         replace(PLAIN, **wrong)

@@ -18,13 +18,15 @@ LABELLED = replace(
     PACMO,
     action_channels=2,
     generator=AdamSettings(5e-3, (0.9, 0.99)),
-    score_weight=20.0,
+    energy_score_weight=20.0,
     n_critic=1,
-    ema=0.9,
+    ema_decay=0.9,
     n_epochs=200,
     validate_every=200,
-    swap=False,
-    augment=AugmentationSettings(mirror=0.0, size=0.0, turn=0.0, least_rate=1.0),
+    both_directions=False,
+    augmentation=AugmentationSettings(
+        mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
+    ),
 )
 
 
@@ -41,7 +43,7 @@ def stepping(forwards: bool) -> Interaction:
 def test_the_generator_learns_what_only_the_label_tells() -> None:
     clips = [stepping(i % 2 == 0) for i in range(16)]
     labels = ["forward", "back"] * 8
-    model = wgan.build_training(clips, LABELLED, labels=labels).finish()
+    model = wgan.build_training(clips, LABELLED, actions=labels).finish()
     assert model.config.actions == ("back", "forward")
     pairs = sample_motion_pairs([stepping(forwards=True)], PACMO.n_points)
     noise = model.draw(1, torch.Generator().manual_seed(0))

@@ -106,16 +106,20 @@ def test_reduced_precision_leaves_the_penalty_alone_and_hardly_moves_the_losses(
     assert parts.objectives.reactions(batch).dtype == torch.float32
     assert reduced.item() != whole.item()
     assert reduced.item() == pytest.approx(whole.item(), rel=1e-3)
-    torch.testing.assert_close(terms["penalty"], whole_terms["penalty"], rtol=1e-3, atol=0)
+    torch.testing.assert_close(
+        terms["gradient_penalty"], whole_terms["gradient_penalty"], rtol=1e-3, atol=0
+    )
 
 
 def test_a_weight_on_constant_bones_is_a_term_and_moves_the_loss() -> None:
-    plain, weighed = wgan_trainer(), wgan_trainer(bone_weight=3.0)
+    plain, weighed = wgan_trainer(), wgan_trainer(bone_length_weight=3.0)
     (loss, _), (more, terms) = (
         parts.objectives.of_generator(parts._draw(mixed=False), judged=True)
         for parts in (plain, weighed)
     )
-    assert more.item() == pytest.approx(loss.item() + 3 * terms["bones"].item(), rel=1e-5)
+    assert more.item() == pytest.approx(
+        loss.item() + 3 * terms["bone_length_variance"].item(), rel=1e-5
+    )
 
 
 @pytest.mark.gpu

@@ -11,7 +11,7 @@ import torch
 
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.reaction import autoencoder, baselines, generator, wgan
-from pacmo_core.reaction.data import both_directions, sample_motion_pairs
+from pacmo_core.reaction.data import expand_directions, sample_motion_pairs
 from pacmo_core.reaction.generator import react_on_grid
 from pacmo_core.reaction.settings import AdamSettings
 from pacmo_core.reaction.wgan import WganTrainer
@@ -28,7 +28,7 @@ FITS: dict[str, Callable[[], TrainingLoop[torch.nn.Module]]] = {
         clips(8), replace(REGRESSION, n_epochs=2)
     ),
     "labelled": lambda: wgan.build_training(
-        clips(8), replace(PACMO, action_channels=2), labels=["push", "hug"] * 4
+        clips(8), replace(PACMO, action_channels=2), actions=["push", "hug"] * 4
     ),
 }
 READERS: dict[str, Callable[..., torch.nn.Module]] = {
@@ -90,7 +90,7 @@ def test_the_autoencoder_learns_and_its_features_are_standard_on_training_data()
     fitted = autoencoder.build_training(clips(32), AUTOENCODER, validation=clips(8, first_seed=50))
     terms = list(fitted)
     assert terms[-1]["validation"] < 0.4 * terms[0]["validation"]
-    found = autoencoder.encode_features(fitted.model, both_directions(clips(32), swap=True))
+    found = autoencoder.encode_features(fitted.model, expand_directions(clips(32), both=True))
     assert found.shape == (64, 4, 5)
     np.testing.assert_allclose(found.mean(axis=(0, 2)), 0, atol=1e-5)
     np.testing.assert_allclose(found.std(axis=(0, 2)), 1, atol=1e-2)
@@ -100,7 +100,7 @@ def test_the_autoencoder_learns_and_its_features_are_standard_on_training_data()
 def test_the_baseline_learns() -> None:
     held_out = baselines.sample_frames(clips(8, first_seed=50), GRU.fps, "cpu")
     # From the leading side: the frames seen so far don't tell what the leader will do.
-    fitted = baselines.build_gru_training(clips(32), replace(GRU, swap=False))
+    fitted = baselines.build_gru_training(clips(32), replace(GRU, both_directions=False))
     errors = [fitted.model.loss(held_out, range(8)).item() for _ in fitted]
     assert errors[-1] < 0.4 * errors[0]
 
@@ -135,21 +135,30 @@ def test_in_the_warm_up_the_critic_rests_and_no_weights_are_chosen() -> None:
     )
     curve = iter(fitted)
     warm = [next(curve), next(curve)]
-    assert all(terms.keys() == {"symmetry", "score"} for terms in warm)
+    assert all(terms.keys() == {"bone_symmetry", "energy_score"} for terms in warm)
     assert all(
         torch.equal(critic[name], value) for name, value in model_state(training.critic).items()
     )
     assert not torch.equal(generator["uno.lift.weight"], training.generator.uno.lift.weight)
     terms = list(curve)
-    assert {"distance", "judged", "score", "validation"} <= terms[-1].keys()
+    assert {"wasserstein_distance", "critic_score", "energy_score", "validation"} <= terms[
+        -1
+    ].keys()
     assert not torch.equal(critic["uno.lift.weight"], training.critic.uno.lift.weight)
 
 
-def test_a_warm_up_with_nothing_to_follow_is_refused() -> None:
-    with pytest.raises(ValueError, match="want a score_weight"):
-        replace(PACMO, warmup_epochs=1, score_weight=0.0)
-    with pytest.raises(ValueError, match="got 4, 1, 4"):
+def test_a_warm_up_without_an_energy_score_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"warmup_epochs 1, energy_score_weight 0\.0"):
+        replace(PACMO, warmup_epochs=1, energy_score_weight=0.0)
+    with pytest.raises(ValueError, match="got warmup_epochs 4, validate_from 1"):
         replace(PACMO, warmup_epochs=4)
+
+
+def test_fewer_epochs_than_selection_starts_at_are_refused_with_both_values() -> None:
+    with pytest.raises(ValueError, match="got validate_from 90, n_epochs 5"):
+        replace(PACMO, validate_from=90, n_epochs=5)
+    with pytest.raises(ValueError, match="n_epochs must be at least 1; got 0"):
+        replace(GRU, n_epochs=0)
 
 
 @pytest.mark.slow

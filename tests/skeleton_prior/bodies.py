@@ -102,7 +102,7 @@ def settings(**changes: object) -> PriorSettings:
         "turn": True,
         "swap": True,
         "learning_rate": 1e-3,
-        "halve_every": 10,
+        "halve_learning_rate_every": 10,
         "batch_size": 4,
         "n_epochs": 3,
         "validate_every": 2,

@@ -14,7 +14,7 @@ SETTINGS = ExtractorSettings(
     frames=12,
     instants=3,
     learning_rate=3e-3,
-    halve_every=100,
+    halve_learning_rate_every=100,
     batch_size=4,
     n_epochs=2,
 )

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.skeleton_prior.forms import FORMS, build
+from pacmo_core.models import build_skeleton_prior, model_names
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.layers import Silent
 from pacmo_core.skeleton_prior.model import PriorConfig
@@ -18,7 +18,7 @@ LIMBS = ((12, 13, 14), (16, 17, 18), (4, 5, 6), (8, 9, 10))
 
 
 def model(name: str, hidden: int = 256):
-    return build(PriorConfig(NTU25, LIMBS, name, hidden, 1, 30.0, 0.0)).eval()
+    return build_skeleton_prior(PriorConfig(NTU25, LIMBS, name, hidden, 1, 30.0, 0.0)).eval()
 
 
 def given(form, role: int):
@@ -204,7 +204,7 @@ def test_a_frame_cnn_halves_joints_as_its_table_and_comes_back():
     assert found == [(B, T, 7, 256), (B, T, 13, 128), (B, T, 25, 32)]
 
 
-@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("name", model_names("skeleton_prior"))
 def test_every_weight_of_every_model_has_a_slope(name):
     # Wide enough that no layer is dead by chance: of four channels behind a ReLU, one time in ten.
     form, random = model(name).train(), generator()
@@ -225,4 +225,4 @@ def test_every_weight_of_every_model_has_a_slope(name):
 
 def test_an_unknown_model_is_refused_by_name():
     with pytest.raises(ValueError, match="model must be one of kinematic, paper, f_cnn.*'mlp'"):
-        build(PriorConfig(NTU25, LIMBS, "mlp", 32, 1, 30.0, 0.0))
+        build_skeleton_prior(PriorConfig(NTU25, LIMBS, "mlp", 32, 1, 30.0, 0.0))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from pacmo_core.models import model_names
 from pacmo_core.skeleton_prior import products, training
 from pacmo_core.skeleton_prior.bodies import Bodies, learn
 from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
-from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.initialise import initialise
 from pacmo_core.skeleton_prior.splits import Fact
 from pacmo_core.training.state import model_state
@@ -25,7 +25,7 @@ def with_bfloat16(monkeypatch):
 
 
 @pytest.mark.usefixtures("with_bfloat16")
-@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("name", model_names("skeleton_prior"))
 def test_the_same_seed_and_precision_train_the_same_bytes_and_others_do_not(name):
     found = []
     for seed, mixed in ((1, True), (1, True), (2, True), (1, False)):

@@ -8,14 +8,15 @@ import torch
 from scipy.interpolate import CubicSpline
 
 from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.models import model_names
 from pacmo_core.skeleton_prior import training
-from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.keyframes import at_every_frame, keyframes
 from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
 from tests.skeleton_prior.bodies import SMALL, examples, generator, interaction, settings
 
 MODELS = {
-    name: training.fit(examples(), settings(model=name, n_epochs=1)).finish() for name in FORMS
+    name: training.fit(examples(), settings(model=name, n_epochs=1)).finish()
+    for name in model_names("skeleton_prior")
 }
 
 
@@ -44,7 +45,7 @@ def test_bones_are_what_was_asked_for_on_bodies_outside_the_training_range_too()
                 )
 
 
-@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("name", model_names("skeleton_prior"))
 def test_a_body_is_varied_alike_alone_and_in_company(name):
     source, asked = interaction(1), bodies(0.75, 1.2)
     together = list(retarget(MODELS[name], source, asked, samples=1, random=None))

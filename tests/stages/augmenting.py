@@ -46,7 +46,7 @@ SECOND = {
         "max_bone_length_variation": 1,
         "max_joint_speed": 1e6,
         "max_body_speed": 1e6,
-        "min_apart": 0,
+        "min_person_distance": 0,
     },
     "contact_distance": 0.1,
     "clip_seconds": 1.0,

@@ -9,10 +9,10 @@ from ruamel.yaml import YAML
 
 from pacmo_core.data.skeleton import DUET15, NTU25
 from pacmo_core.formats.registry import open_format
+from pacmo_core.models import model_names
 from pacmo_core.operators.spectral import n_resolved_modes
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
 from pacmo_core.project.experiments import compose_params, default_params, experiment_names
-from pacmo_core.skeleton_prior.forms import FORMS
 from pacmo_core.skeleton_prior.splits import SPLITS
 from stages._params import read_params
 from stages._priors import Runs, split_and_samples
@@ -55,7 +55,7 @@ def test_every_stage_reads_its_section_of_an_experiment(name, tmp_path):
 def test_the_priors_of_an_experiment_are_known(name, tmp_path):
     (tmp_path / "params.yaml").write_text(compose_params(name))
     priors = read_params("runs", Runs, tmp_path / "params.yaml").priors
-    assert set(priors.models) <= set(FORMS)
+    assert set(priors.models) <= set(model_names("skeleton_prior"))
     assert {split_and_samples(split)[0] for split in priors.splits} <= set(SPLITS)
 
 
@@ -67,12 +67,12 @@ def test_the_full_experiments_are_the_papers(name):
     assert open_format(params["ingest"]["format"], params["ingest"]["settings"]) is not None
     for section in ("train_autoencoder", "train_regression", "train_gru"):
         assert params[section]["learning_rate"] == 1e-4
-    for section in ("train_pacmo", "train_pacmo_plain"):
+    for section in ("train_pacmo", "train_pacmo_paper"):
         rates = [params[section][network]["learning_rate"] for network in ("generator", "critic")]
         assert rates == [1e-4, 1e-4]
-    for section in (*SEEDED, "train_pacmo_plain", "train_autoencoder"):
+    for section in (*SEEDED, "train_pacmo_paper", "train_autoencoder"):
         assert params[section]["n_epochs"] == 200
-        assert params[section]["halve_every"] == 50
+        assert params[section]["halve_learning_rate_every"] == 50
     assert params["split"]["method"] == "clip"
     assert params["split"]["test_share"] == 0.2
     assert (params["train_gru"]["hidden"], params["train_gru"]["n_layers"]) == (200, 5)
@@ -82,7 +82,7 @@ def test_the_priors_of_the_papers_size_train_as_its_supplement_says():
     params = YAML(typ="safe").load(compose_params("variations_paper"))["train_skeleton_prior"]
     said = {"hidden": 256, "batch_size": 32, "learning_rate": 1e-3, "n_epochs": 50}
     assert {key: params[key] for key in said} == said
-    assert params["halve_every"] >= params["n_epochs"]
+    assert params["halve_learning_rate_every"] >= params["n_epochs"]
 
 
 @pytest.mark.parametrize("name", FULL)

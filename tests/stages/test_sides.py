@@ -94,7 +94,7 @@ def test_the_stage_writes_a_side_a_clip_of_its_fold_and_counts_them(clips, tmp_p
     YAML(typ="safe").dump({"split": rule}, tmp_path / "params.yaml")
     monkeypatch.chdir(tmp_path)
     split.main(clips, tmp_path / "2.parquet", tmp_path / "2.json", fold=2)
-    assert {row.clip: row.side for row in read_rows(tmp_path / "2.parquet", SplitRecord)} == {
+    assert {row.clip: row.split for row in read_rows(tmp_path / "2.parquet", SplitRecord)} == {
         **dict.fromkeys(("c0", "c1", "c2"), "train"), **dict.fromkeys(("c3", "c4"), "test")
     }  # fmt: skip
     counts = read_json(tmp_path / "2.json")

@@ -61,9 +61,9 @@ def tensors(model: str) -> dict[str, torch.Tensor]:
 
 
 def test_without_a_share_it_trains_what_train_pacmo_trains():
-    train_pacmo.main(
-        CLIPS, SIDES, Path("models/p"), Path("curves/p.csv"), section="train_pacmo", seed=1
-    )
+    plain_paths = paths(0.0, "models/p")
+    plain_paths.curve = Path("curves/p.csv")
+    train_pacmo.main(plain_paths)
     train_pacmo_augmented.main(paths(0.0))
     plain, augmented = tensors("models/p"), tensors("models/m")
     assert plain.keys() == augmented.keys()
@@ -102,7 +102,7 @@ def test_only_variations_of_clips_that_are_trained_on_are_seen():
 
 def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
     rows = [SplitRecord(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
-    rows[0] = replace(rows[0], side="train")
+    rows[0] = replace(rows[0], split="train")
     write_rows(SIDES, SplitRecord, rows)
     for file in MADE.iterdir():
         file.unlink()
@@ -126,12 +126,12 @@ def test_every_form_of_a_pair_is_shown_as_often_as_it_should():
 def test_a_variation_shows_its_own_clip_from_either_side():
     base, made = clips(3), clips(5)[3:]
     variations = TrainingVariations(interactions=made, sources=[2, 0], share=1.0)
-    plain = wgan.build_training(base, replace(SETTINGS, swap=True))
+    plain = wgan.build_training(base, replace(SETTINGS, both_directions=True))
     varied = add_variations(plain, variations).training
     varied.epoch(0)
     shown = varied.training.pairs
     alone = wgan.build_training(
-        [made[1], base[1], made[0]], replace(SETTINGS, swap=True)
+        [made[1], base[1], made[0]], replace(SETTINGS, both_directions=True)
     ).training.pairs
     torch.testing.assert_close(shown.partner, alone.partner)
     torch.testing.assert_close(shown.reaction, alone.reaction)

@@ -1,5 +1,6 @@
 """What is trusted: the bytes of an uninterrupted training."""
 
+import argparse
 import json
 import os
 import signal
@@ -22,9 +23,9 @@ from pacmo_core.training.devices import DeviceError, training_device
 from pacmo_core.training.loop import TrainingLoop
 from stages import train_autoencoder, train_gru, train_pacmo, train_regression
 from stages._files import read_curve
-from stages._training import sides_of
+from stages._training import read_training_data
 from tests.reaction.problems import clips
-from tests.stages.training import SECTIONS, SEEDED, prepare
+from tests.stages.training import SECTIONS, prepare
 
 ROOT = Path(__file__).parents[2]
 CLIPS, SIDES = Path("clips"), Path("sides.parquet")
@@ -63,7 +64,8 @@ def facts_of(weights: Path) -> dict[str, object]:
 
 
 def run(stage: str) -> None:
-    MAINS[stage](*PATHS, **({"section": stage, "seed": 1} if stage in SEEDED else {}))
+    paths = dict(zip(("clips", "sides", "model", "curve"), PATHS, strict=True))
+    MAINS[stage](argparse.Namespace(**paths, section=stage, seed=1))
 
 
 def outputs() -> list[bytes]:
@@ -101,12 +103,12 @@ def test_a_stage_that_was_killed_and_started_again_writes_the_same_bytes():
 def test_weights_say_what_they_are_and_what_made_them(stage):
     run(stage)
     facts = facts_of(MODEL / "weights.safetensors")
-    sides = sides_of(CLIPS, SIDES)
-    assert facts["kind"] == stage.removeprefix("train_")
+    data = read_training_data(CLIPS, SIDES)
+    assert facts["model"] == stage.removeprefix("train_")
     assert facts["settings"]["n_epochs"] == SECTIONS[stage].n_epochs
     assert facts["data"] == {
-        "train": data_hash(sides.train),
-        "validation": data_hash(sides.validation),
+        "train": data_hash(data.train),
+        "validation": data_hash(data.validation),
     }
     assert facts["torch"] == torch.__version__.partition("+")[0]
     curve = read_curve(CURVE)
@@ -160,13 +162,13 @@ def test_other_settings_data_or_code_do_not_go_on_from_a_checkpoint(monkeypatch)
 
 def test_a_pickle_in_a_checkpoints_place_is_refused(tmp_path):
     torch.save({"weight": torch.zeros(1)}, tmp_path / "w.safetensors")
-    with pytest.raises(StoreError, match="not a whole file of weights"):
+    with pytest.raises(StoreError, match="not a complete file of weights"):
         read_weights(tmp_path / "w.safetensors")
 
 
 def test_a_loss_that_is_no_number_stops_the_stage_by_its_name_and_writes_no_weights():
     change("train_pacmo", generator={"learning_rate": 1e12, "betas": [0.0, 0.9]}, n_epochs=50)
-    with pytest.raises(FloatingPointError, match=r"adversarial: .*not finite; terms"):
+    with pytest.raises(FloatingPointError, match=r"wgan: .*not finite; terms"):
         run("train_pacmo")
     assert not MODEL.exists()
 
@@ -194,7 +196,10 @@ def test_tensors_that_a_checkpoint_holds_come_back_bit_for_bit(tmp_path):
 )
 def test_a_device_that_cannot_be_is_refused(device, processes, said, monkeypatch):
     monkeypatch.setenv("WORLD_SIZE", str(processes))
-    with pytest.raises(DeviceError, match=said), training_device(device, threads=1, shares=False):
+    with (
+        pytest.raises(DeviceError, match=said),
+        training_device(device, threads=1, multiprocess=False),
+    ):
         pass
 
 
@@ -202,8 +207,19 @@ def test_a_device_that_cannot_be_is_refused(device, processes, said, monkeypatch
 def test_a_gpu_that_is_not_there_is_refused_and_auto_does_without():
     with (
         pytest.raises(DeviceError, match="torch finds none"),
-        training_device("cuda", threads=1, shares=True),
+        training_device("cuda", threads=1, multiprocess=True),
     ):
         pass
-    with training_device("auto", threads=1, shares=True) as found:
+    with training_device("auto", threads=1, multiprocess=True) as found:
         assert found == "cpu"
+
+
+def test_contradictory_settings_end_a_stage_in_one_line_before_data_are_read() -> None:
+    change("train_pacmo", n_epochs=5, validate_from=90)
+    command = [sys.executable, "-m", "stages.train_pacmo", "--seed=1", "none", "none", "m", "c.csv"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.count("\n") == 1
+    assert "params.yaml, train_pacmo: validate_from" in ended.stderr
+    assert "got validate_from 90, n_epochs 5" in ended.stderr

@@ -10,12 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.store.motions import (
-    SEPARATOR,
     MotionReader,
     clip_of_file,
     motion_file,
     read_motion,
-    sort_clips,
     stream_folder,
     write_motions,
 )
@@ -32,13 +30,6 @@ def test_each_clip_has_a_file_of_its_own_that_bears_its_name(clips: set[str]) ->
     assert len(files) == len(clips)
     assert {file.parent for file in files} <= {Path("folder")}
     assert {clip_of_file(file) for file in files} == clips
-
-
-@FIXED
-@given(st.sets(NAMES, max_size=8), st.sets(NAMES, min_size=1, max_size=3))
-def test_variations_ascend_over_all_clips(clips: set[str], kinds: set[str]) -> None:
-    names = [f"{clip}{SEPARATOR}{kind}" for clip in sort_clips(clips) for kind in sorted(kinds)]
-    assert names == sorted(names)
 
 
 def test_a_folder_streams_what_was_written_and_polars_reads_it(tmp_path: Path) -> None:

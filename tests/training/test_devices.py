@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 
 def gradients() -> dict[str, torch.Tensor]:
     """Take a step of each network, five pairs a batch, so that two shares are not equal."""
-    settings = replace(PACMO, batch_size=5, bone_weight=2.0, **AT_REST)
+    settings = replace(PACMO, batch_size=5, bone_length_weight=2.0, **AT_REST)
     fit = wgan.build_training(clips(8), settings)
     training = fit.training
     assert isinstance(training, WganTrainer)

@@ -1,0 +1,120 @@
+"""Names of clips, reactions and variations, which files and tables use as keys.
+
+=================  ==========================================================================
+``SEQUENCE#0003``  the fourth clip of a sequence; a sequence that is one clip keeps its name
+``CLIP#b``         a clip in one direction: person b reacts to person a, the partner
+``CLIP#b#0``       the first sample of person b's reaction
+``CLIP~NAME``      a variation: the clip on other bodies
+=================  ==========================================================================
+
+``#`` sorts before and ``~`` after every other character of a clip's name, so that what is written
+clip by clip is sorted by name.
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+Direction = Literal["a", "b"]
+DIRECTIONS: tuple[Direction, Direction] = ("a", "b")
+MAX_SAMPLES = 10  # numbers of one digit sort as they count
+
+_SEPARATOR = "#"
+_VARIATION_SEPARATOR = "~"
+_REACTION = re.compile(r"(?P<clip>.+)#(?P<direction>[ab])#(?P<sample>\d+)", re.DOTALL)
+
+
+def clip_name(sequence: str, number: int, n_clips: int) -> str:
+    """Name clip ``number`` of the ``n_clips`` of a sequence."""
+    return sequence if n_clips == 1 else f"{sequence}{_SEPARATOR}{number:04d}"
+
+
+def directed_name(clip: str, direction: Direction) -> str:
+    """Name a clip in the direction in which person ``direction`` reacts."""
+    return f"{clip}{_SEPARATOR}{direction}"
+
+
+def direction_of(directed: str) -> Direction:
+    """Return the direction of ``CLIP#b``.
+
+    Raises
+    ------
+    ValueError
+        If the name contains no direction.
+    """
+    direction = directed.rpartition(_SEPARATOR)[2]
+    if direction == "a":
+        return "a"
+    if direction == "b":
+        return "b"
+    raise ValueError(
+        f"wanted the name of a clip in one direction, CLIP#a or CLIP#b; got {directed}"
+    )
+
+
+def sample_name(directed: str, sample: int) -> str:
+    """Name a sample of the reaction in a directed clip."""
+    return f"{directed}{_SEPARATOR}{sample}"
+
+
+@dataclass(frozen=True)
+class ReactionName:
+    """The name of one generated reaction.
+
+    Parameters
+    ----------
+    clip : whose partner is reacted to
+    direction : the person who reacts
+    sample : number of the sample, from 0
+    """
+
+    clip: str
+    direction: Direction
+    sample: int
+
+    def __str__(self) -> str:
+        return sample_name(self.directed, self.sample)
+
+    @property
+    def directed(self) -> str:
+        """The name of the clip in this direction."""
+        return directed_name(self.clip, self.direction)
+
+    @classmethod
+    def parse(cls, name: str) -> "ReactionName":
+        """Parse ``CLIP#b#0``.
+
+        Raises
+        ------
+        ValueError
+            If this is not the name of a reaction.
+        """
+        match = _REACTION.fullmatch(name)
+        if match is None:
+            raise ValueError(f"wanted the name of a reaction, CLIP#a#0 or CLIP#b#0; got {name}")
+        direction: Direction = "a" if match["direction"] == "a" else "b"
+        return cls(match["clip"], direction, int(match["sample"]))
+
+
+def is_reaction(name: str) -> bool:
+    """Return whether this is the name of a reaction."""
+    return _REACTION.fullmatch(name) is not None
+
+
+def variation_name(clip: str, variation: str) -> str:
+    """Name a variation of a clip."""
+    return f"{clip}{_VARIATION_SEPARATOR}{variation}"
+
+
+def split_variation_name(name: str) -> tuple[str, str]:
+    """Split ``CLIP~NAME`` into the clip and the variation's own name; a clip has none."""
+    if _VARIATION_SEPARATOR not in name:
+        return name, ""
+    clip, _, variation = name.rpartition(_VARIATION_SEPARATOR)
+    return clip, variation
+
+
+def sort_clips(clips: Iterable[str]) -> list[str]:
+    """Sort clips so that their variations' names ascend: ``one#0001~x`` before ``one~x``."""
+    return sorted(clips, key=lambda clip: variation_name(clip, ""))
