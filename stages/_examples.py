@@ -10,7 +10,7 @@ from pacmo_core.skeleton_prior.data import Example
 from pacmo_core.skeleton_prior.splits import VariationScales
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
-    GOOD,
+    ACCEPTED,
     SOURCES,
     VARIATIONS,
     SplitRecord,
@@ -23,7 +23,7 @@ from pacmo_core.store.tables import (
 def kept_facts(family: Path) -> dict[str, VariationScales]:
     """Read what a split knows of the variations that are good enough to learn from."""
     rows = read_variations(family / VARIATIONS)
-    return {row.variation: VariationScales(row.clip, _scales(row)) for row in rows if row.kept}
+    return {row.variation: VariationScales(row.clip, _scales(row)) for row in rows if row.accepted}
 
 
 def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str, Example]]:
@@ -42,7 +42,7 @@ def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str,
     wanted = {fact.source for name, fact in facts.items() if stands[name] == side}
     for clip in sort_clips(wanted):
         source = read_motion(motion_file(family / SOURCES, clip), clip)
-        for name, varied in stream_motions(motion_file(family / GOOD, clip)):
+        for name, varied in stream_motions(motion_file(family / ACCEPTED, clip)):
             if stands[name] == side:
                 yield name, Example(clip, source, facts[name].scales, varied)
 
