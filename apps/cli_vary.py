@@ -32,8 +32,8 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
-from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
+from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 
 WEIGHTS = Path("models/priors/default/random/kinematic/1/weights.safetensors")
@@ -112,7 +112,7 @@ def _varied(
         (found,) = retarget(model, source, scales, samples=samples, random=random)
         yield from ((pair, scales[0]) for pair in found)
         return
-    scales = generate_bodies(model, samples, random=random)
+    scales = generate_skeletons(model, samples, random=random)
     made = retarget(model, source, scales, samples=1, random=random)
     yield from ((pair, own) for (pair,), own in zip(made, scales, strict=True))
 

@@ -13,7 +13,7 @@ from pacmo_core.models import model_names
 from pacmo_core.operators.spectral import n_resolved_modes
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
 from pacmo_core.project.experiments import compose_params, default_params, experiment_names
-from pacmo_core.skeleton_prior.splits import SPLITS
+from pacmo_core.skeleton_prior.splits import SPLIT_METHODS
 from stages._params import read_params
 from stages._priors import Runs, split_and_samples
 
@@ -56,7 +56,7 @@ def test_the_priors_of_an_experiment_are_known(name, tmp_path):
     (tmp_path / "params.yaml").write_text(compose_params(name))
     priors = read_params("runs", Runs, tmp_path / "params.yaml").priors
     assert set(priors.models) <= set(model_names("skeleton_prior"))
-    assert {split_and_samples(split)[0] for split in priors.splits} <= set(SPLITS)
+    assert {split_and_samples(split)[0] for split in priors.splits} <= set(SPLIT_METHODS)
 
 
 @pytest.mark.parametrize("name", FULL)

@@ -2,19 +2,20 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.data.transforms import Frame, body_frame
-from pacmo_core.skeleton_prior.keyframes import keyframes
 
 # Share of a source's joint heights below the ground: noise, not ground.
-BELOW_GROUND = 0.005
+GROUND_QUANTILE = 0.005
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Example:
 
 
 @dataclass(frozen=True)
-class Pairs:
+class ExampleBatch:
     """Rows of one length; the first of the two characters is generated first.
 
     Parameters
@@ -60,22 +61,22 @@ class Pairs:
     varied: Tensor
     scales: Tensor
 
-    def swapped(self, rows: Tensor) -> "Pairs":
+    def swapped(self, rows: Tensor) -> "ExampleBatch":
         """Exchange the roles in the rows that are set, (B,) bool."""
-        return Pairs(
+        return ExampleBatch(
             torch.where(rows[:, None, None, None, None], self.template.flip(2), self.template),
             torch.where(rows[:, None, None, None, None], self.varied.flip(2), self.varied),
             torch.where(rows[:, None, None], self.scales.flip(1), self.scales),
         )
 
-    def turned(self, angles: Tensor) -> "Pairs":
+    def turned(self, angles: Tensor) -> "ExampleBatch":
         """Turn each row about the vertical, (B,) radians."""
-        turns = _about_y(angles)[:, None, None]
+        turns = _rotations_about_y(angles)[:, None, None]
         return replace(self, template=self.template @ turns, varied=self.varied @ turns)
 
 
 @dataclass(frozen=True)
-class ExampleSet:
+class ExampleDataset:
     """Examples in the canonical frames of their sources, at their own lengths and rates.
 
     Parameters
@@ -95,16 +96,18 @@ class ExampleSet:
         """Count the examples."""
         return len(self.varied)
 
-    def wholes(self, stride: int, most: int) -> Iterator[Pairs]:
+    def wholes(self, stride: int, most: int) -> Iterator[ExampleBatch]:
         """Yield the keyframes of all examples, a source's in batches of so many at most."""
         for source, template in enumerate(self.templates):
-            at = list(keyframes(len(template), stride))
+            at = list(keyframe_indices(len(template), stride))
             alike = torch.nonzero(self.sources == source)[:, 0]
             for rows in alike.chunk(-(-len(alike) // most)):
                 varied = torch.stack([self.varied[row][at] for row in rows.tolist()])
-                yield Pairs(template[at].expand_as(varied), varied, self.scales[rows])
+                yield ExampleBatch(template[at].expand_as(varied), varied, self.scales[rows])
 
-    def windows(self, rows: Tensor, stride: int, window: int, random: torch.Generator) -> Pairs:
+    def windows(
+        self, rows: Tensor, stride: int, window: int, random: torch.Generator
+    ) -> ExampleBatch:
         """Take of each row ``window`` frames, ``stride`` apart, from anywhere in it.
 
         Shorter sources hold their last frame.
@@ -116,15 +119,15 @@ class ExampleSet:
             start = int(torch.randint(spare, (), generator=random))
             at = (start + stride * torch.arange(window)).clamp(max=len(template) - 1)
             found.append((template[at], varied[at]))
-        return Pairs(
+        return ExampleBatch(
             torch.stack([template for template, _ in found]),
             torch.stack([varied for _, varied in found]),
             self.scales[rows],
         )
 
-    def to(self, device: str) -> "ExampleSet":
+    def to(self, device: str) -> "ExampleDataset":
         """Move the tensors."""
-        return ExampleSet(
+        return ExampleDataset(
             [template.to(device) for template in self.templates],
             [varied.to(device) for varied in self.varied],
             self.sources,
@@ -132,7 +135,7 @@ class ExampleSet:
         )
 
 
-def encode(examples: Sequence[Example]) -> ExampleSet:
+def encode_examples(examples: Sequence[Example]) -> ExampleDataset:
     """Bring examples into tensors; the changed body comes first.
 
     Roles: of an example in which one body alone changes, that one is the first. So the form that
@@ -142,19 +145,21 @@ def encode(examples: Sequence[Example]) -> ExampleSet:
     templates: dict[tuple[str, bool], Tensor] = {}
     varied, sources, scales = [], [], []
     for example in examples:
-        b_first = first_is_b(example.scales)
+        b_first = is_b_first(example.scales)
         key = (example.source, b_first)
         frame = canonical_frame(example.template)
         if key not in templates:
-            templates[key] = stack(example.template, frame, b_first=b_first)
-        varied.append(stack(example.varied, frame, b_first=b_first))
+            templates[key] = stack_characters(example.template, frame, b_first=b_first)
+        varied.append(stack_characters(example.varied, frame, b_first=b_first))
         sources.append(list(templates).index(key))
-        own = by_joint(example.scales, example.template.skeleton)
+        own = scales_by_joint(example.scales, example.template.skeleton)
         scales.append(own.flip(0) if b_first else own)
-    return ExampleSet(list(templates.values()), varied, torch.tensor(sources), torch.stack(scales))
+    return ExampleDataset(
+        list(templates.values()), varied, torch.tensor(sources), torch.stack(scales)
+    )
 
 
-def first_is_b(scales: NDArray[np.float64]) -> bool:
+def is_b_first(scales: NDArray[np.float64]) -> bool:
     """Say whether person b is generated first: unless a alone changes."""
     changed = (scales != 1).any(axis=1)
     return bool(changed[1] or not changed[0])
@@ -166,25 +171,39 @@ def canonical_frame(interaction: Interaction) -> Frame:
     frame = body_frame(interaction.person_a, interaction.skeleton)
     both = np.stack([interaction.person_a, interaction.person_b]).astype(np.float64)
     origin = both[:, 0, root].mean(axis=0)
-    origin[1] = np.quantile(both[..., 1], BELOW_GROUND)
+    origin[1] = np.quantile(both[..., 1], GROUND_QUANTILE)
     return Frame(origin, frame.yaw)
 
 
-def stack(interaction: Interaction, frame: Frame, *, b_first: bool) -> Tensor:
+def stack_characters(interaction: Interaction, frame: Frame, *, b_first: bool) -> Tensor:
     """``(T, 2, J, 3)`` float32 in a frame."""
     people = [interaction.person_a, interaction.person_b]
     motions = [frame.to_local(motion) for motion in (people[::-1] if b_first else people)]
     return torch.from_numpy(np.stack(motions, axis=1))
 
 
-def by_joint(scales: NDArray[np.float64], skeleton: Skeleton) -> Tensor:
+def scales_by_joint(scales: NDArray[np.float64], skeleton: Skeleton) -> Tensor:
     """``(..., E)`` of bones to ``(..., J)`` float32 of joints; the root's is 1."""
     own = np.ones((*scales.shape[:-1], len(skeleton.joints)))
     own[..., skeleton.bones[:, 1]] = scales
     return torch.tensor(own, dtype=torch.float32)
 
 
-def _about_y(angles: Tensor) -> Tensor:
+def _rotations_about_y(angles: Tensor) -> Tensor:
     cos, sin, zero = angles.cos(), angles.sin(), torch.zeros_like(angles)
     rows = [cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos]
     return torch.stack(rows, dim=-1).view(-1, 3, 3)
+
+
+# FROM """The few frames that networks see, and the way back to all of them: the change is smooth."""
+@lru_cache(maxsize=64)
+def keyframe_indices(n_frames: int, stride: int) -> tuple[int, ...]:
+    """Choose frames about ``stride`` apart, the first and the last among them."""
+    n_keys = -(-(n_frames - 1) // stride) + 1
+    return tuple(np.linspace(0, n_frames - 1, n_keys).round().astype(int).tolist())
+
+
+def interpolate_keyframes(field: Tensor, n_frames: int, stride: int) -> Tensor:
+    """``(B, K, J, C)`` at keyframes to ``(B, T, J, C)``, by the cubic spline through them."""
+    spline = CubicSpline(keyframe_indices(n_frames, stride), field.cpu().numpy(), axis=1)
+    return torch.from_numpy(spline(np.arange(n_frames)).astype(np.float32)).to(field.device)

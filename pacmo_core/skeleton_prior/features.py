@@ -17,15 +17,18 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.skeleton_prior.encoders import MotionEncoder, widths
-from pacmo_core.skeleton_prior.graph import neighbours
-from pacmo_core.skeleton_prior.initialise import initialise
+from pacmo_core.skeleton_prior.layers import (
+    StGcnEncoder,
+    encoder_channels,
+    initialise_weights,
+    off_diagonal_adjacency,
+)
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer
 
 
 @dataclass(frozen=True)
-class ExtractorSettings:
+class FeatureExtractorSettings:
     """How the features are learnt.
 
     Parameters
@@ -48,7 +51,7 @@ class ExtractorSettings:
     n_epochs: int
 
 
-class Extractor(nn.Module):
+class FeatureExtractor(nn.Module):
     """Encode a character's motion in the pair's frame, and give it back at a few instants.
 
     Parameters
@@ -57,11 +60,13 @@ class Extractor(nn.Module):
     settings : ExtractorSettings
     """
 
-    def __init__(self, skeleton: Skeleton, settings: ExtractorSettings) -> None:
+    def __init__(self, skeleton: Skeleton, settings: FeatureExtractorSettings) -> None:
         super().__init__()
         self.settings, self.skeleton = settings, skeleton
         hidden, joints = settings.hidden, len(skeleton.joints)
-        self.encoder = MotionEncoder(neighbours(skeleton), 3, widths(hidden), dropout=0.0)
+        self.encoder = StGcnEncoder(
+            off_diagonal_adjacency(skeleton), 3, encoder_channels(hidden), dropout=0.0
+        )
         self.code = nn.Linear(hidden * joints, settings.features)
         self.back = nn.Sequential(
             nn.Linear(settings.features, hidden),
@@ -93,13 +98,13 @@ class Extractor(nn.Module):
         return torch.from_numpy(motion[at])
 
 
-def fit(
-    motions: Sequence[NDArray[np.float32]], skeleton: Skeleton, settings: ExtractorSettings
-) -> TrainingLoop[Extractor]:
+def build_extractor_training(
+    motions: Sequence[NDArray[np.float32]], skeleton: Skeleton, settings: FeatureExtractorSettings
+) -> TrainingLoop[FeatureExtractor]:
     """Train on motions (T_i, J, 3) float32, metres."""
     random = torch.Generator().manual_seed(settings.random_seed)
-    model = Extractor(skeleton, settings)
-    initialise(model, random)
+    model = FeatureExtractor(skeleton, settings)
+    initialise_weights(model, random)
     seen = torch.stack([model.seen(motion) for motion in motions])
     training = SupervisedTrainer(
         model, len(seen), lambda rows: model.loss(seen[rows]), None, settings, random
@@ -107,7 +112,7 @@ def fit(
     return TrainingLoop(training, n_epochs=settings.n_epochs, validate_every=settings.n_epochs)
 
 
-def fingerprint(model: Extractor) -> str:
+def fingerprint(model: FeatureExtractor) -> str:
     """SHA-256 of the configuration and the weights, in hexadecimal: what the features are."""
     facts: dict[str, Any] = {"skeleton": asdict(model.skeleton), **asdict(model.settings)}
     digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())

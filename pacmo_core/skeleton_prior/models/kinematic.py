@@ -10,32 +10,47 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
-from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, widths
-from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import (
-    ChannelNorm,
-    Dense,
-    Head,
-    Silent,
-    StGcn,
-    by_frame,
-    by_row,
+from pacmo_core.skeleton_prior.autograd_functions import multiply_joints
+from pacmo_core.skeleton_prior.kinematics import (
+    MIN_BONE_LENGTH,
+    KinematicOutput,
+    Limb,
+    mesh_residual_features,
 )
-from pacmo_core.skeleton_prior.limbs import Limb
-from pacmo_core.skeleton_prior.placing import LEAST, Tree
-from pacmo_core.skeleton_prior.products import over_joints
-from pacmo_core.skeleton_prior.recurrence import GraphGru
-from pacmo_core.skeleton_prior.relations import pulls
+from pacmo_core.skeleton_prior.layers import (
+    ChannelBatchNorm,
+    ConcatLinear,
+    GraphGru,
+    OutputHead,
+    StGcnEncoder,
+    StGcnLayer,
+    ZeroInitLinear,
+    adjacency,
+    batch_first,
+    encoder_channels,
+    end_poses,
+    frames_first,
+    off_diagonal_adjacency,
+)
+from pacmo_core.skeleton_prior.settings import PriorConfig
+from pacmo_core.skeleton_prior.vae import (
+    CharacterInputs,
+    CharacterVae,
+    DiagonalGaussian,
+    GaussianHead,
+    SkeletonPrior,
+)
 
-# Channels of ``KinematicCharacter.sights``.
-SIGHTS = 30
+# With its joint features the model needs a quarter of the paper's channels.
+HIDDEN_DIVISOR, MIN_HIDDEN = 4, 16
+# Channels of ``KinematicVae.sights``.
+N_JOINT_FEATURES = 30
 # The least change of bodies that is told apart from none.
-SMALLEST = 1e-3
+MIN_SKELETON_CHANGE = 1e-3
 # A field for a change of 1: a network's output is of order 1.
-GAIN = 0.3
+OUTPUT_GAIN = 0.3
 # Frames that the head sees at once: of all of them its layers would leave the processor's cache.
-AT_ONCE = 4
+HEAD_FRAMES = 4
 
 
 class KinematicDecoder(nn.Module):
@@ -49,29 +64,32 @@ class KinematicDecoder(nn.Module):
 
     def __init__(self, skeleton: Skeleton, *, hidden: int) -> None:
         super().__init__()
-        links = neighbours(skeleton)
+        links = off_diagonal_adjacency(skeleton)
         # Channels have units of their own; the recurrence wants them alike.
-        self.alike = ChannelNorm(SIGHTS)
-        self.lifting = Dense(SIGHTS, hidden)
-        self.whole = Dense(SIGHTS, hidden, bias=False)
+        self.alike = ChannelBatchNorm(N_JOINT_FEATURES)
+        self.lifting = ConcatLinear(N_JOINT_FEATURES, hidden)
+        self.whole = ConcatLinear(N_JOINT_FEATURES, hidden, bias=False)
         self.around = nn.ModuleList(
-            [StGcn(links, hidden, hidden, stride=1, dropout=0.0, residual=True) for _ in range(2)]
+            [
+                StGcnLayer(links, hidden, hidden, stride=1, dropout=0.0, residual=True)
+                for _ in range(2)
+            ]
         )
         self.recurrent = GraphGru(adjacency(skeleton), hidden, hidden)
-        self.head = Head(2 * hidden, 3, last=Silent)
+        self.head = OutputHead(2 * hidden, 3, last=ZeroInitLinear)
 
     def forward(self, sights: Tensor, latent: Tensor) -> Tensor:
         """``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
-        known = self.alike(by_frame(sights))
+        known = self.alike(frames_first(sights))
         seen = self.lifting(known) + self.whole(known.mean(dim=1, keepdim=True))
         for layer in self.around:
             seen = layer(seen, None)
         states = self.recurrent(seen, latent.transpose(0, 1).contiguous())
-        parts = zip(states.split(AT_ONCE), seen.split(AT_ONCE), strict=True)
-        return by_row(torch.cat([self.head(*pair) for pair in parts]))
+        parts = zip(states.split(HEAD_FRAMES), seen.split(HEAD_FRAMES), strict=True)
+        return batch_first(torch.cat([self.head(*pair) for pair in parts]))
 
 
-class KinematicCharacter(Character):
+class KinematicVae(CharacterVae):
     """A character whose bones are right by construction; both characters are built alike.
 
     Parameters
@@ -87,38 +105,44 @@ class KinematicCharacter(Character):
     ) -> None:
         super().__init__()
         self.hidden = hidden
-        self.place = self.tree = Tree(skeleton, limbs)
-        self.encoder = MotionEncoder(neighbours(skeleton), 4, widths(hidden), dropout=dropout)
-        self.code = Gaussian(hidden + 6, hidden)
+        self.place = self.tree = KinematicOutput(skeleton, limbs)
+        self.encoder = StGcnEncoder(
+            off_diagonal_adjacency(skeleton), 4, encoder_channels(hidden), dropout=dropout
+        )
+        self.code = GaussianHead(hidden + 6, hidden)
         self.decoder = KinematicDecoder(skeleton, hidden=hidden)
 
-    def latent_shape(self, given: Given) -> tuple[int, ...]:
+    def latent_shape(self, given: CharacterInputs) -> tuple[int, ...]:
         """One code a joint."""
         rows, _, joints, _ = given.template.shape
         return (rows, joints, self.hidden)
 
-    def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
+    def encode(
+        self, motion: Tensor, given: CharacterInputs, random: torch.Generator | None
+    ) -> DiagonalGaussian:
         """Encode what the start does not explain."""
-        size = amplitude(given)
-        change = (motion - given.starting_motion) / (size * GAIN)
+        size = skeleton_change(given)
+        change = (motion - given.starting_motion) / (size * OUTPUT_GAIN)
         grown = self._grown(given.scales, size)[:, None].expand(-1, motion.shape[1], -1, -1)
         encoded = self.encoder(torch.cat([change, grown], dim=-1), random)
-        code: Code = self.code(torch.cat([encoded, ends(given.template)], dim=-1))
+        code: DiagonalGaussian = self.code(torch.cat([encoded, end_poses(given.template)], dim=-1))
         return code
 
-    def decode(self, latent: Tensor, given: Given) -> Tensor:
+    def decode(self, latent: Tensor, given: CharacterInputs) -> Tensor:
         """Turn bones by so much as the bodies change."""
         field: Tensor = self.decoder(self.sights(given), latent)
-        return given.starting_field + field * (GAIN * amplitude(given))
+        return given.starting_field + field * (OUTPUT_GAIN * skeleton_change(given))
 
-    def sights(self, given: Given) -> Tensor:
+    def sights(self, given: CharacterInputs) -> Tensor:
         """Say all that is known of a joint in a frame, (B, T, J, 30); changes for a change of 1."""
-        template, size = given.template, amplitude(given)
+        template, size = given.template, skeleton_change(given)
         own_change = given.starting_motion - template
         partner_change = given.partner - given.partner_template
-        near = pulls(template, given.partner_template, own_change / size, partner_change / size)
+        near = mesh_residual_features(
+            template, given.partner_template, own_change / size, partner_change / size
+        )
         bones = self.tree.bones(template)
-        directions = bones / bones.norm(dim=-1, keepdim=True).clamp_min(LEAST)
+        directions = bones / bones.norm(dim=-1, keepdim=True).clamp_min(MIN_BONE_LENGTH)
         grown = torch.cat(
             [
                 self._grown(given.scales, size),
@@ -130,7 +154,7 @@ class KinematicCharacter(Character):
         )
         # What a change of each bone vector would move: the gradients of those energies by bones.
         pulled = torch.cat([own_change / size, near[..., :6]], dim=-1)
-        borne = over_joints(self.tree.paths.T, pulled)
+        borne = multiply_joints(self.tree.ancestor_matrix.T, pulled)
         speed = torch.diff(template, dim=1, append=template[:, -1:]).norm(dim=-1, keepdim=True)
         constant = grown[:, None].expand(-1, template.shape[1], -1, -1)
         parts = [
@@ -149,8 +173,18 @@ class KinematicCharacter(Character):
         return (scales.log() / size[:, 0, :, 0])[..., None]
 
 
-def amplitude(given: Given) -> Tensor:
+def skeleton_change(given: CharacterInputs) -> Tensor:
     """``(B, 1, 1, 1)``: how much both bodies change: root mean square of bones' logarithms."""
     both = torch.cat([given.scales, given.partner_scales], dim=1)
     size = both.log().square().mean(dim=1).sqrt()
-    return size.clamp_min(SMALLEST)[:, None, None, None]
+    return size.clamp_min(MIN_SKELETON_CHANGE)[:, None, None, None]
+
+
+def build(config: PriorConfig) -> SkeletonPrior:
+    """Build the model: both characters alike, the output layer with inverse kinematics of limbs."""
+    hidden = max(MIN_HIDDEN, config.hidden // HIDDEN_DIVISOR)
+    first, second = (
+        KinematicVae(config.skeleton, config.limbs, hidden=hidden, dropout=config.dropout)
+        for _ in range(2)
+    )
+    return SkeletonPrior(config, (first, second), both_roles=True)

@@ -10,18 +10,31 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.skeleton_prior.character import Character, Code, Gaussian, Given
-from pacmo_core.skeleton_prior.encoders import MotionEncoder, ends, everywhere, widths
-from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import Head
-from pacmo_core.skeleton_prior.placing import Offsets
-from pacmo_core.skeleton_prior.recurrence import GraphGru
+from pacmo_core.skeleton_prior.kinematics import DisplacementOutput
+from pacmo_core.skeleton_prior.layers import (
+    GraphGru,
+    OutputHead,
+    StGcnEncoder,
+    adjacency,
+    encoder_channels,
+    end_poses,
+    off_diagonal_adjacency,
+    scale_offsets,
+)
+from pacmo_core.skeleton_prior.settings import PriorConfig
+from pacmo_core.skeleton_prior.vae import (
+    CharacterInputs,
+    CharacterVae,
+    DiagonalGaussian,
+    GaussianHead,
+    SkeletonPrior,
+)
 
 # Channels of the partner's code.
-PARTNER = 16
+PARTNER_CHANNELS = 16
 
 
-class FedBack(nn.Module):
+class AutoregressiveDecoder(nn.Module):
     """G-GRU1 and G-GRU2: each frame's offset goes into the next frame's step.
 
     Parameters
@@ -34,7 +47,7 @@ class FedBack(nn.Module):
     def __init__(self, skeleton: Skeleton, constant: int, hidden: int) -> None:
         super().__init__()
         self.recurrent = GraphGru(adjacency(skeleton), constant + 3, hidden)
-        self.head = Head(hidden, 3)
+        self.head = OutputHead(hidden, 3)
 
     def forward(self, constant: Tensor, latent: Tensor, n_frames: int) -> Tensor:
         """Run freely from a latent ``(B, J, h)``: ``(B, J, C)`` to ``(B, T, J, 3)``."""
@@ -51,7 +64,7 @@ class FedBack(nn.Module):
         return torch.stack(offsets).permute(2, 0, 1, 3)
 
 
-class First(Character):
+class PaperFirstVae(CharacterVae):
     """VAE2: ST-GCN1 and G-GRU1.
 
     Parameters
@@ -63,32 +76,36 @@ class First(Character):
 
     def __init__(self, skeleton: Skeleton, *, hidden: int, dropout: float) -> None:
         super().__init__()
-        self.hidden, self.place = hidden, Offsets()
-        self.encoder = MotionEncoder(neighbours(skeleton), 4, widths(hidden), dropout=dropout)
-        self.code = Gaussian(hidden + 6, hidden)
-        self.decoder = FedBack(skeleton, 7, hidden)
+        self.hidden, self.place = hidden, DisplacementOutput()
+        self.encoder = StGcnEncoder(
+            off_diagonal_adjacency(skeleton), 4, encoder_channels(hidden), dropout=dropout
+        )
+        self.code = GaussianHead(hidden + 6, hidden)
+        self.decoder = AutoregressiveDecoder(skeleton, 7, hidden)
 
-    def latent_shape(self, given: Given) -> tuple[int, ...]:
+    def latent_shape(self, given: CharacterInputs) -> tuple[int, ...]:
         """One code a joint."""
         rows, _, joints, _ = given.template.shape
         return (rows, joints, self.hidden)
 
-    def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
+    def encode(
+        self, motion: Tensor, given: CharacterInputs, random: torch.Generator | None
+    ) -> DiagonalGaussian:
         """Encode the offsets and the body (table 11)."""
         offsets = motion - given.template
-        grown = everywhere(given.scales, motion.shape[1])
+        grown = scale_offsets(given.scales, motion.shape[1])
         encoded = self.encoder(torch.cat([offsets / given.unit, grown], dim=-1), random)
-        code: Code = self.code(torch.cat([encoded, ends(given.template)], dim=-1))
+        code: DiagonalGaussian = self.code(torch.cat([encoded, end_poses(given.template)], dim=-1))
         return code
 
-    def decode(self, latent: Tensor, given: Given) -> Tensor:
+    def decode(self, latent: Tensor, given: CharacterInputs) -> Tensor:
         """Decode from the body and both ends of the template (table 12)."""
-        constant = torch.cat([(given.scales - 1)[..., None], ends(given.template)], dim=-1)
+        constant = torch.cat([(given.scales - 1)[..., None], end_poses(given.template)], dim=-1)
         field: Tensor = self.decoder(constant, latent, given.template.shape[1])
         return field * given.unit
 
 
-class Second(Character):
+class PaperSecondVae(CharacterVae):
     """VAE3: ST-GCN2 and ST-GCN3, fused, and G-GRU2.
 
     Parameters
@@ -100,43 +117,54 @@ class Second(Character):
 
     def __init__(self, skeleton: Skeleton, *, hidden: int, dropout: float) -> None:
         super().__init__()
-        self.hidden, self.place = hidden, Offsets()
-        links = neighbours(skeleton)
-        self.encoder = MotionEncoder(links, 3, widths(hidden), dropout=dropout)
-        self.partner = MotionEncoder(links, 8, (PARTNER,) * 5, dropout=dropout)
-        self.fusion = nn.Linear(hidden + PARTNER + 6, hidden)
-        self.code = Gaussian(hidden, hidden)
-        self.decoder = FedBack(skeleton, PARTNER + 6, hidden)
+        self.hidden, self.place = hidden, DisplacementOutput()
+        links = off_diagonal_adjacency(skeleton)
+        self.encoder = StGcnEncoder(links, 3, encoder_channels(hidden), dropout=dropout)
+        self.partner = StGcnEncoder(links, 8, (PARTNER_CHANNELS,) * 5, dropout=dropout)
+        self.fusion = nn.Linear(hidden + PARTNER_CHANNELS + 6, hidden)
+        self.code = GaussianHead(hidden, hidden)
+        self.decoder = AutoregressiveDecoder(skeleton, PARTNER_CHANNELS + 6, hidden)
 
-    def latent_shape(self, given: Given) -> tuple[int, ...]:
+    def latent_shape(self, given: CharacterInputs) -> tuple[int, ...]:
         """One code a joint."""
         rows, _, joints, _ = given.template.shape
         return (rows, joints, self.hidden)
 
-    def encode(self, motion: Tensor, given: Given, random: torch.Generator | None) -> Code:
+    def encode(
+        self, motion: Tensor, given: CharacterInputs, random: torch.Generator | None
+    ) -> DiagonalGaussian:
         """Encode the offsets and the partner (tables 13 to 15)."""
         offsets = self.encoder((motion - given.template) / given.unit, random)
-        partner = self.partner(beside(given), random)
-        fused = self.fusion(torch.cat([offsets, partner, ends(given.template)], dim=-1))
-        code: Code = self.code(fused.relu())
+        partner = self.partner(partner_features(given), random)
+        fused = self.fusion(torch.cat([offsets, partner, end_poses(given.template)], dim=-1))
+        code: DiagonalGaussian = self.code(fused.relu())
         return code
 
-    def decode(self, latent: Tensor, given: Given) -> Tensor:
+    def decode(self, latent: Tensor, given: CharacterInputs) -> Tensor:
         """Decode from the partner's code and both ends of the template (table 16)."""
-        constant = torch.cat([self.partner(beside(given), None), ends(given.template)], dim=-1)
+        constant = torch.cat(
+            [self.partner(partner_features(given), None), end_poses(given.template)], dim=-1
+        )
         field: Tensor = self.decoder(constant, latent, given.template.shape[1])
         return field * given.unit
 
 
-def beside(given: Given) -> Tensor:
+def partner_features(given: CharacterInputs) -> Tensor:
     """``(B, T, J, 8)``: the partner, the own template and both bodies."""
     n_frames = given.template.shape[1]
     return torch.cat(
         [
             given.partner,
             given.template,
-            everywhere(given.partner_scales, n_frames),
-            everywhere(given.scales, n_frames),
+            scale_offsets(given.partner_scales, n_frames),
+            scale_offsets(given.scales, n_frames),
         ],
         dim=-1,
     )
+
+
+def build(config: PriorConfig) -> SkeletonPrior:
+    """Build the paper's model."""
+    first = PaperFirstVae(config.skeleton, hidden=config.hidden, dropout=config.dropout)
+    second = PaperSecondVae(config.skeleton, hidden=config.hidden, dropout=config.dropout)
+    return SkeletonPrior(config, (first, second), both_roles=False)

@@ -23,26 +23,26 @@ import torch
 from torch import Tensor, nn
 
 # Rows to an image, of those that oneDNN takes for an image: with so many it is at its best.
-PIXELS = 25
+ROWS_PER_IMAGE = 25
 
-_rounds = ContextVar("_rounds", default=False)
+_bfloat16_enabled = ContextVar("_rounds", default=False)
 
 
 @contextmanager
-def rounding(wanted: bool) -> Iterator[None]:
+def bfloat16_products(wanted: bool) -> Iterator[None]:
     """Round factors of float32 to bfloat16, those too of the gradients of what is done within.
 
     Where the device does not multiply bfloat16 (``has_bfloat16``), products stay as they are.
     """
-    before = _rounds.set(wanted)
+    before = _bfloat16_enabled.set(wanted)
     try:
         yield
     finally:
-        _rounds.reset(before)
+        _bfloat16_enabled.reset(before)
 
 
 @cache
-def has_bfloat16(device: str) -> bool:
+def supports_bfloat16(device: str) -> bool:
     """Say whether a kind of device, ``cpu`` or ``cuda``, has instructions for such products."""
     if device == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
@@ -50,14 +50,14 @@ def has_bfloat16(device: str) -> bool:
     return wide and bool(torch.cpu.get_capabilities().get("avx512_bf16"))
 
 
-def factor(x: Tensor) -> Tensor:
+def cast_factor(x: Tensor) -> Tensor:
     """Take a tensor as products want it: contiguous, and rounded where that is wanted."""
-    if _rounds.get() and x.dtype == torch.float32 and has_bfloat16(x.device.type):
+    if _bfloat16_enabled.get() and x.dtype == torch.float32 and supports_bfloat16(x.device.type):
         return x.to(torch.bfloat16, memory_format=torch.contiguous_format)
     return x.contiguous()
 
 
-def exact(x: Tensor) -> Tensor:
+def to_float32(x: Tensor) -> Tensor:
     """Take what comes of rounded factors as float32, all else as it is."""
     return x.float() if x.dtype == torch.bfloat16 else x
 
@@ -70,30 +70,30 @@ def _mkl_is_slow() -> bool:
     return wide and others and bool(torch.backends.mkldnn.is_available())  # type: ignore[no-untyped-call]  # torch leaves it untyped
 
 
-def _by_onednn(x: Tensor) -> bool:
+def _uses_onednn(x: Tensor) -> bool:
     return x.dtype == torch.float32 and x.device.type == "cpu" and _mkl_is_slow()
 
 
-def dense(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
+def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
     """``X Wᵀ + b``, of (..., C), (D, C) and (D,); gradients are the caller's.
 
     Of rounded ``X`` it is float32 all the same.
     """
-    return exact(_product(x, weight, bias))
+    return to_float32(_linear(x, weight, bias))
 
 
-def add_dense(out: Tensor, x: Tensor, weight: Tensor) -> None:
+def add_linear(out: Tensor, x: Tensor, weight: Tensor) -> None:
     """Add ``X Wᵀ`` to ``(..., D)`` in place."""
-    if x.dtype == torch.bfloat16 or _by_onednn(x):
-        out += _product(x, weight)
+    if x.dtype == torch.bfloat16 or _uses_onednn(x):
+        out += _linear(x, weight)
     else:
-        flat(out).addmm_(flat(x), weight.T)
+        flatten_rows(out).addmm_(flatten_rows(x), weight.T)
 
 
-def _product(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
+def _linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
     """``X Wᵀ + b`` of the kind of ``X``."""
     weight, bias = weight.to(x.dtype), None if bias is None else bias.to(x.dtype)
-    if not _by_onednn(x):
+    if not _uses_onednn(x):
         return nn.functional.linear(x, weight, bias)
     # Of weights that are a part of wider ones it has a plain loop, a thousand times slower.
     whole = weight if weight.T.is_contiguous() else weight.contiguous()
@@ -101,19 +101,21 @@ def _product(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
     return out
 
 
-def outer(left: Tensor, right: Tensor) -> Tensor:
+def weight_gradient(left: Tensor, right: Tensor) -> Tensor:
     """``Xᵀ Y``, (D, C), of (..., D) and (..., C): how the weights of a product are to change.
 
     oneDNN has it as the slope of a convolution's weights, of one pixel.
     """
     left, right = left.reshape(-1, left.shape[-1]), right.reshape(-1, right.shape[-1])
     if right.dtype == torch.bfloat16:
-        return exact(left.bfloat16().T @ right)
-    n_images = len(left) // PIXELS if _by_onednn(left) else 0
-    n = n_images * PIXELS
+        return to_float32(left.bfloat16().T @ right)
+    n_images = len(left) // ROWS_PER_IMAGE if _uses_onednn(left) else 0
+    n = n_images * ROWS_PER_IMAGE
     total = left[n:].T @ right[n:]
     if n_images:
-        images = [x[:n].view(n_images, PIXELS, 1, -1).permute(0, 3, 1, 2) for x in (left, right)]
+        images = [
+            x[:n].view(n_images, ROWS_PER_IMAGE, 1, -1).permute(0, 3, 1, 2) for x in (left, right)
+        ]
         geometry = (1, 1), (0, 0), (1, 1), False, (0, 0), 1
         weight, only = total[..., None, None], (False, True, False)
         slopes = torch.ops.aten.convolution_backward(*images, weight, None, *geometry, only)
@@ -121,7 +123,7 @@ def outer(left: Tensor, right: Tensor) -> Tensor:
     return total
 
 
-class Weighing(torch.autograd.Function):
+class LinearFunction(torch.autograd.Function):
     """``X Wᵀ + b`` of channels in several parts: to join them would copy them and their slopes."""
 
     @staticmethod
@@ -133,11 +135,11 @@ class Weighing(torch.autograd.Function):
         weight : (D, C1 + C2 + ...)
         bias : (D,) or none
         """
-        parts = tuple(factor(part) for part in parts)
-        first, *others = _shares(weight, parts)
-        out = _product(parts[0], first, bias)
+        parts = tuple(cast_factor(part) for part in parts)
+        first, *others = _split_weight(weight, parts)
+        out = _linear(parts[0], first, bias)
         for part, share in zip(parts[1:], others, strict=True):
-            add_dense(out, part, share)
+            add_linear(out, part, share)
         ctx.save_for_backward(weight, *parts)
         return out
 
@@ -147,19 +149,19 @@ class Weighing(torch.autograd.Function):
         weight, *parts = ctx.saved_tensors
         _, biased, *wanted = ctx.needs_input_grad
         gradient = gradients[0].contiguous()
-        d_weight = torch.cat([outer(gradient, part) for part in parts], dim=1)
+        d_weight = torch.cat([weight_gradient(gradient, part) for part in parts], dim=1)
         back = [
-            _product(gradient, share.T) if want else None
-            for share, want in zip(_shares(weight, parts), wanted, strict=True)
+            _linear(gradient, share.T) if want else None
+            for share, want in zip(_split_weight(weight, parts), wanted, strict=True)
         ]
-        return d_weight, exact(flat(gradient).sum(dim=0)) if biased else None, *back
+        return d_weight, to_float32(flatten_rows(gradient).sum(dim=0)) if biased else None, *back
 
 
-def _shares(weight: Tensor, parts: Sequence[Tensor]) -> tuple[Tensor, ...]:
+def _split_weight(weight: Tensor, parts: Sequence[Tensor]) -> tuple[Tensor, ...]:
     return torch.split(weight, [part.shape[-1] for part in parts], dim=1)
 
 
-def over_joints(links: Tensor, x: Tensor) -> Tensor:
+def multiply_joints(links: Tensor, x: Tensor) -> Tensor:
     """``links X``, of (J, J) and (..., J, C) of few channels.
 
     One product of all frames: as a product a frame, of so few channels, it takes six times as long.
@@ -167,12 +169,12 @@ def over_joints(links: Tensor, x: Tensor) -> Tensor:
     return (x.mT.contiguous() @ links.T).mT
 
 
-def flat(x: Tensor) -> Tensor:
+def flatten_rows(x: Tensor) -> Tensor:
     """``(..., C)`` to the rows of one matrix, (N, C), where they lie."""
     return x.view(-1, x.shape[-1])
 
 
-class Mixing(torch.autograd.Function):
+class GraphConvolutionFunction(torch.autograd.Function):
     """``links X W + X U + b`` over the joints, the second axis of three or more."""
 
     @staticmethod
@@ -187,16 +189,16 @@ class Mixing(torch.autograd.Function):
         along, own : (D, C)
         bias : (D,)
         """
-        x = factor(x)
+        x = cast_factor(x)
         # The narrower side is mixed over joints: mixing commutes with the weights.
         inside = along.shape[1] <= along.shape[0]
-        out = _product(x, own, bias)
+        out = _linear(x, own, bias)
         if inside:
-            mixed = _mixed(links, x)
-            add_dense(out, mixed, along)
+            mixed = _multiply_adjacency(links, x)
+            add_linear(out, mixed, along)
         else:
-            mixed = _product(x, along)
-            _add_mixed(out, links, mixed)
+            mixed = _linear(x, along)
+            _add_multiplied(out, links, mixed)
         ctx.inside = inside
         ctx.save_for_backward(x, mixed, links, along, own)
         return out
@@ -206,21 +208,27 @@ class Mixing(torch.autograd.Function):
         """Give the gradients of all five."""
         x, mixed, links, along, own = ctx.saved_tensors
         gradient = gradients[0].contiguous()
-        back = _product(gradient, own.T) if ctx.needs_input_grad[0] else None
+        back = _linear(gradient, own.T) if ctx.needs_input_grad[0] else None
         if ctx.inside:
-            through = _product(gradient, along.T)
-            d_links, d_along = _over_frames(through, x), outer(gradient, mixed)
+            through = _linear(gradient, along.T)
+            d_links, d_along = _adjacency_gradient(through, x), weight_gradient(gradient, mixed)
             if back is not None:
-                _add_mixed(back, links.T, through)
+                _add_multiplied(back, links.T, through)
         else:
-            through = _mixed(links.T, gradient)
-            d_links, d_along = _over_frames(gradient, mixed), outer(through, x)
+            through = _multiply_adjacency(links.T, gradient)
+            d_links, d_along = _adjacency_gradient(gradient, mixed), weight_gradient(through, x)
             if back is not None:
-                add_dense(back, through, along.T)
-        return back, d_links, d_along, outer(gradient, x), exact(flat(gradient).sum(dim=0))
+                add_linear(back, through, along.T)
+        return (
+            back,
+            d_links,
+            d_along,
+            weight_gradient(gradient, x),
+            to_float32(flatten_rows(gradient).sum(dim=0)),
+        )
 
 
-class Sliding(torch.autograd.Function):
+class TemporalConvolutionFunction(torch.autograd.Function):
     """A convolution over time, the first axis, centred; what is beyond the ends is zero.
 
     torch's own, but for the weights' gradient, which takes less time a frame of the kernel at once.
@@ -236,11 +244,11 @@ class Sliding(torch.autograd.Function):
         bias : (D,)
         stride : frames in to one out
         """
-        x = factor(x)
+        x = cast_factor(x)
         ctx.stride = stride
         ctx.save_for_backward(x, kernel)
-        taps, rounded = _taps(kernel).to(x.dtype), bias.to(x.dtype)
-        out = torch.conv2d(_image(x), taps, rounded, *_geometry(kernel, stride))
+        taps, rounded = _conv2d_weight(kernel).to(x.dtype), bias.to(x.dtype)
+        out = torch.conv2d(_to_image(x), taps, rounded, *_stride_and_padding(kernel, stride))
         return _from_image(out, x)
 
     @staticmethod
@@ -255,17 +263,23 @@ class Sliding(torch.autograd.Function):
             last = min(len(gradient), (len(x) - 1 - shift) // stride + 1)
             if first < last:
                 seen = x[first * stride + shift :: stride][: last - first]
-                d_kernel[:, tap] = outer(gradient[first:last], seen)
+                d_kernel[:, tap] = weight_gradient(gradient[first:last], seen)
         back = None
         if ctx.needs_input_grad[0]:
-            taps, only = _taps(kernel).to(x.dtype), (True, False, False)
-            args = (_image(gradient), _image(x), taps, None, *_geometry(kernel, stride))
+            taps, only = _conv2d_weight(kernel).to(x.dtype), (True, False, False)
+            args = (
+                _to_image(gradient),
+                _to_image(x),
+                taps,
+                None,
+                *_stride_and_padding(kernel, stride),
+            )
             image = torch.ops.aten.convolution_backward(*args, (1, 1), False, (0, 0), 1, only)[0]
             back = _from_image(image, x)
-        return back, d_kernel, exact(flat(gradient).sum(dim=0)), None
+        return back, d_kernel, to_float32(flatten_rows(gradient).sum(dim=0)), None
 
 
-def _image(x: Tensor) -> Tensor:
+def _to_image(x: Tensor) -> Tensor:
     """As high as time and as wide as joints and rows; in memory channels stay last."""
     return x.view(1, len(x), -1, x.shape[-1]).permute(0, 3, 1, 2)
 
@@ -274,34 +288,34 @@ def _from_image(image: Tensor, like: Tensor) -> Tensor:
     return image.permute(0, 2, 3, 1).reshape(-1, *like.shape[1:-1], image.shape[1])
 
 
-def _taps(kernel: Tensor) -> Tensor:
+def _conv2d_weight(kernel: Tensor) -> Tensor:
     return kernel.transpose(1, 2)[..., None].contiguous()
 
 
-def _geometry(kernel: Tensor, stride: int) -> tuple[tuple[int, int], tuple[int, int]]:
+def _stride_and_padding(kernel: Tensor, stride: int) -> tuple[tuple[int, int], tuple[int, int]]:
     return (stride, 1), (kernel.shape[1] // 2, 0)
 
 
-def _frames(x: Tensor) -> Tensor:
+def _flatten_frames(x: Tensor) -> Tensor:
     return x.view(*x.shape[:2], -1)
 
 
-def _each(links: Tensor, x: Tensor) -> Tensor:
+def _expand_adjacency(links: Tensor, x: Tensor) -> Tensor:
     return links.to(x.dtype).expand(len(x), *links.shape)
 
 
-def _mixed(links: Tensor, x: Tensor) -> Tensor:
+def _multiply_adjacency(links: Tensor, x: Tensor) -> Tensor:
     """``links X`` of each frame."""
-    return torch.bmm(_each(links, x), _frames(x)).view_as(x)
+    return torch.bmm(_expand_adjacency(links, x), _flatten_frames(x)).view_as(x)
 
 
-def _add_mixed(out: Tensor, links: Tensor, x: Tensor) -> None:
+def _add_multiplied(out: Tensor, links: Tensor, x: Tensor) -> None:
     if x.dtype == torch.bfloat16:
-        out += _mixed(links, x)
+        out += _multiply_adjacency(links, x)
     else:
-        _frames(out).baddbmm_(_each(links, x), _frames(x))
+        _flatten_frames(out).baddbmm_(_expand_adjacency(links, x), _flatten_frames(x))
 
 
-def _over_frames(left: Tensor, right: Tensor) -> Tensor:
+def _adjacency_gradient(left: Tensor, right: Tensor) -> Tensor:
     """Sum over all frames of ``(J, N) (J, N)ᵀ``."""
-    return exact(torch.bmm(_frames(left), _frames(right).mT)).sum(dim=0)
+    return to_float32(torch.bmm(_flatten_frames(left), _flatten_frames(right).mT)).sum(dim=0)

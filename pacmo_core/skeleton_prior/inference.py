@@ -9,11 +9,17 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.skeleton_prior.examples import by_joint, canonical_frame, first_is_b, stack
-from pacmo_core.skeleton_prior.keyframes import at_every_frame, keyframes
-from pacmo_core.skeleton_prior.model import SkeletonPrior
+from pacmo_core.skeleton_prior.data import (
+    canonical_frame,
+    interpolate_keyframes,
+    is_b_first,
+    keyframe_indices,
+    scales_by_joint,
+    stack_characters,
+)
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
-BATCH = 32
+BATCH_SIZE = 32
 
 
 def retarget(
@@ -40,14 +46,14 @@ def retarget(
     """
     _check(model, source, scales, samples)
     repeated, made = np.repeat(scales, samples, axis=0), list[Interaction]()
-    for row in range(0, len(repeated), BATCH):
-        made += _varied(model, source, repeated[row : row + BATCH], random)
+    for row in range(0, len(repeated), BATCH_SIZE):
+        made += _retarget_batch(model, source, repeated[row : row + BATCH_SIZE], random)
         while len(made) >= samples:
             yield made[:samples]
             made = made[samples:]
 
 
-def _varied(
+def _retarget_batch(
     model: SkeletonPrior,
     source: Interaction,
     scales: NDArray[np.float64],
@@ -59,12 +65,12 @@ def _varied(
     shape = (len(scales), len(source.times), 2, len(source.skeleton.joints), 3)
     placed = np.zeros(shape, dtype=np.float32)
     for b_first in (False, True):
-        rows = [i for i, own in enumerate(scales) if first_is_b(own) == b_first]
+        rows = [i for i, own in enumerate(scales) if is_b_first(own) == b_first]
         if rows:
-            template = stack(source, frame, b_first=b_first)
-            own = by_joint(scales[rows], source.skeleton)
+            template = stack_characters(source, frame, b_first=b_first)
+            own = scales_by_joint(scales[rows], source.skeleton)
             own = own.flip(1) if b_first else own
-            motions = forward(model, template, own, random, stride=stride)
+            motions = retarget_positions(model, template, own, random, stride=stride)
             placed[rows] = (motions.flip(2) if b_first else motions).numpy()
     return [
         replace(
@@ -76,7 +82,7 @@ def _varied(
     ]
 
 
-def generate_bodies(
+def generate_skeletons(
     model: SkeletonPrior, n: int, *, random: torch.Generator
 ) -> NDArray[np.float64]:
     """Draw scales from the prior of bodies: of person b, person a's at 1.
@@ -92,7 +98,7 @@ def generate_bodies(
     return scales
 
 
-def forward(
+def retarget_positions(
     model: SkeletonPrior,
     template: Tensor,
     scales: Tensor,
@@ -116,9 +122,9 @@ def forward(
     with torch.inference_mode():
         own = scales.to(device)
         whole = template.to(device).expand(len(scales), *template.shape)
-        seen = whole[:, list(keyframes(n_frames, stride))]
+        seen = whole[:, list(keyframe_indices(n_frames, stride))]
         fields = model.fields(seen, own, model.latents(seen, own, random))
-        first, second = (at_every_frame(field, n_frames, stride) for field in fields)
+        first, second = (interpolate_keyframes(field, n_frames, stride) for field in fields)
         return model.place((first, second), whole, own).cpu()
 
 
