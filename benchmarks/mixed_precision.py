@@ -17,8 +17,8 @@ import numpy as np
 import torch
 from ruamel.yaml import YAML
 
-from apps.experiments import compose
 from benchmarks._figures import arguments, show
+from pacmo_core.project.experiments import compose_params
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.autograd_functions import supports_bfloat16
 from pacmo_core.skeleton_prior.data import Example, encode_examples
@@ -72,7 +72,7 @@ def main() -> None:
 
 def trained(examples: list[list[Example]], seed: int, mixed: bool) -> Trained:
     """Train on the first side, choose weights on the second, measure on the third."""
-    section = YAML(typ="safe").load(compose("variations_paper"))["train_skeleton_prior"]
+    section = YAML(typ="safe").load(compose_params("variations_paper"))["train_skeleton_prior"]
     own = {
         "random_seed": seed,
         "model": "kinematic",

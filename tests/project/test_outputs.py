@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from apps.leftover_priors import WantedPriors, leftover_priors
+from pacmo_core.project.outputs import ExpectedPriors, unused_prior_outputs
 
-WANTED = WantedPriors(["duo"], ["random", "random_6"], ["m_gcn"], [1, 2])
+WANTED = ExpectedPriors(["duo"], ["random", "random_6"], ["m_gcn"], [1, 2])
 KEPT = [
     "data/priors/sides/.gitignore",
     "data/priors/sides/duo/random.parquet",
@@ -26,7 +26,7 @@ def test_priors_that_the_parameters_do_not_make_are_left_over_and_no_others(tmp_
     for name in [*KEPT, *LEFT]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
-    found = {str(path.relative_to(tmp_path)) for path in leftover_priors(tmp_path, WANTED)}
+    found = {str(path.relative_to(tmp_path)) for path in unused_prior_outputs(tmp_path, WANTED)}
     assert found == set(LEFT.values())
 
 
@@ -34,6 +34,6 @@ def test_where_no_priors_are_wanted_all_are_left_over(tmp_path):
     for name in KEPT:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
-    found = list(leftover_priors(tmp_path, WantedPriors([], [], [], [])))
+    found = list(unused_prior_outputs(tmp_path, ExpectedPriors([], [], [], [])))
     assert {path.name for path in found} == {"duo"}
-    assert not list(leftover_priors(Path(tmp_path / "nowhere"), WANTED))
+    assert not list(unused_prior_outputs(Path(tmp_path / "nowhere"), WANTED))

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from apps import intake
-from apps.intake import Move, carry_out, finish
+import flows.inbox as moves
+from flows.inbox import Move, finish_moves, move_captures
 
 FILES = {"a/1.asf": b"body", "a/1.amc": b"first", "a/2.amc": b"second"}
 # Two captures share the file of a body; one is good, one is not.
@@ -51,7 +51,7 @@ def assert_all_moved():
 
 
 def test_good_captures_go_in_and_others_aside_with_the_reason(inbox):
-    carry_out(inbox, MOVES, Path("plan.json"))
+    move_captures(inbox, MOVES, Path("plan.json"))
     assert_all_moved()
     assert list(inbox.iterdir()) == []
 
@@ -70,17 +70,17 @@ def test_killed_at_any_step_the_next_run_finishes_and_loses_nothing(inbox, monke
         return one
 
     with monkeypatch.context() as patch:
-        patch.setattr(intake.shutil, "copyfile", counted(shutil.copyfile))
-        patch.setattr(intake, "write_text", counted(intake.write_text))
+        patch.setattr(moves.shutil, "copyfile", counted(shutil.copyfile))
+        patch.setattr(moves, "write_text", counted(moves.write_text))
         patch.setattr(Path, "unlink", counted(Path.unlink))
         try:
-            carry_out(inbox, MOVES, Path("plan.json"))
+            move_captures(inbox, MOVES, Path("plan.json"))
         except KilledError:
             everywhere = {**placed("inbox"), **placed("aside"), **placed("raw")}
             assert set(FILES.values()) <= set(everywhere.values())
     if not Path("plan.json").exists() and placed("inbox"):
-        carry_out(inbox, MOVES, Path("plan.json"))  # it had not begun
-    finish(inbox, Path("plan.json"))
+        move_captures(inbox, MOVES, Path("plan.json"))  # it had not begun
+    finish_moves(inbox, Path("plan.json"))
     assert_all_moved()
 
 
@@ -88,11 +88,11 @@ def test_a_place_that_holds_something_else_is_never_overwritten(inbox):
     Path("raw/a").mkdir(parents=True)
     Path("raw/a/1.amc").write_bytes(b"older")
     with pytest.raises(FileExistsError, match="with other content"):
-        carry_out(inbox, MOVES, Path("plan.json"))
+        move_captures(inbox, MOVES, Path("plan.json"))
     assert placed("inbox") == FILES
     assert Path("raw/a/1.amc").read_bytes() == b"older"
 
 
 def test_without_a_plan_there_is_nothing_to_finish(inbox):
-    assert finish(inbox, Path("plan.json")) == []
+    assert finish_moves(inbox, Path("plan.json")) == []
     assert placed("inbox") == FILES
