@@ -1,4 +1,4 @@
-"""What is trusted: the definition of each split, that windows tile the recording, and SBU's folders.
+"""What is trusted: the definition of each split; that windows tile the recording.
 
 The folders of the published SBU set name the people of every clip.
 """
