@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.names import sort_clips
-from pacmo_core.skeleton_prior.examples import Example
-from pacmo_core.skeleton_prior.splits import Fact
+from pacmo_core.skeleton_prior.data import Example
+from pacmo_core.skeleton_prior.splits import VariationScales
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
     ACCEPTED,
@@ -20,10 +20,10 @@ from pacmo_core.store.tables import (
 )
 
 
-def kept_facts(family: Path) -> dict[str, Fact]:
+def kept_facts(family: Path) -> dict[str, VariationScales]:
     """Read what a split knows of the variations that are good enough to learn from."""
     rows = read_variations(family / VARIATIONS)
-    return {row.variation: Fact(row.clip, _scales(row)) for row in rows if row.accepted}
+    return {row.variation: VariationScales(row.clip, _scales(row)) for row in rows if row.accepted}
 
 
 def stream_examples(family: Path, sides: Path, side: str) -> Iterator[tuple[str, Example]]:

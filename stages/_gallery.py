@@ -24,7 +24,8 @@ def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
     for family, facts in augment.items():
         counts = (
             f"{facts['planned']} variations of {facts['clips']} clips: "
-            f"{facts['accepted']} accepted, {facts['failed']} beyond a limit, {facts['refused']} of clips that were refused."
+            f"{facts['accepted']} accepted, {facts['failed']} beyond a limit, "
+            f"{facts['refused']} of clips that were refused."
         )
         reasons = ", ".join(f"{name} {count}" for name, count in facts["failed_by"].items())
         beyond = (f"Beyond a limit, and left out of training: {reasons}.",) if reasons else ()

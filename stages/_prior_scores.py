@@ -10,8 +10,8 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.metrics import retargeting
 from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.retargeting import Limits, Pair
-from pacmo_core.skeleton_prior.examples import Example, canonical_frame, first_is_b
-from pacmo_core.skeleton_prior.extractor import Extractor
+from pacmo_core.skeleton_prior.data import Example, canonical_frame, is_b_first
+from pacmo_core.skeleton_prior.features import FeatureExtractor
 
 # The supplement's A follows its B; here the second follows the first.
 CHARACTERS = ("first", "second")
@@ -30,7 +30,7 @@ class Judge:
     limits : what counts as touching, standing and merging
     """
 
-    extractor: Extractor
+    extractor: FeatureExtractor
     body: Body
     limits: Limits
 
@@ -80,7 +80,7 @@ class Judge:
 
     def _errors(self, ours: Pair, theirs: Pair, truth: Example) -> dict[str, float]:
         template = oriented(truth.template, truth)
-        scales = truth.scales[::-1] if first_is_b(truth.scales) else truth.scales
+        scales = truth.scales[::-1] if is_b_first(truth.scales) else truth.scales
         skeleton = truth.template.skeleton
         places = retargeting.joint_error(ours, theirs)
         bones = retargeting.bone_error(ours, template, scales, skeleton)
@@ -113,7 +113,7 @@ def of_source(examples: Sequence[Example], source: str) -> list[Example]:
 def oriented(motion: Interaction, truth: Example) -> Pair:
     """``(T, 2, J, 3)`` metres, the character that changes first."""
     people = [motion.person_a, motion.person_b]
-    return np.stack(people[::-1] if first_is_b(truth.scales) else people, axis=1)
+    return np.stack(people[::-1] if is_b_first(truth.scales) else people, axis=1)
 
 
 def characters(

@@ -8,11 +8,12 @@ import torch
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.interaction_mesh import Scene, Settings, prepare, vary
+from pacmo_core.interaction_mesh import Scene, Settings, prepare
+from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
 from pacmo_core.metrics.retargeting import sample_diversity
-from pacmo_core.skeleton_prior.examples import Example
-from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
+from pacmo_core.skeleton_prior.data import Example
+from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from stages._prior_scores import Judge, oriented
 
 
@@ -40,7 +41,7 @@ def drawn_bodies(
     sources = {example.source: example.template for example in test}
     found = []
     for name, template in sources.items():
-        scales = generate_bodies(model, bodies.each, random=random)
+        scales = generate_skeletons(model, bodies.each, random=random)
         points = solved(template, scales, solver)
         n_joints = len(template.skeleton.joints)
         for own, both in zip(scales, points, strict=True):
@@ -56,7 +57,7 @@ def solved(
     """``(V, T, 2 J, 3)`` metres: what the solver makes of a source on bodies (V, 2, E)."""
     people = (template.person_a, template.person_b)
     scene = Scene(people, (template.skeleton,) * 2, template.fps)
-    made = vary(prepare(scene, solver), scales.reshape(len(scales), -1))
+    made = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
     return made.points.astype(np.float32)
 
 

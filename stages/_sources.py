@@ -2,16 +2,15 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.augmentation.choose import Candidate, choose, nearness_of
+from pacmo_core.augmentation.filter import Candidate, mean_near_pairs, select_clips
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.names import clip_name
 from pacmo_core.data.quality import QualityLimits
-from pacmo_core.data.splits import window_edges
+from pacmo_core.data.splits import cut_sequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import IngestionSettings, read_sequences
 from pacmo_core.store.motions import MotionReader
@@ -87,12 +86,9 @@ def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]
     rows: dict[str, ClipRecord] = {}
     clips: dict[str, Interaction] = {}
     for facts, whole in _captures(second, raw):
-        edges = window_edges(len(whole.times), whole.fps, second.clip_seconds)
-        for number, (start, stop) in enumerate(edges):
-            name = clip_name(facts.sequence, number, len(edges))
-            clips[name] = whole.frames(start, stop)
-            own = replace(facts, clip=name, duration=clips[name].duration, frames=stop - start)
-            rows[name] = replace(own, start_frame=start)
+        for name, start, clip in cut_sequence(facts.sequence, whole, second.clip_seconds):
+            clips[name] = clip
+            rows[name] = facts.for_clip(name, start, clip)
     read = clips.__getitem__
     yield Family(second.dataset, _chosen(rows, read, choice, raw), read)
 
@@ -137,7 +133,7 @@ def _chosen(
     candidates = []
     for row in rows:
         must_look = choice.must_choose(n_clips[row.sequence])
-        nearness = nearness_of(read(row.clip), choice.near) if must_look else 0.0
+        nearness = mean_near_pairs(read(row.clip), choice.near) if must_look else 0.0
         candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
-    names = choose(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
+    names = select_clips(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
     return {name: facts[name] for name in names}

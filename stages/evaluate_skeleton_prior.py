@@ -21,10 +21,10 @@ from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.metrics.body import body_of
 from pacmo_core.metrics.retargeting import Limits
 from pacmo_core.models import load_skeleton_prior
-from pacmo_core.skeleton_prior import extractor
-from pacmo_core.skeleton_prior.examples import Example
-from pacmo_core.skeleton_prior.extractor import ExtractorSettings
-from pacmo_core.skeleton_prior.model import SkeletonPrior
+from pacmo_core.skeleton_prior import features
+from pacmo_core.skeleton_prior.data import Example
+from pacmo_core.skeleton_prior.features import FeatureExtractorSettings
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
@@ -43,7 +43,7 @@ class Params:
     tested: int  # variations of each source, at most
     bodies: Bodies
     limits: Limits
-    extractor: ExtractorSettings
+    extractor: FeatureExtractorSettings
     solver: SolverSettings
 
 
@@ -69,7 +69,7 @@ def main(paths: argparse.Namespace) -> None:
             scores.setdefault(name, {})[seed] = found
             if seed == wanted.seeds[0]:
                 shown |= samples_of(model, name, drawn)
-    facts = {"extractor": extractor.fingerprint(judge.extractor), "tested": len(chosen)}
+    facts = {"extractor": features.fingerprint(judge.extractor), "tested": len(chosen)}
     write_json(paths.scores, facts | {"train": len(train), "models": scores})
     with write_motions(paths.samples, test[0].template.skeleton) as writer:
         for name, motion in sorted((solver_samples(drawn) | shown).items()):
@@ -81,7 +81,7 @@ def judge_of(real: list[Example], params: Params) -> Judge:
     motions = [example.varied for example in real]
     seen = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
-    fitted = extractor.fit(seen, skeleton, params.extractor).finish()
+    fitted = features.build_extractor_training(seen, skeleton, params.extractor).finish()
     return Judge(fitted, body_of(skeleton), params.limits)
 
 

@@ -12,7 +12,13 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from pacmo_core.skeleton_prior.splits import SIDES, Fact, SplitSettings, fewer, split
+from pacmo_core.skeleton_prior.splits import (
+    SPLITS,
+    SplitSettings,
+    VariationScales,
+    assign_splits,
+    limit_training_samples,
+)
 from pacmo_core.store.tables import SplitRecord, write_rows
 from stages._examples import kept_facts
 from stages._files import write_json
@@ -40,11 +46,11 @@ def main(paths: argparse.Namespace) -> None:
         rows = [SplitRecord(variation, side) for variation, side in sides.items()]
         write_rows(paths.sides / family / f"{name}.parquet", SplitRecord, rows)
         found = Counter(sides.values())
-        counts.setdefault(family, {})[name] = {side: found[side] for side in SIDES}
+        counts.setdefault(family, {})[name] = {side: found[side] for side in SPLITS}
     write_json(paths.metrics, counts)
 
 
-def sides_of(facts: Mapping[str, Fact], name: str, params: Params) -> dict[str, str]:
+def sides_of(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
     """Put a family's variations on sides."""
     kind, samples = split_and_samples(name)
     sources = {fact.source for fact in facts.values()}
@@ -58,9 +64,9 @@ def sides_of(facts: Mapping[str, Fact], name: str, params: Params) -> dict[str, 
         validation_share=params.validation_share,
         random_seed=params.random_seed,
     )
-    sides = split(kind, list(facts.values()), settings)
+    sides = assign_splits(kind, list(facts.values()), settings)
     if samples is not None:
-        sides = fewer(sides, samples, random_seed=params.random_seed)
+        sides = limit_training_samples(sides, samples, random_seed=params.random_seed)
     return dict(zip(facts, sides, strict=True))
 
 

@@ -42,12 +42,12 @@ class Score:
     values: NDArray[np.float64]
 
 
-def write_scores(path: Path, scores: Sequence[Score], facts: Mapping[str, Any]) -> None:
+def write_scores(path: Path, scores: Sequence[Score], metadata: Mapping[str, Any]) -> None:
     """Write scores atomically.
 
     Parameters
     ----------
-    facts : what holds for all scores, as JSON can represent it
+    metadata : what holds for all scores, as JSON can represent it
 
     Raises
     ------
@@ -65,14 +65,14 @@ def write_scores(path: Path, scores: Sequence[Score], facts: Mapping[str, Any]) 
         "replicate": np.concatenate([np.arange(length, dtype=np.int32) for length in lengths]),
         "value": np.concatenate([score.values for score in scores]),
     }
-    text = json.dumps(facts, sort_keys=True, allow_nan=False)
-    schema = COLUMNS.with_metadata({"pacmo": VERSION, "facts": text})
+    text = json.dumps(metadata, sort_keys=True, allow_nan=False)
+    schema = COLUMNS.with_metadata({"pacmo": VERSION, "scores": text})
     with atomic_file(path) as partial:
         pq.write_table(pa.table(columns, schema=schema), partial, compression="zstd")
 
 
 def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
-    """Read scores and their facts.
+    """Read scores and their metadata.
 
     Raises
     ------
@@ -81,9 +81,9 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
     """
     file = open_parquet(path)
     check_version(file.schema_arrow, path)
-    text = file.schema_arrow.metadata.get(b"facts")
+    text = file.schema_arrow.metadata.get(b"scores")
     if text is None or file.schema_arrow.names != COLUMNS.names:
-        raise StoreError(f"{path}: wanted columns {COLUMNS.names} and facts in the metadata")
+        raise StoreError(f"{path}: wanted columns {COLUMNS.names} and scores in its metadata")
     table = file.read()
     row, seed, metric, replicate, value = (table[name].to_numpy() for name in COLUMNS.names)
     first = np.flatnonzero(replicate == 0)
@@ -92,5 +92,5 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
         Score(str(row[i]), int(seed[i]), str(metric[i]), np.array(value[i:end]))
         for i, end in zip(first, ends, strict=True)
     ]
-    facts: dict[str, Any] = json.loads(text)
-    return scores, facts
+    metadata: dict[str, Any] = json.loads(text)
+    return scores, metadata

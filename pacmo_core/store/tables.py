@@ -6,13 +6,14 @@ of another version.
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.files import StoreError, atomic_file
 
 VERSION = "1"
@@ -84,6 +85,16 @@ class ClipRecord:
     max_joint_speed: float
     contact_share: float
     filled_frames: int
+
+    def for_clip(self, name: str, start_frame: int, clip: Interaction) -> "ClipRecord":
+        """Return the record of a clip that was cut from the sequence of this record."""
+        return replace(
+            self,
+            clip=name,
+            duration=clip.duration,
+            frames=len(clip.times),
+            start_frame=start_frame,
+        )
 
 
 @dataclass(frozen=True)

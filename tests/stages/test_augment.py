@@ -18,6 +18,7 @@ from ruamel.yaml import YAML
 from benchmarks._variations import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
+from pacmo_core.project.experiments import default_params
 from pacmo_core.store.motions import stream_folder
 from pacmo_core.store.tables import read_variations
 from stages._params import ParamsError
@@ -243,6 +244,6 @@ def test_a_run_that_is_killed_goes_on_from_its_last_batch(
 
 
 def test_the_default_solves_with_the_settings_that_the_benchmark_measures() -> None:
-    sections = YAML(typ="safe").load(Path("experiments/default.yaml"))
+    sections = YAML(typ="safe").load(default_params())
     found = TypeAdapter(Settings).validate_python(sections["augment"]["solver"])
     assert found == SETTINGS
