@@ -8,7 +8,8 @@ import torch
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.interaction_mesh import Scene, Settings, prepare, vary
+from pacmo_core.interaction_mesh import Scene, Settings, prepare
+from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
 from pacmo_core.metrics.retargeting import sample_diversity
 from pacmo_core.skeleton_prior.data import Example
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
@@ -56,7 +57,7 @@ def solved(
     """``(V, T, 2 J, 3)`` metres: what the solver makes of a source on bodies (V, 2, E)."""
     people = (template.person_a, template.person_b)
     scene = Scene(people, (template.skeleton,) * 2, template.fps)
-    made = vary(prepare(scene, solver), scales.reshape(len(scales), -1))
+    made = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
     return made.points.astype(np.float32)
 
 

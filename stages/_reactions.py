@@ -23,9 +23,9 @@ def directed_clips(
     The name is the clip's, ``#`` and the person who reacts.
     """
     for facts, interaction in stream_side(clips, sides, side):
-        for role in DIRECTIONS:
-            seen = interaction.swapped() if role == "a" else interaction
-            yield directed_name(facts.clip, role), facts, seen
+        for direction in DIRECTIONS:
+            seen = interaction.swapped() if direction == "a" else interaction
+            yield directed_name(facts.clip, direction), facts, seen
 
 
 def write_reactions(

@@ -7,7 +7,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.augmentation.choose import Candidate, choose, nearness_of
+from pacmo_core.augmentation.filter import Candidate, mean_near_pairs, select_clips
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.splits import cut_sequence
@@ -133,7 +133,7 @@ def _chosen(
     candidates = []
     for row in rows:
         must_look = choice.must_choose(n_clips[row.sequence])
-        nearness = nearness_of(read(row.clip), choice.near) if must_look else 0.0
+        nearness = mean_near_pairs(read(row.clip), choice.near) if must_look else 0.0
         candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
-    names = choose(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
+    names = select_clips(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
     return {name: facts[name] for name in names}

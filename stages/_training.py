@@ -103,8 +103,8 @@ def train(task: Task, model: Path, curve: Path) -> None:
         if is_main_process():
             _train_watched(fitting, checkpoint, params.checkpoint_every, model)
             write_curve(curve, _rows(fitting.curve))
-            chosen = {"chosen": fitting.chosen()}
-            write_weights(model / WEIGHTS, facts | chosen, model_state(fitting.model))
+            selection = {"selection": fitting.selection()}
+            write_weights(model / WEIGHTS, facts | selection, model_state(fitting.model))
             checkpoint.remove()
         else:
             fitting.finish()

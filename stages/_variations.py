@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pacmo_core.augmentation.bodies import body_of
+from pacmo_core.augmentation.bodies import measure_body
 from pacmo_core.augmentation.clip_files import (
     ClipFiles,
     clip_key,
@@ -21,13 +21,20 @@ from pacmo_core.augmentation.clip_files import (
     variation_to_entry,
     write_clip_files,
 )
-from pacmo_core.augmentation.keep import Bounds
-from pacmo_core.augmentation.keys import body_key, maker_key, source_key
+from pacmo_core.augmentation.filter import VariationLimits
 from pacmo_core.augmentation.plan import Plan, Variation, plan_variations
+from pacmo_core.augmentation.run import (
+    Batch,
+    BatchResult,
+    SolvedVariation,
+    body_key,
+    solve_on_cluster,
+    solve_with_processes,
+    solver_key,
+    source_key,
+)
 from pacmo_core.augmentation.segments import segments
-from pacmo_core.augmentation.solve import Lot, Made, Outcome
-from pacmo_core.augmentation.workers import solve_on_cluster, solve_side_by_side
-from pacmo_core.interaction_mesh import BATCH, Settings
+from pacmo_core.interaction_mesh import MAX_BATCH, Settings
 from pacmo_core.store.cache import Cache
 from pacmo_core.store.tables import (
     VARIATIONS,
@@ -50,7 +57,7 @@ class Making:
 
     plan: Plan
     solver: Settings
-    bounds: Bounds
+    bounds: VariationLimits
     variations: Cache  # whatever the plan
     clips: Cache  # files of clips with all variations of the plan
 
@@ -78,7 +85,9 @@ class Found:
             return []
         return [one for one in clip.variations if entry_key(clip.source, one[0]) not in self.cached]
 
-    def outcomes(self, clip: Waiting, cache: Cache) -> Iterator[tuple[Variation, Made | str]]:
+    def outcomes(
+        self, clip: Waiting, cache: Cache
+    ) -> Iterator[tuple[Variation, SolvedVariation | str]]:
         """Read what came of each variation."""
         for body, variation in clip.variations:
             entry = cache.get(entry_key(clip.source, body))
@@ -143,7 +152,10 @@ def _copy(cache: Cache, key: str, folder: Path, clip: str) -> list[VariationReco
 def _planned(clip: str, family: Family, plan: Plan) -> list[tuple[str, Variation]]:
     """Plan a clip's variations, each with the hash of its bodies."""
     source = family.read(clip)
-    bodies = (body_of(source.person_a, source.skeleton), body_of(source.person_b, source.skeleton))
+    bodies = (
+        measure_body(source.person_a, source.skeleton),
+        measure_body(source.person_b, source.skeleton),
+    )
     found = plan_variations(plan, bodies, clip)
     return [(body_key(variation.scales), variation) for variation in found]
 
@@ -172,7 +184,7 @@ def _made(
                 yield one, found
 
 
-def _keep(outcome: Outcome, found: Found, cache: Cache) -> None:
+def _keep(outcome: BatchResult, found: Found, cache: Cache) -> None:
     """Add a lot to the cache as it is done."""
     if outcome.refused:
         found.refused[outcome.key] = outcome.refused
@@ -181,16 +193,16 @@ def _keep(outcome: Outcome, found: Found, cache: Cache) -> None:
         found.cached.add(entry_key(outcome.key, body))
 
 
-def _solved(lots: list[Lot]) -> Iterator[Outcome]:
+def _solved(lots: list[Batch]) -> Iterator[BatchResult]:
     address = scheduler_address()
     if address:
         return solve_on_cluster(lots, address)
-    return solve_side_by_side(lots, processes=os.cpu_count() or 1)
+    return solve_with_processes(lots, processes=os.cpu_count() or 1)
 
 
 def _lots(
     family: Family, waiting: Sequence[Waiting], found: Found, settings: Settings
-) -> Iterator[Lot]:
+) -> Iterator[Batch]:
     """Gather what one source lacks, a batch of the solver at a time."""
     sources: dict[str, dict[str, Variation]] = {}
     clips: dict[str, str] = {}
@@ -201,7 +213,7 @@ def _lots(
     for key, bodies in sources.items():
         names = list(bodies)
         source = family.read(clips[key])
-        for first in range(0, len(names), BATCH):
-            batch = tuple(names[first : first + BATCH])
+        for first in range(0, len(names), MAX_BATCH):
+            batch = tuple(names[first : first + MAX_BATCH])
             scales = np.stack([np.concatenate(bodies[name].scales) for name in batch])
-            yield Lot(key, maker_key(settings), source, settings, scales, batch)
+            yield Batch(key, solver_key(settings), source, settings, scales, batch)

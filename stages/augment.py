@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.augmentation.clip_files import settings_key
-from pacmo_core.augmentation.keep import Bounds, excess
-from pacmo_core.augmentation.keys import maker_key
+from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.augmentation.plan import Plan
+from pacmo_core.augmentation.run import solver_key
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.store.cache import Cache
 from pacmo_core.store.tables import VariationRecord
@@ -44,12 +44,12 @@ class Params:
     second: Second  # a second family beside the experiment's
     plan: Plan  # the bodies that each is given
     solver: Settings
-    bounds: Bounds  # what a variation must keep within to be trained on
+    bounds: VariationLimits  # what a variation must keep within to be trained on
 
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("augment", Params)
-    maker = maker_key(params.solver)
+    maker = solver_key(params.solver)
     variations = Cache(paths.cache / VARIATIONS, maker)
     clips = Cache(paths.cache / CLIPS, settings_key(maker, params.plan, params.bounds))
     making = Making(params.plan, params.solver, params.bounds, variations, clips)
@@ -70,11 +70,11 @@ def main(paths: argparse.Namespace) -> None:
     write_json(paths.metrics, metrics)
 
 
-def summary(rows: Sequence[VariationRecord], bounds: Bounds) -> dict[str, object]:
+def summary(rows: Sequence[VariationRecord], bounds: VariationLimits) -> dict[str, object]:
     """Say how many there are, why some are put aside, and how good they are by kind."""
     refused = [row for row in rows if not row.accepted and not row.measurements]
     failed = [row for row in rows if not row.accepted and row.measurements]
-    reasons = Counter(name for row in failed for name in excess(row.measurements, bounds))
+    reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, bounds))
     kinds = sorted({row.kind for row in rows if row.measurements})
     return {
         "clips": len({row.clip for row in rows}),
