@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from prefect.settings import PREFECT_API_URL
 from prefect.testing.utilities import prefect_test_harness
 
 PIPELINE = """\
@@ -59,5 +60,7 @@ def prefect_server():
     """Start one temporary Prefect server on loopback, with a data base of its own."""
     os.environ["DO_NOT_TRACK"] = "1"
     os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
-    with prefect_test_harness(server_startup_timeout=120):
+    with prefect_test_harness(server_startup_timeout=120), pytest.MonkeyPatch.context() as patch:
+        # For the flows that tests start as processes.
+        patch.setenv("PREFECT_API_URL", PREFECT_API_URL.value())
         yield
