@@ -23,18 +23,18 @@ class Choice:
     """Which clips of a family are varied."""
 
     include: tuple[str, ...]  # patterns of clips' names
-    of_each_sequence: int | None  # at most, those in which the two are nearest
-    most: int | None  # in all, one an act before a second of any
-    near: float  # metres between joints that count as near
+    max_per_sequence: int | None  # those with the most near pairs of joints
+    max_clips: int | None  # in all; one of each action before a second of any
+    near_distance: float  # metres between joints that count as near
 
     def must_choose(self, n_clips: int) -> bool:
         """Say whether of a sequence's so many clips some may be left out."""
-        of_each = n_clips if self.of_each_sequence is None else self.of_each_sequence
-        return self.most is not None or n_clips > of_each
+        of_each = n_clips if self.max_per_sequence is None else self.max_per_sequence
+        return self.max_clips is not None or n_clips > of_each
 
 
 @dataclass(frozen=True)
-class Second:
+class SecondDataset:
     """Captures of another skeleton, read as ``ingest`` and ``cut`` do; none without a format."""
 
     dataset: str
@@ -73,7 +73,7 @@ def own_family(clips: Path, choice: Choice) -> Family:
     return Family(next(iter(chosen.values())).dataset, chosen, read)
 
 
-def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]:
+def second_family(second: SecondDataset, raw: Path, choice: Choice) -> Iterator[Family]:
     """Choose among captures of the second skeleton, where there are any.
 
     Raises
@@ -93,7 +93,7 @@ def second_family(second: Second, raw: Path, choice: Choice) -> Iterator[Family]
     yield Family(second.dataset, _chosen(rows, read, choice, raw), read)
 
 
-def _captures(second: Second, raw: Path) -> Iterator[tuple[ClipRecord, Interaction]]:
+def _captures(second: SecondDataset, raw: Path) -> Iterator[tuple[ClipRecord, Interaction]]:
     raw_format = open_format(second.format or "", second.settings)
     found = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
     recipe = IngestionSettings(
@@ -133,7 +133,9 @@ def _chosen(
     candidates = []
     for row in rows:
         must_look = choice.must_choose(n_clips[row.sequence])
-        nearness = mean_near_pairs(read(row.clip), choice.near) if must_look else 0.0
+        nearness = mean_near_pairs(read(row.clip), choice.near_distance) if must_look else 0.0
         candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
-    names = select_clips(candidates, of_each_sequence=choice.of_each_sequence, most=choice.most)
+    names = select_clips(
+        candidates, max_per_sequence=choice.max_per_sequence, max_clips=choice.max_clips
+    )
     return {name: facts[name] for name in names}

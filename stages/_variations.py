@@ -57,7 +57,7 @@ class Making:
 
     plan: Plan
     solver: Settings
-    bounds: VariationLimits
+    limits: VariationLimits
     variations: Cache  # whatever the plan
     clips: Cache  # files of clips with all variations of the plan
 
@@ -108,7 +108,7 @@ def write_family(folder: Path, family: Family, making: Making) -> list[Variation
     for one, found in _made(family, waiting, making):
         source = family.read(one.clip)
         outcomes = found.outcomes(one, making.variations)
-        new = write_clip_files(folder, one.clip, source, outcomes, making.bounds)
+        new = write_clip_files(folder, one.clip, source, outcomes, making.limits)
         making.clips.put(one.key, new.to_entry())
         rows += new.rows
     rows.sort(key=lambda row: row.variation)
@@ -163,44 +163,44 @@ def _planned(clip: str, family: Family, plan: Plan) -> list[tuple[str, Variation
 def _made(
     family: Family, waiting: Sequence[Waiting], making: Making
 ) -> Iterator[tuple[Waiting, Found]]:
-    """Yield clips as all their variations are there; make what is not kept, a lot at a time."""
+    """Yield clips as all their variations are there; solve the missing ones, a batch at a time."""
     found = Found()
     keys = {entry_key(one.source, body) for one in waiting for body, _ in one.variations}
     found.cached.update(key for key in sorted(keys) if making.variations.get(key))
-    lots = list(_lots(family, waiting, found, making.solver))
-    n_bodies, n_done = sum(len(lot.names) for lot in lots), 0
+    batches = list(_batches(family, waiting, found, making.solver))
+    n_bodies, n_done = sum(len(batch.body_keys) for batch in batches), 0
     left: dict[str, list[Waiting]] = {}
     for one in waiting:
         if found.lacks(one):
             left.setdefault(one.source, []).append(one)
         else:
             yield one, found
-    for outcome in _solved(lots):
+    for outcome in _solved(batches):
         _keep(outcome, found, making.variations)
-        n_done += len(outcome.made)
+        n_done += len(outcome.variations)
         LOG.info("%s: %d of %d made", family.name, n_done, n_bodies)
-        if not any(found.lacks(one) for one in left.get(outcome.key, ())):
-            for one in left.pop(outcome.key, ()):
+        if not any(found.lacks(one) for one in left.get(outcome.source_key, ())):
+            for one in left.pop(outcome.source_key, ()):
                 yield one, found
 
 
 def _keep(outcome: BatchResult, found: Found, cache: Cache) -> None:
-    """Add a lot to the cache as it is done."""
-    if outcome.refused:
-        found.refused[outcome.key] = outcome.refused
-    for body, made in outcome.made.items():
-        cache.put(entry_key(outcome.key, body), variation_to_entry(made))
-        found.cached.add(entry_key(outcome.key, body))
+    """Add the variations of a solved batch to the cache."""
+    if outcome.error:
+        found.refused[outcome.source_key] = outcome.error
+    for body, made in outcome.variations.items():
+        cache.put(entry_key(outcome.source_key, body), variation_to_entry(made))
+        found.cached.add(entry_key(outcome.source_key, body))
 
 
-def _solved(lots: list[Batch]) -> Iterator[BatchResult]:
+def _solved(batches: list[Batch]) -> Iterator[BatchResult]:
     address = scheduler_address()
     if address:
-        return solve_on_cluster(lots, address)
-    return solve_with_processes(lots, processes=os.cpu_count() or 1)
+        return solve_on_cluster(batches, address)
+    return solve_with_processes(batches, processes=os.cpu_count() or 1)
 
 
-def _lots(
+def _batches(
     family: Family, waiting: Sequence[Waiting], found: Found, settings: Settings
 ) -> Iterator[Batch]:
     """Gather what one source lacks, a batch of the solver at a time."""
@@ -214,6 +214,6 @@ def _lots(
         names = list(bodies)
         source = family.read(clips[key])
         for first in range(0, len(names), MAX_BATCH):
-            batch = tuple(names[first : first + MAX_BATCH])
-            scales = np.stack([np.concatenate(bodies[name].scales) for name in batch])
-            yield Batch(key, solver_key(settings), source, settings, scales, batch)
+            body_keys = tuple(names[first : first + MAX_BATCH])
+            scales = np.stack([np.concatenate(bodies[name].scales) for name in body_keys])
+            yield Batch(key, solver_key(settings), source, settings, scales, body_keys)

@@ -28,7 +28,7 @@ from pacmo_core.store.cache import Cache
 from pacmo_core.store.tables import VariationRecord
 from stages._files import write_json
 from stages._params import read_params
-from stages._sources import Choice, Second, own_family, second_family
+from stages._sources import Choice, SecondDataset, own_family, second_family
 from stages._variations import Making, write_family
 
 # Folders of the cache.
@@ -41,21 +41,21 @@ class Params:
     """The ``augment`` section of ``params.yaml``."""
 
     clips: Choice  # which are varied
-    second: Second  # a second family beside the experiment's
+    second_dataset: SecondDataset  # varied beside the experiment's dataset
     plan: Plan  # the bodies that each is given
     solver: Settings
-    bounds: VariationLimits  # what a variation must keep within to be trained on
+    limits: VariationLimits  # of a variation that is accepted for training
 
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("augment", Params)
-    maker = solver_key(params.solver)
-    variations = Cache(paths.cache / VARIATIONS, maker)
-    clips = Cache(paths.cache / CLIPS, settings_key(maker, params.plan, params.bounds))
-    making = Making(params.plan, params.solver, params.bounds, variations, clips)
+    solver = solver_key(params.solver)
+    variations = Cache(paths.cache / VARIATIONS, solver)
+    clips = Cache(paths.cache / CLIPS, settings_key(solver, params.plan, params.limits))
+    making = Making(params.plan, params.solver, params.limits, variations, clips)
     families = [
         own_family(paths.clips, params.clips),
-        *second_family(params.second, paths.second, params.clips),
+        *second_family(params.second_dataset, paths.second, params.clips),
     ]
     if paths.variations.exists():
         # As DVC does before it runs a stage: clips that are gone, and what a killed run left, go.
@@ -63,18 +63,18 @@ def main(paths: argparse.Namespace) -> None:
     metrics = {}
     for family in families:
         rows = write_family(paths.variations / family.name, family, making)
-        metrics[family.name] = summary(rows, params.bounds)
+        metrics[family.name] = summary(rows, params.limits)
     variations.remove_other_namespaces()
     clips.remove_other_namespaces()
     clips.remove_unused()
     write_json(paths.metrics, metrics)
 
 
-def summary(rows: Sequence[VariationRecord], bounds: VariationLimits) -> dict[str, object]:
+def summary(rows: Sequence[VariationRecord], limits: VariationLimits) -> dict[str, object]:
     """Say how many there are, why some are put aside, and how good they are by kind."""
     refused = [row for row in rows if not row.accepted and not row.measurements]
     failed = [row for row in rows if not row.accepted and row.measurements]
-    reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, bounds))
+    reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, limits))
     kinds = sorted({row.kind for row in rows if row.measurements})
     return {
         "clips": len({row.clip for row in rows}),
