@@ -111,7 +111,7 @@ def test_what_a_variation_rests_on_is_in_its_hashes() -> None:
     slower = replace(own, times=own.times * 2)
     assert source_key(renamed) == source_key(own)
     assert len({source_key(x) for x in (own, moved, slower, own.swapped())}) == 4
-    assert solver_key(SETTINGS) != solver_key(replace(SETTINGS, contact_contact_slack=0.03))
+    assert solver_key(SETTINGS) != solver_key(replace(SETTINGS, contact_slack=0.03))
     ones = np.ones(5)
     assert body_key((ones, ones)) != body_key((ones, np.nextafter(ones, 2)))
 
