@@ -13,7 +13,7 @@ from apps.leftover_priors import WantedPriors, leftover_priors
 
 # Below these stands FOLD or FOLD.suffix, and in a fold's folder MODEL/SEED or MODEL/SEED.suffix.
 PLACES = (
-    *("data/sides", "data/reactions", "data/scores"),
+    *("data/splits", "data/reactions", "data/scores"),
     *("models", "reports/curves", "reports/split"),
 )
 

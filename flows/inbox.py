@@ -26,9 +26,9 @@ from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import read_sequences
 from pacmo_core.store.motions import read_skeleton
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
-from stages._files import CLIPS, MOTIONS
-from stages._params import read_params
-from stages.ingest import Params, is_included, recipe_of
+from stages.common.files import CLIPS, MOTIONS
+from stages.common.params import read_params
+from stages.ingest import Params, ingestion_settings, is_included
 
 SEQUENCES = Path("data/sequences")
 SETTLE_S = 5.0  # a file that is still being copied changes within this
@@ -80,7 +80,7 @@ def take_in(settle_s: float = SETTLE_S) -> Intake:
 
 
 def _judge(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
-    recipe = recipe_of(params, INBOX)
+    recipe = ingestion_settings(params, INBOX)
     known = _known_contents()
     stamp = now().replace(":", "")
     moves = []

@@ -33,7 +33,7 @@ from flows.remote import push
 from flows.reproduce import WORKERS, bring_up
 from flows.way import ByHand, ByPrefect, Way
 from pacmo_core.promotion import REJECTED, Gate
-from stages._params import read_params
+from stages.common.params import read_params
 
 _GB = 1e9
 _FIRST_STAGES = ["split"]  # as far as captures go without training anything

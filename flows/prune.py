@@ -23,7 +23,7 @@ from flows.dvc_locks import DVC_LOCK
 from flows.ending import by_hand_or_flow
 from flows.way import ByHand, ByPrefect, Way
 from pacmo_core import promotion
-from stages._params import read_params
+from stages.common.params import read_params
 
 
 @dataclass(frozen=True)

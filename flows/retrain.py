@@ -21,7 +21,7 @@ from flows.graph import stages_below
 from flows.nightly import Params, check_disk, compare
 from flows.reproduce import WORKERS, bring_up
 from flows.way import ByHand, ByPrefect, Way
-from stages._params import read_params
+from stages.common.params import read_params
 
 
 def retrain_here(way: Way, models: list[str]) -> Run:

@@ -6,8 +6,8 @@ from apps.leftover_priors import WantedPriors, leftover_priors
 
 WANTED = WantedPriors(["duo"], ["random", "random_6"], ["m_gcn"], [1, 2])
 KEPT = [
-    "data/priors/sides/.gitignore",
-    "data/priors/sides/duo/random.parquet",
+    "data/priors/splits/.gitignore",
+    "data/priors/splits/duo/random.parquet",
     "data/priors/scores/duo/random_6.json",
     "models/priors/duo/random/m_gcn/1/weights.safetensors",
     "models/priors/duo/random/m_gcn/.gitignore",

@@ -5,7 +5,7 @@ import pytest
 
 from pacmo_core.skeleton_prior.splits import Fact
 from stages import split_variations
-from stages._priors import Priors, split_and_samples
+from stages.common.params import PriorRuns, parse_split_name
 from stages.pool_skeleton_prior import interval, over_seeds
 
 
@@ -18,11 +18,11 @@ from stages.pool_skeleton_prior import interval, over_seeds
     ],
 )
 def test_a_number_after_a_split_is_how_many_train(name, wanted):
-    assert split_and_samples(name) == wanted
+    assert parse_split_name(name) == wanted
 
 
 def test_each_family_meets_each_split():
-    priors = Priors(["a", "b"], ["x", "y"], [], [])
+    priors = PriorRuns(["a", "b"], ["x", "y"], [], [])
     assert list(priors.groups()) == [("a", "x"), ("a", "y"), ("b", "x"), ("b", "y")]
 
 

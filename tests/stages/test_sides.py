@@ -11,9 +11,8 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
 from stages import cut, split
-from stages._clips import stream_side
-from stages._files import CLIPS, MOTIONS, read_json
-from stages._reactions import directed_clips, write_reactions
+from stages.common.clips import directed_clips, stream_split, write_reactions
+from stages.common.files import CLIPS, MOTIONS, read_json
 
 FACTS = ClipRecord(
     *("", "", "set", "waving", "", "", "", "sbu15"), 10.0, 1.9, 20, 0, "file", "ab",
@@ -52,7 +51,7 @@ SIDES = {"c0": "test", "c1": "train", "c2": "dropped", "c3": "validation", "c4":
 def test_the_clips_of_a_side_are_those_of_the_table(clips, tmp_path):
     sides = put(tmp_path / "1.parquet", SIDES)
     found = {
-        side: [f.clip for f, _ in stream_side(clips, sides, side)]
+        side: [f.clip for f, _ in stream_split(clips, sides, side)]
         for side in ("train", "validation", "test")
     }
     assert found == {"train": ["c1"], "validation": ["c3"], "test": ["c0", "c4"]}
@@ -62,7 +61,7 @@ def test_the_clips_of_a_side_are_those_of_the_table(clips, tmp_path):
 def test_a_table_of_other_clips_is_refused(clips, tmp_path, sides):
     table = put(tmp_path / "1.parquet", sides)
     with pytest.raises(ValueError, match=r"wanted a side for each clip .* differ in c[129]"):
-        list(stream_side(clips, table, "test"))
+        list(stream_split(clips, table, "test"))
 
 
 def test_either_person_answers_once_a_sample_and_names_say_which(clips, tmp_path):

@@ -22,8 +22,8 @@ from pacmo_core.training.checkpoints import Checkpoint, data_hash
 from pacmo_core.training.devices import DeviceError, training_device
 from pacmo_core.training.loop import TrainingLoop
 from stages import train_autoencoder, train_gru, train_pacmo, train_regression
-from stages._files import read_curve
 from stages._training import read_training_data
+from stages.common.files import read_curve
 from tests.reaction.problems import clips
 from tests.stages.training import SECTIONS, prepare
 
