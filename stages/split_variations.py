@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from pacmo_core.skeleton_prior.splits import SPLITS, Fact, SplitSettings, fewer, split
+from pacmo_core.skeleton_prior.splits import SIDES, Fact, SplitSettings, fewer, split
 from pacmo_core.store.tables import SplitRecord, write_rows
 from stages.common.examples import read_variation_facts
 from stages.common.files import write_json
@@ -39,7 +39,7 @@ def main(paths: argparse.Namespace) -> None:
         rows = [SplitRecord(variation, split) for variation, split in splits.items()]
         write_rows(paths.splits / dataset / f"{name}.parquet", SplitRecord, rows)
         counts_of_split = Counter(splits.values())
-        counts.setdefault(dataset, {})[name] = {split: counts_of_split[split] for split in SPLITS}
+        counts.setdefault(dataset, {})[name] = {split: counts_of_split[split] for split in SIDES}
     write_json(paths.metrics, counts)
 
 

@@ -21,7 +21,10 @@ Pooled = dict[str, Any]
 
 # What reports/metrics.json and `dvc metrics` show; reports/details.json has everything.
 COMPARED_ROWS = ("real", "oracle", "wrong_partner", *model_names("reaction"))
-COMPARED_COLUMNS = ("f2id", "mmd_s", "diversity", "matching", "ape", "contact_agreement")
+COMPARED_COLUMNS = {
+    **{name: name for name in ("f2id", "mmd_s", "diversity", "matching", "ape")},
+    "contact_agreement": "contacts",
+}
 
 NO_ORACLE = "recorded captures have no known law of reaction"
 COMPARISONS = {
@@ -146,8 +149,8 @@ def reaction_figures(pooled: Pooled) -> dict[str, dict[str, float]]:
     """List the figures that people compare of each row, rounded to what intervals support."""
     return {
         row: {
-            column: float(f"{cells[column]['mean']:.3g}")
-            for column in COMPARED_COLUMNS
+            name: float(f"{cells[column]['mean']:.3g}")
+            for column, name in COMPARED_COLUMNS.items()
             if column in cells
         }
         for row, cells in pooled["rows"].items()
