@@ -10,7 +10,6 @@ import typer
 from numpy.typing import NDArray
 
 from apps.duos import PEOPLE, Duo, check_out, read_duo, write_duo
-from apps.failure import CommandError, told_in_one_line
 from apps.solver_settings import read_solving
 from pacmo_core.augmentation.bodies import body_of, of_profile, scaled
 from pacmo_core.augmentation.keep import Bounds, reason_of
@@ -21,6 +20,7 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.figures.variations import said
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import prepare, vary
+from pacmo_core.project.workspace import CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
 
 First = Annotated[Path, typer.Argument(help="a capture of two people, or of person a")]
@@ -154,7 +154,7 @@ def _lines(figures: dict[str, float], bounds: Bounds, miss: float) -> Iterator[s
 @contextmanager
 def told(files: str) -> Iterator[None]:
     """Turn what may be wrong with two people's files into a line."""
-    with told_in_one_line():
+    with errors_in_one_line():
         try:
             yield
         except (StoreError, FormatError) as fault:

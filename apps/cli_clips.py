@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from apps.failure import CommandError, told_in_one_line
+from pacmo_core.project.workspace import CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, read_rows
 
@@ -52,7 +52,7 @@ def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching 
 
 @contextmanager
 def _told() -> Iterator[None]:
-    with told_in_one_line():
+    with errors_in_one_line():
         try:
             yield
         except StoreError as fault:

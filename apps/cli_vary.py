@@ -26,14 +26,14 @@ from apps.cli_augment import (
     told,
 )
 from apps.duos import Duo, check_out, is_parquet, read_duo, write_duo
-from apps.failure import CommandError
 from pacmo_core.augmentation.bodies import body_of, scaled
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.models import load_skeleton_prior
-from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
+from pacmo_core.project.workspace import CommandError
+from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 
 WEIGHTS = Path("models/priors/default/random/kinematic/1/weights.safetensors")
@@ -112,7 +112,7 @@ def _varied(
         (found,) = retarget(model, source, scales, samples=samples, random=random)
         yield from ((pair, scales[0]) for pair in found)
         return
-    scales = generate_bodies(model, samples, random=random)
+    scales = generate_skeletons(model, samples, random=random)
     made = retarget(model, source, scales, samples=1, random=random)
     yield from ((pair, own) for (pair,), own in zip(made, scales, strict=True))
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from apps.failure import CommandError
 from pacmo_core.data.interaction import Motion
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.reaction.stream import ReactionStream
 
 

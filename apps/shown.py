@@ -4,15 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from apps.failure import CommandError
-from apps.places import MOTIONS
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, ONE_PERSON_FORMATS, format_of, open_format
+from pacmo_core.project.workspace import MOTIONS, CommandError
 from pacmo_core.store.motions import motion_file, read_motion
-from pacmo_core.store.tables import FAILED, GOOD, SOURCES, VARIATIONS, read_variations
+from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 
 STORE = Path("data/clips")
 
@@ -71,9 +70,9 @@ def _file_of(folder: Path, name: str) -> Path:
     row = rows[0]
     if name == row.clip:
         return motion_file(folder / SOURCES, row.clip)
-    if not row.figures:
+    if not row.measurements:
         raise CommandError(f"{facts}: {name} was not made: {row.reason}")
-    return motion_file(folder / (GOOD if row.kept else FAILED), row.clip)
+    return motion_file(folder / (ACCEPTED if row.accepted else FAILED), row.clip)
 
 
 def _captured(files: list[Path], form: str | None, settings: Mapping[str, Any]) -> Scene:

@@ -17,13 +17,12 @@ import numpy as np
 import torch
 from ruamel.yaml import YAML
 
-from apps.experiments import compose
 from benchmarks._figures import arguments, show
+from pacmo_core.project.experiments import compose_params
 from pacmo_core.skeleton_prior import training
-from pacmo_core.skeleton_prior.examples import Example, encode
-from pacmo_core.skeleton_prior.losses import LossWeights
-from pacmo_core.skeleton_prior.products import has_bfloat16
-from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.skeleton_prior.autograd_functions import supports_bfloat16
+from pacmo_core.skeleton_prior.data import Example, encode_examples
+from pacmo_core.skeleton_prior.settings import LossWeights, SkeletonPriorSettings
 from pacmo_core.training.devices import keep_freed_memory
 from stages.common.examples import stream_examples
 
@@ -45,7 +44,7 @@ def main() -> None:
     parser.add_argument("--split", default="cross_scale_interaction")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     options = parser.parse_args()
-    if not has_bfloat16("cpu"):
+    if not supports_bfloat16("cpu"):
         parser.error("this processor has no products of bfloat16: there is nothing to compare")
     torch.set_num_threads(1)
     keep_freed_memory()  # as the stage that trains does
@@ -73,7 +72,7 @@ def main() -> None:
 
 def trained(examples: list[list[Example]], seed: int, mixed: bool) -> Trained:
     """Train on the first side, choose weights on the second, measure on the third."""
-    section = YAML(typ="safe").load(compose("variations_paper"))["train_skeleton_prior"]
+    section = YAML(typ="safe").load(compose_params("variations_paper"))["train_skeleton_prior"]
     own = {
         "random_seed": seed,
         "model": "kinematic",
@@ -83,10 +82,14 @@ def trained(examples: list[list[Example]], seed: int, mixed: bool) -> Trained:
     known = {key: value for key, value in section.items() if key != "threads"}
     learnt, held_out, tested = examples
     start = time.process_time()
-    model = training.fit(learnt, PriorSettings(**{**known, **own}), validation=held_out).finish()
+    model = training.build_training(
+        learnt, SkeletonPriorSettings(**{**known, **own}), validation=held_out
+    ).finish()
     seconds = time.process_time() - start
     with torch.no_grad():
-        return Trained(1e3 * float(training.score(model, encode(tested))), seconds)
+        return Trained(
+            1e3 * float(training.mean_position_error(model, encode_examples(tested))), seconds
+        )
 
 
 if __name__ == "__main__":

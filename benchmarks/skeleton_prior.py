@@ -28,11 +28,12 @@ from torch import Tensor
 from benchmarks._figures import arguments, show
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.models import build_skeleton_prior
-from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.losses import LossWeights, terms, total
-from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
-from pacmo_core.skeleton_prior.products import has_bfloat16, rounding
-from pacmo_core.skeleton_prior.vary import forward
+from pacmo_core.skeleton_prior.autograd_functions import bfloat16_products, supports_bfloat16
+from pacmo_core.skeleton_prior.inference import retarget_positions
+from pacmo_core.skeleton_prior.layers import initialise_weights
+from pacmo_core.skeleton_prior.losses import loss_terms, total_loss
+from pacmo_core.skeleton_prior.settings import LossWeights, PriorConfig
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.training.devices import keep_freed_memory
 from tests.skeleton_prior.plain import made_plain
 
@@ -62,8 +63,8 @@ def varying(hidden: int) -> dict[str, float]:
     torch.set_num_threads(2)
     model = network(hidden).eval()
     template, scales = scene(N_FRAMES)
-    batched = best(lambda: forward(model, template[0], scales, None, stride=STRIDE))
-    single = best(lambda: forward(model, template[0], scales[:1], None, stride=STRIDE))
+    batched = best(lambda: retarget_positions(model, template[0], scales, None, stride=STRIDE))
+    single = best(lambda: retarget_positions(model, template[0], scales[:1], None, stride=STRIDE))
     return {"vary_ms_batched": batched / BATCH, "vary_ms_single": single}
 
 
@@ -72,8 +73,8 @@ def training(hidden: int) -> dict[str, float]:
     torch.set_num_threads(1)
     ours, plain = network(hidden), made_plain(network(hidden))
     template, scales = scene(WINDOW)
-    brief = partial(rounding, True)
-    autocast = partial(torch.autocast, "cpu", torch.bfloat16, enabled=has_bfloat16("cpu"))
+    brief = partial(bfloat16_products, True)
+    autocast = partial(torch.autocast, "cpu", torch.bfloat16, enabled=supports_bfloat16("cpu"))
     steps: list[tuple[SkeletonPrior, Precision]] = [
         (ours, brief),
         (ours, nullcontext),
@@ -97,14 +98,14 @@ def training(hidden: int) -> dict[str, float]:
         "exact_step_ms": exact_ms,
         "plain_step_ms": plain_ms,
         "autocast_plain_step_ms": autocast_ms,
-        "has_bfloat16": has_bfloat16("cpu"),
+        "has_bfloat16": supports_bfloat16("cpu"),
     }
 
 
 def network(hidden: int) -> SkeletonPrior:
     """Build our form with fresh weights."""
     model = build_skeleton_prior(PriorConfig(NTU25, LIMBS, "kinematic", hidden, STRIDE, 30.0, 0.0))
-    initialise(model, torch.Generator().manual_seed(0))
+    initialise_weights(model, torch.Generator().manual_seed(0))
     return model
 
 
@@ -123,8 +124,8 @@ def step(model: SkeletonPrior, template: Tensor, scales: Tensor, precision: Prec
     varied, random = 1.01 * template, torch.Generator().manual_seed(0)
     with precision():
         answer = model.reconstruct(template, scales, varied, random)
-    found = terms(answer, varied, template, model.tree.parents, model.unit)
-    total(found, WEIGHTS, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
+    found = loss_terms(answer, varied, template, model.tree.parents, model.unit)
+    total_loss(found, WEIGHTS, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
 
 
 def best(run: Callable[[], object]) -> float:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from torch import Tensor, nn
 
     from pacmo_core.reaction.windows import ReactionModel
-    from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
+    from pacmo_core.skeleton_prior.settings import PriorConfig
+    from pacmo_core.skeleton_prior.vae import SkeletonPrior
     from pacmo_core.training.loop import TrainingData, TrainingLoop
 
 Kind = Literal["reaction", "features", "skeleton_prior"]
@@ -107,10 +108,10 @@ def _skeleton_prior(name: str, label: str) -> Model:
         label,
         kind="skeleton_prior",
         section="train_skeleton_prior",
-        settings=f"{package}.settings:PriorSettings",
-        training=f"{package}.training:fit",
-        reader=f"{package}.training:from_state",
-        network=f"{package}.forms:{name}",
+        settings=f"{package}.settings:SkeletonPriorSettings",
+        training=f"{package}.training:build_training",
+        reader=f"{package}.training:prior_from_state",
+        network=f"{package}.models.{name}:build",
     )
 
 

@@ -78,9 +78,10 @@ def _noise_floor_reasons(metrics: Metrics, gate: Gate) -> list[str]:
     f2id, floor = metrics["f2id"]["mean"], metrics["f2id_floor"]["mean"]
     if f2id <= gate.max_noise_floor_ratio * floor:
         return []
+    ratio = gate.max_noise_floor_ratio
     return [
-        f"F²ID {f2id:.4g} is above {gate.max_noise_floor_ratio:g} times its noise floor {floor:.4g}, "
-        f"that is {gate.max_noise_floor_ratio * floor:.4g}"
+        f"F²ID {f2id:.4g} is above {ratio:g} times its noise floor {floor:.4g}, "
+        f"that is {ratio * floor:.4g}"
     ]
 
 

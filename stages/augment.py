@@ -403,14 +403,14 @@ def main(paths: argparse.Namespace) -> None:
 
 def summary(rows: Sequence[VariationRecord], bounds: Bounds) -> dict[str, object]:
     """Say how many there are, why some are put aside, and how good they are by kind."""
-    refused = [row for row in rows if not row.kept and not row.figures]
-    failed = [row for row in rows if not row.kept and row.figures]
-    reasons = Counter(name for row in failed for name in excess(row.figures, bounds))
-    kinds = sorted({row.kind for row in rows if row.figures})
+    refused = [row for row in rows if not row.accepted and not row.measurements]
+    failed = [row for row in rows if not row.accepted and row.measurements]
+    reasons = Counter(name for row in failed for name in excess(row.measurements, bounds))
+    kinds = sorted({row.kind for row in rows if row.measurements})
     return {
         "clips": len({row.clip for row in rows}),
         "planned": len(rows),
-        "kept": sum(row.kept for row in rows),
+        "accepted": sum(row.accepted for row in rows),
         "failed": len(failed),
         "refused": len(refused),
         "failed_by": dict(sorted(reasons.items())),
@@ -422,8 +422,8 @@ def summary(rows: Sequence[VariationRecord], bounds: Bounds) -> dict[str, object
 def statistics(rows: Sequence[VariationRecord]) -> dict[str, dict[str, float]]:
     """Give each figure's mean over variations, and between which values most of them lie."""
     state = {}
-    for name in sorted({name for row in rows for name in row.figures}):
-        values = [row.figures[name] for row in rows if name in row.figures]
+    for name in sorted({name for row in rows for name in row.measurements}):
+        values = [row.measurements[name] for row in rows if name in row.measurements]
         values = [value for value in values if isfinite(value)]
         if values:
             low, high = np.percentile(values, PERCENTILES)

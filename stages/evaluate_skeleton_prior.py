@@ -25,11 +25,11 @@ from pacmo_core.metrics import retargeting
 from pacmo_core.metrics.body import Body, body_of
 from pacmo_core.metrics.retargeting import Limits, Pair, sample_diversity
 from pacmo_core.models import load_skeleton_prior
-from pacmo_core.skeleton_prior import extractor
-from pacmo_core.skeleton_prior.examples import Example, canonical_frame, first_is_b
-from pacmo_core.skeleton_prior.extractor import Extractor, ExtractorSettings
-from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
+from pacmo_core.skeleton_prior import features
+from pacmo_core.skeleton_prior.data import Example, canonical_frame, is_b_first
+from pacmo_core.skeleton_prior.features import FeatureExtractor, FeatureExtractorSettings
+from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 from stages.common.examples import stream_examples
 from stages.common.files import ALL_SOURCES, WEIGHTS, write_json
@@ -50,7 +50,7 @@ class PriorEvaluator:
     limits : what counts as touching, standing and merging
     """
 
-    extractor: Extractor
+    extractor: FeatureExtractor
     body: Body
     limits: Limits
 
@@ -108,7 +108,7 @@ class PriorEvaluator:
     def _errors(self, predicted: Pair, expected: Pair, ground_truth: Example) -> dict[str, float]:
         template = oriented(ground_truth.template, ground_truth)
         scales = (
-            ground_truth.scales[::-1] if first_is_b(ground_truth.scales) else ground_truth.scales
+            ground_truth.scales[::-1] if is_b_first(ground_truth.scales) else ground_truth.scales
         )
         skeleton = ground_truth.template.skeleton
         places = retargeting.joint_error(predicted, expected)
@@ -145,7 +145,7 @@ def select_source(examples: Sequence[Example], source: str) -> list[Example]:
 def oriented(motion: Interaction, ground_truth: Example) -> Pair:
     """``(T, 2, J, 3)`` metres, the character that changes first."""
     people = [motion.person_a, motion.person_b]
-    return np.stack(people[::-1] if first_is_b(ground_truth.scales) else people, axis=1)
+    return np.stack(people[::-1] if is_b_first(ground_truth.scales) else people, axis=1)
 
 
 def characters(
@@ -191,7 +191,7 @@ def sample_body_examples(
     sources = {example.source: example.template for example in test}
     result = []
     for name, template in sources.items():
-        scales = generate_bodies(model, bodies.each, random=random)
+        scales = generate_skeletons(model, bodies.each, random=random)
         points = solve_bodies(template, scales, solver)
         n_joints = len(template.skeleton.joints)
         for sampled_of_source, both in zip(scales, points, strict=True):
@@ -262,7 +262,7 @@ class Params:
     tested: int  # variations of each source, at most
     bodies: SampledBodies
     limits: Limits
-    extractor: ExtractorSettings
+    extractor: FeatureExtractorSettings
 
 
 def main(paths: argparse.Namespace) -> None:
@@ -288,7 +288,7 @@ def main(paths: argparse.Namespace) -> None:
             scores.setdefault(name, {})[seed] = result
             if seed == runs.seeds[0]:
                 samples |= samples_of(model, name, sampled)
-    facts = {"extractor": extractor.fingerprint(evaluator.extractor), "tested": len(selected)}
+    facts = {"extractor": features.fingerprint(evaluator.extractor), "tested": len(selected)}
     write_json(paths.scores, facts | {"train": len(train), "models": scores})
     with write_motions(paths.samples, test[0].template.skeleton) as writer:
         for name, motion in sorted((solver_samples(sampled) | samples).items()):
@@ -300,7 +300,7 @@ def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
     motions = [example.varied for example in real]
     seen = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
-    fitted = extractor.fit(seen, skeleton, params.extractor).finish()
+    fitted = features.build_extractor_training(seen, skeleton, params.extractor).finish()
     return PriorEvaluator(fitted, body_of(skeleton), params.limits)
 
 

@@ -12,7 +12,12 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from pacmo_core.skeleton_prior.splits import SIDES, Fact, SplitSettings, fewer, split
+from pacmo_core.skeleton_prior.splits import (
+    SPLITS,
+    SplitSettings,
+    VariationScales,
+    limit_training_samples,
+)
 from pacmo_core.store.tables import SplitRecord, write_rows
 from stages.common.examples import read_variation_facts
 from stages.common.files import write_json
@@ -39,11 +44,11 @@ def main(paths: argparse.Namespace) -> None:
         rows = [SplitRecord(variation, split) for variation, split in splits.items()]
         write_rows(paths.splits / dataset / f"{name}.parquet", SplitRecord, rows)
         counts_of_split = Counter(splits.values())
-        counts.setdefault(dataset, {})[name] = {split: counts_of_split[split] for split in SIDES}
+        counts.setdefault(dataset, {})[name] = {split: counts_of_split[split] for split in SPLITS}
     write_json(paths.metrics, counts)
 
 
-def load_splits(facts: Mapping[str, Fact], name: str, params: Params) -> dict[str, str]:
+def load_splits(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
     """Put a dataset's variations on splits."""
     kind, samples = parse_split_name(name)
     sources = {fact.source for fact in facts.values()}
@@ -57,9 +62,9 @@ def load_splits(facts: Mapping[str, Fact], name: str, params: Params) -> dict[st
         validation_share=params.validation_share,
         random_seed=params.random_seed,
     )
-    splits = split(kind, list(facts.values()), settings)
+    splits = assign_splits(kind, list(facts.values()), settings)
     if samples is not None:
-        splits = fewer(splits, samples, random_seed=params.random_seed)
+        splits = limit_training_samples(splits, samples, random_seed=params.random_seed)
     return dict(zip(facts, splits, strict=True))
 
 

@@ -11,10 +11,10 @@ from rich.console import Console
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.models import get_model
-from pacmo_core.skeleton_prior.examples import Example
-from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.skeleton_prior.products import has_bfloat16
-from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.skeleton_prior.autograd_functions import supports_bfloat16
+from pacmo_core.skeleton_prior.data import Example
+from pacmo_core.skeleton_prior.settings import SkeletonPriorSettings
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.training.devices import keep_freed_memory
 from pacmo_core.training.loop import TrainingData, TrainingLoop
 from stages.common.examples import stream_examples
@@ -25,7 +25,7 @@ SECTION = "train_skeleton_prior"
 
 
 @dataclass(frozen=True)
-class Params(PriorSettings):
+class Params(SkeletonPriorSettings):
     """The ``train_skeleton_prior`` section of ``params.yaml``."""
 
     threads: int
@@ -44,7 +44,7 @@ def main(paths: argparse.Namespace) -> None:
 
     def build(device: str) -> TrainingLoop[SkeletonPrior]:
         kind = device.partition(":")[0]
-        if params.mixed_precision and not has_bfloat16(kind):
+        if params.mixed_precision and not supports_bfloat16(kind):
             Console(stderr=True).print(f"{kind} has no products of bfloat16: training in float32")
         return model.build_training(
             TrainingData(train_examples, validation_examples), params, device=device

@@ -11,8 +11,8 @@ import pytest
 from dvc.repo import Repo
 from ruamel.yaml import YAML
 
-from apps.experiments import compose, experiment_names
 from pacmo_core.models import MODELS
+from pacmo_core.project.experiments import compose_params, experiment_names
 
 ROOT = Path(__file__).parents[1]
 FLOORS = ("pacmo_core", "stages")
@@ -165,17 +165,19 @@ def test_stages_do_not_import_each_other(module):
     assert all(name.split(".")[1].startswith("_") for name in others)
 
 
-def test_params_yaml_is_the_default_experiment():
-    assert (ROOT / "params.yaml").read_text() == compose("default")
+def test_params_yaml_is_committed_with_the_default_experiment(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert YAML(typ="safe").load(compose_params("default"))["experiment"] == "default"
 
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_an_experiment_sets_only_what_the_default_knows(name, monkeypatch, tmp_path):
-    changes = YAML(typ="safe").load(ROOT / "experiments" / f"{name}.yaml")
-    assert changes["experiment"] == name
+    if name != "default":
+        changes = YAML(typ="safe").load(ROOT / "experiments" / f"{name}.yaml")
+        assert changes["experiment"] == name
     for folder in ("sbu", "duo_mocap", "cmu_18_19", "duetdance", "ntu/meta"):
         (tmp_path / folder).mkdir(parents=True)
     for which in ("", "120"):
         (tmp_path / f"ntu/meta/NTU_RGBD{which}_samples_with_missing_skeletons.txt").touch()
     monkeypatch.setenv("PACMO_REAL_DATA", str(tmp_path))
-    assert f"experiment: {name}" in compose(name)
+    assert f"experiment: {name}" in compose_params(name)

@@ -22,7 +22,7 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.cache import CacheEntry, code_hash, short_hash
 from pacmo_core.store.files import atomic_file
 from pacmo_core.store.motions import motion_file, write_motions
-from pacmo_core.store.tables import FAILED, GOOD, SOURCES, VariationRecord
+from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VariationRecord
 
 # The code that the files depend on, besides the code that computes variations.
 CODE = ("data/*.py", "store/*.py", "augmentation/*.py")
@@ -103,13 +103,13 @@ def write_clip_files(
     made : the variations by ascending name, each with its motion, or why the source was refused
     """
     rows = []
-    motions: dict[str, dict[str, Interaction]] = {SOURCES: {clip: source}, GOOD: {}, FAILED: {}}
+    motions: dict[str, dict[str, Interaction]] = {SOURCES: {clip: source}, ACCEPTED: {}, FAILED: {}}
     for variation, outcome in made:
         row = facts_of(clip, variation, outcome, source.skeleton, bounds)
         rows.append(row)
         if isinstance(outcome, Made):
             varied = Interaction(source.skeleton, source.times, *outcome.motions)
-            motions[GOOD if row.kept else FAILED][row.variation] = varied
+            motions[ACCEPTED if row.accepted else FAILED][row.variation] = varied
     files = {}
     for folder, by_name in motions.items():
         if by_name:
@@ -134,10 +134,10 @@ def facts_of(
         variation=variation_name(clip, variation.name),
         clip=clip,
         kind=variation.kind,
-        kept=not reason,
+        accepted=not reason,
         reason=reason,
-        badness=worst(figures, bounds) if figures else inf,
-        figures=figures,
+        limit_ratio=worst(figures, bounds) if figures else inf,
+        measurements=figures,
         scales_a=a,
         scales_b=b,
     )

@@ -1,1 +1,1 @@
-"""What a motion is: skeletons, two-person clips, transforms, contacts, quality, splits."""
+"""Motion data: skeletons, interactions, names, coordinates, quality, splits."""

@@ -109,11 +109,11 @@ def joint_distances(interaction: Interaction) -> NDArray[np.float32]:
 def min_joint_distance(interaction: Interaction) -> NDArray[np.float32]:
     """``(T,)`` metres: the minimum of ``joint_distances``, computed in less memory."""
     a, b = interaction.person_a, interaction.person_b
-    least = np.full(len(a), np.inf, dtype=np.float32)
+    minimum = np.full(len(a), np.inf, dtype=np.float32)
     for joint in range(a.shape[1]):
         to_joint = np.linalg.norm(b - a[:, [joint]], axis=-1).min(axis=1)
-        least = np.minimum(least, to_joint)
-    return least
+        minimum = np.minimum(minimum, to_joint)
+    return minimum
 
 
 def min_point_distance(first: Motion, second: Motion) -> NDArray[np.float64]:
@@ -131,5 +131,5 @@ def min_point_distance(first: Motion, second: Motion) -> NDArray[np.float64]:
     a, b = first - centre, second - centre
     squared = (a**2).sum(axis=-1)[:, :, None] + (b**2).sum(axis=-1)[:, None]
     squared = squared - 2 * a @ b.transpose(0, 2, 1)
-    least: NDArray[np.float64] = np.sqrt(squared.min(axis=(1, 2)).clip(0), dtype=np.float64)
-    return least
+    minimum: NDArray[np.float64] = np.sqrt(squared.min(axis=(1, 2)).clip(0), dtype=np.float64)
+    return minimum

@@ -64,8 +64,8 @@ class ReactionName:
 
     Parameters
     ----------
-    clip : whose partner is reacted to
-    direction : the person who reacts
+    clip : name of the clip
+    direction : the person that reacts; the other is the partner
     sample : number of the sample, from 0
     """
 
@@ -108,7 +108,7 @@ def variation_name(clip: str, variation: str) -> str:
 
 
 def split_variation_name(name: str) -> tuple[str, str]:
-    """Split ``CLIP~NAME`` into the clip and the variation's own name; a clip has none."""
+    """Split ``CLIP~NAME`` into the clip and the name of the variation, empty for a clip."""
     if _VARIATION_SEPARATOR not in name:
         return name, ""
     clip, _, variation = name.rpartition(_VARIATION_SEPARATOR)

@@ -86,7 +86,7 @@ def measure_quality(interaction: Interaction, *, contact_distance: float) -> Qua
     people = (interaction.person_a, interaction.person_b)
     steps = np.diff(interaction.times)
     speeds = np.stack([_speeds(motion, steps) for motion in people])
-    least = min_joint_distance(interaction)
+    closest = min_joint_distance(interaction)
     same_joint = np.linalg.norm(people[0] - people[1], axis=-1)
     return Quality(
         n_frames=len(interaction.times),
@@ -95,8 +95,8 @@ def measure_quality(interaction: Interaction, *, contact_distance: float) -> Qua
         bone_length_variation=max(_length_variation(m, interaction.skeleton) for m in people),
         max_joint_speed=float(speeds.max()),
         max_body_speed=float(np.median(speeds, axis=2).max()),
-        min_joint_distance=float(least.min()),
-        contact_share=float((least <= contact_distance).mean()),
+        min_joint_distance=float(closest.min()),
+        contact_share=float((closest <= contact_distance).mean()),
         person_distance=float(same_joint.mean()),
     )
 

@@ -52,7 +52,7 @@ class Skeleton:
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> "Skeleton":
-        """Build a skeleton from the fields of ``to_dict``, also after a way through JSON.
+        """Build a skeleton from the fields of ``to_dict``, read from JSON or not.
 
         Raises
         ------

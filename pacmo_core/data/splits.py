@@ -16,6 +16,9 @@ from typing import Literal
 
 import numpy as np
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import clip_name
+
 METHODS = ("auto", "clip", "recording", "pair", "person", "listed", "listed_people")
 
 
@@ -114,6 +117,22 @@ def window_edges(n_frames: int, fps: float, seconds: float) -> list[tuple[int, i
     n_windows = max(1, round(n_frames / fps / seconds))
     edges = np.linspace(0, n_frames, n_windows + 1).round().astype(int).tolist()
     return list(pairwise(edges))
+
+
+def cut_sequence(
+    name: str, sequence: Interaction, seconds: float
+) -> list[tuple[str, int, Interaction]]:
+    """Cut a sequence into clips of about ``seconds``.
+
+    Returns
+    -------
+    (name, start frame, clip) of each clip, sorted by name
+    """
+    edges = window_edges(len(sequence.times), sequence.fps, seconds)
+    return [
+        (clip_name(name, number, len(edges)), start, sequence.frames(start, stop))
+        for number, (start, stop) in enumerate(edges)
+    ]
 
 
 def resolve_method(origins: Sequence[ClipOrigin], rule: SplitRule) -> str:

@@ -1,39 +1,17 @@
 """What all models descend, ours and the baselines alike."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from pacmo_core.skeleton_prior.model import Answer
-from pacmo_core.skeleton_prior.relations import REACH
+from pacmo_core.skeleton_prior.kinematics import CONTACT_DISTANCE
+from pacmo_core.skeleton_prior.settings import LossWeights
+from pacmo_core.skeleton_prior.vae import Reconstruction
 
 
-@dataclass(frozen=True)
-class LossWeights:
-    """What each term weighs; the error of joints' places weighs 1.
-
-    The supplement states no loss; these terms are inferred from what it measures.
-
-    Parameters
-    ----------
-    divergence : of the latents, a mean element
-    bones : of the error of bones' lengths
-    pairs : of the error of distances between the bodies, near ones first
-    distances : of the same, all alike
-    acceleration : of the error's second difference
-    """
-
-    divergence: float
-    bones: float
-    pairs: float
-    distances: float
-    acceleration: float
-
-
-def terms(
-    answer: Answer, varied: Tensor, template: Tensor, parents: Tensor, unit: Tensor
+def loss_terms(
+    answer: Reconstruction, varied: Tensor, template: Tensor, parents: Tensor, unit: Tensor
 ) -> dict[str, Tensor]:
     """Take every term.
 
@@ -44,17 +22,17 @@ def terms(
     unit : metres, the size of changes in the data
     """
     error = (answer.motions - varied) / unit
-    bones = _lengths(answer.motions, parents) - _lengths(varied, parents)
+    bones = _bone_lengths(answer.motions, parents) - _bone_lengths(varied, parents)
     return {
-        "places": _smooth(error),
+        "places": _smooth_l1(error),
         "divergence": (answer.codes[0].divergence() + answer.codes[1].divergence()) / 2,
-        "bones": _smooth(bones / unit),
-        **_pairs(answer.motions, varied, template, unit),
-        "acceleration": _smooth(error[:, 2:] - 2 * error[:, 1:-1] + error[:, :-2]),
+        "bones": _smooth_l1(bones / unit),
+        **_distance_terms(answer.motions, varied, template, unit),
+        "acceleration": _smooth_l1(error[:, 2:] - 2 * error[:, 1:-1] + error[:, :-2]),
     }
 
 
-def total(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Tensor:
+def total_loss(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Tensor:
     """Add up.
 
     Parameters
@@ -71,20 +49,22 @@ def total(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Ten
     )
 
 
-def _smooth(error: Tensor) -> Tensor:
+def _smooth_l1(error: Tensor) -> Tensor:
     loss: Tensor = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error))
     return loss
 
 
-def _lengths(motion: Tensor, parents: Tensor) -> Tensor:
+def _bone_lengths(motion: Tensor, parents: Tensor) -> Tensor:
     # The root of zero has no slope.
     return ((motion - motion[..., parents, :]).square().sum(dim=-1) + 1e-12).sqrt()
 
 
-def _pairs(motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor) -> dict[str, Tensor]:
+def _distance_terms(
+    motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor
+) -> dict[str, Tensor]:
     """Take the error of distances, once weighed by how near the template has the two joints."""
-    near = torch.exp(-((_distances(template) / REACH) ** 2))
-    error = (_distances(motions) - _distances(varied)) / unit
+    near = torch.exp(-((_pair_distances(template) / CONTACT_DISTANCE) ** 2))
+    error = (_pair_distances(motions) - _pair_distances(varied)) / unit
     loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
     return {
         "pairs": (near * loss).sum() / near.sum().clamp_min(1),
@@ -92,7 +72,7 @@ def _pairs(motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor) -> d
     }
 
 
-def _distances(motions: Tensor) -> Tensor:
+def _pair_distances(motions: Tensor) -> Tensor:
     """``(B, T, 2, J, 3)`` to ``(B, T, J, J)``, metres."""
     a, b = motions.unbind(dim=2)
     squares = a.square().sum(-1)[..., :, None] + b.square().sum(-1)[..., None, :]

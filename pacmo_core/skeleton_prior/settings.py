@@ -2,11 +2,58 @@
 
 from dataclasses import dataclass
 
-from pacmo_core.skeleton_prior.losses import LossWeights
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.skeleton_prior.kinematics import Limb
 
 
 @dataclass(frozen=True)
-class PriorSettings:
+class PriorConfig:
+    """Which networks, and of what size.
+
+    Parameters
+    ----------
+    skeleton : of both characters
+    limbs : of the skeleton
+    model : the name of a skeleton prior in ``pacmo_core.models``
+    hidden : channels of the widest layers; of our form a part of them
+    stride : frames from one that the networks see to the next
+    fps : of the motions learnt from; of others the networks see frames as far apart in time
+    dropout : share
+    """
+
+    skeleton: Skeleton
+    limbs: tuple[Limb, ...]
+    model: str
+    hidden: int
+    stride: int
+    fps: float
+    dropout: float
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """What each term weighs; the error of joints' places weighs 1.
+
+    The supplement states no loss; these terms are inferred from what it measures.
+
+    Parameters
+    ----------
+    divergence : of the latents, a mean element
+    bones : of the error of bones' lengths
+    pairs : of the error of distances between the bodies, near ones first
+    distances : of the same, all alike
+    acceleration : of the error's second difference
+    """
+
+    divergence: float
+    bones: float
+    pairs: float
+    distances: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
+class SkeletonPriorSettings:
     """The ``train_skeleton_prior`` section, and the name of the model."""
 
     random_seed: int

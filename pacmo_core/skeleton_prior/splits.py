@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-SIDES = ("train", "validation", "test", "dropped")
+SPLITS = ("train", "validation", "test", "dropped")
 # Departures from scale 1: up to the one is near, from the other on far; half a step of the scales.
 NEAR, FAR = 0.075, 0.125
 
 
 @dataclass(frozen=True)
-class Fact:
+class VariationScales:
     """What a split knows of a variation.
 
     Parameters
@@ -67,7 +67,9 @@ class SplitSettings:
             )
 
 
-def split(kind: str, facts: Sequence[Fact], settings: SplitSettings) -> list[str]:
+def assign_splits(
+    kind: str, facts: Sequence[VariationScales], settings: SplitSettings
+) -> list[str]:
     """Say on which side each variation stands.
 
     Raises
@@ -76,19 +78,19 @@ def split(kind: str, facts: Sequence[Fact], settings: SplitSettings) -> list[str
         If there is no such split, a held-out source is not there, or a side to train or test on
         is empty.
     """
-    if kind not in SPLITS:
-        raise ValueError(f"split must be one of {', '.join(SPLITS)}; got {kind!r}")
+    if kind not in SPLIT_METHODS:
+        raise ValueError(f"split must be one of {', '.join(SPLIT_METHODS)}; got {kind!r}")
     unknown = sorted(settings.held_out - {fact.source for fact in facts})
     if unknown:
         raise ValueError(f"held_out must be sources; {unknown} are not")
-    sides = SPLITS[kind](facts, settings)
+    sides = SPLIT_METHODS[kind](facts, settings)
     for side in ("train", "test"):
         if side not in sides:
             raise ValueError(f"split {kind}: nothing to {side} on among {len(facts)} variations")
     return sides
 
 
-def fewer(sides: Sequence[str], n: int, *, random_seed: int) -> list[str]:
+def limit_training_samples(sides: Sequence[str], n: int, *, random_seed: int) -> list[str]:
     """Keep n of the variations to train on, drawn at random, and drop the others.
 
     Of two numbers the smaller one's are among the larger one's.
@@ -107,32 +109,34 @@ def fewer(sides: Sequence[str], n: int, *, random_seed: int) -> list[str]:
     ]
 
 
-def _random(facts: Sequence[Fact], settings: SplitSettings) -> list[str]:
+def _random_split(facts: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
     order = np.random.default_rng(settings.random_seed).permutation(len(facts))
     n_test = max(1, round(settings.test_share * len(facts)))
     sides = np.full(len(facts), "train", dtype=object)
     sides[order[:n_test]] = "test"
-    return _validating(sides.tolist(), settings)
+    return _add_validation(sides.tolist(), settings)
 
 
-def _scale(facts: Sequence[Fact], settings: SplitSettings) -> list[str]:
+def _cross_scale(facts: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
     del settings
     by_reach = {"near": "train", "middle": "validation", "far": "test"}
     return [by_reach[fact.reach] for fact in facts]
 
 
-def _interaction(facts: Sequence[Fact], settings: SplitSettings) -> list[str]:
+def _cross_interaction(facts: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
     held = settings.held_out
-    return _validating(["test" if f.source in held else "train" for f in facts], settings)
+    return _add_validation(["test" if f.source in held else "train" for f in facts], settings)
 
 
-def _scale_interaction(facts: Sequence[Fact], settings: SplitSettings) -> list[str]:
+def _cross_scale_interaction(
+    facts: Sequence[VariationScales], settings: SplitSettings
+) -> list[str]:
     others = {"near": "train", "middle": "validation", "far": "dropped"}
     held = {"near": "dropped", "middle": "dropped", "far": "test"}
     return [(held if f.source in settings.held_out else others)[f.reach] for f in facts]
 
 
-def _validating(sides: list[str], settings: SplitSettings) -> list[str]:
+def _add_validation(sides: list[str], settings: SplitSettings) -> list[str]:
     rows = [row for row, side in enumerate(sides) if side == "train"]
     order = np.random.default_rng(settings.random_seed + 1).permutation(len(rows))
     for i in order[: round(settings.validation_share * len(rows))]:
@@ -140,9 +144,9 @@ def _validating(sides: list[str], settings: SplitSettings) -> list[str]:
     return sides
 
 
-SPLITS: dict[str, Callable[[Sequence[Fact], SplitSettings], list[str]]] = {
-    "random": _random,
-    "cross_scale": _scale,
-    "cross_interaction": _interaction,
-    "cross_scale_interaction": _scale_interaction,
+SPLIT_METHODS: dict[str, Callable[[Sequence[VariationScales], SplitSettings], list[str]]] = {
+    "random": _random_split,
+    "cross_scale": _cross_scale,
+    "cross_interaction": _cross_interaction,
+    "cross_scale_interaction": _cross_scale_interaction,
 }

@@ -11,22 +11,21 @@ from torch import Tensor
 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.models import build_skeleton_prior
-from pacmo_core.skeleton_prior.bodies import learn
-from pacmo_core.skeleton_prior.examples import Example, ExampleSet, Pairs, encode
-from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.limbs import find_limbs
-from pacmo_core.skeleton_prior.losses import terms, total
-from pacmo_core.skeleton_prior.model import PriorConfig, SkeletonPrior
-from pacmo_core.skeleton_prior.products import rounding
-from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.skeleton_prior.autograd_functions import bfloat16_products
+from pacmo_core.skeleton_prior.data import Example, ExampleBatch, ExampleDataset, encode_examples
+from pacmo_core.skeleton_prior.kinematics import find_limbs
+from pacmo_core.skeleton_prior.layers import initialise_weights
+from pacmo_core.skeleton_prior.losses import loss_terms, total_loss
+from pacmo_core.skeleton_prior.settings import PriorConfig, SkeletonPriorSettings
+from pacmo_core.skeleton_prior.vae import SkeletonPrior, fit_skeleton_vae
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer
 
 # Variations that are scored at once.
-AT_ONCE = 16
+SCORE_BATCH_SIZE = 16
 
 
-class PriorTraining(SupervisedTrainer[SkeletonPrior]):
+class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
     """A descent that raises the weight of the divergence over its first epochs.
 
     Every step draws one number from the order's generator and all else from that: batches, windows
@@ -44,13 +43,13 @@ class PriorTraining(SupervisedTrainer[SkeletonPrior]):
     def __init__(
         self,
         model: SkeletonPrior,
-        examples: ExampleSet,
-        validation: ExampleSet | None,
-        settings: PriorSettings,
+        examples: ExampleDataset,
+        validation: ExampleDataset | None,
+        settings: SkeletonPriorSettings,
         random: torch.Generator,
     ) -> None:
         self.examples, self.prior_settings, self.warm = examples, settings, 0.0
-        held_out = None if validation is None else lambda: score(model, validation)
+        held_out = None if validation is None else lambda: mean_position_error(model, validation)
         super().__init__(model, len(examples), self._loss, held_out, settings, random)
 
     def epoch(self, number: int) -> dict[str, float]:
@@ -65,10 +64,10 @@ class PriorTraining(SupervisedTrainer[SkeletonPrior]):
         settings = self.prior_settings
         own = torch.Generator().manual_seed(int(torch.randint(2**62, (), generator=self.random)))
         pairs = self._batch(rows, own)
-        with rounding(settings.mixed_precision):
-            return objective(self.model, pairs, settings, self.warm, own)
+        with bfloat16_products(settings.mixed_precision):
+            return reconstruction_loss(self.model, pairs, settings, self.warm, own)
 
-    def _batch(self, rows: Tensor, own: torch.Generator) -> Pairs:
+    def _batch(self, rows: Tensor, own: torch.Generator) -> ExampleBatch:
         settings = self.prior_settings
         pairs = self.examples.windows(rows, settings.stride, settings.window, own)
         turns = torch.rand(len(rows), generator=own) * 2 * math.pi
@@ -80,23 +79,23 @@ class PriorTraining(SupervisedTrainer[SkeletonPrior]):
         return pairs
 
 
-def objective(
+def reconstruction_loss(
     model: SkeletonPrior,
-    pairs: Pairs,
-    settings: PriorSettings,
+    pairs: ExampleBatch,
+    settings: SkeletonPriorSettings,
     warm: float,
     random: torch.Generator,
 ) -> Tensor:
     """Take the loss of both characters' VAEs."""
     answer = model.reconstruct(pairs.template, pairs.scales, pairs.varied, random)
-    found = terms(answer, pairs.varied, pairs.template, model.tree.parents, model.unit)
-    return total(found, settings.weights, warm)
+    found = loss_terms(answer, pairs.varied, pairs.template, model.tree.parents, model.unit)
+    return total_loss(found, settings.weights, warm)
 
 
-def score(model: SkeletonPrior, examples: ExampleSet) -> Tensor:
+def mean_position_error(model: SkeletonPrior, examples: ExampleDataset) -> Tensor:
     """Take the mean error of joints' places, metres, bodies given and latents at their mean."""
     errors = []
-    for pairs in examples.wholes(model.config.stride, AT_ONCE):
+    for pairs in examples.wholes(model.config.stride, SCORE_BATCH_SIZE):
         latents = model.latents(pairs.template, pairs.scales, None)
         fields = model.fields(pairs.template, pairs.scales, latents)
         placed = model.place(fields, pairs.template, pairs.scales)
@@ -104,17 +103,17 @@ def score(model: SkeletonPrior, examples: ExampleSet) -> Tensor:
     return torch.cat(errors).mean()
 
 
-def fit(
+def build_training(
     examples: Sequence[Example],
-    settings: PriorSettings,
+    settings: SkeletonPriorSettings,
     *,
     validation: Sequence[Example] = (),
     device: str = "cpu",
 ) -> TrainingLoop[SkeletonPrior]:
     """Train a model; an epoch yields ``loss``."""
     random = torch.Generator().manual_seed(settings.random_seed)
-    learnt = encode(examples).to(device)
-    held_out = encode(validation).to(device) if validation else None
+    learnt = encode_examples(examples).to(device)
+    held_out = encode_examples(validation).to(device) if validation else None
     template = examples[0].template
     model = build_skeleton_prior(
         PriorConfig(
@@ -127,17 +126,17 @@ def fit(
             dropout=settings.dropout,
         )
     )
-    initialise(model.bodies, random)
-    learn(
+    initialise_weights(model.bodies, random)
+    fit_skeleton_vae(
         model.bodies,
         learnt.scales[:, 0].cpu(),  # the first body is the one that changes
         n_steps=settings.body_steps,
         random=random,
     )
-    initialise(model.first, random)
-    initialise(model.second, random)
+    initialise_weights(model.first, random)
+    initialise_weights(model.second, random)
     model.measure(learnt)
-    training = PriorTraining(
+    training = SkeletonPriorTrainer(
         model.to(device),
         learnt,
         held_out,
@@ -149,12 +148,12 @@ def fit(
     )
 
 
-def config(model: SkeletonPrior) -> dict[str, Any]:
+def model_config(model: SkeletonPrior) -> dict[str, Any]:
     """Describe a model in JSON's terms."""
     return asdict(model.config)
 
 
-def from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
+def prior_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
     """Rebuild a model from what ``config`` and ``fit.state`` gave."""
     own = {
         "skeleton": Skeleton.from_dict(config["skeleton"]),

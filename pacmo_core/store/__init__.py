@@ -1,1 +1,1 @@
-"""Parquet: schema, read, write, stream."""
+"""Files: tables and motions in Parquet, weights in safetensors, the cache, atomic writes."""

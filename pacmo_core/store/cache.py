@@ -77,11 +77,11 @@ class Cache:
     def put(self, key: str, entry: CacheEntry) -> None:
         """Write an entry."""
         metadata = json.dumps(entry.metadata)
-        facts = {"metadata": metadata, "sha256": _content_hash(metadata, entry.arrays)}
+        header = {"metadata": metadata, "sha256": _content_hash(metadata, entry.arrays)}
         path = self.path(key)
         # Not flushed to the disk: after a power failure the hash reveals what was lost.
         with atomic_file(path, sync=False) as partial:
-            save_file(dict(entry.arrays), partial, metadata=facts)
+            save_file(dict(entry.arrays), partial, metadata=header)
         self._used.add(path)
 
     def path(self, key: str) -> Path:
@@ -151,11 +151,11 @@ def _read(path: Path) -> CacheEntry:
         If the content is not what was written.
     """
     with safe_open(path, framework="numpy") as file:
-        facts = file.metadata()
+        header = file.metadata()
         arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    if _content_hash(facts["metadata"], arrays) != facts["sha256"]:
+    if _content_hash(header["metadata"], arrays) != header["sha256"]:
         raise ValueError("the content does not match its hash")
-    return CacheEntry(json.loads(facts["metadata"]), arrays)
+    return CacheEntry(json.loads(header["metadata"]), arrays)
 
 
 def _content_hash(metadata: str, arrays: Mapping[str, NDArray[Any]]) -> str:

@@ -1,7 +1,9 @@
-"""Motions in Parquet: a row a frame, sorted by clip, a few clips a row group.
+"""Motions in Parquet: a row a frame, sorted by clip, eight clips a row group.
 
-A clip is found by the row groups' statistics and read alone, and a file streams a row group at a
-time, so that neither needs the file in memory.
+A single clip is located by the statistics of the row groups, and a file is streamed one row group
+at a time, so that neither needs the whole file in memory. A folder of motions has a file for each
+clip or for all variations of a clip, so that a new clip changes no existing file; Polars reads
+such a folder as ``FOLDER/*.parquet``.
 """
 
 import json
@@ -27,12 +29,16 @@ from pacmo_core.store.tables import VERSION, check_version, open_parquet
 
 CLIPS_PER_ROW_GROUP = 8
 POSES = ("person_a", "person_b")
+SUFFIX = ".parquet"
 
 
 def motion_schema(skeleton: Skeleton) -> pa.Schema:
-    """Describe a row a frame: ``clip``, ``frame``, ``time`` (s), two ``(J, 3)`` poses (m)."""
-    # Plain fixed-size lists, not the fixed_shape_tensor extension: polars reads these as
-    # Array(Float32, (J, 3)) and people look into the files with polars.
+    """Describe a row a frame: ``clip``, ``frame``, ``time`` (s), two ``(J, 3)`` poses (m).
+
+    The skeleton and the version of the schema are in the metadata.
+    """
+    # Nested fixed-size lists, not the fixed_shape_tensor extension: Polars reads these as
+    # Array(Float32, (J, 3)).
     pose = pa.list_(pa.list_(pa.float32(), 3), len(skeleton.joints))
     fields = [
         pa.field("clip", pa.string(), nullable=False),
@@ -41,18 +47,17 @@ def motion_schema(skeleton: Skeleton) -> pa.Schema:
         pa.field("person_a", pose, nullable=False),
         pa.field("person_b", pose, nullable=False),
     ]
-    return pa.schema(
-        fields, metadata={"pacmo": VERSION, "skeleton": json.dumps(skeleton.to_dict())}
-    )
+    metadata = {"pacmo": VERSION, "skeleton": json.dumps(skeleton.to_dict())}
+    return pa.schema(fields, metadata=metadata)
 
 
 def skeleton_of(schema: pa.Schema, path: Path) -> Skeleton:
-    """Read the skeleton from a file's schema.
+    """Read the skeleton from the schema of a file.
 
     Raises
     ------
     StoreError
-        If the schema's version or skeleton is missing or unknown.
+        If the version or the skeleton is missing or invalid.
     """
     check_version(schema, path)
     text = schema.metadata.get(b"skeleton")
@@ -65,12 +70,12 @@ def skeleton_of(schema: pa.Schema, path: Path) -> Skeleton:
 
 
 class MotionWriter:
-    """Adds clips to an open file, in ascending order of their names."""
+    """Appends clips to an open file, in ascending order of their names."""
 
     def __init__(self, file: pq.ParquetWriter, skeleton: Skeleton) -> None:
         self._file, self._skeleton = file, skeleton
         self._last = ""
-        self._waiting: list[pa.RecordBatch] = []
+        self._pending: list[pa.RecordBatch] = []
 
     def add(self, name: str, interaction: Interaction) -> None:
         """Append one clip.
@@ -89,21 +94,21 @@ class MotionWriter:
                 f"({len(interaction.skeleton.joints)} joints)"
             )
         self._last = name
-        self._waiting.append(_to_rows(name, interaction, motion_schema(self._skeleton)))
-        if len(self._waiting) == CLIPS_PER_ROW_GROUP:
+        self._pending.append(_to_rows(name, interaction, motion_schema(self._skeleton)))
+        if len(self._pending) == CLIPS_PER_ROW_GROUP:
             self.flush()
 
     def flush(self) -> None:
-        """Write the clips that wait as one row group."""
-        if self._waiting:
-            table = pa.Table.from_batches(self._waiting).combine_chunks()
+        """Write the pending clips as one row group."""
+        if self._pending:
+            table = pa.Table.from_batches(self._pending).combine_chunks()
             self._file.write_table(table, row_group_size=len(table))
-            self._waiting = []
+            self._pending = []
 
 
 @contextmanager
 def write_motions(path: Path, skeleton: Skeleton) -> Iterator[MotionWriter]:
-    """Open a file for writing; it appears under its name when the block ends well."""
+    """Open a file for writing; it appears under its name when the block succeeds."""
     with (
         atomic_file(path) as partial,
         pq.ParquetWriter(
@@ -112,7 +117,7 @@ def write_motions(path: Path, skeleton: Skeleton) -> Iterator[MotionWriter]:
             compression="zstd",
             compression_level=3,
             use_dictionary=["clip"],
-            # Bytes of like weight lie together and compress: half the size of the default.
+            # Bytes of equal significance are stored together and compress better: half the size.
             use_byte_stream_split=[
                 "time",
                 *(f"{pose}.list.element.list.element" for pose in POSES),
@@ -135,20 +140,16 @@ def stream_motions(path: Path) -> Iterator[tuple[str, Interaction]]:
     file = open_parquet(path)
     skeleton = skeleton_of(file.schema_arrow, path)
     for group in range(file.num_row_groups):
-        table = file.read_row_group(group)
-        names = table["clip"].to_numpy()
-        edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
-        for start, stop in pairwise(edges):
-            yield str(names[start]), _from_rows(table.slice(start, stop - start), skeleton)
+        yield from _clips_of(file.read_row_group(group), skeleton)
 
 
 def read_motion(path: Path, name: str) -> Interaction:
-    """Read one clip by the row groups that can hold it.
+    """Read one clip from the row groups that can contain it.
 
     Raises
     ------
     KeyError
-        If the file holds no such clip.
+        If the file contains no such clip.
     StoreError
         If the file is not one of this store.
     """
@@ -165,8 +166,72 @@ def read_motion(path: Path, name: str) -> Interaction:
 
 
 def read_skeleton(path: Path) -> Skeleton:
-    """Read the skeleton that a file of motions is of."""
+    """Read the skeleton of a file of motions."""
     return skeleton_of(open_parquet(path).schema_arrow, path)
+
+
+class MotionReader:
+    """Reads many clips of one file by name; the last row groups stay in memory.
+
+    ``read_motion`` opens the file and reads a row group for every clip. Clips that are read in
+    their order come from a row group already in memory, seven times of eight.
+
+    Raises
+    ------
+    StoreError
+        If the file is not one of this store.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._file = path, open_parquet(path)
+        self._skeleton = skeleton_of(self._file.schema_arrow, path)
+        metadata = self._file.metadata
+        columns = (metadata.row_group(group).column(0) for group in range(metadata.num_row_groups))
+        self._last_names = [column.statistics.max for column in columns]
+        self._group = lru_cache(maxsize=2)(self._read_group)
+
+    def read(self, name: str) -> Interaction:
+        """Read one clip.
+
+        Raises
+        ------
+        KeyError
+            If the file contains no such clip.
+        """
+        group = bisect_left(self._last_names, name)
+        clips = self._group(group) if group < len(self._last_names) else {}
+        if name not in clips:
+            raise KeyError(f"{self._path}: no clip {name}")
+        return clips[name]
+
+    def _read_group(self, group: int) -> dict[str, Interaction]:
+        return dict(_clips_of(self._file.read_row_group(group), self._skeleton))
+
+
+def motion_file(folder: Path, clip: str) -> Path:
+    """Return the file of a clip in a folder of motions; ``/`` in a name is quoted."""
+    return folder / f"{quote(clip, safe='#')}{SUFFIX}"
+
+
+def clip_of_file(file: Path) -> str:
+    """Return the clip of a file in a folder of motions."""
+    return unquote(file.name.removesuffix(SUFFIX))
+
+
+def stream_folder(folder: Path) -> Iterator[tuple[str, Interaction]]:
+    """Yield all motions of a folder of variations in ascending order of their names.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder.
+    StoreError
+        If a file is not one of this store.
+    """
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no folder of motions")
+    for clip in sort_clips(clip_of_file(file) for file in folder.glob(f"*{SUFFIX}")):
+        yield from stream_motions(motion_file(folder, clip))
 
 
 def _to_rows(name: str, interaction: Interaction, schema: pa.Schema) -> pa.RecordBatch:
@@ -185,6 +250,14 @@ def _to_poses(motion: NDArray[np.float32]) -> pa.FixedSizeListArray:
     return pa.FixedSizeListArray.from_arrays(points, motion.shape[1])
 
 
+def _clips_of(table: pa.Table, skeleton: Skeleton) -> Iterator[tuple[str, Interaction]]:
+    """Yield the clips of a row group."""
+    names = table["clip"].to_numpy()
+    edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
+    for start, stop in pairwise(edges):
+        yield str(names[start]), _from_rows(table.slice(start, stop - start), skeleton)
+
+
 def _from_rows(table: pa.Table, skeleton: Skeleton) -> Interaction:
     person_a, person_b = (
         # flatten() honours the slice; the values reach NumPy without a copy.
@@ -192,79 +265,3 @@ def _from_rows(table: pa.Table, skeleton: Skeleton) -> Interaction:
         for pose in POSES
     )
     return Interaction(skeleton, table["time"].to_numpy(), person_a, person_b)
-
-
-# From beside, as every network would be trained again after an edit of that module.
-
-
-class MotionReader:
-    """An open file of motions, whose last row groups stay in memory.
-
-    ``read_motion`` opens the file and reads a row group for every clip; of a thousand that are
-    read in their order, all but one in eight stand in the group that was read for the one before.
-
-    Raises
-    ------
-    StoreError
-        If the file is not one of this store.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._file = path, open_parquet(path)
-        self._skeleton = skeleton_of(self._file.schema_arrow, path)
-        facts = self._file.metadata
-        columns = (facts.row_group(group).column(0) for group in range(facts.num_row_groups))
-        self._last = [column.statistics.max for column in columns]
-        self._group = lru_cache(maxsize=2)(self._read_group)
-
-    def read(self, name: str) -> Interaction:
-        """Read one clip.
-
-        Raises
-        ------
-        KeyError
-            If the file holds no such clip.
-        """
-        group = bisect_left(self._last, name)
-        found = self._group(group) if group < len(self._last) else {}
-        if name not in found:
-            raise KeyError(f"{self._path}: no clip {name}")
-        return found[name]
-
-    def _read_group(self, group: int) -> dict[str, Interaction]:
-        table = self._file.read_row_group(group)
-        names = table["clip"].to_numpy()
-        edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
-        return {
-            str(names[start]): _from_rows(table.slice(start, stop - start), self._skeleton)
-            for start, stop in pairwise(edges)
-        }
-
-
-SUFFIX = ".parquet"
-
-
-def motion_file(folder: Path, clip: str) -> Path:
-    """Say where a clip's motions stand; names with ``/`` stay in one folder."""
-    return folder / f"{quote(clip, safe='#')}{SUFFIX}"
-
-
-def clip_of_file(file: Path) -> str:
-    """Say whose motions a file holds."""
-    return unquote(file.name.removesuffix(SUFFIX))
-
-
-def stream_folder(folder: Path) -> Iterator[tuple[str, Interaction]]:
-    """Yield all motions of a folder of variations in ascending order of their names.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such folder.
-    StoreError
-        If a file is not one of this store.
-    """
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder}: no folder of motions")
-    for clip in sort_clips(clip_of_file(file) for file in folder.glob(f"*{SUFFIX}")):
-        yield from stream_motions(motion_file(folder, clip))

@@ -1,4 +1,4 @@
-"""Scores in Parquet: a row a draw, and in the metadata the facts that hold for all of them."""
+"""Scores in Parquet: a row for each bootstrap replicate; what holds for all is in the metadata."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ COLUMNS = pa.schema(
         pa.field("row", pa.string(), nullable=False),
         pa.field("seed", pa.int64(), nullable=False),
         pa.field("metric", pa.string(), nullable=False),
-        pa.field("draw", pa.int32(), nullable=False),
+        pa.field("replicate", pa.int32(), nullable=False),
         pa.field("value", pa.float64(), nullable=False),
     ]
 )
@@ -27,13 +27,13 @@ COLUMNS = pa.schema(
 
 @dataclass(frozen=True)
 class Score:
-    """One metric of one row and seed.
+    """One metric of one row and seed, with its bootstrap replicates.
 
     Parameters
     ----------
     row, metric : names
-    seed : of the run that made the row; 0 for what no run made
-    values : (1 + B,), on all samples first, then on each draw
+    seed : of the training; 0 for a row without one
+    values : (1 + B,) float64, of all samples first, then of each of B bootstrap replicates
     """
 
     row: str
@@ -42,12 +42,12 @@ class Score:
     values: NDArray[np.float64]
 
 
-def write_scores(path: Path, scores: Sequence[Score], facts: Mapping[str, Any]) -> None:
-    """Write scores whole or not at all.
+def write_scores(path: Path, scores: Sequence[Score], metadata: Mapping[str, Any]) -> None:
+    """Write scores atomically.
 
     Parameters
     ----------
-    facts : what holds for all of them, in JSON's terms
+    metadata : what holds for all scores, as JSON can represent it
 
     Raises
     ------
@@ -62,17 +62,17 @@ def write_scores(path: Path, scores: Sequence[Score], facts: Mapping[str, Any]) 
         "row": np.repeat([score.row for score in scores], lengths),
         "seed": np.repeat([score.seed for score in scores], lengths),
         "metric": np.repeat([score.metric for score in scores], lengths),
-        "draw": np.concatenate([np.arange(length, dtype=np.int32) for length in lengths]),
+        "replicate": np.concatenate([np.arange(length, dtype=np.int32) for length in lengths]),
         "value": np.concatenate([score.values for score in scores]),
     }
-    text = json.dumps(facts, sort_keys=True, allow_nan=False)
-    schema = COLUMNS.with_metadata({"pacmo": VERSION, "facts": text})
+    text = json.dumps(metadata, sort_keys=True, allow_nan=False)
+    schema = COLUMNS.with_metadata({"pacmo": VERSION, "scores": text})
     with atomic_file(path) as partial:
         pq.write_table(pa.table(columns, schema=schema), partial, compression="zstd")
 
 
 def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
-    """Read scores and their facts.
+    """Read scores and their metadata.
 
     Raises
     ------
@@ -81,16 +81,16 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
     """
     file = open_parquet(path)
     check_version(file.schema_arrow, path)
-    text = file.schema_arrow.metadata.get(b"facts")
+    text = file.schema_arrow.metadata.get(b"scores")
     if text is None or file.schema_arrow.names != COLUMNS.names:
-        raise StoreError(f"{path}: wanted columns {COLUMNS.names} and facts in the metadata")
+        raise StoreError(f"{path}: wanted columns {COLUMNS.names} and scores in its metadata")
     table = file.read()
-    row, seed, metric, draw, value = (table[name].to_numpy() for name in COLUMNS.names)
-    first = np.flatnonzero(draw == 0)
-    ends = [*first[1:], len(draw)]
+    row, seed, metric, replicate, value = (table[name].to_numpy() for name in COLUMNS.names)
+    first = np.flatnonzero(replicate == 0)
+    ends = [*first[1:], len(replicate)]
     scores = [
         Score(str(row[i]), int(seed[i]), str(metric[i]), np.array(value[i:end]))
         for i, end in zip(first, ends, strict=True)
     ]
-    facts: dict[str, Any] = json.loads(text)
-    return scores, facts
+    metadata: dict[str, Any] = json.loads(text)
+    return scores, metadata

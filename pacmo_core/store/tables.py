@@ -1,49 +1,71 @@
-"""What stands in the Parquet files: a row a frame in one, a row a clip in the other.
+"""Tables in Parquet: a record of each clip, split, quarantined capture and variation.
 
-The skeleton and the schema's version stand in the file's metadata; a reader refuses a version
-that it does not know.
+Every file of the project names the version of its schema in its metadata; a reader refuses files
+of another version.
 """
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.files import StoreError, atomic_file
 
 VERSION = "1"
 
 
 def check_version(schema: pa.Schema, path: Path) -> None:
-    """Refuse a file that another version of the schema wrote."""
+    """Refuse a file of another version of the schema.
+
+    Raises
+    ------
+    StoreError
+        If the version is missing or another one.
+    """
     version = (schema.metadata or {}).get(b"pacmo", b"none").decode()
     if version != VERSION:
         raise StoreError(f"{path}: wanted schema version {VERSION}, got {version}")
 
 
 def open_parquet(path: Path) -> pq.ParquetFile:
-    """Open a Parquet file, or say which file is not one.
+    """Open a Parquet file.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     StoreError
-        If it is not Parquet, or cut short.
+        If it is not Parquet, or cut short; the message names the file.
     """
     try:
         return pq.ParquetFile(path)
-    except pa.ArrowInvalid as fault:
-        raise StoreError(f"{path}: not a whole Parquet file ({fault})") from fault
+    except pa.ArrowInvalid as error:
+        raise StoreError(f"{path}: not a complete Parquet file ({error})") from error
 
 
 @dataclass(frozen=True)
 class ClipRecord:
-    """One clip: where it comes from, who and what it shows, how good it is."""
+    """One clip: its origin, its people and action, its quality.
+
+    Parameters
+    ----------
+    clip : name (``pacmo_core.data.names``)
+    sequence : that the clip was cut from
+    dataset, action : names
+    subject_a, subject_b : the two people; empty where the dataset does not name them
+    recording : clips of one recording stay in one split
+    skeleton : name
+    fps, duration, frames : frames a second, seconds, count
+    start_frame : of the clip in its sequence
+    source_file, sha256 : of the raw capture
+    bone_length_variation, max_joint_speed, contact_share : as in ``pacmo_core.data.quality``
+    filled_frames : frames that were missing in the capture and interpolated
+    """
 
     clip: str
     sequence: str
@@ -64,10 +86,20 @@ class ClipRecord:
     contact_share: float
     filled_frames: int
 
+    def for_clip(self, name: str, start_frame: int, clip: Interaction) -> "ClipRecord":
+        """Return the record of a clip that was cut from the sequence of this record."""
+        return replace(
+            self,
+            clip=name,
+            duration=clip.duration,
+            frames=len(clip.times),
+            start_frame=start_frame,
+        )
+
 
 @dataclass(frozen=True)
 class SplitRecord:
-    """Where one clip stands in one fold: ``train``, ``validation``, ``test`` or ``dropped``."""
+    """The split of one clip in one fold: ``train``, ``validation``, ``test`` or ``dropped``."""
 
     clip: str
     split: str
@@ -75,7 +107,7 @@ class SplitRecord:
 
 @dataclass(frozen=True)
 class QuarantineRecord:
-    """One capture that was put aside, and why; ``line`` is 0 where there is none to name."""
+    """One capture that is not used, and the reason; ``line`` is 0 where no line is to blame."""
 
     sequence: str
     file: str
@@ -93,7 +125,7 @@ COLUMN_TYPES: dict[object, pa.DataType] = {
 
 
 def write_rows(path: Path, kind: type[Record], rows: list[Record]) -> None:
-    """Write a table of facts whole or not at all; no rows make an empty table."""
+    """Write a table of records atomically; without rows it is empty."""
     columns = [pa.field(field.name, COLUMN_TYPES[field.type], False) for field in fields(kind)]
     schema = pa.schema(columns, metadata={"pacmo": VERSION})
     with atomic_file(path) as partial:
@@ -102,7 +134,7 @@ def write_rows(path: Path, kind: type[Record], rows: list[Record]) -> None:
 
 
 def read_rows(path: Path, kind: type[Record]) -> list[Record]:
-    """Read a table of facts.
+    """Read a table of records.
 
     Raises
     ------
@@ -111,20 +143,20 @@ def read_rows(path: Path, kind: type[Record]) -> list[Record]:
     """
     file = open_parquet(path)
     check_version(file.schema_arrow, path)
-    wanted = [field.name for field in fields(kind)]
-    if file.schema_arrow.names != wanted:
-        raise StoreError(f"{path}: wanted columns {wanted}, got {file.schema_arrow.names}")
+    columns = [field.name for field in fields(kind)]
+    if file.schema_arrow.names != columns:
+        raise StoreError(f"{path}: wanted columns {columns}, got {file.schema_arrow.names}")
     return [kind(**row) for row in file.read().to_pylist()]
 
 
-# Names in a family's folder: folders of the variations that are kept, of those beyond a limit and
-# of the clips that were varied, a file a clip; and the facts of all.
-GOOD = "motions"
+# Names in the folder of a dataset of variations: folders of the accepted variations, of those
+# beyond a limit and of the sources, a file a clip; and the table of all variations.
+ACCEPTED = "motions"
 FAILED = "failed"
 SOURCES = "sources"
 VARIATIONS = "variations.parquet"
 
-PLAIN = ("variation", "clip", "kind", "kept", "reason", "badness")
+FIXED_COLUMNS = ("variation", "clip", "kind", "accepted", "reason", "limit_ratio")
 SCALES = ("scales_a", "scales_b")
 
 
@@ -134,53 +166,53 @@ class VariationRecord:
 
     Parameters
     ----------
-    variation : its name in the file of motions, ``CLIP~NAME``
+    variation : its name, ``CLIP~NAME``
     clip : the source
     kind : ``uniform``, ``single``, ``profile`` or ``random``
-    kept : whether it is within the limits
+    accepted : whether it is within the limits
     reason : why it is not
-    badness : the worst figure as a share of its limit: good up to 1; infinite where it is no
-        number or the solver refused the source
-    figures : the report's, by name; none where the solver refused the source
-    scales_a, scales_b : of the segments of either body, by name, in the order of the bones
+    limit_ratio : the largest ratio of a measurement to its limit: accepted up to 1; infinite where
+        a measurement is not a number or the solver refused the source
+    measurements : of the solver's report, by name; none where the solver refused the source
+    scales_a, scales_b : scales of the segments of either body, by name, in the order of the bones
     """
 
     variation: str
     clip: str
     kind: str
-    kept: bool
+    accepted: bool
     reason: str
-    badness: float
-    figures: dict[str, float]
+    limit_ratio: float
+    measurements: dict[str, float]
     scales_a: dict[str, float]
     scales_b: dict[str, float]
 
 
 def write_variations(path: Path, rows: Sequence[VariationRecord], segments: Sequence[str]) -> None:
-    """Write the table whole or not at all.
+    """Write the table of variations atomically; the scales of a body are a struct.
 
     Parameters
     ----------
     segments : names, in the order of the bones
     """
-    figures = list(dict.fromkeys(name for row in rows for name in row.figures))
+    measured = list(dict.fromkeys(name for row in rows for name in row.measurements))
     body = pa.struct([pa.field(name, pa.float64(), nullable=False) for name in segments])
     columns = [
         *(pa.field(name, pa.string(), nullable=False) for name in ("variation", "clip", "kind")),
-        pa.field("kept", pa.bool_(), nullable=False),
+        pa.field("accepted", pa.bool_(), nullable=False),
         pa.field("reason", pa.string(), nullable=False),
-        pa.field("badness", pa.float64(), nullable=False),
-        *(pa.field(name, pa.float64()) for name in figures),
+        pa.field("limit_ratio", pa.float64(), nullable=False),
+        *(pa.field(name, pa.float64()) for name in measured),
         *(pa.field(name, body, nullable=False) for name in SCALES),
     ]
-    schema = pa.schema(columns, metadata={"pacmo": VERSION, "figures": json.dumps(figures)})
+    schema = pa.schema(columns, metadata={"pacmo": VERSION, "measurements": json.dumps(measured)})
     with atomic_file(path) as partial:
-        table = pa.Table.from_pylist([_flat(row) for row in rows], schema=schema)
+        table = pa.Table.from_pylist([_columns(row) for row in rows], schema=schema)
         pq.write_table(table, partial, compression="zstd")
 
 
 def read_variations(path: Path) -> list[VariationRecord]:
-    """Read the table.
+    """Read the table of variations.
 
     Raises
     ------
@@ -189,18 +221,20 @@ def read_variations(path: Path) -> list[VariationRecord]:
     """
     file = open_parquet(path)
     check_version(file.schema_arrow, path)
-    text = file.schema_arrow.metadata.get(b"figures")
-    if text is None or file.schema_arrow.names[: len(PLAIN)] != list(PLAIN):
+    text = file.schema_arrow.metadata.get(b"measurements")
+    if text is None or file.schema_arrow.names[: len(FIXED_COLUMNS)] != list(FIXED_COLUMNS):
         raise StoreError(f"{path}: wanted a table of variations, got {file.schema_arrow.names}")
-    figures = json.loads(text)
-    return [_fact(row, figures) for row in file.read().to_pylist()]
+    measured = json.loads(text)
+    return [_record(row, measured) for row in file.read().to_pylist()]
 
 
-def _flat(row: VariationRecord) -> dict[str, Any]:
-    plain = {name: getattr(row, name) for name in (*PLAIN, *SCALES)}
-    return plain | row.figures
+def _columns(row: VariationRecord) -> dict[str, Any]:
+    fixed = {name: getattr(row, name) for name in (*FIXED_COLUMNS, *SCALES)}
+    return fixed | row.measurements
 
 
-def _fact(row: dict[str, Any], figures: list[str]) -> VariationRecord:
-    found = {name: row[name] for name in figures if row[name] is not None}
-    return VariationRecord(figures=found, **{name: row[name] for name in (*PLAIN, *SCALES)})
+def _record(row: dict[str, Any], measured: list[str]) -> VariationRecord:
+    values = {name: row[name] for name in measured if row[name] is not None}
+    return VariationRecord(
+        measurements=values, **{name: row[name] for name in (*FIXED_COLUMNS, *SCALES)}
+    )

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.names import sort_clips
-from pacmo_core.skeleton_prior.examples import Example
-from pacmo_core.skeleton_prior.splits import Fact
+from pacmo_core.skeleton_prior.data import Example
+from pacmo_core.skeleton_prior.splits import VariationScales
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
-    GOOD,
+    ACCEPTED,
     SOURCES,
     VARIATIONS,
     SplitRecord,
@@ -20,10 +20,12 @@ from pacmo_core.store.tables import (
 )
 
 
-def read_variation_facts(dataset: Path) -> dict[str, Fact]:
+def read_variation_facts(dataset: Path) -> dict[str, VariationScales]:
     """Read what a split knows of the variations that are good enough to learn from."""
     rows = read_variations(dataset / VARIATIONS)
-    return {row.variation: Fact(row.clip, _bone_scales(row)) for row in rows if row.kept}
+    return {
+        row.variation: VariationScales(row.clip, _bone_scales(row)) for row in rows if row.accepted
+    }
 
 
 def stream_examples(dataset: Path, splits: Path, split: str) -> Iterator[tuple[str, Example]]:
@@ -44,7 +46,7 @@ def stream_examples(dataset: Path, splits: Path, split: str) -> Iterator[tuple[s
     wanted = {fact.source for name, fact in facts.items() if stands[name] == split}
     for clip in sort_clips(wanted):
         source = read_motion(motion_file(dataset / SOURCES, clip), clip)
-        for name, varied in stream_motions(motion_file(dataset / GOOD, clip)):
+        for name, varied in stream_motions(motion_file(dataset / ACCEPTED, clip)):
             if stands[name] == split:
                 yield name, Example(clip, source, facts[name].scales, varied)
 

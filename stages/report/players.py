@@ -13,8 +13,8 @@ from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import variation_table, varied_clip
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
+    ACCEPTED,
     FAILED,
-    GOOD,
     SOURCES,
     VARIATIONS,
     VariationRecord,
@@ -110,8 +110,8 @@ def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
 def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]:
     """Set the worst variations of a clip beside it, the clip with the worst of all first."""
     for folder in sorted(path for path in variations.iterdir() if path.is_dir()):
-        rows = [row for row in read_variations(folder / VARIATIONS) if row.figures]
-        worst = sorted(rows, key=lambda row: (-row.badness, row.variation))
+        rows = [row for row in read_variations(folder / VARIATIONS) if row.measurements]
+        worst = sorted(rows, key=lambda row: (-row.limit_ratio, row.variation))
         for clip in list(dict.fromkeys(row.clip for row in worst))[:n_clips]:
             rows_of_clip = [row for row in worst if row.clip == clip][:n_each]
             yield _shown(folder, clip, rows_of_clip)
@@ -120,8 +120,8 @@ def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]
 def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
     shown = []
     for row in rows:
-        file = motion_file(folder / (GOOD if row.kept else FAILED), clip)
+        file = motion_file(folder / (ACCEPTED if row.accepted else FAILED), clip)
         label = split_variation_name(row.variation)[1]
-        mark = "" if row.kept else " (left out)"
-        shown.append((f"{label}{mark}", row.figures, read_motion(file, row.variation)))
+        mark = "" if row.accepted else " (left out)"
+        shown.append((f"{label}{mark}", row.measurements, read_motion(file, row.variation)))
     return varied_clip(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)

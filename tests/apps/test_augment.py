@@ -20,7 +20,7 @@ from pacmo_core.store.motions import stream_motions, write_motions
 from tests.formats.real_files import real_folder
 from tests.reaction.problems import delayed_mirror
 
-PARAMS = Path("experiments/default.yaml").absolute()
+PARAMS = Path("params.yaml").absolute()
 FOREARM = [s.name for s in segments(SBU15)].index("left_forearm")
 
 

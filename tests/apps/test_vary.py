@@ -12,9 +12,9 @@ from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.models import build_skeleton_prior
 from pacmo_core.skeleton_prior import training
-from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.limbs import find_limbs
-from pacmo_core.skeleton_prior.model import PriorConfig
+from pacmo_core.skeleton_prior.kinematics import find_limbs
+from pacmo_core.skeleton_prior.layers import initialise_weights
+from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.state import model_state
@@ -28,12 +28,12 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a model with fresh weights."""
     limbs = find_limbs(SBU15, CLIP.person_a)
     model = build_skeleton_prior(PriorConfig(SBU15, limbs, "kinematic", 16, 3, CLIP.fps, 0.0))
-    initialise(model, torch.Generator().manual_seed(0))
+    initialise_weights(model, torch.Generator().manual_seed(0))
     for weight in model.parameters():  # where the network begins at nothing too
         if not weight.any():
             torch.nn.init.constant_(weight, 0.01)
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
-    config = {"model": "kinematic", "config": training.config(model)}
+    config = {"model": "kinematic", "config": training.model_config(model)}
     write_weights(path, config, model_state(model))
     return path
 

@@ -6,11 +6,10 @@ from torch import nn
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, Skeleton
-from pacmo_core.skeleton_prior.examples import Example
-from pacmo_core.skeleton_prior.graph import paths
-from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.losses import LossWeights
-from pacmo_core.skeleton_prior.settings import PriorSettings
+from pacmo_core.skeleton_prior.data import Example
+from pacmo_core.skeleton_prior.kinematics import ancestor_matrix
+from pacmo_core.skeleton_prior.layers import initialise_weights
+from pacmo_core.skeleton_prior.settings import LossWeights, SkeletonPriorSettings
 
 JOINTS = (
     "root left_hip left_knee left_ankle right_hip right_knee right_ankle chest left_shoulder"
@@ -43,7 +42,7 @@ def swinging(skeleton: Skeleton, seed: int, n_frames: int, at: float) -> np.ndar
     lengths = np.linalg.norm(bone_vectors(skeleton, seed), axis=-1, keepdims=True)
     vectors = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True) * lengths
     vectors[:, skeleton.root] = [0, 1, at]
-    return paths(skeleton).double().numpy() @ vectors
+    return ancestor_matrix(skeleton).double().numpy() @ vectors
 
 
 def interaction(seed: int = 0, n_frames: int = 31, skeleton: Skeleton = SMALL) -> Interaction:
@@ -83,7 +82,7 @@ def grown(motion: np.ndarray, skeleton: Skeleton, scales: np.ndarray) -> np.ndar
     return out
 
 
-def settings(**changes: object) -> PriorSettings:
+def settings(**changes: object) -> SkeletonPriorSettings:
     """Give settings that train in a moment."""
     plain: dict[str, object] = {
         "random_seed": 1,
@@ -108,7 +107,7 @@ def settings(**changes: object) -> PriorSettings:
         "validate_every": 2,
         "checkpoint_every": 10,
     }
-    return PriorSettings(**{**plain, **changes})
+    return SkeletonPriorSettings(**{**plain, **changes})
 
 
 def generator(seed: int = 0) -> torch.Generator:
@@ -118,7 +117,7 @@ def generator(seed: int = 0) -> torch.Generator:
 def shaken(layer: nn.Module) -> nn.Module:
     """Draw all weights at random, those that start at one or zero too."""
     random = generator(1)
-    initialise(layer, random)
+    initialise_weights(layer, random)
     with torch.no_grad():
         for value in [*layer.parameters(), *layer.buffers()]:
             if value.is_floating_point():

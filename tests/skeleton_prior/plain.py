@@ -11,20 +11,19 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.skeleton_prior.encoders import MotionEncoder
-from pacmo_core.skeleton_prior.kinematic import KinematicCharacter, KinematicDecoder
+from pacmo_core.skeleton_prior.kinematics import KinematicOutput, Limb
 from pacmo_core.skeleton_prior.layers import (
-    KERNEL,
-    LEAK,
+    LEAKY_SLOPE,
+    TEMPORAL_KERNEL,
     GraphConvolution,
-    Head,
-    StGcn,
-    TimeConvolution,
+    GraphGru,
+    OutputHead,
+    StGcnEncoder,
+    StGcnLayer,
+    TemporalConvolution,
 )
-from pacmo_core.skeleton_prior.limbs import Limb
-from pacmo_core.skeleton_prior.model import SkeletonPrior
-from pacmo_core.skeleton_prior.placing import Tree
-from pacmo_core.skeleton_prior.recurrence import GraphGru
+from pacmo_core.skeleton_prior.models.kinematic import KinematicDecoder, KinematicVae
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
 
 def dense(layer: nn.Module, x: Tensor) -> Tensor:
@@ -53,7 +52,7 @@ def norm(layer: nn.Module, x: Tensor) -> Tensor:
     return normed
 
 
-def st_gcn(layer: StGcn, x: Tensor) -> Tensor:
+def st_gcn(layer: StGcnLayer, x: Tensor) -> Tensor:
     """Run one row (T, J, C) through a layer in evaluation."""
     frames = torch.stack([graph_convolution(layer.graph, frame) for frame in x]).relu()
     frames = norm(layer.norms[0], frames).relu()
@@ -112,7 +111,7 @@ class PlainGru(nn.Module):
 class PlainHead(nn.Module):
     """The head, frame by frame."""
 
-    def __init__(self, head: Head) -> None:
+    def __init__(self, head: OutputHead) -> None:
         super().__init__()
         self.head = head
 
@@ -122,7 +121,7 @@ class PlainHead(nn.Module):
 
     def _frame(self, x: Tensor) -> Tensor:
         for layer in self.head.layers[:-1]:
-            x = nn.functional.leaky_relu(dense(layer, x), LEAK)
+            x = nn.functional.leaky_relu(dense(layer, x), LEAKY_SLOPE)
         return dense(self.head.layers[-1], x)
 
 
@@ -170,14 +169,14 @@ class PlainTime(nn.Module):
     folded : whose weights it takes
     """
 
-    def __init__(self, folded: TimeConvolution) -> None:
+    def __init__(self, folded: TemporalConvolution) -> None:
         super().__init__()
         weight = folded.weigh.weight.detach()
-        width, around = len(weight), (KERNEL, 1)
-        channels = weight.shape[1] // KERNEL
-        padding, stride = (KERNEL // 2, 0), (folded.stride, 1)
+        width, around = len(weight), (TEMPORAL_KERNEL, 1)
+        channels = weight.shape[1] // TEMPORAL_KERNEL
+        padding, stride = (TEMPORAL_KERNEL // 2, 0), (folded.stride, 1)
         self.convolution = nn.Conv2d(channels, width, around, stride=stride, padding=padding)
-        kernel = weight.view(width, KERNEL, channels).transpose(1, 2)[..., None]
+        kernel = weight.view(width, TEMPORAL_KERNEL, channels).transpose(1, 2)[..., None]
         own = {"weight": kernel.contiguous(), "bias": folded.weigh.bias.detach()}
         self.convolution.load_state_dict(own)
 
@@ -195,7 +194,7 @@ class PlainStGcn(nn.Module):
     folded : whose weights it takes
     """
 
-    def __init__(self, folded: StGcn) -> None:
+    def __init__(self, folded: StGcnLayer) -> None:
         super().__init__()
         self.folded = folded
         self.graph, self.time = PlainConvolution(folded.graph), PlainTime(folded.time)
@@ -217,7 +216,7 @@ class PlainStGcn(nn.Module):
 
 
 def _plain(layers: Iterable[nn.Module]) -> nn.ModuleList:
-    return nn.ModuleList([PlainStGcn(layer) for layer in layers if isinstance(layer, StGcn)])
+    return nn.ModuleList([PlainStGcn(layer) for layer in layers if isinstance(layer, StGcnLayer)])
 
 
 class PlainEncoder(nn.Module):
@@ -228,7 +227,7 @@ class PlainEncoder(nn.Module):
     folded : whose weights it takes
     """
 
-    def __init__(self, folded: MotionEncoder) -> None:
+    def __init__(self, folded: StGcnEncoder) -> None:
         super().__init__()
         self.layers = _plain(folded.layers)
 
@@ -265,7 +264,7 @@ class PlainDecoder(nn.Module):
         return field
 
 
-class PlainTree(Tree):
+class PlainTree(KinematicOutput):
     """Forward kinematics joint by joint, each from its parent.
 
     Parameters
@@ -290,7 +289,7 @@ def made_plain(model: SkeletonPrior) -> SkeletonPrior:
     """Write a network of our form plainly, in place, its weights kept."""
     model.tree = PlainTree(model.config.skeleton, model.config.limbs)
     for character in (model.first, model.second):
-        if not isinstance(character, KinematicCharacter):
+        if not isinstance(character, KinematicVae):
             raise TypeError(f"wanted our form; got {type(character).__name__}")
         parts = {
             "tree": model.tree,

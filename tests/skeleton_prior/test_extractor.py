@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.skeleton_prior.extractor import ExtractorSettings, fingerprint, fit
+from pacmo_core.skeleton_prior.features import (
+    FeatureExtractorSettings,
+    build_extractor_training,
+    fingerprint,
+)
 from tests.skeleton_prior.bodies import SMALL, interaction
 
-SETTINGS = ExtractorSettings(
+SETTINGS = FeatureExtractorSettings(
     random_seed=1,
     hidden=16,
     features=4,
@@ -22,7 +26,7 @@ SETTINGS = ExtractorSettings(
 
 def test_features_are_learnt_repeatably_and_their_fingerprint_says_which():
     motions = [interaction(seed).person_a for seed in range(4)]
-    one, again = (fit(motions, SMALL, SETTINGS).finish() for _ in range(2))
+    one, again = (build_extractor_training(motions, SMALL, SETTINGS).finish() for _ in range(2))
     assert fingerprint(one) == fingerprint(again)
     found = one.features(motions)
     assert found.shape == (4, 4) and found.dtype == np.float64
@@ -37,6 +41,8 @@ def test_features_are_learnt_repeatably_and_their_fingerprint_says_which():
 @pytest.mark.slow
 def test_what_is_given_back_comes_nearer():
     motions = [interaction(seed).person_a for seed in range(6)]
-    fitting = fit(motions, SMALL, ExtractorSettings(**{**vars(SETTINGS), "n_epochs": 40}))
+    fitting = build_extractor_training(
+        motions, SMALL, FeatureExtractorSettings(**{**vars(SETTINGS), "n_epochs": 40})
+    )
     fitting.finish()
     assert fitting.curve[-1]["loss"] < 0.5 * fitting.curve[0]["loss"]

@@ -10,9 +10,18 @@ import torch
 from hypothesis import given, settings
 
 from pacmo_core.data.skeleton import DUET15, NTU25
-from pacmo_core.skeleton_prior.limbs import RESISTANCE, bend, find_limbs, settling, stiffness
-from pacmo_core.skeleton_prior.placing import KEPT, Offsets, Tree
-from pacmo_core.skeleton_prior.relations import asked_shift, pulls
+from pacmo_core.skeleton_prior.kinematics import (
+    ANGLE_SHARE,
+    MIDDLE_JOINT_COST,
+    DisplacementOutput,
+    KinematicOutput,
+    find_limbs,
+    limb_resistance,
+    mesh_residual_features,
+    mesh_root_shift,
+    shift_to_reach,
+    two_bone_ik,
+)
 from tests.skeleton_prior.bodies import SMALL, generator, interaction
 from tests.skeleton_prior.plain import PlainTree
 
@@ -27,7 +36,7 @@ def case(seed: int, least: float = 0.65, most: float = 1.3):
     scales = least + (most - least) * torch.rand(2, template.shape[2], generator=random)
     scales[:, SMALL.root] = 1
     field = 0.5 * torch.randn(template.shape, generator=random)
-    tree = Tree(SMALL, find_limbs(SMALL, interaction(seed).person_a))
+    tree = KinematicOutput(SMALL, find_limbs(SMALL, interaction(seed).person_a))
     return tree, template, scales, field
 
 
@@ -66,7 +75,7 @@ def test_hands_and_feet_stay_where_limbs_reach(seed):
 
 def test_offsets_are_added_to_the_template():
     _, template, scales, field = case(0)
-    assert torch.equal(Offsets()(field, template, scales), template + field)
+    assert torch.equal(DisplacementOutput()(field, template, scales), template + field)
 
 
 @FIXED
@@ -75,7 +84,7 @@ def test_two_bones_keep_their_lengths_and_end_where_they_should(upper, lower, di
     random = generator(seed)
     way = torch.nn.functional.normalize(torch.randn(3, generator=random), dim=0) * distance
     side = torch.randn(3, generator=random)
-    first, second = bend(
+    first, second = two_bone_ik(
         way.double(), torch.tensor(upper).double(), torch.tensor(lower).double(), side.double()
     )
     assert float(first.norm()) == pytest.approx(upper, rel=1e-3)
@@ -93,18 +102,18 @@ def test_two_bones_keep_their_lengths_and_end_where_they_should(upper, lower, di
 @pytest.mark.parametrize("along", [0.0, 1.0])
 def test_a_straight_limb_bends_to_some_side_to_end_where_it_should(way, along):
     there = torch.tensor(way)
-    first, second = bend(there, torch.tensor(0.3), torch.tensor(0.3), along * there)
+    first, second = two_bone_ik(there, torch.tensor(0.3), torch.tensor(0.3), along * there)
     torch.testing.assert_close(first + second, there, atol=1e-5, rtol=0)
     torch.testing.assert_close(torch.stack([first, second]).norm(dim=-1), torch.full((2,), 0.3))
 
 
 def test_a_body_sinks_by_what_its_legs_lack():
     start, end = torch.tensor([[0.0, 1.0, 0.0]]), torch.tensor([[0.0, 0.0, 0.0]])
-    moved = settling(start, end, torch.tensor([0.8]))
+    moved = shift_to_reach(start, end, torch.tensor([0.8]))
     torch.testing.assert_close(moved, torch.tensor([0.0, -0.2, 0.0]))
-    still = settling(start, end, torch.tensor([1.2]))
+    still = shift_to_reach(start, end, torch.tensor([1.2]))
     torch.testing.assert_close(still, torch.zeros(3))
-    one_of_two = settling(start.expand(2, 3), end.expand(2, 3), torch.tensor([0.8, 1.2]))
+    one_of_two = shift_to_reach(start.expand(2, 3), end.expand(2, 3), torch.tensor([0.8, 1.2]))
     torch.testing.assert_close(one_of_two, moved / 2)
 
 
@@ -132,7 +141,7 @@ def test_limbs_are_found_by_their_shape():
 
 def test_a_skeleton_without_limbs_is_placed_all_the_same():
     _, template, scales, field = case(0)
-    tree = Tree(SMALL, ())
+    tree = KinematicOutput(SMALL, ())
     placed = tree(field, template, scales)
     wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
     torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
@@ -151,7 +160,7 @@ def test_one_product_places_joints_as_going_from_joint_to_joint_does():
 def test_a_root_that_moves_leaves_hands_and_feet_in_their_places():
     _, template, _, _ = case(1)
     limbs = find_limbs(SMALL, interaction(1).person_a)
-    tree, ones = Tree(SMALL, limbs), torch.ones(template.shape[0], template.shape[2])
+    tree, ones = KinematicOutput(SMALL, limbs), torch.ones(template.shape[0], template.shape[2])
     ends = [end for _, _, end in limbs]
     shorter = template.clone()
     for start, middle, end in limbs:  # bent limbs have some way to go
@@ -172,12 +181,12 @@ def test_a_root_that_moves_leaves_hands_and_feet_in_their_places():
 def test_a_body_that_comes_along_keeps_the_mesh_as_it_was_on_average(seed):
     random = generator(seed)
     own, partner, change = torch.randn(3, 1, 4, 15, 3, generator=random)
-    shift = asked_shift(own, partner, change)
-    lags = pulls(own, partner, shift[:, :, None].expand_as(own), change)[..., :3]
+    shift = mesh_root_shift(own, partner, change)
+    lags = mesh_residual_features(own, partner, shift[:, :, None].expand_as(own), change)[..., :3]
     torch.testing.assert_close(lags.mean(dim=2), torch.zeros_like(shift), atol=1e-6, rtol=0)
 
 
-def standing_on_one(template: torch.Tensor, tree: Tree, aside: float) -> torch.Tensor:
+def standing_on_one(template: torch.Tensor, tree: KinematicOutput, aside: float) -> torch.Tensor:
     """Set a body up on its first limb, whose middle stands aside; other limbs far in the air."""
     start, middle, end = tree.limbs[0]
     template[:, :, end] = torch.tensor([0.3, 0.0, 0.1])
@@ -196,7 +205,7 @@ def resisting(aside: float, closed: float) -> float:
     thigh = math.hypot(0.4, aside)
     then = math.sqrt(max(thigh**2 - ((0.8 - closed) / 2) ** 2, 0))
     slope = abs(then - aside) / abs(closed)
-    return 1 - 1 / (1 + RESISTANCE * slope**2)
+    return 1 - 1 / (1 + MIDDLE_JOINT_COST * slope**2)
 
 
 @FIXED
@@ -206,14 +215,14 @@ def test_a_leg_resists_by_how_far_its_knee_goes_aside(aside, closed):
     hypothesis.assume(abs(closed) > 1e-3)
     leg = torch.tensor([[0, 0.8, 0], [aside, 0.4, 0], [0, 0, 0]], dtype=torch.float64)
     asked = torch.tensor([0.1, -closed, 0.2], dtype=torch.float64)
-    axis, resists = stiffness(*leg, asked=asked)
+    axis, resists = limb_resistance(*leg, asked=asked)
     torch.testing.assert_close(axis, torch.tensor([0.0, -1.0, 0.0]).double())
     assert float(resists) == pytest.approx(resisting(aside, closed), rel=1e-4)
 
 
 def test_a_leg_that_is_straight_opens_no_further():
     leg = torch.tensor([[0, 0.8, 0], [0, 0.4, 0], [0, 0, 0]])
-    _, resists = stiffness(*leg, asked=torch.tensor([0.0, 0.1, 0.0]))
+    _, resists = limb_resistance(*leg, asked=torch.tensor([0.0, 0.1, 0.0]))
     assert float(resists) == pytest.approx(1, abs=1e-6)
 
 
@@ -238,7 +247,7 @@ def test_a_leg_that_grows_raises_the_body_all_the_more_the_straighter_it_is(asid
     longer[:, tree.limbs[0, 1:]] = 1.2
     nowhere = torch.zeros(*template.shape[:2], 3)
     field = tree.starting_field(nowhere, template, longer)
-    share = KEPT + (1 - KEPT) * resisting(aside, 0.16)
+    share = ANGLE_SHARE + (1 - ANGLE_SHARE) * resisting(aside, 0.16)
     wanted = torch.tensor([0.0, share * 0.16, 0.0]).expand_as(nowhere)
     torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-3, rtol=0)
 
@@ -262,14 +271,14 @@ def test_an_arm_that_grows_reaches_further_by_a_part_of_it():
     nowhere = torch.zeros(*template.shape[:2], 3)
     field = tree.starting_field(nowhere, template, longer)
     torch.testing.assert_close(field[:, :, tree.root], nowhere)
-    wanted = KEPT * 0.2 * (template[:, :, end] - template[:, :, start])
+    wanted = ANGLE_SHARE * 0.2 * (template[:, :, end] - template[:, :, start])
     torch.testing.assert_close(field[:, :, end], wanted)
 
 
 def test_a_field_at_a_hand_takes_it_there():
     _, template, scales, _ = case(2)
     limbs = find_limbs(SMALL, interaction(2).person_a)
-    tree = Tree(SMALL, limbs)
+    tree = KinematicOutput(SMALL, limbs)
     start, _, end = limbs[0]
     field = torch.zeros_like(template)
     guess = tree.guess(template, scales)
@@ -283,7 +292,7 @@ def test_a_limb_that_is_straight_has_a_slope_that_is_a_number():
     straight = template.clone()
     for start, middle, end in find_limbs(SMALL, interaction(3).person_a):
         straight[:, :, end] = 2 * straight[:, :, middle] - straight[:, :, start]
-    tree = Tree(SMALL, find_limbs(SMALL, interaction(3).person_a))
+    tree = KinematicOutput(SMALL, find_limbs(SMALL, interaction(3).person_a))
     small = (0 * field).requires_grad_()
     tree(small, straight, scales).square().sum().backward()
     assert small.grad is not None and small.grad.isfinite().all()

@@ -6,23 +6,28 @@ import pytest
 import torch
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.skeleton_prior import products
-from pacmo_core.skeleton_prior.graph import adjacency, neighbours
-from pacmo_core.skeleton_prior.layers import Dense, GraphConvolution, TimeConvolution
-from pacmo_core.skeleton_prior.recurrence import GraphGru
+from pacmo_core.skeleton_prior import autograd_functions
+from pacmo_core.skeleton_prior.layers import (
+    ConcatLinear,
+    GraphConvolution,
+    GraphGru,
+    TemporalConvolution,
+    adjacency,
+    off_diagonal_adjacency,
+)
 from tests.skeleton_prior.bodies import generator, shaken
 
 LAYERS = {
-    "dense": (lambda: Dense(7, 5), [(2, 15, 4, 3), (2, 15, 4, 4)]),
+    "dense": (lambda: ConcatLinear(7, 5), [(2, 15, 4, 3), (2, 15, 4, 4)]),
     "graph convolution, wider": (
-        lambda: GraphConvolution(neighbours(SBU15), 3, 8),
+        lambda: GraphConvolution(off_diagonal_adjacency(SBU15), 3, 8),
         [(2, 15, 4, 3)],
     ),
     "graph convolution, narrower": (
-        lambda: GraphConvolution(neighbours(SBU15), 8, 3),
+        lambda: GraphConvolution(off_diagonal_adjacency(SBU15), 8, 3),
         [(2, 15, 4, 8)],
     ),
-    "time convolution": (lambda: TimeConvolution(4, 6, stride=2), [(7, 15, 4, 4)]),
+    "time convolution": (lambda: TemporalConvolution(4, 6, stride=2), [(7, 15, 4, 4)]),
     "graph gated recurrent unit": (
         lambda: GraphGru(adjacency(SBU15), 5, 8),
         [(3, 15, 4, 5), (15, 4, 8)],
@@ -34,7 +39,7 @@ LAYERS = {
 def library(request, monkeypatch):
     if request.param == "onednn" and not torch.backends.mkldnn.is_available():
         pytest.skip("this build of torch is without oneDNN")
-    monkeypatch.setattr(products, "_mkl_is_slow", lambda: request.param == "onednn")
+    monkeypatch.setattr(autograd_functions, "_mkl_is_slow", lambda: request.param == "onednn")
     return request.param
 
 
@@ -49,9 +54,12 @@ def test_a_dense_product_takes_weights_however_they_lie(bias):
     wide = torch.randn(6, 9, generator=generator(1))
     for weight in (wide[:, :5].contiguous(), wide[:, 2:7], wide[:, :5].T.contiguous().T):
         wanted = torch.einsum("abc,dc->abd", x.double(), weight.double())
-        near(products.dense(x, weight, bias), wanted if bias is None else wanted + bias.double())
+        near(
+            autograd_functions.linear(x, weight, bias),
+            wanted if bias is None else wanted + bias.double(),
+        )
         out = torch.ones(3, 4, 6)
-        products.add_dense(out, x, weight)
+        autograd_functions.add_linear(out, x, weight)
         near(out, 1 + wanted)
 
 
@@ -60,7 +68,7 @@ def test_the_change_of_weights_is_a_sum_over_all_rows(n_rows):
     left = torch.randn(n_rows, 2, 9, generator=generator())[:, :1]
     right = torch.randn(n_rows, 1, 6, generator=generator(1))
     wanted = torch.einsum("abd,abc->dc", left.double(), right.double())
-    near(products.outer(left, right), wanted)
+    near(autograd_functions.weight_gradient(left, right), wanted)
 
 
 def answer_and_slopes(name, dtype, *, rounds=False):
@@ -69,7 +77,7 @@ def answer_and_slopes(name, dtype, *, rounds=False):
     layer = shaken(build()).to(dtype)
     drawn = [torch.randn(shape, generator=generator(5)) for shape in shapes]
     given = [value.to(dtype).requires_grad_() for value in drawn]
-    with products.rounding(rounds):
+    with autograd_functions.bfloat16_products(rounds):
         out = layer(*given)
     (out * out.detach().cos()).sum().backward()
     return [out.detach(), *(v.grad for v in [*given, *layer.parameters()])]
@@ -84,7 +92,7 @@ def test_a_layer_and_its_gradients_are_those_of_float64(name):
 
 @pytest.mark.parametrize("name", LAYERS)
 def test_rounded_factors_keep_eight_bits_of_a_layer_and_of_its_gradients(name, monkeypatch):
-    monkeypatch.setattr(products, "has_bfloat16", lambda device: True)
+    monkeypatch.setattr(autograd_functions, "supports_bfloat16", lambda device: True)
     found = answer_and_slopes(name, torch.float32, rounds=True)
     assert all(slope.dtype == torch.float32 for slope in found[1:])
     for rounded, double in zip(found, answer_and_slopes(name, torch.float64), strict=True):
@@ -96,7 +104,7 @@ def test_rounded_factors_keep_eight_bits_of_a_layer_and_of_its_gradients(name, m
 @pytest.mark.parametrize("name", LAYERS)
 def test_nothing_is_rounded_in_float64_nor_where_a_device_has_no_such_products(name, monkeypatch):
     for dtype, has in ((torch.float32, False), (torch.float64, True)):
-        monkeypatch.setattr(products, "has_bfloat16", lambda device, has=has: has)
+        monkeypatch.setattr(autograd_functions, "supports_bfloat16", lambda device, has=has: has)
         found = answer_and_slopes(name, dtype, rounds=True)
         for rounded, exact in zip(found, answer_and_slopes(name, dtype), strict=True):
             assert torch.equal(rounded, exact)
@@ -106,7 +114,7 @@ def test_a_processor_has_such_products_or_not():
     listed = Path("/proc/cpuinfo")
     if not listed.exists():
         pytest.skip("no list of what this processor can do")
-    assert products.has_bfloat16("cpu") <= ("avx512_bf16" in listed.read_text())
+    assert autograd_functions.supports_bfloat16("cpu") <= ("avx512_bf16" in listed.read_text())
 
 
 def test_torch_is_asked_where_it_is_as_fast_and_for_what_onednn_has_not(library, monkeypatch):
@@ -116,7 +124,7 @@ def test_torch_is_asked_where_it_is_as_fast_and_for_what_onednn_has_not(library,
         torch.nn.functional, "linear", lambda *given: asked.append(given) or linear(*given)
     )
     x, weight = torch.ones(2, 3), torch.ones(4, 3)
-    products.dense(x, weight)
+    autograd_functions.linear(x, weight)
     assert len(asked) == (1 if library == "torch" else 0)
-    products.dense(x.double(), weight.double())
+    autograd_functions.linear(x.double(), weight.double())
     assert len(asked) == (2 if library == "torch" else 1)

@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from pacmo_core.skeleton_prior.splits import SPLITS, Fact, SplitSettings, fewer, split
+from pacmo_core.skeleton_prior.splits import (
+    SPLIT_METHODS,
+    SplitSettings,
+    VariationScales,
+    assign_splits,
+    limit_training_samples,
+)
 
 STEPS = [round(0.75 + 0.05 * i, 2) for i in range(11) if i != 5]
 SETTINGS = SplitSettings(
@@ -22,7 +28,7 @@ def facts():
                 for bone in (0, 1):
                     scales = np.ones((2, 2))
                     scales[body, bone] = scale
-                    found.append(Fact(source, scales))
+                    found.append(VariationScales(source, scales))
     return found
 
 
@@ -40,7 +46,7 @@ def sources_of(sides, side):
 
 
 def test_across_scales_near_bodies_train_and_far_ones_are_tested():
-    sides = split("cross_scale", FACTS, SETTINGS)
+    sides = assign_splits("cross_scale", FACTS, SETTINGS)
     assert scales_of(sides, "train") == {0.95, 1.05}
     assert scales_of(sides, "validation") == {0.9, 1.1}
     assert scales_of(sides, "test") == {0.75, 0.8, 0.85, 1.15, 1.2, 1.25}
@@ -48,14 +54,14 @@ def test_across_scales_near_bodies_train_and_far_ones_are_tested():
 
 
 def test_across_interactions_the_held_out_motion_alone_is_tested():
-    sides = split("cross_interaction", FACTS, SETTINGS)
+    sides = assign_splits("cross_interaction", FACTS, SETTINGS)
     assert sources_of(sides, "test") == {"m2"}
     assert sources_of(sides, "train") == {"m1", "m3", "m4"}
     assert scales_of(sides, "test") == scales_of(sides, "train") == set(STEPS)
 
 
 def test_across_both_far_bodies_of_the_held_out_motion_are_tested():
-    sides = split("cross_scale_interaction", FACTS, SETTINGS)
+    sides = assign_splits("cross_scale_interaction", FACTS, SETTINGS)
     assert sources_of(sides, "test") == {"m2"}
     assert sources_of(sides, "train") == {"m1", "m3", "m4"}
     assert scales_of(sides, "train") == {0.95, 1.05}
@@ -68,19 +74,19 @@ def test_the_random_split_has_its_shares_and_its_seed(seed):
     chosen = SplitSettings(
         held_out=frozenset(), test_share=0.2, validation_share=0.1, random_seed=seed
     )
-    sides = split("random", FACTS, chosen)
-    assert sides == split("random", FACTS, chosen)
+    sides = assign_splits("random", FACTS, chosen)
+    assert sides == assign_splits("random", FACTS, chosen)
     assert sides.count("test") == round(0.2 * len(FACTS))
     assert sides.count("validation") == round(0.1 * (len(FACTS) - sides.count("test")))
     assert sources_of(sides, "test") == sources_of(sides, "train")
 
 
-@pytest.mark.parametrize("kind", SPLITS)
+@pytest.mark.parametrize("kind", SPLIT_METHODS)
 def test_fewer_samples_nest_and_leave_other_sides_alone(kind):
-    sides = split(kind, FACTS, SETTINGS)
+    sides = assign_splits(kind, FACTS, SETTINGS)
     kept = {24: None, 12: None, 6: None}
     for n in kept:
-        less = fewer(sides, n, random_seed=3)
+        less = limit_training_samples(sides, n, random_seed=3)
         kept[n] = {row for row, side in enumerate(less) if side == "train"}
         assert len(kept[n]) == n
         others = [(a, b) for a, b in zip(sides, less, strict=True) if a != "train"]
@@ -90,16 +96,16 @@ def test_fewer_samples_nest_and_leave_other_sides_alone(kind):
 
 def test_faults_are_named():
     with pytest.raises(ValueError, match="split must be one of random.*'by_person'"):
-        split("by_person", FACTS, SETTINGS)
+        assign_splits("by_person", FACTS, SETTINGS)
     absent = SplitSettings(
         held_out=frozenset({"m9"}), test_share=0.2, validation_share=0, random_seed=0
     )
     with pytest.raises(ValueError, match=r"held_out must be sources; \['m9'\]"):
-        split("cross_interaction", FACTS, absent)
+        assign_splits("cross_interaction", FACTS, absent)
     far = [f for f in FACTS if f.reach == "far" and f.source == "m2"][:4]
     with pytest.raises(ValueError, match="nothing to train on among 4"):
-        split("cross_scale", far, SETTINGS)
+        assign_splits("cross_scale", far, SETTINGS)
     with pytest.raises(ValueError, match="wanted 1 to"):
-        fewer(["train", "test"], 2, random_seed=0)
+        limit_training_samples(["train", "test"], 2, random_seed=0)
     with pytest.raises(ValueError, match=r"test_share must lie in \(0, 1\)"):
         SplitSettings(held_out=frozenset(), test_share=1, validation_share=0, random_seed=0)

@@ -7,9 +7,8 @@ import torch
 
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.models import build_skeleton_prior, model_names
-from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.layers import Silent
-from pacmo_core.skeleton_prior.model import PriorConfig
+from pacmo_core.skeleton_prior.layers import ZeroInitLinear, initialise_weights
+from pacmo_core.skeleton_prior.settings import PriorConfig
 from tests.skeleton_prior.bodies import generator
 
 B, T, N = 2, 37, 25
@@ -208,9 +207,9 @@ def test_a_frame_cnn_halves_joints_as_its_table_and_comes_back():
 def test_every_weight_of_every_model_has_a_slope(name):
     # Wide enough that no layer is dead by chance: of four channels behind a ReLU, one time in ten.
     form, random = model(name).train(), generator()
-    initialise(form, random)
+    initialise_weights(form, random)
     for layer in form.modules():
-        if isinstance(layer, Silent):  # so is all before it until it has learnt
+        if isinstance(layer, ZeroInitLinear):  # so is all before it until it has learnt
             torch.nn.init.normal_(layer.weight, generator=random)
     template = torch.randn(B, 9, 2, N, 3, generator=random)
     scales = 1 + 0.1 * torch.rand(B, 2, N, generator=random)

@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from pacmo_core.models import model_names
-from pacmo_core.skeleton_prior import products, training
-from pacmo_core.skeleton_prior.bodies import Bodies, learn
-from pacmo_core.skeleton_prior.examples import Example, Pairs, encode
-from pacmo_core.skeleton_prior.initialise import initialise
-from pacmo_core.skeleton_prior.splits import Fact
+from pacmo_core.skeleton_prior import autograd_functions, training
+from pacmo_core.skeleton_prior.data import Example, ExampleBatch, encode_examples
+from pacmo_core.skeleton_prior.layers import initialise_weights
+from pacmo_core.skeleton_prior.splits import VariationScales
+from pacmo_core.skeleton_prior.vae import SkeletonVae, fit_skeleton_vae
 from pacmo_core.training.state import model_state
 from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
 
@@ -21,7 +21,7 @@ def same(one, other) -> bool:
 @pytest.fixture
 def with_bfloat16(monkeypatch):
     """Round where it is wanted, whether or not that is fast on this processor."""
-    monkeypatch.setattr(products, "has_bfloat16", lambda device: True)
+    monkeypatch.setattr(autograd_functions, "supports_bfloat16", lambda device: True)
 
 
 @pytest.mark.usefixtures("with_bfloat16")
@@ -30,7 +30,7 @@ def test_the_same_seed_and_precision_train_the_same_bytes_and_others_do_not(name
     found = []
     for seed, mixed in ((1, True), (1, True), (2, True), (1, False)):
         chosen = settings(model=name, n_epochs=2, random_seed=seed, mixed_precision=mixed)
-        found.append(model_state(training.fit(examples(1, 4), chosen).finish()))
+        found.append(model_state(training.build_training(examples(1, 4), chosen).finish()))
     assert same(found[0], found[1])
     assert not same(found[0], found[2])
     assert not same(found[0], found[3])
@@ -41,7 +41,7 @@ def test_rounded_factors_lead_as_far():
     """The gradient differs by a part in a hundred, where training ends by much less."""
     found = []
     for mixed in (False, True):
-        fitting = training.fit(
+        fitting = training.build_training(
             examples(1, 8), settings(n_epochs=15, warmup_epochs=1, mixed_precision=mixed)
         )
         fitting.finish()
@@ -54,13 +54,13 @@ def test_rounded_factors_lead_as_far():
 @pytest.mark.parametrize("name", ["kinematic", "m_gcn"])
 def test_a_training_that_was_stopped_goes_on_to_the_same_bytes(name):
     chosen = settings(model=name)
-    whole = training.fit(examples(1, 4), chosen, validation=examples(1, 1))
+    whole = training.build_training(examples(1, 4), chosen, validation=examples(1, 1))
     whole.finish()
-    first = training.fit(examples(1, 4), chosen, validation=examples(1, 1))
+    first = training.build_training(examples(1, 4), chosen, validation=examples(1, 1))
     terms = iter(first)
     next(terms)
     snapshot = first.snapshot()
-    again = training.fit(examples(1, 4), chosen, validation=examples(1, 1))
+    again = training.build_training(examples(1, 4), chosen, validation=examples(1, 1))
     again.restore(snapshot)
     again.finish()
     assert same(model_state(whole.model), model_state(again.model))
@@ -72,15 +72,15 @@ def test_training_lowers_the_loss():
     chosen = settings(
         n_epochs=40, warmup_epochs=1, window=11, turn=False, swap=False, learning_rate=1e-2
     )
-    fitting = training.fit(examples(1, 4), chosen)
+    fitting = training.build_training(examples(1, 4), chosen)
     fitting.finish()
     losses = [terms["loss"] for terms in fitting.curve]
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
 
 
 def test_our_network_begins_with_what_it_starts_from_and_says_more_after_a_step():
-    fitting = training.fit(examples(1, 4), settings(n_epochs=1))
-    pairs = next(encode(examples()).wholes(3, 1))
+    fitting = training.build_training(examples(1, 4), settings(n_epochs=1))
+    pairs = next(encode_examples(examples()).wholes(3, 1))
     said = []
     for _ in range(2):
         given = fitting.model.given_first(pairs.template, pairs.scales)
@@ -94,7 +94,7 @@ def test_our_network_begins_with_what_it_starts_from_and_says_more_after_a_step(
 
 def test_bodies_are_the_same_beside_every_model():
     one, other = (
-        training.fit(examples(1, 4), settings(model=name)).finish()
+        training.build_training(examples(1, 4), settings(model=name)).finish()
         for name in ("f_gcn", "kinematic")
     )
     assert same(model_state(one.bodies), model_state(other.bodies))
@@ -106,10 +106,10 @@ def test_drawn_bodies_vary_as_much_as_those_of_the_data_however_few_these_are(n)
     scales = torch.ones(n, 20)
     scales[torch.arange(n), torch.randint(1, 20, (n,), generator=random)] = 1.03
     scales[: n // 3, 1:] = 0.98
-    bodies = Bodies(20, 0)
-    initialise(bodies, random)
+    bodies = SkeletonVae(20, 0)
+    initialise_weights(bodies, random)
     before, wanted = spread(bodies.sample(500, random)), spread(scales)
-    learn(bodies, scales, n_steps=1000, random=random)
+    fit_skeleton_vae(bodies, scales, n_steps=1000, random=random)
     assert before / wanted > 2
     assert 2 / 3 < spread(bodies.sample(500, random)) / wanted < 3 / 2
 
@@ -117,9 +117,9 @@ def test_drawn_bodies_vary_as_much_as_those_of_the_data_however_few_these_are(n)
 def test_bodies_further_from_the_template_than_usual_can_be_drawn():
     scales = torch.ones(50, 4)
     scales[::2, 1:] = 0.6
-    bodies = Bodies(4, 0)
-    initialise(bodies, generator())
-    learn(bodies, scales, n_steps=500, random=generator())
+    bodies = SkeletonVae(4, 0)
+    initialise_weights(bodies, generator())
+    fit_skeleton_vae(bodies, scales, n_steps=500, random=generator())
     drawn = bodies.sample(500, generator())
     assert drawn.min() < 0.7
     assert bodies.decode(100 * torch.randn(500, 16, generator=generator())).min() > 0
@@ -135,9 +135,9 @@ def spread(scales: torch.Tensor) -> float:
 
 
 def test_a_model_comes_back_from_its_state():
-    model = training.fit(examples(1, 4), settings(n_epochs=1)).finish()
-    again = training.from_state(training.config(model), model_state(model))
-    pairs = next(encode(examples()).wholes(3, 1))
+    model = training.build_training(examples(1, 4), settings(n_epochs=1)).finish()
+    again = training.prior_from_state(training.model_config(model), model_state(model))
+    pairs = next(encode_examples(examples()).wholes(3, 1))
     latents = model.latents(pairs.template, pairs.scales, None)
     with torch.no_grad():
         one, other = (
@@ -149,7 +149,7 @@ def test_a_model_comes_back_from_its_state():
 
 def test_the_changed_body_comes_first():
     for example in examples():
-        encoded = encode([example])
+        encoded = encode_examples([example])
         own = encoded.scales[0]
         assert (own[0] != 1).any() and (own[1] == 1).all()
         bones = torch.from_numpy(SMALL.bones)
@@ -161,7 +161,7 @@ def test_the_changed_body_comes_first():
 
 
 def test_turning_and_swapping_change_no_distance_and_no_bone():
-    encoded = encode(examples())
+    encoded = encode_examples(examples())
     pairs = encoded.windows(torch.arange(len(encoded)), 2, 7, generator())
     turned = pairs.turned(torch.linspace(0, 6, len(encoded)))
     assert not torch.allclose(turned.varied, pairs.varied, atol=0.1)
@@ -170,13 +170,13 @@ def test_turning_and_swapping_change_no_distance_and_no_bone():
     torch.testing.assert_close(gaps[0], gaps[1], atol=1e-4, rtol=1e-4)
     every = torch.ones(len(encoded), dtype=torch.bool)
     back = pairs.swapped(every).swapped(every)
-    assert isinstance(back, Pairs) and torch.equal(back.varied, pairs.varied)
+    assert isinstance(back, ExampleBatch) and torch.equal(back.varied, pairs.varied)
     assert torch.equal(pairs.swapped(every).scales[:, 0], pairs.scales[:, 1])
     assert torch.equal(pairs.swapped(~every).template, pairs.template)
 
 
 def test_wholes_are_all_rows_by_source_and_their_score_does_not_depend_on_the_batches():
-    encoded = encode(examples())
+    encoded = encode_examples(examples())
     alone, together = (list(encoded.wholes(3, most)) for most in (1, 100))
     assert len(alone) == len(encoded) and len(together) == len(encoded.templates)
     for name in ("template", "varied", "scales"):
@@ -187,7 +187,7 @@ def test_wholes_are_all_rows_by_source_and_their_score_does_not_depend_on_the_ba
 
 
 def test_windows_are_frames_of_their_rows_and_short_ones_hold_the_last():
-    encoded = encode(examples())
+    encoded = encode_examples(examples())
     pairs = encoded.windows(torch.tensor([3, 0]), 3, 20, generator())
     assert pairs.varied.shape[:2] == (2, 20)
     assert torch.equal(pairs.varied[0, -1], encoded.varied[3][-1])
@@ -204,4 +204,4 @@ def test_examples_of_the_wrong_shape_are_refused():
         Example("x", good.template, good.scales[:, :5], good.varied)
     with pytest.raises(ValueError, match="wanted a variation"):
         Example("x", good.template, good.scales, good.varied.frames(0, 10))
-    assert Fact("x", good.scales).departure > 0
+    assert VariationScales("x", good.scales).departure > 0

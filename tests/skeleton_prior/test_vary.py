@@ -10,12 +10,12 @@ from scipy.interpolate import CubicSpline
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.models import model_names
 from pacmo_core.skeleton_prior import training
-from pacmo_core.skeleton_prior.keyframes import at_every_frame, keyframes
-from pacmo_core.skeleton_prior.vary import generate_bodies, retarget
+from pacmo_core.skeleton_prior.data import interpolate_keyframes, keyframe_indices
+from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from tests.skeleton_prior.bodies import SMALL, examples, generator, interaction, settings
 
 MODELS = {
-    name: training.fit(examples(), settings(model=name, n_epochs=1)).finish()
+    name: training.build_training(examples(), settings(model=name, n_epochs=1)).finish()
     for name in model_names("skeleton_prior")
 }
 
@@ -120,11 +120,11 @@ def test_the_same_bodies_are_the_source_to_a_millimetre():
 
 
 def test_bodies_are_drawn_at_will_with_positive_bones_for_one_person():
-    drawn = generate_bodies(MODELS["kinematic"], 500, random=generator())
+    drawn = generate_skeletons(MODELS["kinematic"], 500, random=generator())
     assert drawn.shape == (500, 2, len(SMALL.bones))
     assert (drawn[:, 0] == 1).all() and (drawn >= 0.7).all() and (drawn <= 1.3).all()
     np.testing.assert_array_equal(
-        drawn, generate_bodies(MODELS["kinematic"], 500, random=generator())
+        drawn, generate_skeletons(MODELS["kinematic"], 500, random=generator())
     )
     pairs = list(retarget(MODELS["f_cnn"], interaction(), drawn[:3], samples=2, random=generator()))
     assert [len(samples) for samples in pairs] == [2, 2, 2]
@@ -134,11 +134,11 @@ def test_bodies_are_drawn_at_will_with_positive_bones_for_one_person():
     ("n_frames", "stride"), [(2, 3), (3, 2), (31, 3), (32, 3), (33, 3), (9, 1)]
 )
 def test_keyframes_have_both_ends_and_what_is_between_is_a_spline(n_frames, stride):
-    keys = keyframes(n_frames, stride)
+    keys = keyframe_indices(n_frames, stride)
     assert keys[0] == 0 and keys[-1] == n_frames - 1
     assert (np.diff(keys) > 0).all() and np.diff(keys).max() <= stride
     field = torch.randn(2, len(keys), 4, 3, generator=generator())
-    got = at_every_frame(field, n_frames, stride)
+    got = interpolate_keyframes(field, n_frames, stride)
     wanted = CubicSpline(keys, field.double().numpy(), axis=1)(np.arange(n_frames))
     np.testing.assert_allclose(got.numpy(), wanted, atol=1e-5)
 

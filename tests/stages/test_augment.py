@@ -18,6 +18,7 @@ from ruamel.yaml import YAML
 from benchmarks._variations import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
+from pacmo_core.project.experiments import default_params
 from pacmo_core.store.motions import stream_folder
 from pacmo_core.store.tables import read_variations
 from stages.common.params import ParamsError
@@ -135,7 +136,7 @@ def test_files_say_what_was_kept_what_failed_and_why(
 ) -> None:
     lay_out(tmp_path, {**CLIPS, "flat": flat_source()})
     run(tmp_path, monkeypatch)
-    found = [row.figures for row in read_variations(SMALL / "variations.parquet")]
+    found = [row.measurements for row in read_variations(SMALL / "variations.parquet")]
     middle = float(np.median([figures["raw_residual"] for figures in found if figures]))
     write_params(tmp_path, bounds={**BOUNDS, "raw_residual": middle})
     run(tmp_path, monkeypatch)
@@ -143,10 +144,10 @@ def test_files_say_what_was_kept_what_failed_and_why(
     good = dict(stream_folder(SMALL / "motions"))
     failed = dict(stream_folder(SMALL / "failed"))
     assert list(rows) == sorted(rows)
-    assert set(good) == {name for name, row in rows.items() if row.kept}
-    assert set(failed) == {n for n, row in rows.items() if not row.kept and row.figures}
+    assert set(good) == {name for name, row in rows.items() if row.accepted}
+    assert set(failed) == {n for n, row in rows.items() if not row.accepted and row.measurements}
     assert good and failed
-    assert all(row.badness <= 1 for row in rows.values() if row.kept)
+    assert all(row.limit_ratio <= 1 for row in rows.values() if row.accepted)
     refused = [row for row in rows.values() if row.clip == "flat"]
     assert len(refused) == 11
     assert all("refused: person_b is flat" in row.reason for row in refused)
@@ -159,7 +160,7 @@ def test_files_say_what_was_kept_what_failed_and_why(
     assert set(sources) == {*CLIPS, "flat"}
 
     facts = json.loads(Path("metrics.json").read_text())["small"]
-    assert facts["planned"] == 44 == facts["kept"] + facts["failed"] + facts["refused"]
+    assert facts["planned"] == 44 == facts["accepted"] + facts["failed"] + facts["refused"]
     assert (facts["refused"], facts["refused_clips"]) == (11, ["flat"])
     assert "raw_residual" in facts["failed_by"]
     assert facts["kinds"]["uniform"]["near_error"]["low"] >= 0
@@ -170,7 +171,7 @@ def test_polars_joins_motions_with_their_facts(
 ) -> None:
     lay_out(tmp_path, CLIPS)
     run(tmp_path, monkeypatch)
-    facts = pl.read_parquet(SMALL / "variations.parquet").filter(pl.col("kept"))
+    facts = pl.read_parquet(SMALL / "variations.parquet").filter(pl.col("accepted"))
     motions = pl.scan_parquet(SMALL.parent / "*/motions/*.parquet").collect()
     joined = motions.join(facts, left_on="clip", right_on="variation")
     assert len(joined) == len(motions)
@@ -243,6 +244,6 @@ def test_a_run_that_is_killed_goes_on_from_its_last_batch(
 
 
 def test_the_default_solves_with_the_settings_that_the_benchmark_measures() -> None:
-    sections = YAML(typ="safe").load(Path("experiments/default.yaml"))
+    sections = YAML(typ="safe").load(default_params())
     found = TypeAdapter(Settings).validate_python(sections["augment"]["solver"])
     assert found == SETTINGS

@@ -105,7 +105,7 @@ def test_motions_of_all_clips_stream_in_order_and_are_found_one_by_one(
     run(tmp_path, monkeypatch)
     rows = read_variations(SMALL / "variations.parquet")
     found = dict(stream_folder(SMALL / "motions"))
-    assert list(found) == [row.variation for row in rows if row.kept] == sorted(found)
+    assert list(found) == [row.variation for row in rows if row.accepted] == sorted(found)
     assert {clip_of_file(path) for path in (SMALL / "sources").iterdir()} == set(CLIPS)
     for path in (SMALL / "sources").iterdir():
         own = read_motion(path, clip_of_file(path))

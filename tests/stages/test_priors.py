@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pacmo_core.skeleton_prior.splits import Fact
+from pacmo_core.skeleton_prior.splits import VariationScales
 from stages import split_variations
 from stages.common.params import PriorRuns, parse_split_name
 from stages.pool_skeleton_prior import interval, over_seeds
@@ -43,7 +43,7 @@ def test_scores_are_pooled_source_by_source():
 
 def test_patterns_hold_sources_out_and_numbers_keep_few():
     facts = {
-        f"{source}~{k}": Fact(source, np.full((2, 3), scale))
+        f"{source}~{k}": VariationScales(source, np.full((2, 3), scale))
         for source in ("one", "two")
         for k, scale in enumerate([0.95, 1.05, 0.9, 0.8, 1.2])
     }

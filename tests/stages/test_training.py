@@ -162,7 +162,7 @@ def test_other_settings_data_or_code_do_not_go_on_from_a_checkpoint(monkeypatch)
 
 def test_a_pickle_in_a_checkpoints_place_is_refused(tmp_path):
     torch.save({"weight": torch.zeros(1)}, tmp_path / "w.safetensors")
-    with pytest.raises(StoreError, match="not a whole file of weights"):
+    with pytest.raises(StoreError, match="not a complete file of weights"):
         read_weights(tmp_path / "w.safetensors")
 
 

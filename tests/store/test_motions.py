@@ -111,7 +111,7 @@ def test_a_file_cut_short_is_refused(tmp_path):
     path = tmp_path / "m.parquet"
     write(path, make_set(np.random.default_rng(9), 5))
     path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(StoreError, match="not a whole Parquet file"):
+    with pytest.raises(StoreError, match="not a complete Parquet file"):
         next(stream_motions(path))
 
 

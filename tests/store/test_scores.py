@@ -23,7 +23,7 @@ def test_scores_and_facts_come_back(tmp_path):
         assert (back.row, back.seed, back.metric) == (score.row, score.seed, score.metric)
         np.testing.assert_array_equal(back.values, score.values)
     table = pl.read_parquet(tmp_path / "1.parquet")
-    assert table.filter(pl.col("draw") == 0)["value"].to_list() == [0.1, 0.4, 0.7]
+    assert table.filter(pl.col("replicate") == 0)["value"].to_list() == [0.1, 0.4, 0.7]
 
 
 def test_a_score_that_is_no_number_is_refused(tmp_path):

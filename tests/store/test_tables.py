@@ -45,15 +45,21 @@ VARIATION = VariationRecord(
     variation="c~b-head-1.20",
     clip="c",
     kind="single",
-    kept=True,
+    accepted=True,
     reason="",
-    badness=0.4,
-    figures={"near_error": 0.001, "rung": 2.0},
+    limit_ratio=0.4,
+    measurements={"near_error": 0.001, "rung": 2.0},
     scales_a={"left_forearm": 1.0, "head": 1.0},
     scales_b={"left_forearm": 1.0, "head": 1.2},
 )
 REFUSED = replace(
-    VARIATION, variation="d~r0000", clip="d", kept=False, reason="refused", badness=inf, figures={}
+    VARIATION,
+    variation="d~r0000",
+    clip="d",
+    accepted=False,
+    reason="refused",
+    limit_ratio=inf,
+    measurements={},
 )
 
 
@@ -74,7 +80,7 @@ def test_polars_finds_a_bone_by_its_name(tmp_path: Path) -> None:
     write_variations(tmp_path / "v.parquet", [VARIATION, REFUSED], SEGMENTS)
     table = pl.read_parquet(tmp_path / "v.parquet")
     heads = table.with_columns(head=pl.col("scales_b").struct.field("head"))
-    assert heads.filter(pl.col("kept"))["head"].to_list() == [1.2]
+    assert heads.filter(pl.col("accepted"))["head"].to_list() == [1.2]
     assert table["near_error"].to_list() == [0.001, None]
     assert table["scales_a"].struct.fields == SEGMENTS
 

@@ -18,5 +18,5 @@ def test_weights_and_configuration_come_back(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"\x80\x04pickle", b"\xff" * 64])
 def test_what_is_not_safetensors_is_refused_by_name(tmp_path, content):
     (tmp_path / "w.safetensors").write_bytes(content)
-    with pytest.raises(StoreError, match="not a whole file of weights"):
+    with pytest.raises(StoreError, match="not a complete file of weights"):
         read_weights(tmp_path / "w.safetensors")
