@@ -1,4 +1,4 @@
-"""Say on which split each variation stands, in every split of every dataset.
+"""Assign each variation to train, validation or test, in every split of every dataset.
 
 Usage: python -m stages.split_variations VARIATIONS SPLITS METRICS.json
 
@@ -16,6 +16,7 @@ from pacmo_core.skeleton_prior.splits import (
     SPLITS,
     SplitSettings,
     VariationScales,
+    assign_splits,
     limit_training_samples,
 )
 from pacmo_core.store.tables import SplitRecord, write_rows
@@ -40,7 +41,7 @@ def main(paths: argparse.Namespace) -> None:
     paths.splits.mkdir(parents=True, exist_ok=True)
     for dataset, name in read_prior_runs().groups():
         facts = read_variation_facts(paths.variations / dataset)
-        splits = load_splits(facts, name, params)
+        splits = assign(facts, name, params)
         rows = [SplitRecord(variation, split) for variation, split in splits.items()]
         write_rows(paths.splits / dataset / f"{name}.parquet", SplitRecord, rows)
         counts_of_split = Counter(splits.values())
@@ -48,8 +49,8 @@ def main(paths: argparse.Namespace) -> None:
     write_json(paths.metrics, counts)
 
 
-def load_splits(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
-    """Put a dataset's variations on splits."""
+def assign(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
+    """Assign a dataset's variations."""
     kind, samples = parse_split_name(name)
     sources = {fact.source for fact in facts.values()}
     settings = SplitSettings(

@@ -48,7 +48,7 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
         for k, scale in enumerate([0.95, 1.05, 0.9, 0.8, 1.2])
     }
     params = split_variations.Params(("tw*",), 0.2, 0.0, 1)
-    sides = split_variations.sides_of(facts, "cross_scale_interaction_1", params)
+    sides = split_variations.assign(facts, "cross_scale_interaction_1", params)
     assert {n for n, side in sides.items() if side == "test"} == {"two~3", "two~4"}
     train = [name for name, side in sides.items() if side == "train"]
     assert len(train) == 1 and train[0] in ("one~0", "one~1")

@@ -8,7 +8,7 @@ import pytest
 from pacmo_core.store.motions import motion_file, stream_folder
 from pacmo_core.store.tables import SplitRecord, read_variations, write_rows
 from stages.common.examples import read_variation_facts, stream_examples
-from stages.report.__main__.players import gallery
+from stages.report.players import gallery
 from tests.augmentation.sources import source
 from tests.stages.augmenting import lay_out, run, solve_in_process
 
