@@ -26,7 +26,7 @@ from apps.cli_augment import (
     told,
 )
 from apps.duos import Duo, check_out, is_parquet, read_duo, write_duo
-from pacmo_core.augmentation.bodies import body_of, scaled
+from pacmo_core.augmentation.bodies import measure_body, segment_scales
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
@@ -120,7 +120,7 @@ def _varied(
 def _asked(people: tuple[PersonMotion, PersonMotion], wishes: list[dict[str, float]]) -> Scales:
     return np.stack(
         [
-            scaled(body_of(person.motion, person.skeleton), factors)
+            segment_scales(measure_body(person.motion, person.skeleton), factors)
             for person, factors in zip(people, wishes, strict=True)
         ]
     )

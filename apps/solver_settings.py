@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 
-from pacmo_core.augmentation.keep import Bounds
+from pacmo_core.augmentation.filter import VariationLimits
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.project.workspace import CommandError
 
@@ -16,7 +16,7 @@ class Solving:
     """What the section ``augment`` says of solving."""
 
     solver: Settings
-    bounds: Bounds
+    bounds: VariationLimits
 
 
 def read_solving(params: Path) -> Solving:

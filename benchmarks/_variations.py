@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
+from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, Settings, Support, Weights
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 
 N_FRAMES = 363
@@ -38,11 +38,11 @@ SETTINGS = Settings(
         anchor=1e-3,
     ),
     support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.25),
-    limits=Limits(residual=1e-2, penetration=0.01, seam=1.5),
+    limits=AttemptLimits(residual=1e-2, penetration=0.01, seam=1.5),
     rungs=(
-        Rung(penalty=2.5, iterations=80, apart=0, step=5e-3),
-        Rung(penalty=4, iterations=80, apart=60, step=4e-3),
-        Rung(penalty=6, iterations=160, apart=60, step=4e-3),
+        Attempt(penalty=2.5, iterations=80, apart=0, step=5e-3),
+        Attempt(penalty=4, iterations=80, apart=60, step=4e-3),
+        Attempt(penalty=6, iterations=160, apart=60, step=4e-3),
     ),
     relaxation=1.4,
     clearance=0.1,

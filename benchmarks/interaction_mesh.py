@@ -29,7 +29,7 @@ from benchmarks._figures import arguments, show
 from benchmarks._released import released_seam_ratio
 from benchmarks._slower import beside_peers
 from benchmarks._variations import SETTINGS, Task, tasks
-from pacmo_core.interaction_mesh import Report, prepare, vary_in_batches
+from pacmo_core.interaction_mesh import Report, prepare, retarget_in_batches
 from pacmo_core.interaction_mesh.scene import Array
 
 N_PROCESSES = 2
@@ -96,7 +96,7 @@ def run(task: Task) -> Done:
     source = prepare(task.scene, SETTINGS)
     reports: list[Report] = []
     worst = spent = 0.0
-    for batch in vary_in_batches(source, task.scales):
+    for batch in retarget_in_batches(source, task.scales):
         reports += batch.reports
         pause = time.process_time()
         worst = max(worst, bone_error(task, batch.points, task.scales[batch.rows]))

@@ -23,8 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from pacmo_core.augmentation.bodies import body_of
-from pacmo_core.augmentation.choose import Candidate, choose, nearness_of
+from pacmo_core.augmentation.bodies import measure_body
 from pacmo_core.augmentation.clip_files import (
     ClipFiles,
     clip_key,
@@ -33,19 +32,32 @@ from pacmo_core.augmentation.clip_files import (
     variation_to_entry,
     write_clip_files,
 )
-from pacmo_core.augmentation.keep import Bounds, excess
-from pacmo_core.augmentation.keys import body_key, maker_key, source_key
+from pacmo_core.augmentation.filter import (
+    Candidate,
+    VariationLimits,
+    exceeded_limits,
+    mean_near_pairs,
+    select_clips,
+)
 from pacmo_core.augmentation.plan import Plan, Variation, plan_variations
+from pacmo_core.augmentation.run import (
+    Batch,
+    BatchResult,
+    SolvedVariation,
+    body_key,
+    solve_on_cluster,
+    solve_with_processes,
+    solver_key,
+    source_key,
+)
 from pacmo_core.augmentation.segments import segments
-from pacmo_core.augmentation.solve import Lot, Made, Outcome
-from pacmo_core.augmentation.workers import solve_on_cluster, solve_side_by_side
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import clip_name
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.splits import window_edges
 from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import IngestionSettings, read_sequences
-from pacmo_core.interaction_mesh import BATCH, Settings
+from pacmo_core.interaction_mesh import MAX_BATCH, Settings
 from pacmo_core.store.cache import Cache
 from pacmo_core.store.motions import MotionReader
 from pacmo_core.store.tables import (
@@ -181,9 +193,11 @@ def _select_clips(
     candidates = []
     for row in rows:
         must_look = selection.must_select(n_clips[row.sequence])
-        nearness = nearness_of(read(row.clip), selection.near) if must_look else 0.0
+        nearness = mean_near_pairs(read(row.clip), selection.near) if must_look else 0.0
         candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
-    names = choose(candidates, of_each_sequence=selection.of_each_sequence, most=selection.most)
+    names = select_clips(
+        candidates, of_each_sequence=selection.of_each_sequence, most=selection.most
+    )
     return {name: facts[name] for name in names}
 
 
@@ -197,7 +211,7 @@ class Augmentation:
 
     plan: Plan
     solver: Settings
-    bounds: Bounds
+    bounds: VariationLimits
     variations: Cache  # whatever the plan
     clips: Cache  # files of clips with all variations of the plan
 
@@ -227,7 +241,9 @@ class CacheState:
             one for one in clip.variations if variation_key(clip.source, one[0]) not in self.cached
         ]
 
-    def outcomes(self, clip: PendingClip, cache: Cache) -> Iterator[tuple[Variation, Made | str]]:
+    def outcomes(
+        self, clip: PendingClip, cache: Cache
+    ) -> Iterator[tuple[Variation, SolvedVariation | str]]:
         """Read what came of each variation."""
         for body, variation in clip.variations:
             entry = cache.get(variation_key(clip.source, body))
@@ -298,7 +314,10 @@ def _copy(cache: Cache, key: str, folder: Path, clip: str) -> list[VariationReco
 def _plan_clip(clip: str, dataset: SourceDataset, plan: Plan) -> list[tuple[str, Variation]]:
     """Plan a clip's variations, each with the hash of its bodies."""
     source = dataset.read(clip)
-    bodies = (body_of(source.person_a, source.skeleton), body_of(source.person_b, source.skeleton))
+    bodies = (
+        measure_body(source.person_a, source.skeleton),
+        measure_body(source.person_b, source.skeleton),
+    )
     state = plan_variations(plan, bodies, clip)
     return [(body_key(variation.scales), variation) for variation in state]
 
@@ -327,7 +346,7 @@ def _solve_pending(
                 yield one, state
 
 
-def _store_outcome(outcome: Outcome, state: CacheState, cache: Cache) -> None:
+def _store_outcome(outcome: BatchResult, state: CacheState, cache: Cache) -> None:
     """Add a batch to the cache as it is done."""
     if outcome.refused:
         state.refused[outcome.key] = outcome.refused
@@ -336,16 +355,16 @@ def _store_outcome(outcome: Outcome, state: CacheState, cache: Cache) -> None:
         state.cached.add(variation_key(outcome.key, body))
 
 
-def _solve_batches(batches: list[Lot]) -> Iterator[Outcome]:
+def _solve_batches(batches: list[Batch]) -> Iterator[BatchResult]:
     address = scheduler_address()
     if address:
         return solve_on_cluster(batches, address)
-    return solve_side_by_side(batches, processes=os.cpu_count() or 1)
+    return solve_with_processes(batches, processes=os.cpu_count() or 1)
 
 
 def _make_batches(
     dataset: SourceDataset, pending: Sequence[PendingClip], state: CacheState, settings: Settings
-) -> Iterator[Lot]:
+) -> Iterator[Batch]:
     """Gather what one source missing, a batch of the solver at a time."""
     sources: dict[str, dict[str, Variation]] = {}
     clips: dict[str, str] = {}
@@ -356,10 +375,10 @@ def _make_batches(
     for key, bodies in sources.items():
         names = list(bodies)
         source = dataset.read(clips[key])
-        for first in range(0, len(names), BATCH):
-            batch = tuple(names[first : first + BATCH])
+        for first in range(0, len(names), MAX_BATCH):
+            batch = tuple(names[first : first + MAX_BATCH])
             scales = np.stack([np.concatenate(bodies[name].scales) for name in batch])
-            yield Lot(key, maker_key(settings), source, settings, scales, batch)
+            yield Batch(key, solver_key(settings), source, settings, scales, batch)
 
 
 # Folders of the cache.
@@ -375,14 +394,14 @@ class Params:
     second: SecondDataset  # a second dataset beside the experiment's
     plan: Plan  # the bodies that each is given
     solver: Settings
-    bounds: Bounds  # what a variation must keep within to be trained on
+    bounds: VariationLimits  # what a variation must keep within to be trained on
 
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("augment", Params)
-    maker = maker_key(params.solver)
-    variations = Cache(paths.cache / VARIATION_CACHE, maker)
-    clips = Cache(paths.cache / CLIP_CACHE, settings_key(maker, params.plan, params.bounds))
+    solver_hash = solver_key(params.solver)
+    variations = Cache(paths.cache / VARIATION_CACHE, solver_hash)
+    clips = Cache(paths.cache / CLIP_CACHE, settings_key(solver_hash, params.plan, params.bounds))
     augmentation = Augmentation(params.plan, params.solver, params.bounds, variations, clips)
     datasets = [
         main_dataset(paths.clips, params.clips),
@@ -401,11 +420,11 @@ def main(paths: argparse.Namespace) -> None:
     write_json(paths.metrics, metrics)
 
 
-def summary(rows: Sequence[VariationRecord], bounds: Bounds) -> dict[str, object]:
+def summary(rows: Sequence[VariationRecord], bounds: VariationLimits) -> dict[str, object]:
     """Say how many there are, why some are put aside, and how good they are by kind."""
     refused = [row for row in rows if not row.accepted and not row.measurements]
     failed = [row for row in rows if not row.accepted and row.measurements]
-    reasons = Counter(name for row in failed for name in excess(row.measurements, bounds))
+    reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, bounds))
     kinds = sorted({row.kind for row in rows if row.measurements})
     return {
         "clips": len({row.clip for row in rows}),

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import variation_name
-from pacmo_core.interaction_mesh import Scene, Settings, prepare, vary
+from pacmo_core.interaction_mesh import Scene, Settings, prepare
 from pacmo_core.interaction_mesh import Settings as SolverSettings
+from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
 from pacmo_core.metrics import retargeting
 from pacmo_core.metrics.body import Body, body_of
 from pacmo_core.metrics.retargeting import Limits, Pair, sample_diversity
@@ -207,7 +208,7 @@ def solve_bodies(
     """``(V, T, 2 J, 3)`` metres: what the solver makes of a source on bodies (V, 2, E)."""
     people = (template.person_a, template.person_b)
     scene = Scene(people, (template.skeleton,) * 2, template.fps)
-    made = vary(prepare(scene, solver), scales.reshape(len(scales), -1))
+    made = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
     return made.points.astype(np.float32)
 
 

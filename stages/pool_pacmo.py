@@ -24,7 +24,7 @@ Folds = dict[str, dict[str, list[BySeed]]]  # row, metric, then fold by fold
 def augmentation_effect(
     table: Folds, pooled: dict[str, dict[str, Estimate]], confidence: float
 ) -> dict[str, Any]:
-    """Compare PaCMO trained with variations and without_variations, fold by fold; nothing without_variations both."""
+    """Compare PaCMO trained with variations and without, fold by fold; empty if either is missing."""
     if WITH not in table or WITHOUT not in table:
         return {}
     with_variations, without_variations = table[WITH], table[WITHOUT]
@@ -122,7 +122,7 @@ def read_fold(file: Path) -> dict[str, dict[str, dict[int, Estimate]]]:
 
 
 def align_folds(folds: list[dict[str, dict[str, dict[int, Estimate]]]]) -> Folds:
-    """Line up the folds, and leave out what one of them, or one of a row's seeds, is without_variations."""
+    """Line up the folds, and leave out what one of them, or one of a row's seeds, lacks."""
     first = folds[0]
     return {
         row: {

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pacmo_core.augmentation.keep import Bounds, reason_of, worst
+from pacmo_core.augmentation.filter import VariationLimits, max_limit_ratio, rejection_reason
 from pacmo_core.augmentation.plan import Plan, Variation
+from pacmo_core.augmentation.run import SolvedVariation
 from pacmo_core.augmentation.segments import segments
-from pacmo_core.augmentation.solve import Made
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import variation_name
 from pacmo_core.data.skeleton import Skeleton
@@ -62,17 +62,17 @@ class ClipFiles:
         return cls(rows, {name: array.tobytes() for name, array in entry.arrays.items()})
 
 
-def variation_to_entry(made: Made) -> CacheEntry:
+def variation_to_entry(made: SolvedVariation) -> CacheEntry:
     """Convert a variation to an entry of a cache."""
     return CacheEntry(made.figures, {MOTIONS: made.motions})
 
 
-def variation_from_entry(entry: CacheEntry) -> Made:
+def variation_from_entry(entry: CacheEntry) -> SolvedVariation:
     """Convert a variation from an entry of a cache."""
-    return Made(entry.arrays[MOTIONS], entry.metadata)
+    return SolvedVariation(entry.arrays[MOTIONS], entry.metadata)
 
 
-def settings_key(maker: str, plan: Plan, bounds: Bounds) -> str:
+def settings_key(maker: str, plan: Plan, bounds: VariationLimits) -> str:
     """Hash everything but the clip that its files depend on.
 
     Parameters
@@ -93,8 +93,8 @@ def write_clip_files(
     dataset: Path,
     clip: str,
     source: Interaction,
-    made: Iterable[tuple[Variation, Made | str]],
-    bounds: Bounds,
+    made: Iterable[tuple[Variation, SolvedVariation | str]],
+    bounds: VariationLimits,
 ) -> ClipFiles:
     """Write the variations of a clip into the folder of its dataset.
 
@@ -107,7 +107,7 @@ def write_clip_files(
     for variation, outcome in made:
         row = facts_of(clip, variation, outcome, source.skeleton, bounds)
         rows.append(row)
-        if isinstance(outcome, Made):
+        if isinstance(outcome, SolvedVariation):
             varied = Interaction(source.skeleton, source.times, *outcome.motions)
             motions[ACCEPTED if row.accepted else FAILED][row.variation] = varied
     files = {}
@@ -122,12 +122,16 @@ def write_clip_files(
 
 
 def facts_of(
-    clip: str, variation: Variation, outcome: Made | str, skeleton: Skeleton, bounds: Bounds
+    clip: str,
+    variation: Variation,
+    outcome: SolvedVariation | str,
+    skeleton: Skeleton,
+    bounds: VariationLimits,
 ) -> VariationRecord:
     """Say what a variation is, and whether it is kept."""
     refused = isinstance(outcome, str)
     figures = {} if isinstance(outcome, str) else outcome.figures
-    reason = f"refused: {outcome}" if refused else reason_of(figures, bounds)
+    reason = f"refused: {outcome}" if refused else rejection_reason(figures, bounds)
     names = [segment.name for segment in segments(skeleton)]
     a, b = (dict(zip(names, own.tolist(), strict=True)) for own in variation.scales)
     return VariationRecord(
@@ -136,7 +140,7 @@ def facts_of(
         kind=variation.kind,
         accepted=not reason,
         reason=reason,
-        limit_ratio=worst(figures, bounds) if figures else inf,
+        limit_ratio=max_limit_ratio(figures, bounds) if figures else inf,
         measurements=figures,
         scales_a=a,
         scales_b=b,

@@ -50,7 +50,7 @@ class Support:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rung:
+class Attempt:
     """One try of the solver.
 
     Parameters
@@ -72,7 +72,7 @@ class Rung:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class AttemptLimits:
     """When a try is good enough to stay.
 
     Parameters
@@ -108,8 +108,8 @@ class Settings:
     graph: str
     weights: Weights
     support: Support
-    limits: Limits
-    rungs: tuple[Rung, ...]
+    limits: AttemptLimits
+    rungs: tuple[Attempt, ...]
     relaxation: float
     clearance: float
     guarded: int

@@ -79,8 +79,8 @@ def train(task: Task, model: Path, curve: Path) -> None:
         if is_main_process():
             _train_epochs(loop, checkpoint, params.checkpoint_every, model)
             write_curve(curve, _rows(loop.curve))
-            selected = {"selected": loop.chosen()}
-            write_weights(model / WEIGHTS, metadata | selected, model_state(loop.model))
+            selection = {"selection": loop.selection()}
+            write_weights(model / WEIGHTS, metadata | selection, model_state(loop.model))
             checkpoint.remove()
         else:
             loop.finish()

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks._variations import SETTINGS as USUAL
-from pacmo_core.augmentation.keys import maker_key, source_key
-from pacmo_core.augmentation.solve import Lot
+from pacmo_core.augmentation.run import Batch, solver_key, source_key
 from pacmo_core.data.interaction import Interaction
 from tests.interaction_mesh.scenes import scene
 
@@ -28,11 +27,11 @@ def flat_source(n_frames: int = 12) -> Interaction:
     return Interaction(whole.skeleton, whole.times, whole.person_a, flat)
 
 
-def lot(scales: np.ndarray, seed: int = 0, own: Interaction | None = None) -> Lot:
+def lot(scales: np.ndarray, seed: int = 0, own: Interaction | None = None) -> Batch:
     """Hand out bodies, (V, 10)."""
     own = own or source(seed)
     names = tuple(f"{seed}-{row.tobytes().hex()}" for row in scales)
-    return Lot(source_key(own), maker_key(SETTINGS), own, SETTINGS, scales, names)
+    return Batch(source_key(own), solver_key(SETTINGS), own, SETTINGS, scales, names)
 
 
 def bodies(count: int, seed: int = 0) -> np.ndarray:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.augmentation.clip_files import ClipFiles, variation_from_entry, variation_to_entry
-from pacmo_core.augmentation.solve import Made
+from pacmo_core.augmentation.run import SolvedVariation
 from pacmo_core.store.cache import Cache
 from pacmo_core.store.tables import VariationRecord
 
@@ -25,7 +25,7 @@ def test_a_clip_is_read_from_the_cache_as_it_was_written(tmp_path: Path) -> None
 
 def test_a_variation_is_read_from_the_cache_as_it_was_written(tmp_path: Path) -> None:
     motions = np.random.default_rng(0).normal(size=(2, 5, 6, 3)).astype(np.float32)
-    made = Made(motions, {"near_error": 0.1 + 0.2, "odd": float("nan")})
+    made = SolvedVariation(motions, {"near_error": 0.1 + 0.2, "odd": float("nan")})
     Cache(tmp_path, "maker").put("source/body", variation_to_entry(made))
     entry = Cache(tmp_path, "maker").get("source/body")
     assert entry is not None

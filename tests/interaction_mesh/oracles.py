@@ -6,13 +6,13 @@ from scipy.linalg import solveh_banded
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from pacmo_core.interaction_mesh.energy import Quadratic, target_of
+from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_target
 from pacmo_core.interaction_mesh.scene import Scene
 
 Array = NDArray[np.float64]
 
 
-def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> float:
+def energy_by_definition(energy: QuadraticEnergy, change: Array, target: Array) -> float:
     """Sum E over frames and joints, one at a time.
 
     Parameters
@@ -37,7 +37,7 @@ def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> flo
     return total
 
 
-def matrix(energy: Quadratic) -> csc_array:
+def matrix(energy: QuadraticEnergy) -> csc_array:
     """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
     n_frames, n_points = energy.held.shape
     size = 3 * n_frames * n_points
@@ -68,9 +68,9 @@ def matrix(energy: Quadratic) -> csc_array:
     return whole
 
 
-def right_side(energy: Quadratic, scales: Array) -> Array:
+def right_side(energy: QuadraticEnergy, scales: Array) -> Array:
     """Give g for one body's scales (E,), flat."""
-    target = target_of(energy, scales[None])[..., 0]
+    target = energy_target(energy, scales[None])[..., 0]
     pull: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
     return pull
 
@@ -88,7 +88,7 @@ def differences(scene: Scene) -> csc_array:
     return csc_array((values, where), shape=(len(row), 3 * n_frames * n_points))
 
 
-def banded(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 40) -> Array:
+def banded(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 40) -> Array:
     """Solve by an augmented Lagrangian of Gauss-Newton steps on a banded matrix, from the source.
 
     Bones grow to their lengths in five morphs, without which steps overshoot.
@@ -118,7 +118,7 @@ def banded(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 40
     return change.reshape(scene.points.shape)
 
 
-def manifold(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 12) -> Array:
+def manifold(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 12) -> Array:
     """Solve by Gauss-Newton on the directions of the bones and the places of the roots.
 
     The bones are of their length at every step. A step turns each direction in its tangent plane;

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
+from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, Settings, Support, Weights
 
 SETTINGS = Settings(
     graph="complete",
@@ -21,11 +21,11 @@ SETTINGS = Settings(
         anchor=1e-2,  # for scenes of so few points: with less, float32 blurs their steps
     ),
     support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.07),
-    limits=Limits(residual=1e-2, penetration=0.01, seam=1.5),
+    limits=AttemptLimits(residual=1e-2, penetration=0.01, seam=1.5),
     rungs=(
-        Rung(penalty=0.7, iterations=40, apart=0, step=1e-3),
-        Rung(penalty=2, iterations=100, apart=0, step=1e-3),
-        Rung(penalty=6, iterations=200, apart=60, step=1e-3),
+        Attempt(penalty=0.7, iterations=40, apart=0, step=1e-3),
+        Attempt(penalty=2, iterations=100, apart=0, step=1e-3),
+        Attempt(penalty=6, iterations=200, apart=60, step=1e-3),
     ),
     relaxation=1.6,
     clearance=0.1,
@@ -45,7 +45,7 @@ ARM = Skeleton(
 
 def thorough(iterations: int = 2000, **changes: object) -> Settings:
     """Give settings that iterate to the end."""
-    rungs = (Rung(penalty=3, iterations=iterations, apart=0, step=0),)
+    rungs = (Attempt(penalty=3, iterations=iterations, apart=0, step=0),)
     return replace(SETTINGS, rungs=rungs, **changes)
 
 

@@ -68,11 +68,13 @@ def test_bodies_of_different_joints_are_refused() -> None:
 def test_normalised_training_data_are_centred_and_of_unit_scale_and_come_back() -> None:
     pairs = sample_motion_pairs(clips(20), 17)
     norm = Normalisation(channels=45)
-    norm.measure(pairs)
-    both = torch.cat([norm.partner(pairs.partner), norm.reaction(pairs.reaction)])
+    norm.fit(pairs)
+    both = torch.cat(
+        [norm.normalise_partner(pairs.partner), norm.normalise_reaction(pairs.reaction)]
+    )
     assert both.mean().abs() < 1e-5
     assert both.square().mean().item() == pytest.approx(1, rel=1e-5)
-    again = norm.metres(norm.reaction(pairs.reaction))
+    again = norm.denormalise_reaction(norm.normalise_reaction(pairs.reaction))
     torch.testing.assert_close(again, pairs.reaction, atol=1e-6, rtol=1e-5)
 
 

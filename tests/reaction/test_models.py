@@ -12,7 +12,6 @@ import torch
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.reaction import autoencoder, baselines, generator, wgan
 from pacmo_core.reaction.data import expand_directions, sample_motion_pairs
-from pacmo_core.reaction.generator import react_on_grid
 from pacmo_core.reaction.settings import AdamSettings
 from pacmo_core.reaction.wgan import WganTrainer
 from pacmo_core.training.loop import TrainingLoop
@@ -110,7 +109,8 @@ def test_the_generator_learns_to_follow_its_partner() -> None:
     model = wgan.build_training(clips(64), PACMO_LONG).finish()
     pairs = sample_motion_pairs(clips(32, first_seed=100), PACMO.n_points)
     with torch.no_grad():
-        made = react_on_grid(model, pairs, torch.Generator().manual_seed(0))
+        noise = model.sample_noise(len(pairs), torch.Generator().manual_seed(0))
+        made = model(noise, pairs.condition)
     moving = pairs.reaction.std(dim=(0, 1)) > 0.01
     error = (made - pairs.reaction)[..., moving].square().mean()
     of_the_mean = (model.normalisation.reaction_mean - pairs.reaction)[..., moving].square().mean()
@@ -127,7 +127,7 @@ def test_in_the_warm_up_the_critic_rests_and_no_weights_are_chosen() -> None:
     fitted = wgan.build_training(
         clips(8), replace(PACMO, warmup_epochs=2, validate_from=3), validation=clips(3, 90)
     )
-    training = fitted.training
+    training = fitted.trainer
     assert isinstance(training, WganTrainer)
     critic, generator = (
         {name: value.clone() for name, value in model_state(network).items()}

@@ -24,7 +24,7 @@ def streamed(model: Generator, n_frames: int, began: float = 0.0) -> np.ndarray:
     clip = delayed_mirror(5, np.arange(n_frames) / 30)
     live = ReactionStream(model, n_samples=2, random=torch.Generator().manual_seed(1))
     pairs = zip(clip.person_a, clip.times, strict=True)
-    return np.stack([live.answer(pose, began + float(time)) for pose, time in pairs], axis=1)
+    return np.stack([live.react(pose, began + float(time)) for pose, time in pairs], axis=1)
 
 
 def test_a_frame_is_answered_as_the_last_window_would_be(
@@ -32,8 +32,10 @@ def test_a_frame_is_answered_as_the_last_window_would_be(
 ) -> None:
     monkeypatch.setattr("pacmo_core.reaction.stream.FRAME_SMOOTHING", 0.0)
     # Noise that stays: the stream moves on in it, and the single window does not.
-    fixed = model.draw(2, torch.Generator().manual_seed(1))
-    monkeypatch.setattr("pacmo_core.reaction.windows.ContinuousNoise.at", lambda self, start: fixed)
+    fixed = model.sample_noise(2, torch.Generator().manual_seed(1))
+    monkeypatch.setattr(
+        "pacmo_core.reaction.windows.ContinuousNoise.coefficients", lambda self, start: fixed
+    )
     duration = mean_duration(model.normalisation)
     clip = delayed_mirror(5, np.arange(round(90 * duration)) / 30)
     window = np.linspace(clip.times[-1] - duration, clip.times[-1], 301)
@@ -58,14 +60,14 @@ def test_answers_do_not_depend_on_when_the_clock_began(model: Generator) -> None
 def test_noise_goes_on_before_a_partner_who_stands_still(model: Generator) -> None:
     pose = delayed_mirror(5, np.arange(5) / 30).person_a[0]
     live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
-    first, *_, last = (live.answer(pose, time) for time in np.linspace(0, 1, 31).tolist())
+    first, *_, last = (live.react(pose, time) for time in np.linspace(0, 1, 31).tolist())
     assert np.abs(last - first).max() > 1e-4
 
 
 def test_the_baseline_streams_too() -> None:
     model = baselines.build_gru_training(clips(8), replace(GRU, n_epochs=1)).finish()
     live = ReactionStream(model, n_samples=1, random=torch.Generator())
-    assert live.answer(delayed_mirror(0, np.arange(5) / 15).person_a[0], 0.0).shape == (1, 15, 3)
+    assert live.react(delayed_mirror(0, np.arange(5) / 15).person_a[0], 0.0).shape == (1, 15, 3)
     with pytest.raises(ValueError, match="deterministic"):
         ReactionStream(model, n_samples=2, random=torch.Generator())
 
@@ -74,12 +76,12 @@ def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Ge
     pose = delayed_mirror(0, np.arange(5) / 15).person_a[0]
     live = ReactionStream(model, n_samples=1, random=torch.Generator())
     with pytest.raises(ValueError, match=r"\(15, 3\)"):
-        live.answer(pose[:4], 0.0)
+        live.react(pose[:4], 0.0)
     with pytest.raises(ValueError, match="finite"):
-        live.answer(pose, float("nan"))
-    live.answer(pose, 1.0)
-    with pytest.raises(ValueError, match="go on from 1 s"):
-        live.answer(pose, 1.0)
+        live.react(pose, float("nan"))
+    live.react(pose, 1.0)
+    with pytest.raises(ValueError, match="later than 1 s"):
+        live.react(pose, 1.0)
 
 
 def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generator) -> None:
@@ -91,7 +93,7 @@ def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generat
     for motion in (clip.person_a, noisy.astype(np.float32)):
         live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
         pairs = zip(motion, clip.times.tolist(), strict=True)
-        answers = np.stack([live.answer(pose, time)[0] for pose, time in pairs])
+        answers = np.stack([live.react(pose, time)[0] for pose, time in pairs])
         steps.append(np.diff(answers[75:], 2, axis=0))
     shaken = np.sqrt(np.square(steps[1] - steps[0]).sum(axis=-1).mean())
     assert shaken < 0.03

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from pacmo_core.augmentation.solve import solve
+from pacmo_core.augmentation.run import solve_batch
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, write_rows
@@ -119,9 +119,9 @@ def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     def one_by_one(lots, *, processes):
         for lot in lots:
             counts.append(len(lot.names))
-            yield solve(lot)
+            yield solve_batch(lot)
 
-    monkeypatch.setattr(augment, "solve_side_by_side", one_by_one)
+    monkeypatch.setattr(_variations, "solve_with_processes", one_by_one)
     monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
     return counts
 

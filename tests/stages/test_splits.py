@@ -41,7 +41,9 @@ def clips(tmp_path):
 
 
 def put(path, splits):
-    write_rows(path, SplitRecord, [SplitRecord(clip, split_name) for clip, split_name in splits.items()])
+    write_rows(
+        path, SplitRecord, [SplitRecord(clip, split_name) for clip, split_name in splits.items()]
+    )
     return path
 
 

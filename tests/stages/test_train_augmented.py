@@ -79,16 +79,16 @@ def test_with_a_share_it_takes_as_many_steps_and_learns_something_else():
         not torch.equal(a, b)
         for a, b in zip(tensors("models/p").values(), tensors("models/m").values(), strict=True)
     )
-    plain, wide = (wgan.build_training(clips(8), SETTINGS).training for _ in range(2))
+    plain, wide = (wgan.build_training(clips(8), SETTINGS).trainer for _ in range(2))
     varied = AugmentedWganTrainer(
         wide, TrainingVariations(interactions=clips(4), sources=[0, 0, 3, 7], share=0.5)
     )
-    varied.epoch(0)
-    assert varied.training.steps_an_epoch == plain.steps_an_epoch
-    assert len(varied.training.pairs) == len(plain.pairs)
-    first = varied.training.pairs.partner
-    varied.epoch(1)
-    assert not torch.equal(varied.training.pairs.partner, first)
+    varied.train_epoch(0)
+    assert varied.trainer.steps_per_epoch == plain.steps_per_epoch
+    assert len(varied.trainer.pairs) == len(plain.pairs)
+    first = varied.trainer.pairs.partner
+    varied.train_epoch(1)
+    assert not torch.equal(varied.trainer.pairs.partner, first)
 
 
 def test_only_variations_of_clips_that_are_trained_on_are_seen():
@@ -111,29 +111,28 @@ def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
         train.read_variations(paths(0.5))
 
 
-def test_every_form_of_a_pair_is_shown_as_often_as_it_should():
-    sources = np.array([2, 0, 2, 2])
-    choice = VariationSampler(4, sources)
+def test_every_variation_of_a_pair_is_sampled_with_its_probability():
+    sampler = VariationSampler(4, np.array([2, 0, 2, 2]))
     random = np.random.default_rng(1)
-    drawn = np.stack([choice.draw(0.6, random) for _ in range(4000)])
-    forms = {0: [5], 1: [], 2: [4, 6, 7], 3: []}
-    for pair, further in forms.items():
-        shown = drawn[:, pair]
-        assert set(shown) == {pair, *further}
-        for form in further:
-            assert (shown == form).mean() == pytest.approx(0.6 / len(further), abs=0.03)
+    samples = np.stack([sampler.sample(0.6, random) for _ in range(4000)])
+    variations = {0: [5], 1: [], 2: [4, 6, 7], 3: []}
+    for pair, of_pair in variations.items():
+        shown = samples[:, pair]
+        assert set(shown) == {pair, *of_pair}
+        for variation in of_pair:
+            assert (shown == variation).mean() == pytest.approx(0.6 / len(of_pair), abs=0.03)
 
 
 def test_a_variation_shows_its_own_clip_from_either_side():
     base, made = clips(3), clips(5)[3:]
     variations = TrainingVariations(interactions=made, sources=[2, 0], share=1.0)
     plain = wgan.build_training(base, replace(SETTINGS, both_directions=True))
-    varied = add_variations(plain, variations).training
-    varied.epoch(0)
-    shown = varied.training.pairs
+    varied = add_variations(plain, variations).trainer
+    varied.train_epoch(0)
+    shown = varied.trainer.pairs
     alone = wgan.build_training(
         [made[1], base[1], made[0]], replace(SETTINGS, both_directions=True)
-    ).training.pairs
+    ).trainer.pairs
     torch.testing.assert_close(shown.partner, alone.partner)
     torch.testing.assert_close(shown.reaction, alone.reaction)
 
@@ -157,7 +156,7 @@ def test_a_training_that_goes_on_from_a_snapshot_ends_as_the_whole():
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ({"share": 1.5}, "share must lie in"),
+        ({"share": 1.5}, "share must be in"),
         ({"sources": [0]}, "a source each"),
         ({"interactions": [], "sources": []}, "a source each"),
     ],
@@ -170,5 +169,5 @@ def test_variations_that_are_none_are_refused(fault, words):
 
 def test_a_source_that_is_no_clip_is_refused():
     variations = TrainingVariations(interactions=clips(1), sources=[3], share=0.5)
-    with pytest.raises(ValueError, match="numbers of 3 clips"):
+    with pytest.raises(ValueError, match="indices of 3 clips"):
         add_variations(wgan.build_training(clips(3), SETTINGS), variations)

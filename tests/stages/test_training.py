@@ -117,7 +117,7 @@ def test_weights_say_what_they_are_and_what_made_them(stage):
     assert facts["torch"] == torch.__version__.partition("+")[0]
     curve = read_curve(CURVE)
     assert curve["step"] == [1, 2, 3, 4, 5, 6]
-    chosen = facts["selected"]
+    chosen = facts["selection"]
     assert chosen["score"] == pytest.approx(curve["validation"][chosen["epoch"] - 1], rel=1e-5)
     assert chosen["score"] == pytest.approx(
         min(value for value in curve["validation"] if value == value), rel=1e-5

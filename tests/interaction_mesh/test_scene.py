@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.interaction_mesh import Scene, prepare, vary
+from pacmo_core.interaction_mesh import Scene, prepare, retarget
 from tests.interaction_mesh.scenes import ARM, SETTINGS, scene
 
 
@@ -38,12 +38,12 @@ def test_a_scale_that_no_body_has_is_refused(scale):
     scales = np.ones((2, 10))
     scales[1, 4] = scale
     with pytest.raises(ValueError, match=re.escape(f"variation 1, bone 4 has {scale}")):
-        vary(prepare(scene(n_frames=3), SETTINGS), scales)
+        retarget(prepare(scene(n_frames=3), SETTINGS), scales)
 
 
 def test_scales_of_another_shape_are_refused():
     with pytest.raises(ValueError, match=re.escape("scales must be (V, 10); got (1, 9)")):
-        vary(prepare(scene(n_frames=3), SETTINGS), np.ones((1, 9)))
+        retarget(prepare(scene(n_frames=3), SETTINGS), np.ones((1, 9)))
 
 
 def test_a_disconnected_skeleton_is_refused():
