@@ -2,10 +2,9 @@
 
 Usage: python -m stages.augment --cache=DIR CLIPS SECOND VARIATIONS METRICS.json
 
-SECOND is a folder of captures of another skeleton, whose variations are a second dataset. DIR caches
-variations and files of clips across runs (DVC does not manage it): only what is new is computed,
-and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to compute
-on.
+SECOND is a folder of captures of another skeleton, whose variations are a second dataset. DIR
+caches variations and files of clips across runs (DVC does not manage it): only what is new is
+computed, and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster.
 """
 
 import argparse
@@ -83,7 +82,7 @@ class ClipSelection:
     near: float  # metres between joints that count as near
 
     def must_select(self, n_clips: int) -> bool:
-        """Say whether of a sequence's so many clips some may be pending_of_source out."""
+        """Whether clips of a sequence with so many of them may have to be left out."""
         of_each = n_clips if self.of_each_sequence is None else self.of_each_sequence
         return self.most is not None or n_clips > of_each
 
@@ -408,7 +407,7 @@ def main(paths: argparse.Namespace) -> None:
         *second_dataset(params.second, paths.second, params.clips),
     ]
     if paths.variations.exists():
-        # As DVC does before it runs a stage: clips that are gone, and what a killed run pending_of_source, go.
+        # Like DVC before it runs a stage: remove clips that are gone and what a killed run left.
         shutil.rmtree(paths.variations)
     metrics = {}
     for dataset in datasets:

@@ -42,7 +42,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class DirectedSet:
-    """Interactions directed from their partners, in the order of the tested clips.
+    """Interactions seen from their partners, in the order of the tested clips.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def read_reactions(file: Path, real: DirectedSet) -> DirectedSet | None:
     missing = {name for names in expected for name in names} ^ result.keys()
     if missing:
         raise ValueError(
-            f"{file}: expected {n_samples} reactions to each partner tested, and no others; "
+            f"{file}: wanted {n_samples} reactions to each partner tested, and no others; "
             f"{min(missing)} is amiss"
         )
     sets = [[to_partner_frame(result[name]) for name in names] for names in expected]
@@ -135,10 +135,10 @@ def read_reactions(file: Path, real: DirectedSet) -> DirectedSet | None:
 
 
 def read_runs(reactions: Path, real: DirectedSet) -> Iterator[tuple[str, int, DirectedSet]]:
-    """Yield what stands in ``ROW/SEED`` below a folder, without the runs that model_rows nothing."""
+    """Yield the reactions in ``ROW/SEED`` below a folder; empty runs are left out."""
     files = sorted(reactions.glob(f"*/*/{MOTIONS}"))
     if not files:
-        raise ValueError(f"{reactions}: expected ROW/SEED/{MOTIONS} below it, result none")
+        raise ValueError(f"{reactions}: wanted ROW/SEED/{MOTIONS} below it, found none")
     for file in files:
         directed = read_reactions(file, real)
         if directed is not None:

@@ -74,7 +74,7 @@ class PriorEvaluator:
     def generated(
         self, motions: Sequence[Interaction], ground_truths: Sequence[Example]
     ) -> dict[str, float]:
-        """Measure motions on sampled bodies; ``ground_truths`` are the solver's on the same bodies."""
+        """Measure motions on sampled bodies; ``ground_truths`` are the solver's on them."""
         rows = []
         for motion, ground_truth in zip(motions, ground_truths, strict=True):
             predicted, expected = (

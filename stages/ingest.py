@@ -1,4 +1,4 @@
-"""Read raw captures into Parquet; put quarantined, with the reason, those that cannot be used.
+"""Read raw captures into Parquet; quarantine, with the reason, those that cannot be used.
 
 Usage: python -m stages.ingest [--cache=DIR] RAW SEQUENCES METRICS.json
 

@@ -24,7 +24,7 @@ Folds = dict[str, dict[str, list[BySeed]]]  # row, metric, then fold by fold
 def augmentation_effect(
     table: Folds, pooled: dict[str, dict[str, Estimate]], confidence: float
 ) -> dict[str, Any]:
-    """Compare PaCMO trained with variations and without, fold by fold; empty if either is missing."""
+    """Compare PaCMO trained with and without variations; empty if either is missing."""
     if WITH not in table or WITHOUT not in table:
         return {}
     with_variations, without_variations = table[WITH], table[WITHOUT]
@@ -86,7 +86,7 @@ def main(scores: Path, pooled_file: Path) -> None:
     params = read_params("pool_pacmo", Params)
     files = sorted(scores.glob("*.parquet"))
     if not files:
-        raise ValueError(f"{scores}: wanted FOLD.parquet in it, result none")
+        raise ValueError(f"{scores}: wanted FOLD.parquet in it, found none")
     facts = {file.stem: read_scores(file)[1] for file in files}
     folds = {file.stem: read_fold(file) for file in files}
     table = align_folds(list(folds.values()))

@@ -1,8 +1,8 @@
-"""Let a trained model react to the partner of every test clip at the clip's clip_random_seed frames.
+"""Generate a reaction to the partner of every test clip, at the frames of the clip.
 
 Usage: python -m stages.react --seed=S MODEL CLIPS SPLITS.parquet REACTIONS
 
-A model that draws its reactions gives several, one that computes them gives one.
+A model that samples reactions gives several, a deterministic one gives one.
 """
 
 import argparse

@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import networkx as nx
 import pytest
 from dvc.repo import Repo
 from ruamel.yaml import YAML
@@ -264,35 +265,10 @@ def test_modules_are_few_and_few_of_them_are_small():
 
 
 def test_no_module_of_the_library_imports_in_a_circle():
-    """Ask import-linter's graph by Tarjan's theorem: components of one module each."""
-    files = sorted((ROOT / "pacmo_core").rglob("*.py"))
-    order: dict[Path, int] = {}
-    low: dict[Path, int] = {}
-    stack: list[Path] = []
-    circles: list[list[Path]] = []
-
-    def visit(file: Path) -> None:
-        order[file] = low[file] = len(order)
-        stack.append(file)
-        for other in imports(file) - {file}:
-            if other.name == "__init__.py":
-                continue
-            if other not in order:
-                visit(other)
-                low[file] = min(low[file], low[other])
-            elif other in stack:
-                low[file] = min(low[file], order[other])
-        if low[file] == order[file]:
-            component = []
-            while component[-1:] != [file]:
-                component.append(stack.pop())
-            if len(component) > 1:
-                circles.append(component)
-
-    for file in files:
-        if file not in order:
-            visit(file)
-    assert circles == []
+    files = {file for file in (ROOT / "pacmo_core").rglob("*.py") if file.name != "__init__.py"}
+    graph = nx.DiGraph((file, other) for file in files for other in imports(file) & files)
+    circles = [sorted(map(str, part)) for part in nx.strongly_connected_components(graph)]
+    assert [circle for circle in circles if len(circle) > 1] == []
 
 
 def test_the_stages_run_as_modules():

@@ -30,7 +30,7 @@ def stream_split(clips: Path, splits: Path, split: str) -> Iterator[tuple[ClipRe
     if facts.keys() != split_of_clip.keys():
         differing = min(facts.keys() ^ split_of_clip.keys())
         raise ValueError(
-            f"{splits} sources a split for each clip of {clips}; they differ in {differing}"
+            f"{splits}: wanted a split for each clip of {clips}; they differ in {differing}"
         )
     for name, interaction in stream_motions(clips / MOTIONS):
         if split_of_clip[name] == split:
@@ -67,7 +67,7 @@ def write_reactions(
         for name, facts, directed in directed_clips(clips, splits, "test"):
             for number, answer in enumerate(react(name, facts, directed)):
                 if number == MAX_SAMPLES:
-                    raise ValueError(f"{name}: sources at most {MAX_SAMPLES} reactions, got more")
+                    raise ValueError(f"{name}: wanted at most {MAX_SAMPLES} reactions, got more")
                 both = Interaction(directed.skeleton, directed.times, directed.person_a, answer)
                 writer.add(sample_name(name, number), both)
 

@@ -5,9 +5,9 @@ Usage: python -m stages.report --sequences DIR --clips DIR --split FILE --ingest
            --prior-pooled JSON --curves DIR --reactions DIR --seed S
            --page HTML --metrics JSON --rows DIR --details JSON
 
-Curves and clips are of the first fold and seed, tables of all. METRICS holds the figures that people
-compare, ROWS the same with a file for each row of the tables, for ``dvc metrics``; DETAILS holds
-everything else, with intervals.
+Curves and clips are of the first fold and seed, tables of all. METRICS holds the figures that
+people compare, ROWS the same with a file for each row of the tables, for ``dvc metrics``; DETAILS
+holds everything else, with intervals.
 """
 
 import argparse

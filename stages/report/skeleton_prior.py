@@ -98,7 +98,8 @@ def prior_clips(samples_folder: Path, pooled: dict[str, Any]) -> Iterator[Played
 def prior_figures(pooled: dict[str, Any]) -> dict[str, dict[str, float]]:
     """List the figures that people compare of each dataset, split and model.
 
-    E_r and JPD of given bodies in metres, FID of sampled bodies."""
+    E_r and JPD of given bodies in metres, FID of sampled bodies.
+    """
     figures: dict[str, dict[str, float]] = {}
     for dataset, splits in pooled["retargeting"].items():
         for split, models in splits.items():

@@ -121,7 +121,7 @@ def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             counts.append(len(lot.names))
             yield solve_batch(lot)
 
-    monkeypatch.setattr(_variations, "solve_with_processes", one_by_one)
+    monkeypatch.setattr(augment, "solve_with_processes", one_by_one)
     monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
     return counts
 

@@ -62,7 +62,7 @@ def test_the_clips_of_a_split_are_those_of_the_table(clips, tmp_path):
 @pytest.mark.parametrize("splits", [{"c0": "test"}, {**SPLITS, "c9": "test"}])
 def test_a_table_of_other_clips_is_refused(clips, tmp_path, splits):
     table = put(tmp_path / "1.parquet", splits)
-    with pytest.raises(ValueError, match=r"wanted a split_name for each clip .* differ in c[129]"):
+    with pytest.raises(ValueError, match=r"wanted a split for each clip .* differ in c[129]"):
         list(stream_split(clips, table, "test"))
 
 
