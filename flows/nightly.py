@@ -43,7 +43,7 @@ from pacmo_core.project.workspace import (
     log_event,
 )
 from pacmo_core.promotion import REJECTED, Gate
-from stages._params import read_params
+from stages.common.params import read_params
 
 _GB = 1e9
 _STAGES_BEFORE_TRAINING = ["split"]  # as far as captures go without training anything

@@ -36,7 +36,7 @@ from pacmo_core.project.workspace import (
     configure_logging,
     log_event,
 )
-from stages._params import read_params
+from stages.common.params import read_params
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from pacmo_core.augmentation.run import solve_batch
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, write_rows
-from stages import _variations, augment
-from stages._files import CLIPS, MOTIONS
+from stages import augment
+from stages.common.files import CLIPS, MOTIONS
 from tests.interaction_mesh.scenes import ARM, SETTINGS
 
 FACTS = ClipRecord(
@@ -96,13 +96,13 @@ def result(root: Path) -> dict[str, bytes]:
 
 def cached_variations(root: Path) -> dict[str, int]:
     """List the cached variations, and when each file was written."""
-    files = sorted((root / "cache" / augment.VARIATIONS).rglob("*.safetensors"))
+    files = sorted((root / "cache" / augment.VARIATION_CACHE).rglob("*.safetensors"))
     return {str(path.relative_to(root)): path.stat().st_mtime_ns for path in files}
 
 
 def cached_clips(root: Path) -> list[Path]:
     """List the cached files of clips."""
-    return sorted((root / "cache" / augment.CLIPS).rglob("*.safetensors"))
+    return sorted((root / "cache" / augment.CLIP_CACHE).rglob("*.safetensors"))
 
 
 def spoil(path: Path) -> None:
@@ -121,7 +121,7 @@ def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             counts.append(len(lot.names))
             yield solve_batch(lot)
 
-    monkeypatch.setattr(_variations, "solve_with_processes", one_by_one)
+    monkeypatch.setattr(augment, "solve_with_processes", one_by_one)
     monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
     return counts
 

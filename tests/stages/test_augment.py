@@ -21,7 +21,7 @@ from pacmo_core.interaction_mesh import Settings
 from pacmo_core.project.experiments import default_params
 from pacmo_core.store.motions import stream_folder
 from pacmo_core.store.tables import read_variations
-from stages._params import ParamsError
+from stages.common.params import ParamsError
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
     BOUNDS,

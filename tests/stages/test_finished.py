@@ -9,7 +9,7 @@ import pytest
 from pacmo_core.store.cache import Cache
 from pacmo_core.store.motions import clip_of_file, read_motion, stream_folder
 from pacmo_core.store.tables import read_variations
-from stages import _variations
+from stages import augment
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
     BOUNDS,
@@ -36,13 +36,13 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def planned(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """List the clips that are planned."""
     names: list[str] = []
-    before = _variations.plan_variations
+    before = augment.plan_variations
 
     def plan_and_tell(plan, bodies, clip):
         names.append(clip)
         return before(plan, bodies, clip)
 
-    monkeypatch.setattr(_variations, "plan_variations", plan_and_tell)
+    monkeypatch.setattr(augment, "plan_variations", plan_and_tell)
     return names
 
 
