@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, SBU15
 from pacmo_core.data.transforms import Frame, body_frame
-from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
@@ -24,7 +23,6 @@ from pacmo_core.reaction.data import (
 )
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import AugmentationSettings
-from pacmo_core.training.state import ema_copy, update_ema
 from tests.reaction.problems import clips, delayed_mirror
 from tests.strategies import make_interaction
 
@@ -76,18 +74,6 @@ def test_normalised_training_data_are_centred_and_of_unit_scale_and_come_back() 
     assert both.square().mean().item() == pytest.approx(1, rel=1e-5)
     again = norm.denormalise_reaction(norm.normalise_reaction(pairs.reaction))
     torch.testing.assert_close(again, pairs.reaction, atol=1e-6, rtol=1e-5)
-
-
-def test_the_running_mean_is_the_past_with_falling_weights() -> None:
-    model = torch.nn.Linear(3, 2)
-    initialise_weights(model, torch.Generator().manual_seed(0))
-    mean, start = ema_copy(model), model.weight.detach().clone()
-    with torch.no_grad():
-        model.weight.add_(1)
-    for _ in range(3):
-        update_ema(mean, model, 0.9)
-    torch.testing.assert_close(mean.weight, start + 1 - 0.9**3)
-    assert not mean.weight.requires_grad
 
 
 def random_clip(seed: int, n_frames: int = 30, fps: float = 30) -> Interaction:
