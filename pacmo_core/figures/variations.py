@@ -12,13 +12,21 @@ COLUMNS = {
     "near_distance_error": Metric(
         "Near pairs", LOWER, "m", "change of the distances between joints of the two that are near"
     ),
-    "near_distance_error_naive": Metric("scaled in place", UNKNOWN, "m", "the same, each body for itself"),
+    "near_distance_error_naive": Metric(
+        "scaled in place", UNKNOWN, "m", "the same, each body for itself"
+    ),
     "far_distance_error": Metric("Far pairs", LOWER, "m", "the same of all other pairs"),
     "contacts_preserved": Metric("Contacts kept", HIGHER, "", "share of touching pairs and frames"),
-    "added_foot_skate": Metric("Added sliding", LOWER, "m/s", "of standing feet, over the source's"),
+    "added_foot_skate": Metric(
+        "Added sliding", LOWER, "m/s", "of standing feet, over the source's"
+    ),
     "penetration": Metric("Deeper", LOWER, "m", "how much closer than in the source, at worst"),
-    "acceleration_peak_ratio": Metric("Seam ratio", LOWER, "", "sharpest jolt over the motion around it"),
-    "bend_flip_fraction": Metric("Flips", LOWER, "", "share of frames with an elbow or knee bent back"),
+    "acceleration_peak_ratio": Metric(
+        "Seam ratio", LOWER, "", "sharpest jolt over the motion around it"
+    ),
+    "bend_flip_fraction": Metric(
+        "Flips", LOWER, "", "share of frames with an elbow or knee bent back"
+    ),
     "trunk_deformation": Metric(
         "Trunk bent", LOWER, "", "share by which two joints of a trunk are nearer than they should"
     ),
