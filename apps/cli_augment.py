@@ -84,7 +84,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         moved = duo.moved(_parted(duo, found.points[0]))
         places, miss = write_duo(moved, scales, label, out)
         figures = report_measurements(found.reports[0]) | _shape(duo, moved, scales)
-        for line in _lines(figures, solving.bounds, miss):
+        for line in _lines(figures, solving.limits, miss):
             typer.echo(line)
         typer.echo(f"{len(found.points[0])} frames in {', '.join(map(str, places))}")
 
@@ -137,15 +137,15 @@ def _shape(duo: Duo, moved: Duo, scales: tuple[Scales, Scales]) -> dict[str, flo
         trunk_deformation(source.motion, varied.motion, source.skeleton, own)
         for source, varied, own in zip(duo.people, moved.people, scales, strict=True)
     ]
-    return {"trunk_change": max(changes)}
+    return {"trunk_deformation": max(changes)}
 
 
-def _lines(figures: dict[str, float], bounds: VariationLimits, miss: float) -> Iterator[str]:
+def _lines(figures: dict[str, float], limits: VariationLimits, miss: float) -> Iterator[str]:
     """Say how good the variation is."""
     yield said(figures)
     if miss:
         yield f"a BVH's stiff joints keep it from that by {1e3 * miss:.1f} mm at worst"
-    reason = rejection_reason(figures, bounds)
+    reason = rejection_reason(figures, limits)
     if reason:
         yield f"not good enough to train on: {reason}"
 

@@ -16,7 +16,7 @@ class Solving:
     """What the section ``augment`` says of solving."""
 
     solver: Settings
-    bounds: VariationLimits
+    limits: VariationLimits
 
 
 def read_solving(params: Path) -> Solving:

@@ -28,7 +28,7 @@ NEEDED = ("train_autoencoder", "train_matcher", "react_oracle")
 LEAVES = {
     "ingest": "data/sequences",
     "cut": "data/clips",
-    "split": "data/sides",
+    "split": "data/splits",
     "augment": "data/variations",
     "react": "data/reactions/1/pacmo",
     "evaluate_pacmo": "data/scores",

@@ -41,9 +41,9 @@ from pacmo_core.project.workspace import (
 from pacmo_core.store.files import atomic_file, write_text
 from pacmo_core.store.motions import read_skeleton
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
-from stages._files import CLIPS, MOTIONS
-from stages._params import read_params
-from stages.ingest import Params, is_included, recipe_of
+from stages.common.files import CLIPS, MOTIONS
+from stages.common.params import read_params
+from stages.ingest import Params, ingestion_settings, is_included
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
 
 
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
-    recipe = recipe_of(params, INBOX)
+    recipe = ingestion_settings(params, INBOX)
     known = _known_contents()
     time_stamp = utc_now().replace(":", "")
     moves = []

@@ -52,7 +52,7 @@ from pacmo_core.project.workspace import (
 )
 from pacmo_core.promotion import REJECTED as MODEL_REJECTED
 from pacmo_core.promotion import Gate
-from stages._params import read_params
+from stages.common.params import read_params
 
 _GB = 1e9
 _STAGES_BEFORE_TRAINING = ["split"]

@@ -31,7 +31,7 @@ from pacmo_core.project.workspace import (
     configure_logging,
     log_event,
 )
-from stages._params import read_params
+from stages.common.params import read_params
 
 OBJECTS = DVC_CACHE / "files" / "md5"
 RUN_CACHE = DVC_CACHE / "runs"

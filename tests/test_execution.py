@@ -18,9 +18,9 @@ import pytest
 
 from pacmo_core.execution import ProcessExecutor, open_executor
 from pacmo_core.ingestion import read_on_worker
-from stages._cluster import SCHEDULER
 from stages.augment import arguments
 from stages.augment import main as augment
+from stages.common.files import SCHEDULER
 from stages.ingest import main as ingest
 from tests.augmentation.sources import source
 from tests.stages.augmenting import COMMAND, lay_out, result

@@ -39,7 +39,7 @@ def test_clips_are_listed_with_their_side_in_a_fold_that_is_named(tmp_path):
     write_rows(tmp_path / "1.parquet", SplitRecord, [SplitRecord("one", "validation")])
     plain, sided = (
         pacmo("clips", tmp_path),
-        pacmo("clips", tmp_path, "--sides", tmp_path / "1.parquet"),
+        pacmo("clips", tmp_path, "--splits", tmp_path / "1.parquet"),
     )
     assert "waving" in plain.stdout and "validation" not in plain.stdout
     assert "validation" in sided.stdout and "1 of 1" in sided.stdout

@@ -150,7 +150,7 @@ def test_parameters_of_an_unknown_origin_are_no_defaults(project):
 
 def outputs(root):
     """Lay out what two folds and two seeds leave; the oracle has one run, whatever the seeds."""
-    names = ["data/sides/{}.parquet", "data/scores/{}.parquet", "reports/split/{}.json"]
+    names = ["data/splits/{}.parquet", "data/scores/{}.parquet", "reports/split/{}.json"]
     names += ["models/{}/autoencoder/weights", "reports/curves/{}/autoencoder.csv"]
     names += ["models/{}/gru/1/weights", "models/{}/gru/2/weights", "reports/curves/{}/gru/2.csv"]
     names += ["data/reactions/{}/oracle/1/motions", "data/reactions/{}/gru/2/motions"]

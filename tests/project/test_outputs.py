@@ -6,8 +6,8 @@ from pacmo_core.project.outputs import ExpectedPriors, unused_prior_outputs
 
 WANTED = ExpectedPriors(["duo"], ["random", "random_6"], ["m_gcn"], [1, 2])
 KEPT = [
-    "data/priors/sides/.gitignore",
-    "data/priors/sides/duo/random.parquet",
+    "data/priors/splits/.gitignore",
+    "data/priors/splits/duo/random.parquet",
     "data/priors/scores/duo/random_6.json",
     "models/priors/duo/random/m_gcn/1/weights.safetensors",
     "models/priors/duo/random/m_gcn/.gitignore",

@@ -14,8 +14,7 @@ from pacmo_core.operators.spectral import n_resolved_modes
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
 from pacmo_core.project.experiments import compose_params, default_params, experiment_names
 from pacmo_core.skeleton_prior.splits import SPLIT_METHODS
-from stages._params import read_params
-from stages._priors import Runs, split_and_samples
+from stages.common.params import Runs, parse_split_name, read_params
 
 ROOT = Path(__file__).parents[2]
 SEEDED = ("train_pacmo", "train_regression", "train_gru")
@@ -56,7 +55,7 @@ def test_the_priors_of_an_experiment_are_known(name, tmp_path):
     (tmp_path / "params.yaml").write_text(compose_params(name))
     priors = read_params("runs", Runs, tmp_path / "params.yaml").priors
     assert set(priors.models) <= set(model_names("skeleton_prior"))
-    assert {split_and_samples(split)[0] for split in priors.splits} <= set(SPLIT_METHODS)
+    assert {parse_split_name(split)[0] for split in priors.splits} <= set(SPLIT_METHODS)
 
 
 @pytest.mark.parametrize("name", FULL)

@@ -19,11 +19,11 @@ from pacmo_core.reaction.variations import (
 from pacmo_core.store.motions import motion_file, stream_motions, write_motions
 from pacmo_core.store.tables import SplitRecord, write_rows
 from pacmo_core.store.weights import read_weights
-from stages import train_pacmo, train_pacmo_augmented
+from stages import train
 from tests.reaction.problems import PACMO, clips
 from tests.stages.training import prepare
 
-CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations/motions")
+CLIPS, SPLITS, MADE = Path("clips"), Path("splits.parquet"), Path("variations/motions")
 SETTINGS = replace(PACMO, n_epochs=6)
 
 
@@ -51,8 +51,8 @@ def vary(path: Path) -> None:
 
 def paths(share: float, model: str = "models/m") -> argparse.Namespace:
     return argparse.Namespace(
-        clips=CLIPS, sides=SIDES, variations=MADE, model=Path(model), curve=Path("curves/m.csv"),
-        section="train_pacmo", seed=1, share=share,
+        clips=CLIPS, splits=SPLITS, variations=MADE, model=Path(model), curve=Path("curves/m.csv"),
+        model_name="pacmo_augmented", seed=1, share=share,
     )  # fmt: skip
 
 
@@ -63,8 +63,9 @@ def tensors(model: str) -> dict[str, torch.Tensor]:
 def test_without_a_share_it_trains_what_train_pacmo_trains():
     plain_paths = paths(0.0, "models/p")
     plain_paths.curve = Path("curves/p.csv")
-    train_pacmo.main(plain_paths)
-    train_pacmo_augmented.main(paths(0.0))
+    plain_paths.model_name, plain_paths.variations = "pacmo", None
+    train.main(plain_paths)
+    train.main(paths(0.0))
     plain, augmented = tensors("models/p"), tensors("models/m")
     assert plain.keys() == augmented.keys()
     assert all(torch.equal(plain[name], augmented[name]) for name in plain)
@@ -72,8 +73,8 @@ def test_without_a_share_it_trains_what_train_pacmo_trains():
 
 
 def test_with_a_share_it_takes_as_many_steps_and_learns_something_else():
-    train_pacmo_augmented.main(paths(0.0, "models/p"))
-    train_pacmo_augmented.main(paths(0.5))
+    train.main(paths(0.0, "models/p"))
+    train.main(paths(0.5))
     assert any(
         not torch.equal(a, b)
         for a, b in zip(tensors("models/p").values(), tensors("models/m").values(), strict=True)
@@ -91,7 +92,7 @@ def test_with_a_share_it_takes_as_many_steps_and_learns_something_else():
 
 
 def test_only_variations_of_clips_that_are_trained_on_are_seen():
-    found = train_pacmo_augmented.variations_of(paths(0.5), 0.5)
+    found = train.read_variations(paths(0.5))
     names = [name for name, _ in stream_motions(CLIPS / "motions.parquet")]
     trained = dict(enumerate(names[2:]))  # two are for validation
     own = dict(stream_motions(CLIPS / "motions.parquet"))
@@ -103,11 +104,11 @@ def test_only_variations_of_clips_that_are_trained_on_are_seen():
 def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
     rows = [SplitRecord(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
     rows[0] = replace(rows[0], split="train")
-    write_rows(SIDES, SplitRecord, rows)
+    write_rows(SPLITS, SplitRecord, rows)
     for file in MADE.iterdir():
         file.unlink()
     with pytest.raises(ValueError, match="variations/motions: wanted"):
-        train_pacmo_augmented.variations_of(paths(0.5), 0.5)
+        train.read_variations(paths(0.5))
 
 
 def test_every_variation_of_a_pair_is_sampled_with_its_probability():

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ CLIPS = "clips.parquet"
 QUARANTINE = "quarantine.parquet"
 WEIGHTS = "weights.safetensors"
 LAW = "law.json"
+ALL_SOURCES = "all"  # the mean over sources, beside each source's own figures
 
 
 def write_json(path: Path, facts: Mapping[str, Any]) -> None:
@@ -42,3 +44,11 @@ def read_curve(path: Path) -> dict[str, list[float]]:
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     return {key: [float(row[key]) for row in rows] for key in rows[0]}
+
+
+SCHEDULER = "DASK_SCHEDULER_ADDRESS"
+
+
+def scheduler_address() -> str:
+    """Give the address that the environment names; empty means this machine's processes."""
+    return os.environ.get(SCHEDULER, "")

@@ -1,4 +1,4 @@
-"""What is trusted: clips written down here, and the sides that the test put them on."""
+"""What is trusted: clips written down here, and the splits that the test put them on."""
 
 from dataclasses import replace
 
@@ -11,9 +11,8 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
 from stages import cut, split
-from stages._clips import stream_side
-from stages._files import CLIPS, MOTIONS, read_json
-from stages._reactions import directed_clips, write_reactions
+from stages.common.clips import directed_clips, stream_split, write_reactions
+from stages.common.files import CLIPS, MOTIONS, read_json
 
 FACTS = ClipRecord(
     *("", "", "set", "waving", "", "", "", "sbu15"), 10.0, 1.9, 20, 0, "file", "ab",
@@ -41,51 +40,53 @@ def clips(tmp_path):
     return tmp_path / "clips"
 
 
-def put(path, sides):
-    write_rows(path, SplitRecord, [SplitRecord(clip, side) for clip, side in sides.items()])
+def put(path, splits):
+    write_rows(
+        path, SplitRecord, [SplitRecord(clip, split_name) for clip, split_name in splits.items()]
+    )
     return path
 
 
-SIDES = {"c0": "test", "c1": "train", "c2": "dropped", "c3": "validation", "c4": "test"}
+SPLITS = {"c0": "test", "c1": "train", "c2": "dropped", "c3": "validation", "c4": "test"}
 
 
-def test_the_clips_of_a_side_are_those_of_the_table(clips, tmp_path):
-    sides = put(tmp_path / "1.parquet", SIDES)
+def test_the_clips_of_a_split_are_those_of_the_table(clips, tmp_path):
+    splits = put(tmp_path / "1.parquet", SPLITS)
     found = {
-        side: [f.clip for f, _ in stream_side(clips, sides, side)]
-        for side in ("train", "validation", "test")
+        split_name: [f.clip for f, _ in stream_split(clips, splits, split_name)]
+        for split_name in ("train", "validation", "test")
     }
     assert found == {"train": ["c1"], "validation": ["c3"], "test": ["c0", "c4"]}
 
 
-@pytest.mark.parametrize("sides", [{"c0": "test"}, {**SIDES, "c9": "test"}])
-def test_a_table_of_other_clips_is_refused(clips, tmp_path, sides):
-    table = put(tmp_path / "1.parquet", sides)
-    with pytest.raises(ValueError, match=r"wanted a side for each clip .* differ in c[129]"):
-        list(stream_side(clips, table, "test"))
+@pytest.mark.parametrize("splits", [{"c0": "test"}, {**SPLITS, "c9": "test"}])
+def test_a_table_of_other_clips_is_refused(clips, tmp_path, splits):
+    table = put(tmp_path / "1.parquet", splits)
+    with pytest.raises(ValueError, match=r"wanted a split for each clip .* differ in c[129]"):
+        list(stream_split(clips, table, "test"))
 
 
 def test_either_person_answers_once_a_sample_and_names_say_which(clips, tmp_path):
-    sides = put(tmp_path / "1.parquet", SIDES)
+    splits = put(tmp_path / "1.parquet", SPLITS)
 
     def react(name, facts, seen):
         return [seen.person_a + k for k in (1, 2)]
 
-    write_reactions(clips, sides, tmp_path, react)
+    write_reactions(clips, splits, tmp_path, react)
     found = dict(stream_motions(tmp_path / MOTIONS))
     assert list(found) == [f"{c}#{p}#{k}" for c in ("c0", "c4") for p in "ab" for k in "01"]
     assert (found["c4#a#1"].person_a == 4.5).all(), "b is the partner of a"
     assert (found["c4#a#1"].person_b == 6.5).all()
-    assert [n for n, _, _ in directed_clips(clips, sides, "train")] == ["c1#a", "c1#b"]
+    assert [n for n, _, _ in directed_clips(clips, splits, "train")] == ["c1#a", "c1#b"]
 
 
 def test_more_reactions_than_names_can_count_are_refused(clips, tmp_path):
-    sides = put(tmp_path / "1.parquet", SIDES)
+    splits = put(tmp_path / "1.parquet", SPLITS)
     with pytest.raises(ValueError, match="c0#a: wanted at most 10"):
-        write_reactions(clips, sides, tmp_path, lambda name, facts, seen: [seen.person_a] * 11)
+        write_reactions(clips, splits, tmp_path, lambda name, facts, seen: [seen.person_a] * 11)
 
 
-def test_the_stage_writes_a_side_a_clip_of_its_fold_and_counts_them(clips, tmp_path, monkeypatch):
+def test_the_stage_writes_a_split_a_clip_of_its_fold_and_counts_them(clips, tmp_path, monkeypatch):
     rule = {
         "method": "listed_people", "test_share": 0.2, "validation_share": 0,
         "validation_by": "recording", "min_people": 2, "test_pairs": [],

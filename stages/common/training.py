@@ -1,27 +1,30 @@
-"""What the training stages share: clips in; weights, a curve and, on the way, checkpoints out."""
+"""Run a training: weights, a curve, checkpoints on the way, progress and a live curve."""
 
-import argparse
 import math
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 import torch
 import torch.distributed as dist
+from dvclive.live import Live
 from rich.console import Console
 from rich.progress import track
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.models import MODELS, Model
+from pacmo_core.models import Model
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.checkpoints import Checkpoint, data_hash
 from pacmo_core.training.devices import is_main_process, training_device
 from pacmo_core.training.loop import TrainingData, TrainingLoop
 from pacmo_core.training.state import model_config, model_state
-from stages._clips import stream_side
-from stages._files import WEIGHTS, write_curve
-from stages._live import live_curve
+from stages.common.files import WEIGHTS, write_curve
+from stages.common.progress import Progress
+
+LIVE_FOLDER = Path("live")
 
 
 class TrainingParams(Protocol):
@@ -58,33 +61,6 @@ class Task:
     build: Callable[[str], TrainingLoop[Any]]
 
 
-def read_training_data(clips: Path, sides: Path) -> TrainingData[Interaction]:
-    """Read a fold's training and validation clips into memory."""
-    train, validation = (list(stream_side(clips, sides, side)) for side in ("train", "validation"))
-    return TrainingData(
-        [interaction for _, interaction in train],
-        [interaction for _, interaction in validation],
-        [facts.action for facts, _ in train],
-        [facts.action for facts, _ in validation],
-    )
-
-
-def train_on_clips(name: str, params: TrainingParams, paths: argparse.Namespace) -> None:
-    """Train a model of reactions or features on a fold's clips.
-
-    Parameters
-    ----------
-    name : of the model, in the registry
-    params : its section of ``params.yaml``
-    paths : clips, sides, model and curve
-    """
-    model, data = MODELS[name], read_training_data(paths.clips, paths.sides)
-    task = Task(
-        model, params, data, lambda device: model.build_training(data, params, device=device)
-    )
-    train(task, paths.model, paths.curve)
-
-
 def train(task: Task, model: Path, curve: Path) -> None:
     """Train, from the last checkpoint if there is one; write weights into ``model``, and the curve.
 
@@ -95,25 +71,25 @@ def train(task: Task, model: Path, curve: Path) -> None:
     with training_device(
         params.device, threads=params.threads, multiprocess=task.model.multiprocess
     ) as device:
-        fitting = task.build(device)
-        facts = _facts(task, fitting)
+        loop = task.build(device)
+        metadata = _metadata(task, loop)
         stage = f"train_{task.model.name}"
-        checkpoint = Checkpoint(stage, {**facts, **_place(device)}, task.model.package)
-        checkpoint.resume(fitting)
+        checkpoint = Checkpoint(stage, {**metadata, **_environment(device)}, task.model.package)
+        checkpoint.resume(loop)
         if is_main_process():
-            _train_watched(fitting, checkpoint, params.checkpoint_every, model)
-            write_curve(curve, _rows(fitting.curve))
-            selection = {"selection": fitting.selection()}
-            write_weights(model / WEIGHTS, facts | selection, model_state(fitting.model))
+            _train_epochs(loop, checkpoint, params.checkpoint_every, model)
+            write_curve(curve, _rows(loop.curve))
+            selection = {"selection": loop.selection()}
+            write_weights(model / WEIGHTS, metadata | selection, model_state(loop.model))
             checkpoint.remove()
         else:
-            fitting.finish()
+            loop.finish()
 
 
-def _facts(task: Task, fitting: TrainingLoop[Any]) -> dict[str, Any]:
+def _metadata(task: Task, loop: TrainingLoop[Any]) -> dict[str, Any]:
     return {
         "model": task.model.name,
-        "config": model_config(fitting.model),
+        "config": model_config(loop.model),
         "settings": asdict(task.params),  # type: ignore[call-overload]  # a dataclass, see Params
         "data": {
             "train": data_hash(task.data.train),
@@ -124,27 +100,54 @@ def _facts(task: Task, fitting: TrainingLoop[Any]) -> dict[str, Any]:
     }
 
 
-def _place(device: str) -> dict[str, Any]:
+def _environment(device: str) -> dict[str, Any]:
     n_processes = dist.get_world_size() if dist.is_initialized() else 1
     return {"device": device.partition(":")[0], "processes": n_processes}
 
 
-def _train_watched(
-    fitting: TrainingLoop[Any], checkpoint: Checkpoint, every: int, model: Path
-) -> None:
-    done = len(fitting.curve)
+def _train_epochs(loop: TrainingLoop[Any], checkpoint: Checkpoint, every: int, model: Path) -> None:
+    done = len(loop.curve)
+    progress = Progress(loop.n_epochs, "epochs")
     console = Console(stderr=True)
-    with live_curve(model, fitting.curve) as live:
-        shown = track(fitting, checkpoint.stage, fitting.n_epochs, completed=done, console=console)
-        for epoch, terms in enumerate(shown, start=done + 1):
+    with live_curve(model, loop.curve) as live:
+        epochs = track(loop, checkpoint.stage, loop.n_epochs, completed=done, console=console)
+        for epoch, terms in enumerate(epochs, start=done + 1):
             live.add(epoch, terms)
+            progress.update(epoch)
             if epoch % every == 0:
-                checkpoint.write(fitting)
+                checkpoint.write(loop)
 
 
 def _rows(curve: list[dict[str, float]]) -> list[dict[str, float]]:
-    # The last epoch has every term; those that were not looked at lack the score.
+    # The last epoch has every term; those without validation lack the score.
     return [
         {"step": epoch, **{name: terms.get(name, math.nan) for name in curve[-1]}}
         for epoch, terms in enumerate(curve, start=1)
     ]
+
+
+class LiveCurve:
+    """A training curve that ``dvc plots show`` and editors draw while it grows."""
+
+    def __init__(self, live: Live) -> None:
+        self._live = live
+
+    def add(self, epoch: int, terms: Mapping[str, float]) -> None:
+        """Add one epoch, from 1."""
+        self._live.step = epoch
+        for name, value in terms.items():
+            self._live.log_metric(name, value, timestamp=False)
+        self._live.make_summary()  # type: ignore[no-untyped-call]  # dvclive has no types here
+
+
+@contextmanager
+def live_curve(folder: Path, epochs: Iterable[Mapping[str, float]]) -> Iterator[LiveCurve]:
+    """Open ``live/FOLDER`` anew, with the epochs that a checkpoint holds."""
+    # Nothing is uploaded unless the user has said otherwise.
+    os.environ.setdefault("DVC_STUDIO_OFFLINE", "true")
+    path = str(LIVE_FOLDER / folder.relative_to(folder.anchor))
+    with Live(path, save_dvc_exp=False, dvcyaml=None, monitor_system=False) as live:
+        curve = LiveCurve(live)
+        for epoch, terms in enumerate(epochs, start=1):
+            curve.add(epoch, terms)
+        yield curve

@@ -1,7 +1,10 @@
 """Read a stage's section of ``params.yaml`` into its dataclass, and refuse what does not fit."""
 
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from itertools import product
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar, get_type_hints
@@ -28,7 +31,7 @@ def read_params(
 
     Parameters
     ----------
-    section : the stage's name
+    section : the stage's name, or a dotted path into another section
     kind : a dataclass; its fields are the section's keys, and those of ``given``
     path : the file
     given : what the command line says instead, such as the seed of a run
@@ -39,10 +42,11 @@ def read_params(
         If the section, a key or a value is missing, unknown or of the wrong type, or a key is
         given that the section has too.
     """
-    everything = YAML(typ="safe").load(path)
-    if not isinstance(everything, Mapping) or section not in everything:
-        raise ParamsError(f"{path}: no section {section}")
-    values = everything[section]
+    values = YAML(typ="safe").load(path)
+    for key in section.split("."):
+        if not isinstance(values, Mapping) or key not in values:
+            raise ParamsError(f"{path}: no section {section}")
+        values = values[key]
     twice = sorted(given.keys() & set(values)) if given else []
     if twice:
         raise ParamsError(f"{path}, {section}: {', '.join(twice)} comes from the command line")
@@ -76,3 +80,53 @@ def unknown_keys(values: Any, kind: Any) -> list[str]:
         for inner in unknown_keys(values[key], types[key])
     ]
     return sorted(set(values) - known) + sorted(nested)
+
+
+@dataclass(frozen=True)
+class PriorRuns:
+    """The part ``priors`` of the section ``runs``: one model for each combination.
+
+    Parameters
+    ----------
+    datasets : folders of variations, each of one skeleton
+    splits : names of splits; with ``_N`` after one, N samples to train on
+    models : names in the registry
+    seeds : of the training runs
+    """
+
+    datasets: list[str]
+    splits: list[str]
+    models: list[str]
+    seeds: list[int]
+
+    def groups(self) -> Iterator[tuple[str, str]]:
+        """Yield each dataset and split that models are compared on."""
+        return product(self.datasets, self.splits)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """The ``runs`` section of ``params.yaml``."""
+
+    folds: list[int]
+    seeds: list[int]
+    priors: PriorRuns
+
+
+def read_prior_runs() -> PriorRuns:
+    """Read which skeleton priors the experiment trains."""
+    return read_params("runs", Runs).priors
+
+
+def parse_split_name(name: str) -> tuple[str, int | None]:
+    """Parse ``cross_scale_24`` into the split and the number of training samples; None for all."""
+    split, _, number = name.rpartition("_")
+    return (split, int(number)) if number.isdigit() else (name, None)
+
+
+def run_stage(main: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
+    """Run a stage; refuse contradictory parameters in one line, without a traceback."""
+    try:
+        main(arguments)
+    except ParamsError as fault:
+        sys.exit(str(fault))

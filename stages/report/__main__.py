@@ -1,36 +1,43 @@
-"""Put everything on one page, and its data beside it.
+"""Write the page, the figures that people compare, and all others as data.
 
-Usage: python -m stages.report --sequences DIR --clips DIR --sides FILE --ingest JSON --splits DIR
-           --pacmo JSON --variations DIR --augment JSON --priors DIR --prior-scores JSON
-           --curve CSV ... --reactions ROW=DIR ... --page HTML --metrics JSON
+Usage: python -m stages.report --sequences DIR --clips DIR --split FILE --ingest JSON
+           --split-reports DIR --pooled JSON --variations DIR --augment JSON --prior-samples DIR
+           --prior-pooled JSON --curves DIR --reactions DIR --seed S
+           --page HTML --metrics JSON --rows DIR --details JSON
 
-Curves and clips are of the first fold and seed, tables of all.
+Curves and clips are of the first fold and seed, tables of all. METRICS holds the figures that
+people compare, ROWS the same with a file for each row of the tables, for ``dvc metrics``; DETAILS
+holds everything else, with intervals.
 """
 
 import argparse
 import hashlib
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
+from pacmo_core.models import model_names
 from pacmo_core.store.files import write_text
 from pacmo_core.store.tables import QuarantineRecord, read_rows
-from stages._files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
-from stages._gallery import gallery, variation_sections
-from stages._params import PARAMS, read_params
-from stages._played import played
-from stages._prior_tables import prior_clips, prior_sections
-from stages._priors import Runs
-from stages._tables import NOTES, main_tables, sections
+from stages.common.files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
+from stages.common.params import PARAMS, Runs, read_params
+from stages.report.players import gallery, played, variation_sections
+from stages.report.skeleton_prior import prior_clips, prior_figures, prior_sections
+from stages.report.tables import NOTES, main_tables, reaction_figures, reaction_sections
 
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
 
 PATHS = (
-    *("sequences", "clips", "sides", "ingest", "splits", "pacmo"),
-    *("variations", "augment", "priors", "prior_scores", "page", "metrics"),
+    *("sequences", "clips", "split", "ingest", "split_reports", "pooled", "variations", "augment"),
+    *("prior_samples", "prior_pooled", "curves", "reactions"),
+    *("page", "metrics", "rows", "details"),
 )
+# The curves and reactions that the page shows, in this order.
+CURVES = (*model_names("features"), *model_names("reaction"))
+REACTIONS = ("oracle", *model_names("reaction"))
 
 
 @dataclass(frozen=True)
@@ -38,7 +45,7 @@ class Params:
     """The ``report`` section of ``params.yaml``."""
 
     played_clips: int  # at most, one an action before a second of any
-    varied_clips: int  # at most of either family, those with the worst variation first
+    varied_clips: int  # at most of either dataset, those with the worst variation first
     variations_each: int  # at most, the worst first
 
 
@@ -46,41 +53,60 @@ def main(paths: argparse.Namespace) -> None:
     params = read_params("report", Params)
     experiment = read_params("experiment", str)
     runs = read_params("runs", Runs)
-    ingest, pacmo, priors = map(read_json, (paths.ingest, paths.pacmo, paths.prior_scores))
-    splits = {fold: read_json(paths.splits / f"{fold}.json") for fold in runs.folds}
-    reactions = dict(word.split("=") for word in paths.reactions)
+    ingest, pooled, priors = map(read_json, (paths.ingest, paths.pooled, paths.prior_pooled))
+    augment = read_json(paths.augment)
+    splits = {fold: read_json(paths.split_reports / f"{fold}.json") for fold in runs.folds}
+    reactions = first_runs(paths.reactions, REACTIONS, paths.seed)
     page = Report(
         title=experiment,
         summary=SUMMARY,
-        facts=made_by(experiment, runs, pacmo) | hashes(paths.clips, reactions),
+        facts=provenance(experiment, runs, pooled) | hashes(paths.clips, reactions),
         data=summarise(ingest, splits, paths.sequences),
-        tables=main_tables(pacmo),
-        notes=(*NOTES, halves_note(pacmo["rows"])),
+        tables=main_tables(pooled),
+        notes=(*NOTES, halves_note(pooled["rows"])),
         sections=(
-            *sections(pacmo, ingest["dataset"]),
-            *variation_sections(read_json(paths.augment)),
+            *reaction_sections(pooled, ingest["dataset"]),
+            *variation_sections(augment),
             *prior_sections(priors),
         ),
-        curves={model_of(path): curve(path) for path in paths.curve},
-        clips=tuple(played((paths.clips, paths.sides), reactions, params.played_clips)),
+        curves={name: curve(file) for name, file in curve_files(paths.curves, paths.seed).items()},
+        clips=tuple(played((paths.clips, paths.split), reactions, params.played_clips)),
         gallery=(
             *gallery(paths.variations, params.varied_clips, params.variations_each),
-            *prior_clips(paths.priors, priors),
+            *prior_clips(paths.prior_samples, priors),
         ),
     )
     write_text(paths.page, render_report(page))
+    compared = {"pacmo": reaction_figures(pooled), "skeleton_prior": prior_figures(priors)}
+    write_json(paths.metrics, compared)
+    write_rows_of(paths.rows, compared)
     data = {**ingest, "runs": asdict(runs), "folds": splits}
-    tables = {"pacmo": pacmo["rows"], "pacmo_differences": pacmo["differences"]}
-    tables["pacmo_augmentation"] = pacmo["augmentation"]
-    more = {
-        "pacmo_sensitivity": pacmo["sensitivity"],
-        "augment": read_json(paths.augment),
-        "skeleton_prior": priors,
-    }
-    write_json(paths.metrics, {"experiment": experiment, "data": data, **tables, **more})
+    tables = {name: pooled[name] for name in ("rows", "differences", "augmentation", "sensitivity")}
+    details = {"pacmo": tables, "augment": augment, "skeleton_prior": priors}
+    write_json(paths.details, {"experiment": experiment, "data": data, **details})
 
 
-def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str]:
+def first_runs(folder: Path, names: Iterable[str], seed: int) -> dict[str, Path]:
+    """List the folders ``ROW/SEED`` that exist; the oracle has the seed 1 whatever the models'."""
+    runs = {name: folder / name / str(1 if name == "oracle" else seed) for name in names}
+    return {name: path for name, path in runs.items() if path.exists()}
+
+
+def curve_files(folder: Path, seed: int) -> dict[str, Path]:
+    """List the training curves ``MODEL.csv`` and ``MODEL/SEED.csv`` that exist."""
+    places = [(name, folder / f"{name}.csv") for name in CURVES]
+    places += [(name, folder / name / f"{seed}.csv") for name in CURVES]
+    return {name: file for name, file in places if file.exists()}
+
+
+def write_rows_of(folder: Path, compared: dict[str, dict[str, dict[str, float]]]) -> None:
+    """Write a file for each row, so that ``dvc metrics`` prints a line a row."""
+    for table, rows in compared.items():
+        for row, figures in rows.items():
+            write_json(folder / table / f"{row}.json", figures)
+
+
+def provenance(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str]:
     """Say what made the page."""
     hashes = {
         kind: ", ".join(digest[:16] for digest in pacmo[f"{kind}_sha256"].values())
@@ -91,7 +117,7 @@ def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str
     return {
         "Made by": f"dvc repro, after pacmo use {experiment}",
         "Parameters": f"{PARAMS}, with whatever was edited there since",
-        "Runs": f"{counted(runs.folds, 'fold')}, {counted(runs.seeds, 'seed')} of each model",
+        "Runs": f"{count(runs.folds, 'fold')}, {count(runs.seeds, 'seed')} of each model",
         "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip; "
         f"{same_act} of acts that others perform too",
         "Features": f"auto-encoder {hashes['extractor']}, a fold each",
@@ -99,9 +125,9 @@ def made_by(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str
     }
 
 
-def hashes(clips: Path, reactions: dict[str, str]) -> dict[str, str]:
+def hashes(clips: Path, reactions: dict[str, Path]) -> dict[str, str]:
     """Say which bytes the tables and the clips are of: the beginnings of SHA-256."""
-    files = {"clips": clips, **{row: Path(folder) for row, folder in reactions.items()}}
+    files = {"clips": clips, **reactions}
     return {
         f"SHA-256, {name}": f"{_sha256(folder / MOTIONS)[:16]} {(folder / MOTIONS).as_posix()}"
         for name, folder in files.items()
@@ -113,7 +139,7 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def counted(things: list[int], name: str) -> str:
+def count(things: list[int], name: str) -> str:
     """Say how many there are."""
     return f"{len(things)} {name}" + ("s" if len(things) > 1 else "")
 
@@ -121,7 +147,7 @@ def counted(things: list[int], name: str) -> str:
 def summarise(
     ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path
 ) -> DataSummary:
-    """Say what was read, what was put aside and why, and how clips were put on sides."""
+    """Say what was read, what was put aside and why, and how clips were put on splits."""
     aside = read_rows(sequences / QUARANTINE, QuarantineRecord)
     split = splits[min(splits)]
     actions = ", ".join(f"{name or 'unnamed'} ({n})" for name, n in ingest["actions"].items())
@@ -157,11 +183,6 @@ def halves_note(rows: dict[str, Any]) -> str:
     )
 
 
-def model_of(path: Path) -> str:
-    """Name the model of a curve ``FOLD/MODEL.csv`` or ``FOLD/MODEL/SEED.csv``."""
-    return path.parent.name if path.stem.isdigit() else path.stem
-
-
 def curve(path: Path) -> Curve:
     """Read a training curve."""
     terms = read_curve(path)
@@ -173,8 +194,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     for name in PATHS:
         parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True)
-    parser.add_argument("--curve", type=Path, action="append", required=True)
-    parser.add_argument("--reactions", action="append", required=True)
+    parser.add_argument("--seed", type=int, required=True, help="of the runs that are shown")
     return parser.parse_args()
 
 
