@@ -17,11 +17,10 @@ from pacmo_core.project.workspace import (
     CommandError,
     log_event,
 )
+from stages.common.progress import PROGRESS
 
 # Outcomes of dvc repro.
 RAN, RESTORED, UP_TO_DATE = "done", "restored", "up to date"
-# File to which a stage writes its progress as JSON: done, total, unit, text.
-PROGRESS_VARIABLE = "PACMO_PROGRESS"
 PUSH_ATTEMPTS, FIRST_WAIT_S = 3, 5.0
 _N_LAST_LINES = 2
 
@@ -132,7 +131,7 @@ def _environment(progress: Path) -> dict[str, str]:
     return {
         **os.environ,
         **writer_environment(LOCK),
-        PROGRESS_VARIABLE: str(progress.resolve()),
+        PROGRESS: str(progress.resolve()),
         "PATH": path,
     }
 
