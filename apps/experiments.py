@@ -21,7 +21,7 @@ PARAMS = Path("params.yaml")
 CAPTURES = "${captures}"
 BASE = "from"
 RUNS = ("folds", "seeds")
-PRIORS = ("families", "splits", "models", "seeds")
+PRIORS = ("datasets", "splits", "models", "seeds")
 PLACES = (Path("data/captures"), Path("../shared/data"))
 
 

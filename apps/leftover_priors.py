@@ -1,4 +1,4 @@
-"""Skeleton priors that are no longer wanted: those of other families, splits, models and seeds."""
+"""Skeleton priors that are no longer wanted: those of other data sets, splits, models and seeds."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ class WantedPriors:
 
     Parameters
     ----------
-    families, splits, models : names
+    datasets, splits, models : names
     seeds : of the training runs
     """
 
-    families: list[str]
+    datasets: list[str]
     splits: list[str]
     models: list[str]
     seeds: list[int]
@@ -28,7 +28,7 @@ class WantedPriors:
 
 def leftover_priors(root: Path, wanted: WantedPriors) -> Iterator[Path]:
     """Yield what belongs to other priors; of a folder that goes whole, the folder alone."""
-    levels = (wanted.families, wanted.splits, wanted.models, [str(s) for s in wanted.seeds])
+    levels = (wanted.datasets, wanted.splits, wanted.models, [str(s) for s in wanted.seeds])
     for place in TOGETHER:
         yield from _others(root / place, levels[:2])
     for place in APART:

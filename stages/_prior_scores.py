@@ -39,7 +39,7 @@ class Judge:
     ) -> dict[str, float]:
         """Measure motions on given bodies against the solver's."""
         rows = [
-            self._errors(oriented(motion, truth), oriented(truth.varied, truth), truth)
+            self._errors(oriented(motion, truth), oriented(truth.variation, truth), truth)
             for motion, truth in zip(found, truths, strict=True)
         ]
         return _means(rows) | _ratios(
@@ -52,7 +52,7 @@ class Judge:
         """Measure motions on drawn bodies; ``truths`` are the solver's on the same bodies."""
         rows = []
         for motion, truth in zip(found, truths, strict=True):
-            ours, theirs = oriented(motion, truth), oriented(truth.varied, truth)
+            ours, theirs = oriented(motion, truth), oriented(truth.variation, truth)
             errors = self._errors(ours, theirs, truth)
             rows.append({name: errors[name] for name in errors if not name.startswith("E_r")})
         return _means(rows)
@@ -68,7 +68,7 @@ class Judge:
         distances = {}
         for role, character in enumerate(CHARACTERS):
             ours = self.features(found, bodies, role)
-            theirs = self.features([example.varied for example in real], real, role)
+            theirs = self.features([example.variation for example in real], real, role)
             distances[f"{name}_{character}"] = retargeting.frechet_distance(theirs, ours)
         return distances
 

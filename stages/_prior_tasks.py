@@ -17,30 +17,30 @@ from stages._prior_scores import Judge, oriented
 
 
 @dataclass(frozen=True)
-class Bodies:
-    """The bodies that are drawn.
+class GeneratedSkeletons:
+    """The skeletons that are sampled for generation.
 
     Parameters
     ----------
-    each : for each source, at least 2
-    samples : motions of one body, for their diversity
+    per_source : at least 2
+    n_samples : motions of one of them, for the diversity
     random_seed : int
     """
 
-    each: int
-    samples: int
+    per_source: int
+    n_samples: int
     random_seed: int
 
 
 def drawn_bodies(
-    model: SkeletonPrior, test: Sequence[Example], bodies: Bodies, solver: Settings
+    model: SkeletonPrior, test: Sequence[Example], bodies: GeneratedSkeletons, solver: Settings
 ) -> list[Example]:
     """Draw bodies for each source of the test side, and let the solver move them."""
     random = torch.Generator().manual_seed(bodies.random_seed)
     sources = {example.source: example.template for example in test}
     found = []
     for name, template in sources.items():
-        scales = generate_skeletons(model, bodies.each, random=random)
+        scales = generate_skeletons(model, bodies.per_source, random=random)
         points = solved(template, scales, solver)
         n_joints = len(template.skeleton.joints)
         for own, both in zip(scales, points, strict=True):

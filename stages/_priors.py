@@ -13,20 +13,20 @@ class Priors:
 
     Parameters
     ----------
-    families : folders of variations, each of one skeleton
+    datasets : folders of variations, each of one skeleton
     splits : names of splits; with ``_N`` after one, N samples to train on
     models : names of forms
     seeds : of the training runs
     """
 
-    families: list[str]
+    datasets: list[str]
     splits: list[str]
     models: list[str]
     seeds: list[int]
 
     def groups(self) -> Iterator[tuple[str, str]]:
-        """Yield each family and split that models are judged on together."""
-        return product(self.families, self.splits)
+        """Yield each data set and split that models are judged on together."""
+        return product(self.datasets, self.splits)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from stages._examples import stream_examples
 from stages._files import WEIGHTS, write_json
 from stages._params import read_params
 from stages._prior_scores import ALL, Judge, characters, of_source
-from stages._prior_tasks import Bodies, drawn_bodies, generation, retargeting, varied
+from stages._prior_tasks import GeneratedSkeletons, drawn_bodies, generation, retargeting, varied
 from stages._priors import read_priors
 
 
@@ -40,8 +40,8 @@ class Params:
 
     threads: int
     random_seed: int
-    tested: int  # variations of each source, at most
-    bodies: Bodies
+    max_variations: int  # of each source
+    generated_skeletons: GeneratedSkeletons
     limits: Limits
     extractor: FeatureExtractorSettings
     solver: SolverSettings
@@ -57,14 +57,14 @@ def main(paths: argparse.Namespace) -> None:
         for side in ("train", "test")
     )
     judge = judge_of(train + test, params)
-    chosen = sample(test, params.tested, params.random_seed)
+    chosen = sample(test, params.max_variations, params.random_seed)
     drawn: list[Example] = []
     shown: dict[str, Interaction] = {}
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
     for name in wanted.models:
         for seed in wanted.seeds:
             model = load_skeleton_prior(paths.models / name / str(seed) / WEIGHTS)
-            drawn = drawn or drawn_bodies(model, chosen, params.bodies, params.solver)
+            drawn = drawn or drawn_bodies(model, chosen, params.generated_skeletons, params.solver)
             found = score(model, judge, (chosen, drawn), params)
             scores.setdefault(name, {})[seed] = found
             if seed == wanted.seeds[0]:
@@ -78,7 +78,7 @@ def main(paths: argparse.Namespace) -> None:
 
 def judge_of(real: list[Example], params: Params) -> Judge:
     """Train the extractor on both characters of the real variations."""
-    motions = [example.varied for example in real]
+    motions = [example.variation for example in real]
     seen = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
     fitted = features.build_extractor_training(seen, skeleton, params.extractor).finish()
@@ -105,10 +105,10 @@ def score(
     found: dict[str, dict[str, dict[str, float]]] = {"retargeting": {}, "generation": {}}
     for source in dict.fromkeys(example.source for example in test):
         given, own = of_source(test, source), of_source(drawn, source)
-        random = torch.Generator().manual_seed(params.bodies.random_seed)
+        random = torch.Generator().manual_seed(params.generated_skeletons.random_seed)
         found["retargeting"][source] = retargeting(model, judge, given)
         found["generation"][source] = generation(
-            model, judge, (given, own), params.bodies.samples, random
+            model, judge, (given, own), params.generated_skeletons.n_samples, random
         )
     return {task: means | {ALL: over_sources(means)} for task, means in found.items()}
 
@@ -130,7 +130,7 @@ def solver_samples(drawn: list[Example]) -> dict[str, Interaction]:
     """Give the sources, and the solver's motions on those bodies."""
     shown = first_of_each(drawn)
     sources = {variation_name(one.source, "source"): one.template for one in shown}
-    return sources | {variation_name(one.source, "solver"): one.varied for one in shown}
+    return sources | {variation_name(one.source, "solver"): one.variation for one in shown}
 
 
 def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:

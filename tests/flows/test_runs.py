@@ -23,7 +23,7 @@ def graph(tmp_path_factory):
     shutil.copy(ROOT / "dvc.yaml", folder)
     params = YAML(typ="safe").load(ROOT / "params.yaml")
     params["runs"] |= {"folds": [1, 2], "seeds": [1, 2, 3]}
-    params["runs"]["priors"]["families"] = []  # no stage of reactions rests on these
+    params["runs"]["priors"]["datasets"] = []  # no stage of reactions rests on these
     YAML(typ="safe").dump(params, folder / "params.yaml")
     dvc = [sys.executable, "-m", "dvc"]
     subprocess.run([*dvc, "init", "-q", "--no-scm"], cwd=folder, check=True)

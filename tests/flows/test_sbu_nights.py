@@ -26,7 +26,7 @@ PATIENCE_S = 3600.0
 NETWORK = {"width": 8, "n_points": 17, "modes": [8, 6, 4, 4, 4, 6, 8]}
 LAB = {
     "experiment": "lab",
-    "runs": {"priors": {"families": []}},
+    "runs": {"priors": {"datasets": []}},
     "ingest": {
         "dataset": "lab",
         "raw": "data/captures/lab",
