@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from apps.failure import CommandError
+from pacmo_core.project.workspace import CommandError
 
 
 class ArchiveError(CommandError):

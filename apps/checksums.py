@@ -6,7 +6,7 @@ import re
 from importlib import resources
 from pathlib import Path
 
-from apps.failure import CommandError
+from pacmo_core.project.workspace import CommandError
 
 FILE_NAME = "SHA256SUMS"
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")

@@ -10,17 +10,16 @@ import typer
 from numpy.typing import NDArray
 
 from apps.duos import PEOPLE, Duo, check_out, read_duo, write_duo
-from apps.failure import CommandError, told_in_one_line
 from apps.solver_settings import read_solving
-from pacmo_core.augmentation.bodies import body_of, of_profile, scaled
-from pacmo_core.augmentation.keep import Bounds, reason_of
+from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
+from pacmo_core.augmentation.filter import VariationLimits, rejection_reason
 from pacmo_core.augmentation.plan import check_scale
-from pacmo_core.augmentation.shape import trunk_change
-from pacmo_core.augmentation.solve import figures_of
+from pacmo_core.augmentation.run import report_measurements, trunk_deformation
 from pacmo_core.data.interaction import Motion
 from pacmo_core.figures.variations import said
 from pacmo_core.formats.base import FormatError
-from pacmo_core.interaction_mesh import prepare, vary
+from pacmo_core.interaction_mesh import prepare, retarget
+from pacmo_core.project.workspace import CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
 
 First = Annotated[Path, typer.Argument(help="a capture of two people, or of person a")]
@@ -81,11 +80,11 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         scales = _bodies(duo, wishes, _profiles(profile))
         label = "_".join([*(f"{p}-{w}" for p, ws in zip(PEOPLE, (a_scale, b_scale), strict=True)
                             for w in ws), *profile]).replace("=", "-")  # fmt: skip
-        found = vary(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
+        found = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
         moved = duo.moved(_parted(duo, found.points[0]))
         places, miss = write_duo(moved, scales, label, out)
-        figures = figures_of(found.reports[0]) | _shape(duo, moved, scales)
-        for line in _lines(figures, solving.bounds, miss):
+        figures = report_measurements(found.reports[0]) | _shape(duo, moved, scales)
+        for line in _lines(figures, solving.limits, miss):
             typer.echo(line)
         typer.echo(f"{len(found.points[0])} frames in {', '.join(map(str, places))}")
 
@@ -120,9 +119,9 @@ def _bodies(
         raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
     found = []
     for person, name, factors in zip(duo.people, PEOPLE, wishes, strict=True):
-        body = body_of(person.motion, person.skeleton)
-        scales = scaled(body, factors)
-        found.append(scales * of_profile(body, profiles[name]) if name in profiles else scales)
+        body = measure_body(person.motion, person.skeleton)
+        scales = segment_scales(body, factors)
+        found.append(scales * profile_scales(body, profiles[name]) if name in profiles else scales)
     return found[0], found[1]
 
 
@@ -135,18 +134,18 @@ def _parted(duo: Duo, points: Scales) -> tuple[Motion, Motion]:
 def _shape(duo: Duo, moved: Duo, scales: tuple[Scales, Scales]) -> dict[str, float]:
     """Measure the worse of the two trunks."""
     changes = [
-        trunk_change(source.motion, varied.motion, source.skeleton, own)
+        trunk_deformation(source.motion, varied.motion, source.skeleton, own)
         for source, varied, own in zip(duo.people, moved.people, scales, strict=True)
     ]
-    return {"trunk_change": max(changes)}
+    return {"trunk_deformation": max(changes)}
 
 
-def _lines(figures: dict[str, float], bounds: Bounds, miss: float) -> Iterator[str]:
+def _lines(figures: dict[str, float], limits: VariationLimits, miss: float) -> Iterator[str]:
     """Say how good the variation is."""
     yield said(figures)
     if miss:
         yield f"a BVH's stiff joints keep it from that by {1e3 * miss:.1f} mm at worst"
-    reason = reason_of(figures, bounds)
+    reason = rejection_reason(figures, limits)
     if reason:
         yield f"not good enough to train on: {reason}"
 
@@ -154,7 +153,7 @@ def _lines(figures: dict[str, float], bounds: Bounds, miss: float) -> Iterator[s
 @contextmanager
 def told(files: str) -> Iterator[None]:
     """Turn what may be wrong with two people's files into a line."""
-    with told_in_one_line():
+    with errors_in_one_line():
         try:
             yield
         except (StoreError, FormatError) as fault:

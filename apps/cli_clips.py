@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from apps.failure import CommandError, told_in_one_line
+from pacmo_core.project.workspace import CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, read_rows
 
@@ -17,7 +17,7 @@ Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequenc
 Matching = Annotated[str, typer.Option(help="only rows that hold this text")]
 
 Sides = Annotated[
-    Path | None, typer.Option(help="show the side of each clip, such as data/sides/1.parquet")
+    Path | None, typer.Option(help="show the side of each clip, such as data/splits/1.parquet")
 ]
 
 CLIP_COLUMNS = ("clip", "action", "subject_a", "subject_b", "fps", "frames", "duration")
@@ -28,7 +28,7 @@ def list_clips(
 ) -> None:
     """List the clips of a folder.
 
-    Who, what, how long; with ``--sides`` on which side in that fold.
+    Who, what, how long; with ``--splits`` on which side in that fold.
     """
     with _told():
         rows = read_rows(folder / "clips.parquet", ClipRecord)
@@ -52,7 +52,7 @@ def list_quarantine(folder: Folder = Path("data/sequences"), matching: Matching 
 
 @contextmanager
 def _told() -> Iterator[None]:
-    with told_in_one_line():
+    with errors_in_one_line():
         try:
             yield
         except StoreError as fault:

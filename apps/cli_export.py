@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from apps.exports import Form, export
-from apps.failure import told_reading
 from apps.shown import read_scene
+from pacmo_core.project.workspace import reading_errors_in_one_line
 
 Clip = Annotated[str, typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FILE or FILE+FILE")]
 Out = Annotated[Path, typer.Option(help="FILE.bvh, .glb, .gltf, .csv, .npz, .mp4 or .gif")]
@@ -50,7 +50,7 @@ def export_clip(  # noqa: PLR0913  # typer reads the options off the signature
     """
     options = {"preset": preset, "unit": from_unit, "up": from_up, "fps": from_fps}
     settings = {name: value for name, value in options.items() if value is not None}
-    with told_reading():
+    with reading_errors_in_one_line():
         wanted = Form(fps, up, unit)
         wanted.check(out)
         files, lost = export(read_scene(clip, form, settings), out, wanted)

@@ -12,9 +12,9 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, Trans
 
 from apps.checksums import FILE_NAME, Sums, shipped
 from apps.download import Patience, Report
-from apps.failure import CommandError, told_in_one_line
 from apps.fetch import Fetcher, Follow, Outcome, fetch
 from apps.sources import CMU, SBU, Source
+from pacmo_core.project.workspace import CommandError, errors_in_one_line
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -94,7 +94,7 @@ def _run(
     source: Source, dest: Path, base_url: str | None, only: list[str], accept_changed: bool
 ) -> None:
     _check_usage(source, base_url, only)
-    with told_in_one_line(), _client() as client, _progress() as follow:
+    with errors_in_one_line(), _client() as client, _progress() as follow:
         dest.mkdir(parents=True, exist_ok=True)
         fetcher = Fetcher(
             client=client,

@@ -9,12 +9,12 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from apps.failure import CommandError, told_reading
 from apps.live import answered
 from apps.reactions import Reactions, check_out, write
 from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
+from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
 from pacmo_core.reaction.react import react_all, sample_times
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, sample_poses
@@ -82,7 +82,7 @@ def react_to(  # noqa: PLR0913  # typer reads the options off the signature
     options = {"preset": preset, "unit": unit, "up": up, "fps": partner_fps}
     settings = {name: value for name, value in options.items() if value is not None}
     torch.set_num_threads(1)
-    with told_reading():
+    with reading_errors_in_one_line():
         if stream:
             _live(load_reaction_model(weights), samples, seed, action)
             return

@@ -12,11 +12,10 @@ import uvicorn
 from rich.console import Console
 from rich.table import Table
 
-from apps.failure import CommandError, told_reading
-from apps.places import MOTIONS
 from apps.study_draw import draw_items
 from apps.study_server import Limiter, Terms, create_app
 from pacmo_core.metrics.survey import Share, fit_mixed, share
+from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
 from pacmo_core.store.study import GENERATED, REAL, Answer, Study, write_study
 
@@ -34,7 +33,7 @@ def make(
     seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> None:
     """Draw clips into a new study: each as captured, and with a model's reaction."""
-    with told_reading():
+    with reading_errors_in_one_line():
         random = np.random.default_rng(seed)
         items = list(draw_items(clips, reactions, count, random))
         of = reactions / MOTIONS
@@ -58,7 +57,7 @@ def serve(  # noqa: PLR0913  # typer reads the options off the signature
     Put it on the web behind a proxy on this machine that speaks HTTPS and sets X-Forwarded-For:
     from there, and from nowhere else, the address in it is believed, to limit the rate of each.
     """
-    with told_reading():
+    with reading_errors_in_one_line():
         opened = Study(study)
         page = create_app(opened, Terms(per_person, people), Limiter(rate, burst))
     typer.echo(f"http://{host}:{port}", err=True)
@@ -81,7 +80,7 @@ def report(
     study: File, out: Annotated[Path | None, typer.Option(help="also as JSON")] = None
 ) -> None:
     """Count the answers: the share of either kind that was taken for real (PaCMO, table 3)."""
-    with told_reading():
+    with reading_errors_in_one_line():
         opened = Study(study)
         answers = opened.answers()
         found = {**counted(answers), "of": opened.facts()}

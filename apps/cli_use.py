@@ -1,35 +1,39 @@
-"""``pacmo use`` and ``pacmo experiments``: which experiment ``params.yaml`` holds."""
+"""``pacmo use``, ``pacmo tidy`` and ``pacmo experiments``."""
 
 from typing import Annotated
 
 import typer
 
-from apps.experiments import experiment_names, tidy, use
-from apps.failure import told_in_one_line
+from pacmo_core.project.experiments import (
+    experiment_names,
+    remove_unused_outputs,
+    use_experiment,
+)
+from pacmo_core.project.workspace import PARAMS, errors_in_one_line
+
+Name = Annotated[str, typer.Argument(help="default, or a file in experiments/ without its suffix")]
 
 
-def use_experiment(
-    name: Annotated[str, typer.Argument(help="a file in experiments/, without its ending")],
-    discard: Annotated[
-        bool, typer.Option("--discard", help="lose edits by hand of params.yaml")
-    ] = False,
-) -> None:
-    """Choose the experiment that params.yaml holds.
+def use(name: Name) -> None:
+    """Write the parameters of an experiment to params.yaml.
 
-    ``dvc repro`` then reproduces it. What folds and seeds of another left is removed; DVC's cache
-    keeps it.
+    ``./run`` or ``dvc repro`` then reproduces it. Edited parameters are saved in history/params
+    first. Outputs of folds and seeds that the experiment does not define are removed from the
+    workspace; DVC's cache keeps them.
     """
-    with told_in_one_line():
-        use(name, discard=discard)
+    with errors_in_one_line():
+        saved = use_experiment(name)
+        if saved:
+            typer.echo(f"the edited {PARAMS} is saved as {saved}")
 
 
-def tidy_runs() -> None:
-    """Remove what other folds and seeds left.
+def tidy() -> None:
+    """Remove outputs of folds and seeds that params.yaml does not define.
 
-    For after an edit of ``runs`` in params.yaml: scores are pooled from all that stand there.
+    Needed after an edit of ``runs`` in params.yaml, as scores are pooled over all files.
     """
-    with told_in_one_line():
-        for path in tidy():
+    with errors_in_one_line():
+        for path in remove_unused_outputs():
             typer.echo(f"removed {path}")
 
 

@@ -26,12 +26,12 @@ from apps.cli_augment import (
     told,
 )
 from apps.duos import Duo, check_out, is_parquet, read_duo, write_duo
-from apps.failure import CommandError
-from pacmo_core.augmentation.bodies import body_of, scaled
+from pacmo_core.augmentation.bodies import measure_body, segment_scales
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.models import load_skeleton_prior
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
@@ -120,7 +120,7 @@ def _varied(
 def _asked(people: tuple[PersonMotion, PersonMotion], wishes: list[dict[str, float]]) -> Scales:
     return np.stack(
         [
-            scaled(body_of(person.motion, person.skeleton), factors)
+            segment_scales(measure_body(person.motion, person.skeleton), factors)
             for person, factors in zip(people, wishes, strict=True)
         ]
     )

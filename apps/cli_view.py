@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from apps.failure import CommandError, told_reading
 from apps.shown import read_scene
 from pacmo_core.figures.viewer import MOST, render_viewer
+from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
 
 Clips = Annotated[
@@ -53,7 +53,7 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
     """
     options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
     settings = {name: value for name, value in options.items() if value is not None}
-    with told_reading():
+    with reading_errors_in_one_line():
         if len(clips) > MOST:
             raise CommandError(f"wanted at most {MOST} clips side by side; got {len(clips)}")
         scenes = [read_scene(word, form, settings) for word in clips]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import httpx
 
-from apps.failure import CommandError
 from apps.part import Part, Version
+from pacmo_core.project.workspace import CommandError
 
 Report = Callable[[int, int | None], None]  # bytes at hand, bytes in all if the server says
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from apps.failure import CommandError
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
@@ -23,6 +22,7 @@ from pacmo_core.formats.registry import (
 )
 from pacmo_core.formats.write_bvh import Rewritten, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from apps.failure import CommandError
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.figures.body import body_of
 from pacmo_core.figures.film import check_gif_rate, find_ffmpeg, write_film
@@ -25,6 +24,7 @@ from pacmo_core.formats.write_gltf import (
     to_gltf,
 )
 from pacmo_core.formats.write_tables import format_csv, npz_bytes
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import atomic_file, write_text
 
 FILM_FPS = 25.0

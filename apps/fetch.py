@@ -9,9 +9,9 @@ import httpx
 from apps.archive import ArchiveError, skeletons
 from apps.checksums import Sums, digest
 from apps.download import MissingError, Patience, Report, download
-from apps.failure import CommandError
 from apps.part import Part
 from apps.sources import Source
+from pacmo_core.project.workspace import CommandError
 
 Follow = Callable[[str], Report]  # the name of a file that begins -> who hears of its bytes
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from apps.failure import CommandError
 from pacmo_core.data.interaction import Motion
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.reaction.stream import ReactionStream
 
 
@@ -18,7 +18,7 @@ def answered(lines: Iterable[str], live: ReactionStream, n_joints: int) -> Itera
             continue
         try:
             time, pose, as_json = _frame(line, n_joints)
-            reactions = live.answer(pose, time)
+            reactions = live.react(pose, time)
         except (ValueError, KeyError, TypeError) as fault:
             raise CommandError(f"line {number}: {fault}") from fault
         yield _json(time, reactions) if as_json else _numbers(time, reactions)

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from apps.records import now
 from pacmo_core.figures.whole import COMPARED, Measured
+from pacmo_core.project.records import utc_now
 from pacmo_core.store.files import write_text
 
 MODEL = "pacmo"
@@ -41,7 +41,7 @@ def read_measured(history: Path) -> list[Measured]:
 def _measured(facts: dict[str, Any], digest: str, number: int) -> Measured:
     found = facts["pacmo"].get(MODEL, {})
     metrics = {name: found[name] for name in COMPARED if name in found}
-    return Measured(number, now(), facts["experiment"], commit(), digest, metrics)
+    return Measured(number, utc_now(), facts["experiment"], commit(), digest, metrics)
 
 
 def commit() -> str:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from apps.duos import is_parquet
-from apps.failure import CommandError
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import write_motions
 

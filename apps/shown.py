@@ -4,13 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from apps.failure import CommandError
-from apps.places import MOTIONS
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.figures.scenes import Scene
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, ONE_PERSON_FORMATS, format_of, open_format
+from pacmo_core.project.workspace import MOTIONS, CommandError
 from pacmo_core.store.motions import motion_file, read_motion
 from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 
-from apps.failure import CommandError
-from pacmo_core.augmentation.keep import Bounds
+from pacmo_core.augmentation.filter import VariationLimits
 from pacmo_core.interaction_mesh import Settings
+from pacmo_core.project.workspace import CommandError
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class Solving:
     """What the section ``augment`` says of solving."""
 
     solver: Settings
-    bounds: Bounds
+    limits: VariationLimits
 
 
 def read_solving(params: Path) -> Solving:
@@ -28,7 +28,7 @@ def read_solving(params: Path) -> Solving:
         If there is no such file or section, or it does not fit.
     """
     if not params.is_file():
-        raise CommandError(f"no {params}: give --params, such as experiments/default.yaml")
+        raise CommandError(f"no {params}: give --params, such as a params.yaml")
     section = (YAML(typ="safe").load(params) or {}).get("augment")
     if not isinstance(section, dict):
         raise CommandError(f"{params}: no section augment")

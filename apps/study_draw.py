@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from apps.failure import CommandError
-from apps.places import MOTIONS
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName
 from pacmo_core.figures.scenes import Scene, packed_scenes
+from pacmo_core.project.workspace import MOTIONS, CommandError
 from pacmo_core.store.motions import read_motion, stream_motions
 from pacmo_core.store.study import GENERATED, REAL, Candidate, Item
 

@@ -8,11 +8,18 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from apps.failure import CommandError
-from apps.history_page import rows_of
 from apps.measured import EDITED, remember
-from apps.places import DECISIONS, MEASURED, METRICS, REPORT, STUDY, WHOLE
 from pacmo_core.figures.whole import Beside, Measured, StageRun, StudyTable, make_whole
+from pacmo_core.project.promote import history_rows
+from pacmo_core.project.workspace import (
+    DECISIONS,
+    MEASUREMENTS,
+    METRICS,
+    REPORT,
+    REPORT_WITH_HISTORY,
+    STUDY,
+    CommandError,
+)
 from pacmo_core.promotion import read_decisions
 from pacmo_core.store.files import write_text
 from pacmo_core.store.study import GENERATED, REAL
@@ -23,7 +30,7 @@ PAPER = {"real": ("0.81", "0.75"), "made_up": ("0.19", "0.25")}
 NAMES = {"real": "taken for real", "made_up": "taken for made up"}
 
 
-def write_whole(out: Path = WHOLE) -> Path:
+def write_whole(out: Path = REPORT_WITH_HISTORY) -> Path:
     """Write the page.
 
     Raises
@@ -34,13 +41,13 @@ def write_whole(out: Path = WHOLE) -> Path:
     for path in (REPORT, METRICS):
         if not path.exists():
             raise CommandError(f"no {path}: reproduce first")
-    runs = remember(METRICS, MEASURED)
+    runs = remember(METRICS, MEASUREMENTS)
     beside = Beside(
         study=study_table(json.loads(STUDY.read_text(encoding="utf-8")))
         if STUDY.exists()
         else None,
         runs=tuple(runs),
-        decisions=tuple(rows_of(read_decisions(DECISIONS)[0])),
+        decisions=tuple(history_rows(read_decisions(DECISIONS)[0])),
         commands=_commands(runs),
         stages=tuple(stages_run(LOCK)) if LOCK.exists() else (),
     )

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks._variations import SETTINGS, Task
-from pacmo_core.interaction_mesh import Scene, prepare, vary_in_batches
+from pacmo_core.interaction_mesh import Scene, prepare, retarget_in_batches
 
 FRAMES = (90, 360, 1440, 5760, 36_000)
 VARIATIONS = (1, 16, 48, 144, 1000)
@@ -32,7 +32,7 @@ class Cost:
 def measure(task: Task) -> Cost:
     """Vary, drop what comes out, and say what it took."""
     start = time.process_time()
-    for _ in vary_in_batches(prepare(task.scene, SETTINGS), task.scales):
+    for _ in retarget_in_batches(prepare(task.scene, SETTINGS), task.scales):
         pass
     seconds = time.process_time() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3

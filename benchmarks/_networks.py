@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,8 +14,7 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, Uno, UnoConfig, u_shape_channels
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
-from stages._params import read_params
-from stages.train_pacmo import Params
+from stages.common.params import read_params
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ def our_operator(in_channels: int, out_channels: int) -> Uno:
 
 def trained_shape() -> Shape:
     """Read the shape of the generator that the pipeline trains."""
-    params = read_params("train_pacmo", Params, given={"random_seed": 0})
-    return Shape(params.width, params.n_points, tuple(params.modes))
+    params = read_params("train_pacmo", dict[str, Any])
+    return Shape(params["width"], params["n_points"], tuple(params["modes"]))
 
 
 def generator(shape: Shape) -> Generator:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.interaction_mesh.energy import Quadratic, target_of
+from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_target
 
 PEERS = ("cvxpy", "clarabel")
 N_PROGRAMS = 10
@@ -22,13 +22,13 @@ TRUST = 0.2
 
 
 def seconds_per_frame(
-    scene: Scene, energy: Quadratic, scales: NDArray[np.float64], *, n_frames: int
+    scene: Scene, energy: QuadraticEnergy, scales: NDArray[np.float64], *, n_frames: int
 ) -> float | None:
     """Time the peer on a few frames, or say how to get it: process seconds a frame."""
     if any(importlib.util.find_spec(name) is None for name in PEERS):
         print("no per-frame peer here: pip install cvxpy clarabel", file=sys.stderr)
         return None
-    target = target_of(energy, scales[None])[..., 0]
+    target = energy_target(energy, scales[None])[..., 0]
     done = [np.zeros_like(scene.points[0])] * 2
     _solve_frame(scene, energy, scales, target, 0, done)  # the first use compiles
     start = time.process_time()
@@ -39,7 +39,7 @@ def seconds_per_frame(
 
 def _solve_frame(
     scene: Scene,
-    energy: Quadratic,
+    energy: QuadraticEnergy,
     scales: NDArray[np.float64],
     target: NDArray[np.float64],
     frame: int,
@@ -49,7 +49,7 @@ def _solve_frame(
     parent, child = scene.bones.T
     lengths = np.linalg.norm(scene.vectors[frame], axis=-1) * scales
     ties = energy.ties[frame]
-    root = np.linalg.cholesky(np.diag(ties.sum(axis=1) + energy.anchor) - ties)
+    root = np.linalg.cholesky(np.diag(ties.sum(axis=1) + energy.regularisation) - ties)
     now = done[-1].copy()
     for _ in range(N_PROGRAMS):
         change = cp.Variable(now.shape)

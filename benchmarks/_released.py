@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from pacmo_core.formats.bvh import read_bvh
-from pacmo_core.interaction_mesh.report import spikes
+from pacmo_core.interaction_mesh.report import acceleration_ratios
 
 WINDOW = 40  # frames after which an acceleration stands out in all of them
 
@@ -21,5 +21,6 @@ def released_seam_ratio() -> float | None:
         return None
     # Row i is the acceleration of frame i + 1.
     return max(
-        float(spikes(read_bvh(f).positions()[..., None])[WINDOW - 2 :: WINDOW].max()) for f in files
+        float(acceleration_ratios(read_bvh(f).positions()[..., None])[WINDOW - 2 :: WINDOW].max())
+        for f in files
     )

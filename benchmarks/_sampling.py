@@ -81,7 +81,7 @@ def smooth_partners(model: Generator, count: int) -> list[Smooth]:
     pose = model.normalisation.partner_mean.numpy().reshape(-1, 3)
     random = torch.Generator().manual_seed(0)
     duration = mean_duration(model.normalisation)
-    return [Smooth(pose, FIELD.draw(pose.size, random=random), duration) for _ in range(count)]
+    return [Smooth(pose, FIELD.sample(pose.size, random=random), duration) for _ in range(count)]
 
 
 def jittered(times: Times, random: np.random.Generator) -> Times:

@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks._per_frame import seconds_per_frame
 from benchmarks._variations import SETTINGS, Task
-from pacmo_core.interaction_mesh import Rung, Scene, prepare, vary
-from pacmo_core.interaction_mesh.energy import energy_terms, quadratic, target_of
+from pacmo_core.interaction_mesh import Attempt, Scene, prepare, retarget
+from pacmo_core.interaction_mesh.energy import build_energy, energy_target, energy_terms
 from pacmo_core.interaction_mesh.scene import Array
 from tests.interaction_mesh.oracles import banded
 
@@ -18,7 +18,9 @@ BANDED_ROUNDS = 16  # after which its bones are within 1e-3; 40 are its end
 SAMPLE = (0, 3)  # windows of the energy sample
 SAMPLED = slice(1, None, 22)  # their variations: one of five a whole body, as in the plan
 PEER_FRAMES = 3
-END = Rung(penalty=4, iterations=800, apart=0, step=0)  # of our own solver
+END = Attempt(
+    bone_penalty=4, max_iterations=800, separation_penalty=0, tolerance=0
+)  # of our own solver
 ASTRAY = 1e-3  # share by which bones miss their lengths
 
 
@@ -27,7 +29,7 @@ def beside_peers(planned: list[Task], our_seconds: float) -> dict[str, float]:
     gaps = np.array([gap for i in SAMPLE for gap in energy_gaps(planned[i])])
     lost = gaps[:, 1] > 0
     short = shortened(planned[0])
-    energy = quadratic(short.scene, SETTINGS)
+    energy = build_energy(short.scene, SETTINGS)
     start = time.process_time()
     banded(short.scene, energy, short.scales[1], n_rounds=BANDED_ROUNDS)
     banded_seconds = (time.process_time() - start) / len(short.scene.points)
@@ -49,14 +51,14 @@ def energy_gaps(task: Task) -> Iterator[tuple[float, bool]]:
     """
     short = shortened(task)
     scales = short.scales[SAMPLED]
-    alone = tuple(replace(rung, apart=0) for rung in SETTINGS.rungs)
-    source = prepare(short.scene, replace(SETTINGS, rungs=alone))
-    ended = prepare(short.scene, replace(SETTINGS, rungs=(END,)))
-    both = vary(source, scales).points, vary(ended, scales).points
+    alone = tuple(replace(attempt, separation_penalty=0) for attempt in SETTINGS.attempts)
+    source = prepare(short.scene, replace(SETTINGS, attempts=alone))
+    ended = prepare(short.scene, replace(SETTINGS, attempts=(END,)))
+    both = retarget(source, scales).points, retarget(ended, scales).points
     for usual, end, own in zip(*both, scales, strict=True):
         best = banded(short.scene, source.energy, own)
         changes = np.stack([usual - short.scene.points, end - short.scene.points, best], axis=-1)
-        target = np.repeat(target_of(source.energy, own[None]), 3, axis=-1)
+        target = np.repeat(energy_target(source.energy, own[None]), 3, axis=-1)
         terms = energy_terms(source.energy, changes, target)
         ours, settled, theirs = np.sum(list(terms.values()), axis=0)
         astray = bone_miss(short.scene, best, own) > ASTRAY

@@ -15,9 +15,15 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks._variations import SETTINGS
-from pacmo_core.augmentation.keys import maker_key, source_key
-from pacmo_core.augmentation.solve import Lot, Outcome, scene_of, solve
-from pacmo_core.augmentation.workers import solve_on_cluster
+from pacmo_core.augmentation.run import (
+    Batch,
+    BatchResult,
+    scene_from,
+    solve_batch,
+    solve_on_cluster,
+    solver_key,
+    source_key,
+)
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 
 PAIRS = 4  # of people, one clip an act each
@@ -28,30 +34,30 @@ REPEATS = 3
 QUIET = {"distributed.worker.profile.enabled": False}
 
 
-def lots() -> Iterator[Lot]:
+def batches() -> Iterator[Batch]:
     """Hand out clips, each with its bodies."""
     for script, random in sample_scripts(
         0, population=0, pairs=PAIRS, actions=tuple(ACTIONS), replications=1
     ):
         source = sample_interaction(script, random)
-        n_bones = scene_of(source).n_bones
+        n_bones = scene_from(source).n_bones
         scales = np.stack([np.repeat([scale, 1.0], n_bones) for scale in SCALES])
         names = tuple(map(str, SCALES))
-        yield Lot(source_key(source), maker_key(SETTINGS), source, SETTINGS, scales, names)
+        yield Batch(source_key(source), solver_key(SETTINGS), source, SETTINGS, scales, names)
 
 
-def timed(do: Callable[[list[Lot]], Iterable[Outcome]]) -> tuple[float, str]:
-    """Give the seconds that the lots take, and the hash of all that is made of them."""
-    first, *rest = lots()
+def timed(do: Callable[[list[Batch]], Iterable[BatchResult]]) -> tuple[float, str]:
+    """Give the seconds that the batches take, and the hash of all that is made of them."""
+    first, *rest = batches()
     list(do([first, *rest[:WORKERS]]))  # imports, and each worker's first use of the libraries
     start = time.perf_counter()
     outcomes = list(do(rest))
     seconds = time.perf_counter() - start
     digest = hashlib.sha256()
-    for outcome in sorted(outcomes, key=lambda outcome: outcome.key):
-        digest.update(f"{outcome.key} {outcome.refused}".encode())
-        for name, made in sorted(outcome.made.items()):
-            digest.update(f"{name} {made.figures}".encode() + made.motions.tobytes())
+    for outcome in sorted(outcomes, key=lambda outcome: outcome.source_key):
+        digest.update(f"{outcome.source_key} {outcome.error}".encode())
+        for name, made in sorted(outcome.variations.items()):
+            digest.update(f"{name} {made.measurements}".encode() + made.motions.tobytes())
     return seconds, digest.hexdigest()
 
 
@@ -85,4 +91,4 @@ def _alone() -> tuple[float, str]:
 
 
 if __name__ == "__main__":
-    print(*timed(lambda some: map(solve, some)))
+    print(*timed(lambda some: map(solve_batch, some)))

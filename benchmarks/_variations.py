@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.interaction_mesh import Limits, Rung, Scene, Settings, Support, Weights
+from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, Settings, Support, Weights
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 
 N_FRAMES = 363
@@ -27,29 +27,29 @@ TAKES = {
 SETTINGS = Settings(
     graph="complete",
     weights=Weights(
-        power=1,
-        softening=0.01,
-        shape=10,
+        distance_exponent=1,
+        distance_softening=0.01,
+        trunk_shape=10,
         acceleration=30,
         contact=50,
-        contact_reach=0.25,
+        contact_range=0.25,
         stance=12000,
-        height=300,
-        anchor=1e-3,
+        stance_height=300,
+        regularisation=1e-3,
     ),
-    support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.25),
-    limits=Limits(residual=1e-2, penetration=0.01, seam=1.5),
-    rungs=(
-        Rung(penalty=2.5, iterations=80, apart=0, step=5e-3),
-        Rung(penalty=4, iterations=80, apart=60, step=4e-3),
-        Rung(penalty=6, iterations=160, apart=60, step=4e-3),
+    support=Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.25),
+    limits=AttemptLimits(primal_residual=1e-2, penetration=0.01, acceleration_peak_ratio=1.5),
+    attempts=(
+        Attempt(bone_penalty=2.5, max_iterations=80, separation_penalty=0, tolerance=5e-3),
+        Attempt(bone_penalty=4, max_iterations=80, separation_penalty=60, tolerance=4e-3),
+        Attempt(bone_penalty=6, max_iterations=160, separation_penalty=60, tolerance=4e-3),
     ),
     relaxation=1.4,
     clearance=0.1,
-    guarded=24,
-    near=NEAR,
-    touching=0.1,
-    slack=0.02,
+    n_separation_pairs=24,
+    near_distance=NEAR,
+    contact_distance=0.1,
+    contact_slack=0.02,
 )
 
 

@@ -17,14 +17,14 @@ import numpy as np
 import torch
 from ruamel.yaml import YAML
 
-from apps.experiments import compose
 from benchmarks._figures import arguments, show
+from pacmo_core.project.experiments import compose_params
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.autograd_functions import supports_bfloat16
 from pacmo_core.skeleton_prior.data import Example, encode_examples
 from pacmo_core.skeleton_prior.settings import LossWeights, SkeletonPriorSettings
 from pacmo_core.training.devices import keep_freed_memory
-from stages._examples import stream_examples
+from stages.common.examples import stream_examples
 
 SIDES = ("train", "validation", "test")
 
@@ -48,7 +48,7 @@ def main() -> None:
         parser.error("this processor has no products of bfloat16: there is nothing to compare")
     torch.set_num_threads(1)
     keep_freed_memory()  # as the stage that trains does
-    sides = Path("data/priors/sides") / options.family / f"{options.split}.parquet"
+    sides = Path("data/priors/splits") / options.family / f"{options.split}.parquet"
     examples = [
         [
             example
@@ -72,7 +72,7 @@ def main() -> None:
 
 def trained(examples: list[list[Example]], seed: int, mixed: bool) -> Trained:
     """Train on the first side, choose weights on the second, measure on the third."""
-    section = YAML(typ="safe").load(compose("variations_paper"))["train_skeleton_prior"]
+    section = YAML(typ="safe").load(compose_params("variations_paper"))["train_skeleton_prior"]
     own = {
         "random_seed": seed,
         "model": "kinematic",

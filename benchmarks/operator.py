@@ -108,7 +108,7 @@ def stream() -> dict[str, float]:
     taken = []
     for pose, instant in zip(motion, times, strict=True):
         start = time.process_time()
-        live.answer(pose, float(instant))
+        live.react(pose, float(instant))
         taken.append(1e3 * (time.process_time() - start))
     return {"stream_ms_per_frame": statistics.median(taken[len(taken) // 2 :])}
 

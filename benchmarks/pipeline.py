@@ -19,7 +19,7 @@ from pathlib import Path
 from dvc.repo import Repo
 
 from benchmarks._figures import arguments, show
-from flows.graph import stages_below
+from pacmo_core.project.stages import upstream_stages
 
 ROOT = Path(__file__).parents[1]
 SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER
@@ -63,7 +63,7 @@ def plain_commands(folder: Path) -> list[str]:
     here = Path.cwd()
     os.chdir(folder)
     try:
-        order = stages_below([])
+        order = upstream_stages([])
         with Repo() as repo:
             commands = {stage.addressing: stage.cmd for stage in repo.index.stages}
         return [commands[name] for name in order]

@@ -20,14 +20,15 @@ from ruamel.yaml import YAML
 
 from benchmarks._figures import arguments, show
 from benchmarks.incremental import set_captures
-from benchmarks.pipeline import ROOT, call, clone, plain_commands, spent
+from benchmarks.pipeline import call, clone, plain_commands, spent
+from pacmo_core.project.experiments import default_params
 
 STAGES = ("ingest", "cut", "split", "augment", "train_pacmo", "react", "evaluate_pacmo")
 NEEDED = ("train_autoencoder", "train_matcher", "react_oracle")
 LEAVES = {
     "ingest": "data/sequences",
     "cut": "data/clips",
-    "split": "data/sides",
+    "split": "data/splits",
     "augment": "data/variations",
     "react": "data/reactions/1/pacmo",
     "evaluate_pacmo": "data/scores",
@@ -71,7 +72,7 @@ def _set_network(folder: Path) -> None:
     """Give PaCMO the default's network, for one epoch."""
     path, yaml = folder / "params.yaml", YAML()
     params = yaml.load(path)
-    network = YAML(typ="safe").load(ROOT / "experiments" / "default.yaml")["train_pacmo"]
+    network = YAML(typ="safe").load(default_params())["train_pacmo"]
     short = {"n_epochs": 1, "warmup_epochs": 0, "validate_from": 0, "validate_every": 1}
     params["train_pacmo"] = {**network, **short}
     yaml.dump(params, path)

@@ -11,9 +11,9 @@ from prefect.artifacts import (
 )
 from prefect.context import FlowRunContext
 
-from apps.places import REPORT
 from pacmo_core.figures.columns import MAIN_COLUMNS
 from pacmo_core.figures.tables import markdown_table
+from pacmo_core.project.workspace import REPORT
 
 
 def publish(metrics: Path) -> None:

@@ -9,10 +9,9 @@ from collections.abc import Callable
 
 from prefect.settings import PREFECT_API_URL
 
-from apps.failure import CommandError
-from apps.lock import BusyError
-from apps.places import RUNS
-from apps.records import BUSY_CODE, EXIT_CODES, FAILED, read_runs
+from pacmo_core.project.lock import BusyError
+from pacmo_core.project.records import EXIT_CODES, FAILED, read_runs
+from pacmo_core.project.workspace import EXIT_BUSY, RUNS, CommandError
 
 
 def by_hand_or_flow(as_flow: Callable[[], object], by_hand: Callable[[], object]) -> int:
@@ -31,7 +30,7 @@ def ending(do: Callable[[], object]) -> int:
     try:
         do()
     except BusyError as busy:
-        return _say(busy, BUSY_CODE)
+        return _say(busy, EXIT_BUSY)
     except (CommandError, OSError) as fault:
         return _say(fault, EXIT_CODES[FAILED])
     return 0

@@ -4,8 +4,8 @@ import time
 
 from dvc.repo import Repo
 
-from apps.log import tell
 from flows.run_dvc import StageError, run_dvc
+from pacmo_core.project.workspace import log_event
 
 ATTEMPTS, FIRST_WAIT_S = 3, 5.0
 
@@ -31,7 +31,7 @@ def push(limit_s: float) -> bool:
         except StageError as fault:
             if attempt == ATTEMPTS:
                 raise
-            tell("push failed; it is tried again", attempt=attempt, reason=str(fault))
+            log_event("push failed; it is tried again", attempt=attempt, reason=str(fault))
             time.sleep(FIRST_WAIT_S * 3 ** (attempt - 1))
         else:
             return True

@@ -13,18 +13,15 @@ import argparse
 from prefect import flow
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from apps.experiments import use
-from apps.lock import one_writer
-from apps.log import start_log, tell
-from apps.places import LOCK, LOG, METRICS, RUNS
-from apps.records import recorded
 from flows.artifacts import publish
-from flows.dvc_locks import forget_the_dead, past_a_cut_lock
 from flows.ending import by_hand_or_flow
-from flows.graph import survey
-from flows.litter import remove_litter
 from flows.run_dvc import run_dvc
 from flows.way import ByHand, ByPrefect, Way
+from pacmo_core.project.experiments import use_experiment
+from pacmo_core.project.lock import remove_dead_dvc_locks, remove_partial_files, writer_lock
+from pacmo_core.project.records import record_run
+from pacmo_core.project.stages import readable_dvc_lock, upstream_and_stale
+from pacmo_core.project.workspace import LOCK, LOG, METRICS, RUNS, configure_logging, log_event
 
 WORKERS = 2
 STAGE_LIMIT_S = 12 * 3600.0
@@ -43,10 +40,10 @@ def bring_up(way: Way, targets: list[str], *, force: bool, limit_s: float) -> li
     -------
     the stages that ran or were restored, in running order
     """
-    forget_the_dead()
-    for path in remove_litter():
-        tell("removed what a killed run had half written", path=path)
-    below, stale = past_a_cut_lock(lambda: survey(targets))
+    remove_dead_dvc_locks()
+    for path in remove_partial_files():
+        log_event("removed what a killed run had half written", path=path)
+    below, stale = readable_dvc_lock(lambda: upstream_and_stale(targets))
     forced = {name for name in below if force and _is_target(name, targets)}
     wanted = stale | forced
     # What rests on a forced stage is looked at again after it.
@@ -58,7 +55,7 @@ def bring_up(way: Way, targets: list[str], *, force: bool, limit_s: float) -> li
     def reproduce_stage(stage: str) -> None:
         options = ["--force"] if stage in forced else []
         run_dvc(stage, ["repro", "--single-item", *options, stage], limit_s)
-        tell(f"up to date: {stage}", stage=stage)
+        log_event(f"up to date: {stage}", stage=stage)
 
     if order:
         way.stages(reproduce_stage, order)
@@ -69,10 +66,10 @@ def reproduce_here(
     way: Way, targets: list[str], *, force: bool = False, experiment: str = ""
 ) -> list[str]:
     """Reproduce as the only writer, with a record of the run."""
-    start_log(LOG)
-    with one_writer("reproduce", LOCK), recorded("reproduce", RUNS) as run:
+    configure_logging(LOG)
+    with writer_lock("reproduce", LOCK), record_run("reproduce", RUNS) as run:
         if experiment:
-            use(experiment, discard=False)
+            use_experiment(experiment)
         run.facts["stages"] = bring_up(way, targets, force=force, limit_s=STAGE_LIMIT_S)
         stages: list[str] = run.facts["stages"]
         return stages

@@ -7,9 +7,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from apps.failure import CommandError
-from apps.lock import mark_of
-from apps.places import LOCK, STAGE_LOGS
+from pacmo_core.project.lock import writer_environment
+from pacmo_core.project.workspace import LOCK, STAGE_LOGS, CommandError
 
 _LAST_LINES = 2
 
@@ -41,7 +40,7 @@ def run_dvc(name: str, words: list[str], limit_s: float) -> str:
     log.parent.mkdir(parents=True, exist_ok=True)
     bin_folder = str(Path(sys.executable).parent)
     path = f"{bin_folder}{os.pathsep}{os.environ.get('PATH', '')}"
-    environment = {**os.environ, **mark_of(LOCK), "PATH": path}
+    environment = {**os.environ, **writer_environment(LOCK), "PATH": path}
     with log.open("wb") as out:
         process = subprocess.Popen(
             command, stdout=out, stderr=out, start_new_session=True, env=environment

@@ -22,12 +22,11 @@ from prefect.deployments.runner import RunnerDeployment
 from prefect.types.entrypoint import EntrypointType
 from ruamel.yaml import YAML
 
-from apps.log import start_log, tell
-from apps.places import LOG, RUNS
-from apps.records import read_runs
 from flows.ending import ending
-from flows.missed import is_missed
+from flows.nightly import is_missed
 from flows.server import HOME, PORT, QUIET, a_server
+from pacmo_core.project.records import read_runs
+from pacmo_core.project.workspace import LOG, RUNS, configure_logging, log_event
 
 DEPLOYMENTS = Path("prefect.yaml")
 
@@ -64,13 +63,13 @@ def catches_up(facts: dict[str, Any], now: datetime) -> bool:
 
 def serve_all(port: int) -> None:
     """Serve until ended."""
-    start_log(LOG)
+    configure_logging(LOG)
     with a_server(port):
         entries = read_deployments()
         missed = [entry for entry in entries if catches_up(entry, datetime.now(UTC))]
         deployments = [deployment_of(entry) for entry in entries]
         for entry in missed:
-            tell(f"{entry['name']} was missed: it is caught up now", deployment=entry["name"])
+            log_event(f"{entry['name']} was missed: it is caught up now", deployment=entry["name"])
             _start_now(entry)
         # Schedules stay active when this ends, so that a server which goes on counts late nights.
         serve(*deployments, pause_on_shutdown=False, print_starting_message=False)

@@ -12,8 +12,7 @@ from pathlib import Path
 import httpx
 from prefect.settings import PREFECT_API_URL, temporary_settings
 
-from apps.failure import CommandError
-from apps.log import tell
+from pacmo_core.project.workspace import CommandError, log_event
 
 HOME = Path(".prefect")
 PORT = 4200
@@ -99,4 +98,4 @@ def _wait(process: "subprocess.Popen[bytes]", address: str) -> None:
         if process.poll() is not None or time.monotonic() > deadline:
             raise ServerError(f"the Prefect server did not come up: {HOME}/server.log")
         time.sleep(0.2)
-    tell("Prefect server is up", page=address.removesuffix("/api"))
+    log_event("Prefect server is up", page=address.removesuffix("/api"))

@@ -1,80 +1,429 @@
-"""Give clips other bodies, and put aside what is not good enough to train on.
+"""Give clips other bodies, and sort out variations that are not good enough to train on.
 
 Usage: python -m stages.augment --cache=DIR CLIPS SECOND VARIATIONS METRICS.json
 
-SECOND is a folder of captures of another skeleton, whose family is written beside. DIR caches
-variations and files of clips across runs (DVC does not manage it): only what is new is computed,
-and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to compute
-on.
+SECOND is a folder of captures of another skeleton, whose variations are a second dataset. DIR
+caches variations and files of clips across runs (DVC does not manage it): only what is new is
+computed, and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster.
 """
 
 import argparse
 import logging
+import os
 import shutil
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatch
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pacmo_core.augmentation.clip_files import settings_key
-from pacmo_core.augmentation.keep import Bounds, excess
-from pacmo_core.augmentation.keys import maker_key
-from pacmo_core.augmentation.plan import Plan
-from pacmo_core.interaction_mesh import Settings
+from pacmo_core.augmentation.bodies import measure_body
+from pacmo_core.augmentation.clip_files import (
+    ClipFiles,
+    clip_key,
+    settings_key,
+    variation_from_entry,
+    variation_to_entry,
+    write_clip_files,
+)
+from pacmo_core.augmentation.filter import (
+    Candidate,
+    VariationLimits,
+    exceeded_limits,
+    mean_near_pairs,
+    select_clips,
+)
+from pacmo_core.augmentation.plan import Plan, Variation, plan_variations
+from pacmo_core.augmentation.run import (
+    Batch,
+    BatchResult,
+    SolvedVariation,
+    body_key,
+    solve_on_cluster,
+    solve_with_processes,
+    solver_key,
+    source_key,
+)
+from pacmo_core.augmentation.segments import segments
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import clip_name
+from pacmo_core.data.quality import QualityLimits
+from pacmo_core.data.splits import window_edges
+from pacmo_core.formats.registry import open_format
+from pacmo_core.ingestion import IngestionSettings, read_sequences
+from pacmo_core.interaction_mesh import MAX_BATCH, Settings
 from pacmo_core.store.cache import Cache
-from pacmo_core.store.tables import VariationRecord
-from stages._files import write_json
-from stages._params import read_params
-from stages._sources import Choice, Second, own_family, second_family
-from stages._variations import Making, write_family
+from pacmo_core.store.motions import MotionReader
+from pacmo_core.store.tables import (
+    VARIATIONS,
+    ClipRecord,
+    QuarantineRecord,
+    VariationRecord,
+    read_rows,
+    write_rows,
+    write_variations,
+)
+from stages.common.files import CLIPS, MOTIONS, scheduler_address, write_json
+from stages.common.params import read_params
+
+
+@dataclass(frozen=True)
+class ClipSelection:
+    """Which clips of a dataset are varied."""
+
+    include: tuple[str, ...]  # patterns of clips' names
+    max_per_sequence: int | None  # those with the most near pairs of joints
+    max_clips: int | None  # in all; one of each action before a second of any
+    near_distance: float  # metres between joints that count as near
+
+    def must_select(self, n_clips: int) -> bool:
+        """Whether clips of a sequence with so many of them may have to be left out."""
+        max_clips = n_clips if self.max_per_sequence is None else self.max_per_sequence
+        return self.max_clips is not None or n_clips > max_clips
+
+
+@dataclass(frozen=True)
+class SecondDataset:
+    """Captures of another skeleton, read as ``ingest`` and ``cut`` do; none without a format."""
+
+    dataset: str
+    raw: str  # the folder, which is also on the command line
+    format: str | None
+    settings: dict[str, Any]
+    include: tuple[str, ...]
+    drop_joints: tuple[str, ...]
+    stated_fps: float | None
+    limits: QualityLimits
+    contact_distance: float
+    clip_seconds: float
+
+
+@dataclass(frozen=True)
+class SourceDataset:
+    """Sources of one skeleton.
+
+    Parameters
+    ----------
+    name : of the data set
+    clips : facts of the selected ones, by name, sorted
+    read : from a name to the clip
+    """
+
+    name: str
+    clips: dict[str, ClipRecord]
+    read: Callable[[str], Interaction]
+
+
+def main_dataset(clips: Path, selection: ClipSelection) -> SourceDataset:
+    """Choose among the experiment's clips."""
+    facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipRecord)}
+    read = MotionReader(clips / MOTIONS).read
+    selected = _select_clips(facts, read, selection, clips)
+    return SourceDataset(next(iter(selected.values())).dataset, selected, read)
+
+
+def second_dataset(
+    second: SecondDataset, raw: Path, selection: ClipSelection
+) -> Iterator[SourceDataset]:
+    """Choose among captures of the second skeleton, where there are any.
+
+    Raises
+    ------
+    ValueError
+        If none of them is usable.
+    """
+    if second.format is None:
+        return
+    rows: dict[str, ClipRecord] = {}
+    clips: dict[str, Interaction] = {}
+    for facts, sequence in _read_captures(second, raw):
+        edges = window_edges(len(sequence.times), sequence.fps, second.clip_seconds)
+        for number, (start, stop) in enumerate(edges):
+            name = clip_name(facts.sequence, number, len(edges))
+            clips[name] = sequence.frames(start, stop)
+            own = replace(facts, clip=name, duration=clips[name].duration, frames=stop - start)
+            rows[name] = replace(own, start_frame=start)
+    read = clips.__getitem__
+    yield SourceDataset(second.dataset, _select_clips(rows, read, selection, raw), read)
+
+
+def _read_captures(second: SecondDataset, raw: Path) -> Iterator[tuple[ClipRecord, Interaction]]:
+    raw_format = open_format(second.format or "", second.settings)
+    state = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
+    recipe = IngestionSettings(
+        dataset=second.dataset,
+        root=raw,
+        format=raw_format,
+        drop_joints=second.drop_joints,
+        limits=second.limits,
+        contact_distance=second.contact_distance,
+        stated_fps=second.stated_fps,
+    )
+    included = [
+        sequence
+        for sequence in state
+        if _is_included(sequence.files[0].relative_to(raw).as_posix(), second.include)
+    ]
+    for outcome in read_sequences(recipe, included):
+        if not isinstance(outcome, QuarantineRecord):
+            yield outcome
+
+
+def _is_included(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatch(name, pattern) for pattern in patterns)
+
+
+def _select_clips(
+    facts: Mapping[str, ClipRecord],
+    read: Callable[[str], Interaction],
+    selection: ClipSelection,
+    where: Path,
+) -> dict[str, ClipRecord]:
+    """Choose clips by name; only those among which there is a selection are looked into."""
+    rows = [row for row in facts.values() if _is_included(row.clip, selection.include)]
+    if not rows:
+        raise ValueError(f"{where}: no clip fits {', '.join(selection.include)}")
+    n_clips = Counter(row.sequence for row in rows)
+    candidates = []
+    for row in rows:
+        must_look = selection.must_select(n_clips[row.sequence])
+        near_pairs = mean_near_pairs(read(row.clip), selection.near_distance) if must_look else 0.0
+        candidates.append(Candidate(row.clip, row.sequence, row.action, near_pairs))
+    names = select_clips(
+        candidates, max_per_sequence=selection.max_per_sequence, max_clips=selection.max_clips
+    )
+    return {name: facts[name] for name in names}
+
+
+LOG = logging.getLogger(__name__)
+N_COPY_THREADS = 2  # threads: more wait for each other
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How clips are varied, and where what was made before is kept."""
+
+    plan: Plan
+    solver: Settings
+    limits: VariationLimits
+    variations: Cache  # whatever the plan
+    clips: Cache  # files of clips with all variations of the plan
+
+
+@dataclass(frozen=True)
+class PendingClip:
+    """A clip that is not finished, and the hashes under which all of it is kept."""
+
+    clip: str
+    key: str
+    source: str
+    variations: list[tuple[str, Variation]]
+
+
+@dataclass(frozen=True)
+class CacheState:
+    """The keys of the variations in the cache, and why sources were refused."""
+
+    cached: set[str] = field(default_factory=set)
+    refused: dict[str, str] = field(default_factory=dict)
+
+    def missing(self, clip: PendingClip) -> list[tuple[str, Variation]]:
+        """List what a clip still waits for: nothing, once its source is refused."""
+        if clip.source in self.refused:
+            return []
+        return [
+            one for one in clip.variations if variation_key(clip.source, one[0]) not in self.cached
+        ]
+
+    def outcomes(
+        self, clip: PendingClip, cache: Cache
+    ) -> Iterator[tuple[Variation, SolvedVariation | str]]:
+        """Read what came of each variation."""
+        for body, variation in clip.variations:
+            entry = cache.get(variation_key(clip.source, body))
+            made = variation_from_entry(entry) if entry else self.refused[clip.source]
+            yield variation, made
+
+
+def variation_key(source: str, body: str) -> str:
+    """Return the key of a variation in the cache."""
+    return f"{source}/{body}"
+
+
+def write_dataset(
+    folder: Path, dataset: SourceDataset, augmentation: Augmentation
+) -> list[VariationRecord]:
+    """Write what is varied, what comes of it and the facts of both, a file a clip."""
+    rows, pending = _copy_cached_clips(folder, dataset, augmentation)
+    n_new = sum(len(one.variations) for one in pending)
+    LOG.info("%s: %d planned, %d not finished before", dataset.name, len(rows) + n_new, n_new)
+    for one, state in _solve_pending(dataset, pending, augmentation):
+        source = dataset.read(one.clip)
+        outcomes = state.outcomes(one, augmentation.variations)
+        new = write_clip_files(folder, one.clip, source, outcomes, augmentation.limits)
+        augmentation.clips.put(one.key, new.to_entry())
+        rows += new.rows
+    rows.sort(key=lambda row: row.variation)
+    names = [segment.name for segment in segments(dataset.read(min(dataset.clips)).skeleton)]
+    write_variations(folder / VARIATIONS, rows, names)
+    write_rows(folder / CLIPS, ClipRecord, list(dataset.clips.values()))
+    return rows
+
+
+def _copy_cached_clips(
+    folder: Path, dataset: SourceDataset, augmentation: Augmentation
+) -> tuple[list[VariationRecord], list[PendingClip]]:
+    """Copy what is finished, beside the reading of what it must rest on; plan the rest."""
+    copies = []
+    with ThreadPoolExecutor(N_COPY_THREADS) as pool:
+        for clip in dataset.clips:
+            source = dataset.read(clip)
+            source_hash = source_key(source)
+            key = clip_key(clip, source_hash, source)
+            copies.append(
+                (clip, key, source_hash, pool.submit(_copy, augmentation.clips, key, folder, clip))
+            )
+    rows, pending = list[VariationRecord](), []
+    for clip, key, source_hash, answer in copies:
+        before = answer.result()
+        if before is None:
+            pending.append(
+                PendingClip(clip, key, source_hash, _plan_clip(clip, dataset, augmentation.plan))
+            )
+        else:
+            rows += before
+    return rows, pending
+
+
+def _copy(cache: Cache, key: str, folder: Path, clip: str) -> list[VariationRecord] | None:
+    """Write the cached files of a clip and return its records; None if it is not cached."""
+    entry = cache.get(key)
+    if entry is None:
+        return None
+    files = ClipFiles.from_entry(entry)
+    files.write(folder, clip)
+    return files.rows
+
+
+def _plan_clip(clip: str, dataset: SourceDataset, plan: Plan) -> list[tuple[str, Variation]]:
+    """Plan a clip's variations, each with the hash of its bodies."""
+    source = dataset.read(clip)
+    bodies = (
+        measure_body(source.person_a, source.skeleton),
+        measure_body(source.person_b, source.skeleton),
+    )
+    state = plan_variations(plan, bodies, clip)
+    return [(body_key(variation.scales), variation) for variation in state]
+
+
+def _solve_pending(
+    dataset: SourceDataset, pending: Sequence[PendingClip], augmentation: Augmentation
+) -> Iterator[tuple[PendingClip, CacheState]]:
+    """Yield clips as all their variations are there; make what is not kept, a batch at a time."""
+    state = CacheState()
+    keys = {variation_key(one.source, body) for one in pending for body, _ in one.variations}
+    state.cached.update(key for key in sorted(keys) if augmentation.variations.get(key))
+    batches = list(_make_batches(dataset, pending, state, augmentation.solver))
+    n_bodies, n_done = sum(len(batch.body_keys) for batch in batches), 0
+    pending_of_source: dict[str, list[PendingClip]] = {}
+    for one in pending:
+        if state.missing(one):
+            pending_of_source.setdefault(one.source, []).append(one)
+        else:
+            yield one, state
+    for outcome in _solve_batches(batches):
+        _store_outcome(outcome, state, augmentation.variations)
+        n_done += len(outcome.variations)
+        LOG.info("%s: %d of %d made", dataset.name, n_done, n_bodies)
+        if not any(state.missing(one) for one in pending_of_source.get(outcome.source_key, ())):
+            for one in pending_of_source.pop(outcome.source_key, ()):
+                yield one, state
+
+
+def _store_outcome(outcome: BatchResult, state: CacheState, cache: Cache) -> None:
+    """Add a batch to the cache as it is done."""
+    if outcome.error:
+        state.refused[outcome.source_key] = outcome.error
+    for body, made in outcome.variations.items():
+        cache.put(variation_key(outcome.source_key, body), variation_to_entry(made))
+        state.cached.add(variation_key(outcome.source_key, body))
+
+
+def _solve_batches(batches: list[Batch]) -> Iterator[BatchResult]:
+    address = scheduler_address()
+    if address:
+        return solve_on_cluster(batches, address)
+    return solve_with_processes(batches, processes=os.cpu_count() or 1)
+
+
+def _make_batches(
+    dataset: SourceDataset, pending: Sequence[PendingClip], state: CacheState, settings: Settings
+) -> Iterator[Batch]:
+    """Gather what one source missing, a batch of the solver at a time."""
+    sources: dict[str, dict[str, Variation]] = {}
+    clips: dict[str, str] = {}
+    for one in pending:
+        if missing_bodies := state.missing(one):
+            sources.setdefault(one.source, {}).update(missing_bodies)
+            clips.setdefault(one.source, one.clip)
+    for key, bodies in sources.items():
+        names = list(bodies)
+        source = dataset.read(clips[key])
+        for first in range(0, len(names), MAX_BATCH):
+            body_keys = tuple(names[first : first + MAX_BATCH])
+            scales = np.stack([np.concatenate(bodies[name].scales) for name in body_keys])
+            yield Batch(key, solver_key(settings), source, settings, scales, body_keys)
+
 
 # Folders of the cache.
-VARIATIONS, CLIPS = "variations", "clips"
-USUAL = (5, 95)  # percentiles of the figures between which most variations lie
+VARIATION_CACHE, CLIP_CACHE = "variations", "clips"
+PERCENTILES = (5, 95)  # percentiles of the figures between which most variations lie
 
 
 @dataclass(frozen=True)
 class Params:
     """The ``augment`` section of ``params.yaml``."""
 
-    clips: Choice  # which are varied
-    second: Second  # a second family beside the experiment's
+    clips: ClipSelection  # which are varied
+    second_dataset: SecondDataset  # a second dataset beside the experiment's
     plan: Plan  # the bodies that each is given
     solver: Settings
-    bounds: Bounds  # what a variation must keep within to be trained on
+    limits: VariationLimits  # of a variation that is accepted for training
 
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("augment", Params)
-    maker = maker_key(params.solver)
-    variations = Cache(paths.cache / VARIATIONS, maker)
-    clips = Cache(paths.cache / CLIPS, settings_key(maker, params.plan, params.bounds))
-    making = Making(params.plan, params.solver, params.bounds, variations, clips)
-    families = [
-        own_family(paths.clips, params.clips),
-        *second_family(params.second, paths.second, params.clips),
+    solver_hash = solver_key(params.solver)
+    variations = Cache(paths.cache / VARIATION_CACHE, solver_hash)
+    clips = Cache(paths.cache / CLIP_CACHE, settings_key(solver_hash, params.plan, params.limits))
+    augmentation = Augmentation(params.plan, params.solver, params.limits, variations, clips)
+    datasets = [
+        main_dataset(paths.clips, params.clips),
+        *second_dataset(params.second_dataset, paths.second, params.clips),
     ]
     if paths.variations.exists():
-        # As DVC does before it runs a stage: clips that are gone, and what a killed run left, go.
+        # Like DVC before it runs a stage: remove clips that are gone and what a killed run left.
         shutil.rmtree(paths.variations)
     metrics = {}
-    for family in families:
-        rows = write_family(paths.variations / family.name, family, making)
-        metrics[family.name] = summary(rows, params.bounds)
+    for dataset in datasets:
+        rows = write_dataset(paths.variations / dataset.name, dataset, augmentation)
+        metrics[dataset.name] = summary(rows, params.limits)
     variations.remove_other_namespaces()
     clips.remove_other_namespaces()
     clips.remove_unused()
     write_json(paths.metrics, metrics)
 
 
-def summary(rows: Sequence[VariationRecord], bounds: Bounds) -> dict[str, object]:
+def summary(rows: Sequence[VariationRecord], limits: VariationLimits) -> dict[str, object]:
     """Say how many there are, why some are put aside, and how good they are by kind."""
     refused = [row for row in rows if not row.accepted and not row.measurements]
     failed = [row for row in rows if not row.accepted and row.measurements]
-    reasons = Counter(name for row in failed for name in excess(row.measurements, bounds))
+    reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, limits))
     kinds = sorted({row.kind for row in rows if row.measurements})
     return {
         "clips": len({row.clip for row in rows}),
@@ -84,20 +433,20 @@ def summary(rows: Sequence[VariationRecord], bounds: Bounds) -> dict[str, object
         "refused": len(refused),
         "failed_by": dict(sorted(reasons.items())),
         "refused_clips": sorted({row.clip for row in refused}),
-        "kinds": {kind: figures([row for row in rows if row.kind == kind]) for kind in kinds},
+        "kinds": {kind: statistics([row for row in rows if row.kind == kind]) for kind in kinds},
     }
 
 
-def figures(rows: Sequence[VariationRecord]) -> dict[str, dict[str, float]]:
+def statistics(rows: Sequence[VariationRecord]) -> dict[str, dict[str, float]]:
     """Give each figure's mean over variations, and between which values most of them lie."""
-    found = {}
+    state = {}
     for name in sorted({name for row in rows for name in row.measurements}):
         values = [row.measurements[name] for row in rows if name in row.measurements]
         values = [value for value in values if isfinite(value)]
         if values:
-            low, high = np.percentile(values, USUAL)
-            found[name] = {"mean": float(np.mean(values)), "low": float(low), "high": float(high)}
-    return found
+            low, high = np.percentile(values, PERCENTILES)
+            state[name] = {"mean": float(np.mean(values)), "low": float(low), "high": float(high)}
+    return state
 
 
 def arguments() -> argparse.Namespace:

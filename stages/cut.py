@@ -10,8 +10,8 @@ from pathlib import Path
 from pacmo_core.data.splits import cut_sequence
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
 from pacmo_core.store.tables import ClipRecord, read_rows, write_rows
-from stages._files import CLIPS, MOTIONS
-from stages._params import read_params
+from stages.common.files import CLIPS, MOTIONS
+from stages.common.params import read_params
 
 
 @dataclass(frozen=True)

@@ -1,39 +1,160 @@
-"""Measure every row of one fold: real motion, models, reactions dealt to wrong partners.
+"""Measure every row of one fold: real motion, models, reactions permuted to wrong partners.
 
-Usage: python -m stages.evaluate_pacmo --autoencoder DIR --matcher DIR --clips DIR --sides FILE
+Usage: python -m stages.evaluate_pacmo --autoencoder DIR --matcher DIR --clips DIR --splits FILE
            --reactions DIR --scores FILE.parquet
 
-Below the folder of reactions stands ROW/SEED/motions.parquet. The scores are those of every draw
-of clips, for ``pool_pacmo`` to pool.
+Below the folder of reactions is ROW/SEED/motions.parquet. The scores are those of every bootstrap
+sample of clips, for ``pool_pacmo`` to pool.
 """
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import ReactionName, sample_name
 from pacmo_core.metrics.body import body_of
-from pacmo_core.metrics.partners import wrong_partners
+from pacmo_core.metrics.partners import has_wrong_partner, wrong_partners
+from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.table import REAL, REAL_PAIRS, Measured, Table
 from pacmo_core.metrics.yardstick import Settings
 from pacmo_core.models import load_model
+from pacmo_core.reaction import autoencoder, matcher
 from pacmo_core.reaction.autoencoder import Autoencoder
+from pacmo_core.reaction.data import replace_reaction, to_partner_frame
 from pacmo_core.reaction.matcher import Matcher
 from pacmo_core.store.files import file_hash
+from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.scores import Score, write_scores
-from stages._files import WEIGHTS
-from stages._params import read_params
-from stages._rows import Extractors, Indices, Seen, exchangeable, real_side, runs
+from stages.common.clips import directed_clips
+from stages.common.files import MOTIONS, WEIGHTS
+from stages.common.params import read_params
 
-# The model whose reactions are dealt to other partners, to learn whether it answers its own.
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class DirectedSet:
+    """Interactions seen from their partners, in the order of the tested clips.
+
+    Parameters
+    ----------
+    names : of the directed clips, the clip's, ``#`` and the person who reacts
+    clips, actions : of each
+    interactions : with the first reaction to each partner
+    further : with the second to each, the third, and so on
+    """
+
+    names: list[str]
+    clips: list[str]
+    actions: list[str]
+    interactions: list[Interaction]
+    further: list[list[Interaction]]
+
+    def permuted(self, order: Indices) -> "DirectedSet":
+        """Give partner i the reaction of sample ``order[i]``, and its clip's name with it."""
+        sets = [self.interactions, *self.further]
+        permuted = [
+            [replace_reaction(own, some[i]) for own, i in zip(some, order, strict=True)]
+            for some in sets
+        ]
+        clips = [self.clips[i] for i in order]
+        return DirectedSet(self.names, clips, self.actions, permuted[0], permuted[1:])
+
+    def take(self, indices: Indices) -> "DirectedSet":
+        """Choose samples by index, in that order."""
+        names, clips, actions = (
+            [part[i] for i in indices] for part in (self.names, self.clips, self.actions)
+        )
+        sets = [[some[i] for i in indices] for some in (self.interactions, *self.further)]
+        return DirectedSet(names, clips, actions, sets[0], sets[1:])
+
+
+@dataclass(frozen=True)
+class Extractors:
+    """The two frozen networks that give what metrics compare."""
+
+    autoencoder: Autoencoder
+    matcher: Matcher
+
+    def reactions(self, directed: DirectedSet) -> Reactions:
+        """Add features and embeddings, as the metrics want a row."""
+        features = autoencoder.encode_features(self.autoencoder, directed.interactions)
+        further = [autoencoder.encode_features(self.autoencoder, some) for some in directed.further]
+        return Reactions(
+            features=features,
+            motions=[interaction.person_b for interaction in directed.interactions],
+            partners=[interaction.person_a for interaction in directed.interactions],
+            times=[interaction.times for interaction in directed.interactions],
+            clips=directed.clips,
+            embedded=np.stack(matcher.embed(self.matcher, directed.interactions)),
+            further=np.array(further).reshape(len(further), *features.shape),
+        )
+
+
+def real_split(clips: Path, splits: Path, split: str) -> DirectedSet:
+    """See the recorded clips of a split from either person."""
+    result = list(directed_clips(clips, splits, split))
+    return DirectedSet(
+        [name for name, _, _ in result],
+        [facts.clip for _, facts, _ in result],
+        [facts.action for _, facts, _ in result],
+        [to_partner_frame(interaction) for _, _, interaction in result],
+        [],
+    )
+
+
+def read_reactions(file: Path, real: DirectedSet) -> DirectedSet | None:
+    """See a run's reactions to the partners tested; none if the run makes none of these data.
+
+    Raises
+    ------
+    ValueError
+        If a partner is without its reaction, or has fewer than the others.
+    """
+    result = dict(stream_motions(file))
+    if not result:
+        return None
+    n_samples = 1 + max(ReactionName.parse(name).sample for name in result)
+    expected = [[sample_name(name, k) for name in real.names] for k in range(n_samples)]
+    missing = {name for names in expected for name in names} ^ result.keys()
+    if missing:
+        raise ValueError(
+            f"{file}: wanted {n_samples} reactions to each partner tested, and no others; "
+            f"{min(missing)} is amiss"
+        )
+    sets = [[to_partner_frame(result[name]) for name in names] for names in expected]
+    return DirectedSet(real.names, real.clips, real.actions, sets[0], sets[1:])
+
+
+def read_runs(reactions: Path, real: DirectedSet) -> Iterator[tuple[str, int, DirectedSet]]:
+    """Yield the reactions in ``ROW/SEED`` below a folder; empty runs are left out."""
+    files = sorted(reactions.glob(f"*/*/{MOTIONS}"))
+    if not files:
+        raise ValueError(f"{reactions}: wanted ROW/SEED/{MOTIONS} below it, found none")
+    for file in files:
+        directed = read_reactions(file, real)
+        if directed is not None:
+            yield file.parts[-3], int(file.parts[-2]), directed
+
+
+def permutable_within_action(real: DirectedSet) -> Indices:
+    """Find the samples of actions in which partners can be exchanged."""
+    return np.flatnonzero(has_wrong_partner(real.clips, real.actions))
+
+
+# The model whose reactions are permuted to other partners, to learn whether it answers its own.
 PERMUTED = "pacmo"
 SAME_ACT = "_same_act"
 
-Row = tuple[str, int, Seen]
+Row = tuple[str, int, DirectedSet]
 Scored = tuple[str, int, Measured]
 
 
@@ -66,30 +187,37 @@ def main(paths: argparse.Namespace) -> None:
 def evaluate(paths: argparse.Namespace, params: Params) -> None:
     """Measure all rows and write their scores."""
     extractors = read_extractors(paths.autoencoder, paths.matcher)
-    real, train = (real_side(paths.clips, paths.sides, side) for side in ("test", "train"))
-    made = list(runs(paths.reactions, real))
-    asked = [(row, seed, seen) for row, seed, seen in made if row == PERMUTED]
+    real, train = (real_split(paths.clips, paths.splits, split) for split in ("test", "train"))
+    model_rows = list(read_runs(paths.reactions, real))
+    permuted_rows = [(row, seed, directed) for row, seed, directed in model_rows if row == PERMUTED]
 
-    table = table_of(extractors, real, train, params)
-    block = Block(extractors, table, real, "")
-    measured = [*block.real_rows(), *block.models(made)]
-    measured += block.dealt(asked, wrong_order(real, params.random_seed, acts=False))
+    table = make_table(extractors, real, train, params)
+    block = RowGroup(extractors, table, real, "")
+    measured = [*block.real_rows(), *block.models(model_rows)]
+    measured += block.permuted(permuted_rows, permutation(real, params.random_seed, actions=False))
 
-    within = exchangeable(real)
+    within = permutable_within_action(real)
     if len(within):
-        some, asked = real.take(within), [(row, k, seen.take(within)) for row, k, seen in asked]
-        own = table if len(within) == len(real.names) else table_of(extractors, some, train, params)
-        block = Block(extractors, own, some, SAME_ACT)
-        measured += [*block.real_rows()[1:], *block.models(asked)]
-        measured += block.dealt(asked, wrong_order(some, params.random_seed, acts=True))
+        some, permuted_rows = (
+            real.take(within),
+            [(row, k, directed.take(within)) for row, k, directed in permuted_rows],
+        )
+        own = (
+            table if len(within) == len(real.names) else make_table(extractors, some, train, params)
+        )
+        block = RowGroup(extractors, own, some, SAME_ACT)
+        measured += [*block.real_rows()[1:], *block.models(permuted_rows)]
+        measured += block.permuted(
+            permuted_rows, permutation(some, params.random_seed, actions=True)
+        )
 
     facts = {
         "autoencoder_sha256": file_hash(paths.autoencoder / WEIGHTS),
         "matcher_sha256": file_hash(paths.matcher / WEIGHTS),
-        "n": counted(table, real, within),
-        "absent": absences(measured),
+        "n": sample_counts(table, real, within),
+        "absent": missing_reasons(measured),
     }
-    write_scores(paths.scores, scores(measured), facts)
+    write_scores(paths.scores, score_table(measured), facts)
 
 
 def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractors:
@@ -100,7 +228,9 @@ def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractor
     )
 
 
-def table_of(extractors: Extractors, real: Seen, train: Seen, params: Params) -> Table:
+def make_table(
+    extractors: Extractors, real: DirectedSet, train: DirectedSet, params: Params
+) -> Table:
     """Prepare what all rows are measured with."""
     features = extractors.reactions(real)
     n_points = features.features.shape[-1]
@@ -113,19 +243,19 @@ def table_of(extractors: Extractors, real: Seen, train: Seen, params: Params) ->
 
 
 @dataclass(frozen=True)
-class Block:
+class RowGroup:
     """Rows that are measured against the same real reactions.
 
     Parameters
     ----------
     table : of those
     real : the same as ``table``'s
-    suffix : of the rows' names; those of the same act are dealt within acts
+    suffix : of the rows' names; those of the same act are permuted within actions
     """
 
     extractors: Extractors
     table: Table
-    real: Seen
+    real: DirectedSet
     suffix: str
 
     def real_rows(self) -> list[Scored]:
@@ -136,44 +266,49 @@ class Block:
     def models(self, rows: list[Row]) -> list[Scored]:
         """Measure what models answered."""
         return [
-            (row + self.suffix, k, self.table.measure(self.extractors.reactions(seen)))
-            for row, k, seen in rows
+            (row + self.suffix, k, self.table.measure(self.extractors.reactions(directed)))
+            for row, k, directed in rows
         ]
 
-    def dealt(self, rows: list[Row], order: Indices) -> list[Scored]:
-        """Measure reactions dealt to wrong partners: the real ones, and those of models."""
-        acts = np.unique(self.real.acts, return_inverse=True)[1]
-        groups = acts if self.suffix else np.zeros(len(order), dtype=np.intp)
+    def permuted(self, rows: list[Row], order: Indices) -> list[Scored]:
+        """Measure reactions permuted to wrong partners: the real ones, and those of models."""
+        actions = np.unique(self.real.actions, return_inverse=True)[1]
+        groups = actions if self.suffix else np.zeros(len(order), dtype=np.intp)
         named = [("wrong_partner", 0, self.real)]
-        named += [(f"{row}_permuted", k, seen) for row, k, seen in rows]
-        return [(row + self.suffix, k, self._dealt(seen, order, groups)) for row, k, seen in named]
+        named += [(f"{row}_permuted", k, directed) for row, k, directed in rows]
+        return [
+            (row + self.suffix, k, self._dealt(directed, order, groups))
+            for row, k, directed in named
+        ]
 
-    def _dealt(self, seen: Seen, order: Indices, groups: Indices) -> Measured:
-        own, dealt = (self.extractors.reactions(some) for some in (seen, seen.dealt(order)))
-        return self.table.measure_dealt(own, dealt, groups)
+    def _dealt(self, directed: DirectedSet, order: Indices, groups: Indices) -> Measured:
+        own, permuted = (
+            self.extractors.reactions(some) for some in (directed, directed.permuted(order))
+        )
+        return self.table.measure_dealt(own, permuted, groups)
 
 
-def wrong_order(real: Seen, random_seed: int, *, acts: bool) -> Indices:
+def permutation(real: DirectedSet, random_seed: int, *, actions: bool) -> Indices:
     """Deal wrong partners, of any act or of the same."""
-    generator = np.random.default_rng((random_seed, int(acts)))
-    return wrong_partners(real.clips, real.acts if acts else None, generator)
+    generator = np.random.default_rng((random_seed, int(actions)))
+    return wrong_partners(real.clips, real.actions if actions else None, generator)
 
 
-def scores(measured: list[Scored]) -> list[Score]:
+def score_table(measured: list[Scored]) -> list[Score]:
     """Lay out every draw."""
     return [
         Score(row, seed, metric, np.array([estimate.plain, *estimate.resampled]))
-        for row, seed, found in measured
-        for metric, estimate in found.estimates.items()
+        for row, seed, result in measured
+        for metric, estimate in result.estimates.items()
     ]
 
 
-def absences(measured: list[Scored]) -> dict[str, dict[str, str]]:
+def missing_reasons(measured: list[Scored]) -> dict[str, dict[str, str]]:
     """Say of each row which metrics are missing, and why."""
-    return {row: found.absent for row, _, found in measured if found.absent}
+    return {row: result.absent for row, _, result in measured if result.absent}
 
 
-def counted(table: Table, real: Seen, within: Indices) -> dict[str, int]:
+def sample_counts(table: Table, real: DirectedSet, within: Indices) -> dict[str, int]:
     """Count what the figures rest on."""
     seconds = table.yardstick.seconds
     return {
@@ -189,7 +324,7 @@ def counted(table: Table, real: Seen, within: Indices) -> dict[str, int]:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("autoencoder", "matcher", "clips", "sides", "reactions", "scores"):
+    for name in ("autoencoder", "matcher", "clips", "splits", "reactions", "scores"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     return parser.parse_args()
 

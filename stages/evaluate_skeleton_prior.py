@@ -1,37 +1,257 @@
-"""Judge all skeleton priors of a split: on given bodies, and on bodies that they draw.
+"""Evaluate all skeleton priors of a split: on given bodies, and on bodies that they sample.
 
-Usage: python -m stages.evaluate_skeleton_prior FAMILY SIDES.parquet MODELS SCORES.json
+Usage: python -m stages.evaluate_skeleton_prior VARIATIONS SPLITS.parquet MODELS SCORES.json
            SAMPLES.parquet
 
-MODELS holds a folder a model, in it one a seed. SAMPLES will hold what plays: for each source one
-drawn body, what the solver makes of it and what each model does.
+VARIATIONS is the folder of one dataset. MODELS holds MODEL/SEED. SAMPLES will hold motions to play:
+for each source one sampled body, the solver's variation of it and each model's.
 """
 
 import argparse
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import variation_name
+from pacmo_core.interaction_mesh import Scene, Settings, prepare
 from pacmo_core.interaction_mesh import Settings as SolverSettings
-from pacmo_core.metrics.body import body_of
-from pacmo_core.metrics.retargeting import Limits
+from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
+from pacmo_core.metrics import retargeting
+from pacmo_core.metrics.body import Body, body_of
+from pacmo_core.metrics.retargeting import Limits, Pair, sample_diversity
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.skeleton_prior import features
-from pacmo_core.skeleton_prior.data import Example
-from pacmo_core.skeleton_prior.features import FeatureExtractorSettings
+from pacmo_core.skeleton_prior.data import Example, canonical_frame, is_b_first
+from pacmo_core.skeleton_prior.features import FeatureExtractor, FeatureExtractorSettings
+from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
-from stages._examples import stream_examples
-from stages._files import WEIGHTS, write_json
-from stages._params import read_params
-from stages._prior_scores import ALL, Judge, characters, of_source
-from stages._prior_tasks import GeneratedSkeletons, drawn_bodies, generation, retargeting, varied
-from stages._priors import read_priors
+from stages.common.examples import stream_examples
+from stages.common.files import ALL_SOURCES, WEIGHTS, write_json
+from stages.common.params import read_params, read_prior_runs
+
+# The supplement's A follows its B; here the second follows the first.
+CHARACTERS = ("first", "second")
+
+
+@dataclass(frozen=True)
+class PriorEvaluator:
+    """What all models of a split are evaluated with.
+
+    Parameters
+    ----------
+    extractor : of the features of the Fréchet distance
+    body : joints that metrics speak of
+    limits : what counts as touching, standing and merging
+    """
+
+    extractor: FeatureExtractor
+    body: Body
+    limits: Limits
+
+    def retargeted(
+        self, motions: Sequence[Interaction], ground_truths: Sequence[Example]
+    ) -> dict[str, float]:
+        """Measure motions on given bodies against the solver's."""
+        rows = [
+            self._errors(
+                oriented(motion, ground_truth),
+                oriented(ground_truth.variation, ground_truth),
+                ground_truth,
+            )
+            for motion, ground_truth in zip(motions, ground_truths, strict=True)
+        ]
+        return _mean_rows(rows) | _ratio_of_sums(
+            [self._sums(m, t) for m, t in zip(motions, ground_truths, strict=True)]
+        )
+
+    def generated(
+        self, motions: Sequence[Interaction], ground_truths: Sequence[Example]
+    ) -> dict[str, float]:
+        """Measure motions on sampled bodies; ``ground_truths`` are the solver's on them."""
+        rows = []
+        for motion, ground_truth in zip(motions, ground_truths, strict=True):
+            predicted, expected = (
+                oriented(motion, ground_truth),
+                oriented(ground_truth.variation, ground_truth),
+            )
+            errors = self._errors(predicted, expected, ground_truth)
+            rows.append({name: errors[name] for name in errors if not name.startswith("E_r")})
+        return _mean_rows(rows)
+
+    def distance(
+        self,
+        result: Sequence[Interaction],
+        bodies: Sequence[Example],
+        real: Sequence[Example],
+        name: str,
+    ) -> dict[str, float]:
+        """Measure the Fréchet distance of motions from real ones, of each character."""
+        distances = {}
+        for role, character in enumerate(CHARACTERS):
+            predicted = self.features(result, bodies, role)
+            expected = self.features([example.variation for example in real], real, role)
+            distances[f"{name}_{character}"] = retargeting.frechet_distance(expected, predicted)
+        return distances
+
+    def features(
+        self, motions: Sequence[Interaction], examples: Sequence[Example], role: int
+    ) -> NDArray[np.float64]:
+        """Take one character's features, in the frames of the sources."""
+        return self.extractor.features(list(characters(motions, examples, role)))
+
+    def _errors(self, predicted: Pair, expected: Pair, ground_truth: Example) -> dict[str, float]:
+        template = oriented(ground_truth.template, ground_truth)
+        scales = (
+            ground_truth.scales[::-1] if is_b_first(ground_truth.scales) else ground_truth.scales
+        )
+        skeleton = ground_truth.template.skeleton
+        places = retargeting.joint_error(predicted, expected)
+        bones = retargeting.bone_error(predicted, template, scales, skeleton)
+        columns = {"E_r": places, "E_b": bones}
+        return {
+            f"{metric}_{name}": float(values[role])
+            for metric, values in columns.items()
+            for role, name in enumerate(CHARACTERS)
+        } | {"JPD": retargeting.pair_distance_error(predicted, expected)}
+
+    def _sums(self, motion: Interaction, ground_truth: Example) -> dict[str, tuple[float, float]]:
+        predicted, template = (
+            oriented(motion, ground_truth),
+            oriented(ground_truth.template, ground_truth),
+        )
+        kept, touching = retargeting.contacts_kept(predicted, template, self.limits)
+        skate, standing = retargeting.slide(
+            predicted, template, ground_truth.template.times, self.body, self.limits
+        )
+        merged = retargeting.merged_frames(predicted, self.body, self.limits)
+        return {
+            "contacts_kept": (kept, touching),
+            "slide": (float(skate), float(standing)),
+            "merged": (merged, len(predicted)),
+        }
+
+
+def select_source(examples: Sequence[Example], source: str) -> list[Example]:
+    """Take the examples of one source."""
+    return [example for example in examples if example.source == source]
+
+
+def oriented(motion: Interaction, ground_truth: Example) -> Pair:
+    """``(T, 2, J, 3)`` metres, the character that changes first."""
+    people = [motion.person_a, motion.person_b]
+    return np.stack(people[::-1] if is_b_first(ground_truth.scales) else people, axis=1)
+
+
+def characters(
+    motions: Sequence[Interaction], examples: Sequence[Example], role: int
+) -> Iterator[NDArray[np.float32]]:
+    """Yield one character's motions in the canonical frames of their sources."""
+    for motion, example in zip(motions, examples, strict=True):
+        sampled_of_source = np.ascontiguousarray(oriented(motion, example)[:, role])
+        yield canonical_frame(example.template).to_local(sampled_of_source)
+
+
+def _mean_rows(rows: Sequence[dict[str, float]]) -> dict[str, float]:
+    return {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
+
+
+def _ratio_of_sums(rows: Sequence[dict[str, tuple[float, float]]]) -> dict[str, float]:
+    """Divide sums over all motions; nothing is left out but what was never there."""
+    totals = {name: np.sum([row[name] for row in rows], axis=0) for name in rows[0]}
+    return {name: float(top / below) for name, (top, below) in totals.items() if below}
+
+
+@dataclass(frozen=True)
+class GeneratedSkeletons:
+    """The skeletons that are sampled for generation.
+
+    Parameters
+    ----------
+    per_source : at least 2
+    n_samples : motions of one of them, for the diversity
+    random_seed : int
+    """
+
+    per_source: int
+    n_samples: int
+    random_seed: int
+
+
+def sample_body_examples(
+    model: SkeletonPrior, test: Sequence[Example], bodies: GeneratedSkeletons, solver: Settings
+) -> list[Example]:
+    """Draw bodies for each source of the test split, and let the solver move them."""
+    random = torch.Generator().manual_seed(bodies.random_seed)
+    sources = {example.source: example.template for example in test}
+    result = []
+    for name, template in sources.items():
+        scales = generate_skeletons(model, bodies.per_source, random=random)
+        points = solve_bodies(template, scales, solver)
+        n_joints = len(template.skeleton.joints)
+        for sampled_of_source, both in zip(scales, points, strict=True):
+            first, second = (np.ascontiguousarray(p) for p in np.split(both, [n_joints], axis=1))
+            varied = replace(template, person_a=first, person_b=second)
+            result.append(Example(name, template, sampled_of_source, varied))
+    return result
+
+
+def solve_bodies(
+    template: Interaction, scales: NDArray[np.float64], solver: Settings
+) -> NDArray[np.float32]:
+    """``(V, T, 2 J, 3)`` metres: what the solver makes of a source on bodies (V, 2, E)."""
+    people = (template.person_a, template.person_b)
+    scene = Scene(people, (template.skeleton,) * 2, template.fps)
+    made = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
+    return made.points.astype(np.float32)
+
+
+def evaluate_retargeting(
+    model: SkeletonPrior, evaluator: PriorEvaluator, test: Sequence[Example]
+) -> dict[str, float]:
+    """Measure the likeliest motions of one source on given bodies."""
+    return evaluator.retargeted(predict(model, test, None), test)
+
+
+def evaluate_generation(
+    model: SkeletonPrior,
+    evaluator: PriorEvaluator,
+    splits: tuple[Sequence[Example], Sequence[Example]],
+    n_samples: int,
+    random: torch.Generator,
+) -> dict[str, float]:
+    """Measure sampled motions of one source on sampled bodies.
+
+    Parameters
+    ----------
+    splits : real variations; the solver's on the sampled bodies
+    n_samples : motions of one body, for their diversity
+    """
+    real, sampled = splits
+    motions = predict(model, sampled, random)
+    one = sampled[0]
+    (samples,) = retarget(model, one.template, one.scales[None], samples=n_samples, random=random)
+    return {
+        **evaluator.generated(motions, sampled),
+        **evaluator.distance(motions, sampled, sampled, "FID"),
+        **evaluator.distance(motions, sampled, real, "FID_test"),
+        "diversity": sample_diversity(np.stack([oriented(motion, one) for motion in samples])),
+    }
+
+
+def predict(
+    model: SkeletonPrior, examples: Sequence[Example], random: torch.Generator | None
+) -> list[Interaction]:
+    """Vary one source to each example's body."""
+    scales = np.stack([example.scales for example in examples])
+    template = examples[0].template
+    return [pair for (pair,) in retarget(model, template, scales, samples=1, random=random)]
 
 
 @dataclass(frozen=True)
@@ -44,100 +264,106 @@ class Params:
     generated_skeletons: GeneratedSkeletons
     limits: Limits
     extractor: FeatureExtractorSettings
-    solver: SolverSettings
 
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("evaluate_skeleton_prior", Params)
-    wanted = read_priors()
+    solver = read_params("augment.solver", SolverSettings)
+    runs = read_prior_runs()
     torch.set_num_threads(params.threads)
     torch.use_deterministic_algorithms(mode=True)
     train, test = (
-        [example for _, example in stream_examples(paths.family, paths.sides, side)]
-        for side in ("train", "test")
+        [example for _, example in stream_examples(paths.dataset, paths.splits, split)]
+        for split in ("train", "test")
     )
-    judge = judge_of(train + test, params)
-    chosen = sample(test, params.max_variations, params.random_seed)
-    drawn: list[Example] = []
-    shown: dict[str, Interaction] = {}
+    evaluator = make_evaluator(train + test, params)
+    selected = sample_test_examples(test, params.max_variations, params.random_seed)
+    sampled: list[Example] = []
+    samples: dict[str, Interaction] = {}
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
-    for name in wanted.models:
-        for seed in wanted.seeds:
+    for name in runs.models:
+        for seed in runs.seeds:
             model = load_skeleton_prior(paths.models / name / str(seed) / WEIGHTS)
-            drawn = drawn or drawn_bodies(model, chosen, params.generated_skeletons, params.solver)
-            found = score(model, judge, (chosen, drawn), params)
-            scores.setdefault(name, {})[seed] = found
-            if seed == wanted.seeds[0]:
-                shown |= samples_of(model, name, drawn)
-    facts = {"extractor": features.fingerprint(judge.extractor), "tested": len(chosen)}
+            sampled = sampled or sample_body_examples(model, selected, params.generated_skeletons, solver)
+            result = evaluate_model(model, evaluator, (selected, sampled), params)
+            scores.setdefault(name, {})[seed] = result
+            if seed == runs.seeds[0]:
+                samples |= samples_of(model, name, sampled)
+    facts = {"extractor": features.fingerprint(evaluator.extractor), "tested": len(selected)}
     write_json(paths.scores, facts | {"train": len(train), "models": scores})
     with write_motions(paths.samples, test[0].template.skeleton) as writer:
-        for name, motion in sorted((solver_samples(drawn) | shown).items()):
+        for name, motion in sorted((solver_samples(sampled) | samples).items()):
             writer.add(name, motion)
 
 
-def judge_of(real: list[Example], params: Params) -> Judge:
+def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
     """Train the extractor on both characters of the real variations."""
     motions = [example.variation for example in real]
     seen = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
     fitted = features.build_extractor_training(seen, skeleton, params.extractor).finish()
-    return Judge(fitted, body_of(skeleton), params.limits)
+    return PriorEvaluator(fitted, body_of(skeleton), params.limits)
 
 
-def sample(test: list[Example], most: int, random_seed: int) -> list[Example]:
+def sample_test_examples(test: list[Example], most: int, random_seed: int) -> list[Example]:
     """Draw so many of each source, at most, and keep their order."""
     order = np.random.default_rng(random_seed).permutation(len(test))
-    taken: Counter[str] = Counter()
-    chosen = set()
+    n_selected: Counter[str] = Counter()
+    selected = set()
     for row in order.tolist():
-        taken[test[row].source] += 1
-        if taken[test[row].source] <= most:
-            chosen.add(row)
-    return [test[row] for row in sorted(chosen)]
+        n_selected[test[row].source] += 1
+        if n_selected[test[row].source] <= most:
+            selected.add(row)
+    return [test[row] for row in sorted(selected)]
 
 
-def score(
-    model: SkeletonPrior, judge: Judge, sides: tuple[list[Example], list[Example]], params: Params
+def evaluate_model(
+    model: SkeletonPrior,
+    evaluator: PriorEvaluator,
+    splits: tuple[list[Example], list[Example]],
+    params: Params,
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Measure both tasks: by task, by source, by metric."""
-    test, drawn = sides
-    found: dict[str, dict[str, dict[str, float]]] = {"retargeting": {}, "generation": {}}
+    test, sampled = splits
+    result: dict[str, dict[str, dict[str, float]]] = {"retargeting": {}, "generation": {}}
     for source in dict.fromkeys(example.source for example in test):
-        given, own = of_source(test, source), of_source(drawn, source)
-        random = torch.Generator().manual_seed(params.generated_skeletons.random_seed)
-        found["retargeting"][source] = retargeting(model, judge, given)
-        found["generation"][source] = generation(
-            model, judge, (given, own), params.generated_skeletons.n_samples, random
+        test_of_source, sampled_of_source = (
+            select_source(test, source),
+            select_source(sampled, source),
         )
-    return {task: means | {ALL: over_sources(means)} for task, means in found.items()}
+        random = torch.Generator().manual_seed(params.generated_skeletons.random_seed)
+        result["retargeting"][source] = evaluate_retargeting(model, evaluator, test_of_source)
+        result["generation"][source] = evaluate_generation(
+            model, evaluator, (test_of_source, sampled_of_source), params.generated_skeletons.n_samples, random
+        )
+    return {task: means | {ALL_SOURCES: mean_over_sources(means)} for task, means in result.items()}
 
 
-def first_of_each(drawn: list[Example]) -> list[Example]:
-    """Take the first drawn body of each source."""
-    return list({example.source: example for example in reversed(drawn)}.values())
+def first_of_each(sampled: list[Example]) -> list[Example]:
+    """Take the first sampled body of each source."""
+    return list({example.source: example for example in reversed(sampled)}.values())
 
 
-def samples_of(model: SkeletonPrior, name: str, drawn: list[Example]) -> dict[str, Interaction]:
-    """Give the likeliest motions of a model on the drawn bodies that are shown."""
+def samples_of(model: SkeletonPrior, name: str, sampled: list[Example]) -> dict[str, Interaction]:
+    """Give the likeliest motions of a model on the sampled bodies that are samples."""
     return {
-        variation_name(one.source, name): varied(model, [one], None)[0]
-        for one in first_of_each(drawn)
+        variation_name(one.source, name): predict(model, [one], None)[0]
+        for one in first_of_each(sampled)
     }
 
 
-def solver_samples(drawn: list[Example]) -> dict[str, Interaction]:
+def solver_samples(sampled: list[Example]) -> dict[str, Interaction]:
     """Give the sources, and the solver's motions on those bodies."""
-    shown = first_of_each(drawn)
-    sources = {variation_name(one.source, "source"): one.template for one in shown}
-    return sources | {variation_name(one.source, "solver"): one.variation for one in shown}
+    samples = first_of_each(sampled)
+    sources = {variation_name(one.source, "source"): one.template for one in samples}
+    return sources | {variation_name(one.source, "solver"): one.variation for one in samples}
 
 
-def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:
+def mean_over_sources(result: dict[str, dict[str, float]]) -> dict[str, float]:
     """Average over the sources that have a metric."""
-    names = dict.fromkeys(name for metrics in found.values() for name in metrics)
+    names = dict.fromkeys(name for metrics in result.values() for name in metrics)
     return {
-        name: float(np.mean([metrics[name] for metrics in found.values() if name in metrics]))
+        name: float(np.mean([metrics[name] for metrics in result.values() if name in metrics]))
         for name in names
     }
 
@@ -145,7 +371,7 @@ def over_sources(found: dict[str, dict[str, float]]) -> dict[str, float]:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("family", "sides", "models", "scores", "samples"):
+    for name in ("dataset", "splits", "models", "scores", "samples"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

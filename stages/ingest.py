@@ -1,4 +1,4 @@
-"""Read raw captures into Parquet; put aside, with the reason, those that cannot be used.
+"""Read raw captures into Parquet; quarantine, with the reason, those that cannot be used.
 
 Usage: python -m stages.ingest [--cache=DIR] RAW SEQUENCES METRICS.json
 
@@ -23,9 +23,8 @@ from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
-from stages._cluster import scheduler_address
-from stages._files import CLIPS, MOTIONS, QUARANTINE, write_json
-from stages._params import read_params
+from stages.common.files import CLIPS, MOTIONS, QUARANTINE, scheduler_address, write_json
+from stages.common.params import read_params
 
 
 @dataclass(frozen=True)
@@ -48,41 +47,43 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
     found = sorted(
         open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
     )
-    wanted = [sequence for sequence in found if is_included(sequence, raw, params.include)]
-    if not wanted:
+    included = [sequence for sequence in found if is_included(sequence, raw, params.include)]
+    if not included:
         raise ValueError(
             f"{raw}: found {len(found)} captures of format {params.format}, "
             f"none of them under {', '.join(params.include)}"
         )
 
-    recipe = recipe_of(params, raw)
-    aside: list[QuarantineRecord] = []
-    reading_cache = ReadingCache(cache, words_of(params)) if cache else None
-    readings = read_sequences(recipe, wanted, reading_cache, scheduler_address())
-    captures = usable(readings, aside)
+    settings = ingestion_settings(params, raw)
+    quarantined: list[QuarantineRecord] = []
+    reading_cache = ReadingCache(cache, settings_key(params)) if cache else None
+    readings = read_sequences(settings, included, reading_cache, scheduler_address())
+    captures = split_usable(readings, quarantined)
     first = next(captures, None)
     if first is None:
-        raise ValueError(f"{raw}: no capture of {len(wanted)} is usable; first: {aside[0].reason}")
+        raise ValueError(
+            f"{raw}: no capture of {len(included)} is usable; first: {quarantined[0].reason}"
+        )
     rows = []
     with write_motions(sequences / MOTIONS, first[1].skeleton) as writer:
         for facts, interaction in chain([first], captures):
             writer.add(facts.clip, interaction)
             rows.append(facts)
     write_rows(sequences / CLIPS, ClipRecord, rows)
-    write_rows(sequences / QUARANTINE, QuarantineRecord, aside)
+    write_rows(sequences / QUARANTINE, QuarantineRecord, quarantined)
     counts = {
-        "sequences_read": len(wanted),
-        "files_read": sum(len(sequence.files) for sequence in wanted),
-        "not_included": len(found) - len(wanted),
+        "sequences_read": len(included),
+        "files_read": sum(len(sequence.files) for sequence in included),
+        "not_included": len(found) - len(included),
         "usable": len(rows),
-        "quarantined": len(aside),
+        "quarantined": len(quarantined),
     }
     write_json(
-        metrics, {"dataset": params.dataset, "format": params.format, **counts, **facts_of(rows)}
+        metrics, {"dataset": params.dataset, "format": params.format, **counts, **summarise(rows)}
     )
 
 
-def recipe_of(params: Params, raw: Path) -> IngestionSettings:
+def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
     """Say how the captures under a folder are read."""
     return IngestionSettings(
         dataset=params.dataset,
@@ -101,18 +102,18 @@ def is_included(sequence: RawSequence, root: Path, patterns: tuple[str, ...]) ->
     return any(fnmatch(path, pattern) for pattern in patterns)
 
 
-def usable(
-    outcomes: Iterator[Capture | QuarantineRecord], aside: list[QuarantineRecord]
+def split_usable(
+    outcomes: Iterator[Capture | QuarantineRecord], quarantined: list[QuarantineRecord]
 ) -> Iterator[Capture]:
-    """Yield what can be used, and collect the rest in ``aside``."""
+    """Yield what can be used, and collect the rest in ``quarantined``."""
     for outcome in outcomes:
         if isinstance(outcome, QuarantineRecord):
-            aside.append(outcome)
+            quarantined.append(outcome)
         else:
             yield outcome
 
 
-def facts_of(rows: list[ClipRecord]) -> dict[str, object]:
+def summarise(rows: list[ClipRecord]) -> dict[str, object]:
     """Say what the usable sequences amount to."""
     return {
         "frames": sum(row.frames for row in rows),
@@ -122,7 +123,7 @@ def facts_of(rows: list[ClipRecord]) -> dict[str, object]:
     }
 
 
-def words_of(params: Params) -> str:
+def settings_key(params: Params) -> str:
     """Say all that a reading rests on beside its files; lists that settings name are read."""
     lists = [Path(name).read_text("utf-8") for name in params.settings.get("skip_lists", ())]
     return json.dumps([asdict(params), lists], sort_keys=True)

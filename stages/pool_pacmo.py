@@ -1,6 +1,6 @@
 """Pool the scores of all folds and seeds into the table, with intervals and paired differences.
 
-Usage: python -m stages.pool_pacmo --scores DIR --metrics JSON
+Usage: python -m stages.pool_pacmo --scores DIR --pooled JSON
 """
 
 import argparse
@@ -9,21 +9,64 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core.metrics.intervals import Estimate, difference
+from pacmo_core.metrics.paired import fold_differences, mean_of_folds
 from pacmo_core.metrics.pooling import BySeed, is_repeated, pool, pooled_interval
 from pacmo_core.metrics.sensitivity import PERFECT, sensitivity
 from pacmo_core.store.scores import read_scores
-from stages._files import write_json
-from stages._params import read_params
-from stages._pooled import Folds, as_json, augmentation
+from stages.common.files import write_json
+from stages.common.params import read_params
+
+WITHOUT, WITH = "pacmo", "pacmo_augmented"
+
+Folds = dict[str, dict[str, list[BySeed]]]  # row, metric, then fold by fold
+
+
+def augmentation_effect(
+    table: Folds, pooled: dict[str, dict[str, Estimate]], confidence: float
+) -> dict[str, Any]:
+    """Compare PaCMO trained with and without variations; empty if either is missing."""
+    if WITH not in table or WITHOUT not in table:
+        return {}
+    with_variations, without_variations = table[WITH], table[WITHOUT]
+    both = [metric for metric in pooled[WITH] if metric in pooled[WITHOUT]]
+    each = {
+        metric: fold_differences(with_variations[metric], without_variations[metric])
+        for metric in both
+    }
+    means = {name: mean_of_folds(result, confidence) for name, result in each.items()}
+    return {
+        "each": {name: [float(f"{x:.6g}") for x in result] for name, result in each.items()},
+        "folds": round_estimates(
+            {name: result for name, result in means.items() if result is not None}
+        ),
+        "clips": round_estimates(
+            {
+                name: difference(pooled[WITH][name], pooled[WITHOUT][name], confidence)
+                for name in both
+            }
+        ),
+    }
+
+
+def round_estimates(metrics: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Round to what the intervals support, so that equal figures read equal."""
+    return {
+        name: {
+            part: value if isinstance(value, bool) else float(f"{value:.6g}")
+            for part, value in vars(result).items()
+        }
+        for name, result in metrics.items()
+    }
+
 
 # Of these all other models of reactions are subtracted.
-FIRST = "pacmo"
+REFERENCE_ROW = "pacmo"
 REAL = "real"
-FLOORS = {"f2id_floor": "f2id", "f2id_halves": "f2id_halves"}
-# Rows that are no other model's: real motion, and what is dealt to wrong partners.
-NO_MODEL = ("real", "wrong_partner")
+NOISE_FLOORS = {"f2id_floor": "f2id", "f2id_halves": "f2id_halves"}
+# Rows that are no other model's: real motion, and what is permuted to wrong partners.
+NON_MODEL_ROWS = ("real", "wrong_partner")
 SAME_ACT = "_same_act"
-SEEN = {
+PERMUTATION_PAIRS = {
     "any_act": ("real_pairs", "wrong_partner"),
     "same_act": ("real_pairs_same_act", "wrong_partner_same_act"),
     "pacmo_any_act": ("pacmo", "pacmo_permuted"),
@@ -39,60 +82,62 @@ class Params:
     random_seed: int
 
 
-def main(scores: Path, metrics: Path) -> None:
+def main(scores: Path, pooled_file: Path) -> None:
     params = read_params("pool_pacmo", Params)
     files = sorted(scores.glob("*.parquet"))
     if not files:
         raise ValueError(f"{scores}: wanted FOLD.parquet in it, found none")
     facts = {file.stem: read_scores(file)[1] for file in files}
-    folds = {file.stem: by_row(file) for file in files}
-    table = in_every_fold(list(folds.values()))
-    pooled = {row: pooled_row(found, params) for row, found in table.items()}
+    folds = {file.stem: read_fold(file) for file in files}
+    table = align_folds(list(folds.values()))
+    pooled = {row: pooled_row(result, params) for row, result in table.items()}
     write_json(
-        metrics,
+        pooled_file,
         {
             "folds": list(folds),
-            "seeds": {row: seeds_of(found) for row, found in table.items()},
+            "seeds": {row: seeds_of(result) for row, result in table.items()},
             "confidence": params.confidence,
             "extractor_sha256": {fold: f["autoencoder_sha256"] for fold, f in facts.items()},
             "matcher_sha256": {fold: f["matcher_sha256"] for fold, f in facts.items()},
             "test_reactions": sum(f["n"]["test_reactions"] for f in facts.values()),
             "n": {fold: f["n"] for fold, f in facts.items()},
-            "rows": with_floors({row: intervals(found, params) for row, found in table.items()}),
-            "absent": absences(facts),
+            "rows": add_noise_floors(
+                {row: intervals(result, params) for row, result in table.items()}
+            ),
+            "absent": collect_missing(facts),
             "differences": differences(pooled, params.confidence),
             "sensitivity": sensitivities(pooled, params.confidence),
-            "augmentation": augmentation(table, pooled, params.confidence),
+            "augmentation": augmentation_effect(table, pooled, params.confidence),
         },
     )
 
 
-def by_row(file: Path) -> dict[str, dict[str, dict[int, Estimate]]]:
+def read_fold(file: Path) -> dict[str, dict[str, dict[int, Estimate]]]:
     """Read one fold: row, metric, seed."""
-    found: dict[str, dict[str, dict[int, Estimate]]] = {}
+    result: dict[str, dict[str, dict[int, Estimate]]] = {}
     for score in read_scores(file)[0]:
-        seeds = found.setdefault(score.row, {}).setdefault(score.metric, {})
+        seeds = result.setdefault(score.row, {}).setdefault(score.metric, {})
         seeds[score.seed] = Estimate(float(score.values[0]), score.values[1:])
-    return found
+    return result
 
 
-def in_every_fold(folds: list[dict[str, dict[str, dict[int, Estimate]]]]) -> Folds:
-    """Line up the folds, and leave out what one of them, or one of a row's seeds, is without."""
+def align_folds(folds: list[dict[str, dict[str, dict[int, Estimate]]]]) -> Folds:
+    """Line up the folds, and leave out what one of them, or one of a row's seeds, lacks."""
     first = folds[0]
     return {
         row: {
             metric: [fold[row][metric] for fold in folds]
             for metric in metrics
-            if all(is_whole(fold.get(row, {}), metric) for fold in folds)
+            if all(has_all_seeds(fold.get(row, {}), metric) for fold in folds)
         }
         for row, metrics in first.items()
         if all(row in fold for fold in folds)
     }
 
 
-def is_whole(metrics: dict[str, dict[int, Estimate]], metric: str) -> bool:
+def has_all_seeds(metrics: dict[str, dict[int, Estimate]], metric: str) -> bool:
     """Tell whether a row has a metric for each of its seeds."""
-    seeds = {seed for found in metrics.values() for seed in found}
+    seeds = {seed for result in metrics.values() for seed in result}
     return metrics.get(metric, {}).keys() == seeds
 
 
@@ -112,7 +157,7 @@ def pooled_row(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, Es
 
 def intervals(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, dict[str, float]]:
     """Give each metric of a row with its bounds."""
-    return as_json(
+    return round_estimates(
         {
             metric: pooled_interval(metric, folds, params.random_seed, params.confidence)
             for metric, folds in metrics.items()
@@ -120,19 +165,19 @@ def intervals(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, dic
     )
 
 
-def with_floors(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def add_noise_floors(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Set the floors, which are the row ``real``'s, beside every row's metrics."""
-    floors = {name: rows[REAL][metric] for name, metric in FLOORS.items()}
+    floors = {name: rows[REAL][metric] for name, metric in NOISE_FLOORS.items()}
     return {row: metrics | floors for row, metrics in rows.items()}
 
 
 def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> dict[str, Any]:
     """Subtract every other model from PaCMO, and wrong partners from right ones, draw by draw."""
-    others = [row for row in pooled if not row.startswith(NO_MODEL) and SAME_ACT not in row]
-    pairs = [(FIRST, row) for row in others if row != FIRST]
-    pairs += [pair for pair in SEEN.values() if pair not in pairs]
+    others = [row for row in pooled if not row.startswith(NON_MODEL_ROWS) and SAME_ACT not in row]
+    pairs = [(REFERENCE_ROW, row) for row in others if row != REFERENCE_ROW]
+    pairs += [pair for pair in PERMUTATION_PAIRS.values() if pair not in pairs]
     return {
-        f"{first}_minus_{second}": as_json(
+        f"{first}_minus_{second}": round_estimates(
             {
                 metric: difference(estimate, pooled[second][metric], confidence)
                 for metric, estimate in pooled[first].items()
@@ -145,38 +190,38 @@ def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> di
 
 
 def sensitivities(pooled: dict[str, dict[str, Estimate]], confidence: float) -> dict[str, Any]:
-    """Say of each metric whether it tells true pairs from those dealt to wrong partners."""
+    """Say of each metric whether it tells true pairs from those permuted to wrong partners."""
     return {
-        name: as_json(
+        name: round_estimates(
             sensitivity(
                 pooled[true],
-                pooled[dealt],
+                pooled[permuted],
                 confidence,
                 left_out=PERFECT if true.startswith(REAL) else frozenset(),
             )
         )
-        for name, (true, dealt) in SEEN.items()
-        if true in pooled and dealt in pooled
+        for name, (true, permuted) in PERMUTATION_PAIRS.items()
+        if true in pooled and permuted in pooled
     }
 
 
-def absences(facts: dict[str, dict[str, Any]]) -> dict[str, dict[str, str]]:
+def collect_missing(facts: dict[str, dict[str, Any]]) -> dict[str, dict[str, str]]:
     """Gather the reasons of all folds."""
-    found: dict[str, dict[str, str]] = {}
+    result: dict[str, dict[str, str]] = {}
     for fold in facts.values():
         for row, reasons in fold["absent"].items():
-            found.setdefault(row, {}).update(reasons)
-    return found
+            result.setdefault(row, {}).update(reasons)
+    return result
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("scores", "metrics"):
+    for name in ("scores", "pooled"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     return parser.parse_args()
 
 
 if __name__ == "__main__":
     parsed = arguments()
-    main(parsed.scores, parsed.metrics)
+    main(parsed.scores, parsed.pooled)

@@ -1,8 +1,8 @@
 """Pool the scores of skeleton priors over seeds: means, and intervals for the mean of a training.
 
-Usage: python -m stages.pool_skeleton_prior PRIORS METRICS.json
+Usage: python -m stages.pool_skeleton_prior SCORES POOLED.json
 
-PRIORS holds scores/FAMILY/SPLIT.json; those of families and splits that are not wanted stay unread.
+SCORES holds DATASET/SPLIT.json; only the datasets and splits of params.yaml are read.
 """
 
 import argparse
@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from stages._files import read_json, write_json
-from stages._params import read_params
-from stages._priors import read_priors
+from stages.common.files import read_json, write_json
+from stages.common.params import read_params, read_prior_runs
 
 TASKS = ("retargeting", "generation")
 
@@ -27,29 +26,33 @@ class Params:
     confidence: float
 
 
-def main(priors: Path, metrics: Path) -> None:
+def main(scores_folder: Path, pooled_file: Path) -> None:
     params = read_params("pool_skeleton_prior", Params)
     rows: dict[str, Any] = {task: {} for task in TASKS}
-    made_with: dict[str, Any] = {}
-    for family, split in read_priors().groups():
-        found = read_json(priors / "scores" / family / f"{split}.json")
-        made_with.setdefault(family, {})[split] = {
-            name: found[name] for name in ("extractor", "train", "tested")
+    data_facts: dict[str, Any] = {}
+    for dataset, split in read_prior_runs().groups():
+        scores = read_json(scores_folder / dataset / f"{split}.json")
+        data_facts.setdefault(dataset, {})[split] = {
+            name: scores[name] for name in ("extractor", "train", "tested")
         }
         for task in TASKS:
             pooled = {
-                model: over_seeds([own[task] for own in seeds.values()], params.confidence)
-                for model, seeds in found["models"].items()
+                model: over_seeds(
+                    [scores_of_seed[task] for scores_of_seed in seeds.values()], params.confidence
+                )
+                for model, seeds in scores["models"].items()
             }
-            rows[task].setdefault(family, {})[split] = pooled
-    write_json(metrics, {**rows, "made_with": made_with})
+            rows[task].setdefault(dataset, {})[split] = pooled
+    write_json(pooled_file, {**rows, "data_facts": data_facts})
 
 
 def over_seeds(seeds: list[dict[str, dict[str, float]]], confidence: float) -> dict[str, Any]:
     """Pool each source's metrics: by source, by metric, mean, low and high."""
     return {
         source: {
-            metric: interval([own[source][metric] for own in seeds], confidence)
+            metric: interval(
+                [scores_of_seed[source][metric] for scores_of_seed in seeds], confidence
+            )
             for metric in metrics
         }
         for source, metrics in seeds[0].items()
@@ -62,15 +65,15 @@ def interval(values: list[float], confidence: float) -> dict[str, float]:
     bounds = {"mean": mean}
     if len(values) > 1:
         error = float(np.std(values, ddof=1)) / len(values) ** 0.5
-        reach = error * float(student.ppf((1 + confidence) / 2, len(values) - 1))
-        bounds |= {"low": mean - reach, "high": mean + reach}
+        half_width = error * float(student.ppf((1 + confidence) / 2, len(values) - 1))
+        bounds |= {"low": mean - half_width, "high": mean + half_width}
     return {name: float(f"{value:.6g}") for name, value in bounds.items()}
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("priors", "metrics"):
+    for name in ("scores_folder", "pooled_file"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

@@ -1,8 +1,8 @@
-"""Let a trained model react to the partner of every test clip at the clip's own frames.
+"""Generate a reaction to the partner of every test clip, at the frames of the clip.
 
-Usage: python -m stages.react --seed=S MODEL CLIPS SIDES.parquet REACTIONS
+Usage: python -m stages.react --seed=S MODEL CLIPS SPLITS.parquet REACTIONS
 
-A model that draws its reactions gives several, one that computes them gives one.
+A model that samples reactions gives several, a deterministic one gives one.
 """
 
 import argparse
@@ -17,9 +17,9 @@ from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.react import react_all
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 from pacmo_core.store.tables import ClipRecord
-from stages._files import WEIGHTS
-from stages._params import read_params
-from stages._reactions import seed_of, write_reactions
+from stages.common.clips import clip_seed, write_reactions
+from stages.common.files import WEIGHTS
+from stages.common.params import read_params
 
 
 @dataclass(frozen=True)
@@ -30,28 +30,28 @@ class Params:
     n_samples: int  # reactions to each partner, of a model that draws them
 
 
-def main(model: Path, clips: Path, sides: Path, reactions: Path, *, seed: int) -> None:
+def main(model: Path, clips: Path, splits: Path, reactions: Path, *, seed: int) -> None:
     params = read_params("react", Params)
     torch.set_num_threads(1)
     reactor = load_reaction_model(model / WEIGHTS)
     n_samples = 1 if is_deterministic(reactor) else params.n_samples
     labelled = isinstance(reactor, Generator) and reactor.config.actions
 
-    def answer(name: str, facts: ClipRecord, seen: Interaction) -> Motion:
-        own = seed_of(f"{seed}\0{name}", params.random_seed)
-        random = torch.Generator().manual_seed(own)
+    def sample_reactions(name: str, facts: ClipRecord, directed: Interaction) -> Motion:
+        clip_random_seed = clip_seed(f"{seed}\0{name}", params.random_seed)
+        random = torch.Generator().manual_seed(clip_random_seed)
         action = facts.action if labelled else ""
-        partner = PartnerMotion(seen.person_a, seen.times, seen.times, action)
+        partner = PartnerMotion(directed.person_a, directed.times, directed.times, action)
         (motion,) = react_all(reactor, [partner], n_samples=n_samples, random=random)
         return motion
 
-    write_reactions(clips, sides, reactions, answer)
+    write_reactions(clips, splits, reactions, sample_reactions)
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("model", "clips", "sides", "reactions"):
+    for name in ("model", "clips", "splits", "reactions"):
         parser.add_argument(name, type=Path)
     parser.add_argument("--seed", type=int, required=True, help="of the training run")
     return parser.parse_args()

@@ -1,6 +1,6 @@
-"""Put every clip on a side, for one fold.
+"""Put every clip on a split, for one fold.
 
-Usage: python -m stages.split --fold=K CLIPS SIDES.parquet METRICS.json
+Usage: python -m stages.split --fold=K CLIPS SPLITS.parquet METRICS.json
 """
 
 import argparse
@@ -10,8 +10,8 @@ from pathlib import Path
 
 from pacmo_core.data.splits import ClipOrigin, Split, SplitRule, assign_splits, resolve_method
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
-from stages._files import CLIPS, write_json
-from stages._params import read_params
+from stages.common.files import CLIPS, write_json
+from stages.common.params import read_params
 
 
 @dataclass(frozen=True)
@@ -19,13 +19,15 @@ class Params(SplitRule):
     """The ``split`` section of ``params.yaml``."""
 
 
-def main(clips: Path, sides: Path, metrics: Path, *, fold: int) -> None:
+def main(clips: Path, splits: Path, metrics: Path, *, fold: int) -> None:
     rule = read_params("split", Params)
     rows = read_rows(clips / CLIPS, ClipRecord)
     origins = [ClipOrigin(row.clip, row.recording, people(row)) for row in rows]
-    found = assign_splits(origins, rule, fold)
-    write_rows(sides, SplitRecord, [SplitRecord(row.clip, found[row.clip]) for row in rows])
-    write_json(metrics, summary(origins, found, rule))
+    split_of_clip = assign_splits(origins, rule, fold)
+    write_rows(
+        splits, SplitRecord, [SplitRecord(row.clip, split_of_clip[row.clip]) for row in rows]
+    )
+    write_json(metrics, summary(origins, split_of_clip, rule))
 
 
 def people(row: ClipRecord) -> tuple[str, ...]:
@@ -34,25 +36,25 @@ def people(row: ClipRecord) -> tuple[str, ...]:
 
 
 def summary(
-    origins: list[ClipOrigin], sides: dict[str, Split], rule: SplitRule
+    origins: list[ClipOrigin], splits: dict[str, Split], rule: SplitRule
 ) -> dict[str, object]:
-    """Say how the clips were put on sides."""
-    counts = Counter(sides.values())
-    tested = [origin for origin in origins if sides[origin.clip] == "test"]
+    """Say how the clips were put on splits."""
+    counts = Counter(splits.values())
+    tested = [origin for origin in origins if splits[origin.clip] == "test"]
     return {
         "clips": len(origins),
         "method": resolve_method(origins, rule),
         "people": len({person for origin in origins for person in origin.people}),
         "tested_people": len({person for origin in tested for person in origin.people}),
         "tested_recordings": len({origin.recording for origin in tested}),
-        **{side: counts[side] for side in ("train", "validation", "test", "dropped")},
+        **{split: counts[split] for split in ("train", "validation", "test", "dropped")},
     }
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("clips", "sides", "metrics"):
+    for name in ("clips", "splits", "metrics"):
         parser.add_argument(name, type=Path)
     parser.add_argument("--fold", type=int, required=True)
     return parser.parse_args()

@@ -1,8 +1,8 @@
-"""Say on which side each variation stands, in every split of every family.
+"""Assign each variation to train, validation or test, in every split of every dataset.
 
-Usage: python -m stages.split_variations VARIATIONS SIDES METRICS.json
+Usage: python -m stages.split_variations VARIATIONS SPLITS METRICS.json
 
-VARIATIONS holds a folder a family. SIDES will hold FAMILY/SPLIT.parquet.
+VARIATIONS holds a folder a dataset. SPLITS will hold DATASET/SPLIT.parquet.
 """
 
 import argparse
@@ -20,10 +20,9 @@ from pacmo_core.skeleton_prior.splits import (
     limit_training_samples,
 )
 from pacmo_core.store.tables import SplitRecord, write_rows
-from stages._examples import kept_facts
-from stages._files import write_json
-from stages._params import read_params
-from stages._priors import read_priors, split_and_samples
+from stages.common.examples import read_variation_facts
+from stages.common.files import write_json
+from stages.common.params import parse_split_name, read_params, read_prior_runs
 
 
 @dataclass(frozen=True)
@@ -39,20 +38,20 @@ class Params:
 def main(paths: argparse.Namespace) -> None:
     params = read_params("split_variations", Params)
     counts: dict[str, dict[str, dict[str, int]]] = {}
-    paths.sides.mkdir(parents=True, exist_ok=True)
-    for family, name in read_priors().groups():
-        facts = kept_facts(paths.variations / family)
-        sides = sides_of(facts, name, params)
-        rows = [SplitRecord(variation, side) for variation, side in sides.items()]
-        write_rows(paths.sides / family / f"{name}.parquet", SplitRecord, rows)
-        found = Counter(sides.values())
-        counts.setdefault(family, {})[name] = {side: found[side] for side in SPLITS}
+    paths.splits.mkdir(parents=True, exist_ok=True)
+    for dataset, name in read_prior_runs().groups():
+        facts = read_variation_facts(paths.variations / dataset)
+        splits = assign(facts, name, params)
+        rows = [SplitRecord(variation, split) for variation, split in splits.items()]
+        write_rows(paths.splits / dataset / f"{name}.parquet", SplitRecord, rows)
+        counts_of_split = Counter(splits.values())
+        counts.setdefault(dataset, {})[name] = {split: counts_of_split[split] for split in SPLITS}
     write_json(paths.metrics, counts)
 
 
-def sides_of(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
-    """Put a family's variations on sides."""
-    kind, samples = split_and_samples(name)
+def assign(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
+    """Assign a dataset's variations."""
+    kind, samples = parse_split_name(name)
     sources = {fact.source for fact in facts.values()}
     settings = SplitSettings(
         held_out=frozenset(
@@ -64,16 +63,16 @@ def sides_of(facts: Mapping[str, VariationScales], name: str, params: Params) ->
         validation_share=params.validation_share,
         random_seed=params.random_seed,
     )
-    sides = assign_splits(kind, list(facts.values()), settings)
+    splits = assign_splits(kind, list(facts.values()), settings)
     if samples is not None:
-        sides = limit_training_samples(sides, samples, random_seed=params.random_seed)
-    return dict(zip(facts, sides, strict=True))
+        splits = limit_training_samples(splits, samples, random_seed=params.random_seed)
+    return dict(zip(facts, splits, strict=True))
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("variations", "sides", "metrics"):
+    for name in ("variations", "splits", "metrics"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

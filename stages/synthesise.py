@@ -11,8 +11,8 @@ from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.store.files import atomic_file
 from pacmo_core.synthesis.capture import sample_interaction
 from pacmo_core.synthesis.script import ACTIONS, file_name, sample_scripts
-from stages._files import LAW, write_json
-from stages._params import read_params
+from stages.common.files import LAW, write_json
+from stages.common.params import read_params
 
 BODY_ID = 72057594037900000  # the published body numbers have 17 digits and begin like this
 

@@ -1,6 +1,6 @@
-"""Train a skeleton prior, ours or a baseline, on one side of a split.
+"""Train a skeleton prior, ours or a baseline, on the training variations of one split.
 
-Usage: python -m stages.train_skeleton_prior --model=M --seed=S FAMILY SIDES.parquet MODEL CURVE.csv
+Usage: python -m stages.train_skeleton_prior --model=M --seed=S VARIATIONS SPLITS.parquet MODEL CURVE
 """
 
 import argparse
@@ -17,10 +17,9 @@ from pacmo_core.skeleton_prior.settings import SkeletonPriorSettings
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.training.devices import keep_freed_memory
 from pacmo_core.training.loop import TrainingData, TrainingLoop
-from stages._examples import stream_examples
-from stages._params import read_params
-from stages._runs import run_stage
-from stages._training import Task, train
+from stages.common.examples import stream_examples
+from stages.common.params import read_params, run_stage
+from stages.common.training import Task, train
 
 SECTION = "train_skeleton_prior"
 
@@ -36,9 +35,9 @@ def main(paths: argparse.Namespace) -> None:
     keep_freed_memory()
     given = {"random_seed": paths.seed, "model": paths.model_name}
     params = read_params(SECTION, Params, given=given)
-    learnt, held_out = (
-        [example for _, example in stream_examples(paths.family, paths.sides, side)]
-        for side in ("train", "validation")
+    train_examples, validation_examples = (
+        [example for _, example in stream_examples(paths.dataset, paths.splits, split)]
+        for split in ("train", "validation")
     )
 
     model = get_model(paths.model_name, "skeleton_prior")
@@ -47,9 +46,11 @@ def main(paths: argparse.Namespace) -> None:
         kind = device.partition(":")[0]
         if params.mixed_precision and not supports_bfloat16(kind):
             Console(stderr=True).print(f"{kind} has no products of bfloat16: training in float32")
-        return model.build_training(TrainingData(learnt, held_out), params, device=device)
+        return model.build_training(
+            TrainingData(train_examples, validation_examples), params, device=device
+        )
 
-    motions = TrainingData(_motions(learnt), _motions(held_out))
+    motions = TrainingData(_motions(train_examples), _motions(validation_examples))
     task = Task(model, params, motions, build)
     train(task, paths.model, paths.curve)
 
@@ -64,7 +65,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     parser.add_argument("--model", dest="model_name", required=True)
     parser.add_argument("--seed", type=int, required=True)
-    for name in ("family", "sides", "model", "curve"):
+    for name in ("dataset", "splits", "model", "curve"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

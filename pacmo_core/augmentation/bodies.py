@@ -1,4 +1,16 @@
-"""Scales of bones that turn a source's body into another one: grown, of a profile, or drawn."""
+"""What is known of human bodies: how long segments are, how tall people are, how they differ.
+
+Segments as shares of stature: Drillis and Contini (1966), *Body segment parameters*, as Winter
+(2009), *Biomechanics and motor control of human movement*, figure 4.1, draws them.
+
+Adults: Gordon et al. (2014), *2012 anthropometric survey of U.S. Army personnel* (ANSUR II), which
+measured 4,082 men and 1,986 women.
+
+Children: de Onis et al. (2007), *Development of a WHO growth reference for school-aged children and
+adolescents*; and, for how long their legs are, the sitting height over stature of Fredriks et al.
+(2005), *Nationwide age references for sitting height, leg length, and sitting height/height ratio*
+(the fourth Dutch growth study), read off its charts, so to about 0.005.
+"""
 
 import hashlib
 from collections.abc import Mapping
@@ -7,11 +19,56 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.augmentation.anthropometry import PROFILES, SHIN, THIGH
 from pacmo_core.augmentation.segments import Segment, segments
 from pacmo_core.data.interaction import Motion, bone_lengths
 from pacmo_core.data.skeleton import Skeleton
 
+# Drillis and Contini: shares of stature.
+THIGH_RATIO, SHIN_RATIO = 0.245, 0.246
+
+# ANSUR II: metres, mean and standard deviation of men's stature.
+MEN_STATURE, MEN_STATURE_SD = 1.756, 0.069
+# ANSUR II: a standard deviation as a share of the mean, men's upper arms (acromion to radiale).
+ARM_LENGTH_CV = 0.05
+
+# WHO 2007: metres, boys of eight years, median; girls' is 7 mm less.
+CHILD_STATURE = 1.273
+# Fredriks et al.: sitting height over stature.
+CHILD_SITTING_RATIO, ADULT_SITTING_RATIO = 0.54, 0.52
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A body to be had.
+
+    Parameters
+    ----------
+    stature : metres; None for the source's own
+    parts : by which factor parts of the body are longer than stature alone would make them;
+        parts that are not named follow stature
+    """
+
+    stature: float | None
+    parts: dict[str, float]
+
+
+PROFILES = {
+    # Legs are shorter, trunk and head longer, for the same stature.
+    "child": Profile(
+        CHILD_STATURE,
+        {
+            "leg": (1 - CHILD_SITTING_RATIO) / (1 - ADULT_SITTING_RATIO),
+            "trunk": CHILD_SITTING_RATIO / ADULT_SITTING_RATIO,
+        },
+    ),
+    # Taller than 97 or 98 men of a hundred.
+    "tall_adult": Profile(MEN_STATURE + 2 * MEN_STATURE_SD, {}),
+    # Arms longer than those of 97 or 98 of a hundred bodies of that stature.
+    "long_arms": Profile(None, {"arm": 1 + 2 * ARM_LENGTH_CV}),
+}
+
+
+# FROM """Scales of bones that turn a source's body into another one: grown, of a profile, or drawn."""
 Scales = NDArray[np.float64]
 UNIFORM = "uniform"
 
@@ -44,7 +101,7 @@ class Body:
             if not any(own):
                 raise ValueError(f"no {kind} to tell a stature by; segments: {self.names}")
             means[kind] = float(self.lengths[own].mean())
-        return (means["thigh"] + means["shin"]) / (THIGH + SHIN)
+        return (means["thigh"] + means["shin"]) / (THIGH_RATIO + SHIN_RATIO)
 
     @property
     def names(self) -> str:
@@ -52,7 +109,7 @@ class Body:
         return ", ".join(sorted(segment.name for segment in self.segments))
 
 
-def body_of(motion: Motion, skeleton: Skeleton) -> Body:
+def measure_body(motion: Motion, skeleton: Skeleton) -> Body:
     """Measure a person.
 
     Parameters
@@ -63,7 +120,7 @@ def body_of(motion: Motion, skeleton: Skeleton) -> Body:
     return Body(segments(skeleton), lengths)
 
 
-def scaled(body: Body, factors: Mapping[str, float]) -> Scales:
+def segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
     """``(E,)``: scale segments by name; ``uniform`` means all of them, times their own.
 
     Raises
@@ -79,7 +136,7 @@ def scaled(body: Body, factors: Mapping[str, float]) -> Scales:
     return np.array([whole * factors.get(segment.name, 1.0) for segment in body.segments])
 
 
-def of_profile(body: Body, name: str) -> Scales:
+def profile_scales(body: Body, name: str) -> Scales:
     """``(E,)``: give a source's body the stature and proportions of a profile.
 
     Raises
@@ -110,7 +167,7 @@ class Population:
     random_seed: int
 
 
-def drawn(body: Body, population: Population, name: str) -> Scales:
+def sample_scales(body: Body, population: Population, name: str) -> Scales:
     """``(E,)``: draw a body from the log-normal population.
 
     Each figure is drawn by its own name: the same body on another skeleton has the same stature
@@ -122,15 +179,15 @@ def drawn(body: Body, population: Population, name: str) -> Scales:
     """
     spread = population.proportion
     logarithms = [
-        population.stature * _normal(population, f"{name}\0stature")
-        + spread * _normal(population, f"{name}\0segment\0{segment.kind}")
+        population.stature * _standard_normal(population, f"{name}\0stature")
+        + spread * _standard_normal(population, f"{name}\0segment\0{segment.kind}")
         for segment in body.segments
     ]
     scales: Scales = np.exp(np.array(logarithms))
     return scales
 
 
-def _normal(population: Population, name: str) -> float:
+def _standard_normal(population: Population, name: str) -> float:
     text = f"{population.random_seed}\0{name}".encode()
     seed = int.from_bytes(hashlib.blake2b(text, digest_size=8).digest())
     return float(np.random.default_rng(seed).standard_normal())

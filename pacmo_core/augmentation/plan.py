@@ -17,29 +17,29 @@ from pacmo_core.augmentation.bodies import (
     Body,
     Population,
     Scales,
-    drawn,
-    of_profile,
-    scaled,
+    profile_scales,
+    sample_scales,
+    segment_scales,
 )
 
 PEOPLE = ("a", "b")
-UPPER = "upper"  # the bones above the hips, in place of a pattern
+UPPER_BODY = "upper"  # the bones above the hips, in place of a pattern
 
 
 @dataclass(frozen=True, kw_only=True)
-class Single:
+class SingleBones:
     """One bone longer or shorter than the others would have it.
 
     Parameters
     ----------
     bones : patterns of segments' names, or ``upper`` for all above the hips
     scales : of the bone; the source's own, 1, is left out
-    most : a source; which ones, a hash decides
+    max_variations : a source; which ones, a hash decides
     """
 
     bones: tuple[str, ...]
     scales: tuple[float, ...]
-    most: int
+    max_variations: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class Plan:
     uniform : scales of the whole body; the source's own, 1, is left out
     single : one bone at a time
     profiles : names of ``anthropometry.PROFILES``
-    bodies : how many pairs of bodies are drawn at random, both people's at once
+    n_random : pairs of random bodies, of both people at once
     population : what they are drawn from
 
     Raises
@@ -63,9 +63,9 @@ class Plan:
 
     people: tuple[str, ...]
     uniform: tuple[float, ...]
-    single: Single
+    single: SingleBones
     profiles: tuple[str, ...]
-    bodies: int
+    n_random: int
     population: Population
 
     def __post_init__(self) -> None:
@@ -109,7 +109,11 @@ def plan_variations(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[
     ValueError
         If a pattern fits no segment, or a profile cannot be had.
     """
-    found = [*_whole(plan, bodies), *_single(plan, bodies, source), *_drawn(plan, bodies)]
+    found = [
+        *_whole_body_variations(plan, bodies),
+        *_single_bone_variations(plan, bodies, source),
+        *_random_variations(plan, bodies),
+    ]
     unlike = {variation.name: variation for variation in found if variation.changes}
     return [unlike[name] for name in sorted(unlike)]
 
@@ -126,68 +130,68 @@ def check_scale(what: str, scale: float) -> None:
         raise ValueError(f"{what} must be positive numbers; got {scale}")
 
 
-def _whole(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
+def _whole_body_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
     """Change all of one body: uniformly, or to a profile."""
     for person in plan.people:
         place = PEOPLE.index(person)
         for scale in plan.uniform:
-            scales = _beside(bodies, place, scaled(bodies[place], {UNIFORM: scale}))
-            yield Variation(f"{person}-{UNIFORM}-{_text(scale)}", "uniform", scales)
+            scales = _with_person(bodies, place, segment_scales(bodies[place], {UNIFORM: scale}))
+            yield Variation(f"{person}-{UNIFORM}-{_format_scale(scale)}", "uniform", scales)
         for name in plan.profiles:
-            scales = _beside(bodies, place, of_profile(bodies[place], name))
+            scales = _with_person(bodies, place, profile_scales(bodies[place], name))
             yield Variation(f"{person}-{name}", "profile", scales)
 
 
-def _single(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[Variation]:
+def _single_bone_variations(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[Variation]:
     """Change one bone of one body; of all that there are, those with the lowest hashes."""
     found = []
     for person in plan.people:
         place = PEOPLE.index(person)
-        for bone in _chosen(bodies[place], plan.single.bones):
+        for bone in _matching_segments(bodies[place], plan.single.bones):
             for scale in plan.single.scales:
-                scales = _beside(bodies, place, scaled(bodies[place], {bone: scale}))
-                found.append(Variation(f"{person}-{bone}-{_text(scale)}", "single", scales))
+                scales = _with_person(bodies, place, segment_scales(bodies[place], {bone: scale}))
+                found.append(Variation(f"{person}-{bone}-{_format_scale(scale)}", "single", scales))
 
     def rank(variation: Variation) -> bytes:
         text = f"{plan.population.random_seed}\0{source}\0{variation.name}"
         return hashlib.blake2b(text.encode(), digest_size=8).digest()
 
-    return sorted((v for v in found if v.changes), key=rank)[: plan.single.most]
+    return sorted((v for v in found if v.changes), key=rank)[: plan.single.max_variations]
 
 
-def _drawn(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
+def _random_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
     """Give both people bodies of the population."""
-    for number in range(plan.bodies):
+    for number in range(plan.n_random):
         name = f"r{number:04d}"
         a, b = (
-            drawn(body, plan.population, f"{name}\0{person}")
+            sample_scales(body, plan.population, f"{name}\0{person}")
             for body, person in zip(bodies, PEOPLE, strict=True)
         )
         yield Variation(name, "random", (a, b))
 
 
-def _chosen(body: Body, patterns: tuple[str, ...]) -> list[str]:
+def _matching_segments(body: Body, patterns: tuple[str, ...]) -> list[str]:
     """List the segments that patterns fit, each once."""
     chosen: dict[str, None] = {}
     for pattern in patterns:
         fits = [
             s.name
             for s in body.segments
-            if (s.is_upper if pattern == UPPER else fnmatchcase(s.name, pattern))
+            if (s.is_upper if pattern == UPPER_BODY else fnmatchcase(s.name, pattern))
         ]
         if not fits:
-            raise ValueError(f"no segment fits {pattern!r}; there are {UPPER}, {body.names}")
+            raise ValueError(f"no segment fits {pattern!r}; there are {UPPER_BODY}, {body.names}")
         chosen |= dict.fromkeys(fits)
     return list(chosen)
 
 
-def _beside(bodies: tuple[Body, Body], place: int, scales: Scales) -> tuple[Scales, Scales]:
+def _with_person(bodies: tuple[Body, Body], place: int, scales: Scales) -> tuple[Scales, Scales]:
     """Give one person a body, and leave the other as is."""
     both = [np.ones(len(body.segments)) for body in bodies]
     both[place] = scales
     return both[0], both[1]
 
 
-def _text(scale: float) -> str:
+def _format_scale(scale: float) -> str:
     """Write a scale so that no two are alike."""
     return f"{scale:.2f}" if float(f"{scale:.2f}") == scale else repr(scale)

@@ -56,11 +56,13 @@ def segments(skeleton: Skeleton) -> tuple[Segment, ...]:
     """Name every bone, in the order of ``skeleton.bones``."""
     found: dict[int, Segment] = {}
     for limb_root, side in _limb_roots(skeleton):
-        found |= _limb(skeleton, limb_root, side)
+        found |= _name_limb(skeleton, limb_root, side)
     taken = {segment.name for segment in found.values()}
     named = []
     for child in skeleton.bones[:, 1].tolist():
-        segment = found.get(child) or Segment(snake(skeleton.joints[child]), "trunk", is_upper=True)
+        segment = found.get(child) or Segment(
+            snake_case(skeleton.joints[child]), "trunk", is_upper=True
+        )
         if child not in found and segment.name in taken:
             segment = Segment(f"{segment.name}_{child}", "trunk", is_upper=True)
         taken.add(segment.name)
@@ -68,7 +70,7 @@ def segments(skeleton: Skeleton) -> tuple[Segment, ...]:
     return tuple(named)
 
 
-def snake(joint: str) -> str:
+def snake_case(joint: str) -> str:
     """Write a joint's name as ``left_hand_thumb1``, whatever the data set's fashion."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", joint)
     return re.sub(r"\W+", "_", words).lower()
@@ -80,28 +82,28 @@ def _limb_roots(skeleton: Skeleton) -> list[tuple[int, str]]:
     return [(j, side[j]) for j in skeleton.order if j in side and skeleton.parents[j] not in side]
 
 
-def _limb(skeleton: Skeleton, limb_root: int, side: str) -> dict[int, Segment]:
+def _name_limb(skeleton: Skeleton, limb_root: int, side: str) -> dict[int, Segment]:
     """Name the bones that end at a limb's joints."""
-    below = _below(skeleton, limb_root)
+    below = _descendants(skeleton, limb_root)
     words = " ".join(skeleton.joints[joint].lower() for joint in below)
     kind = "leg" if _LEG.search(words) else "arm" if _ARM.search(words) else ""
     if not kind or limb_root == skeleton.root:
         return {}
-    chain = _chain(skeleton, limb_root)
+    chain = _main_chain(skeleton, limb_root)
     names = [skeleton.joints[joint].lower() for joint in chain]
     bend = next((i for i, name in enumerate(names) if _BENDS[kind].search(name)), 1)
     found = {}
     for joint in below:
         place = chain.index(joint) - bend + _SHOULDER_AND_HIP if joint in chain else None
-        name = _name(skeleton.joints[joint], side, kind, place)
-        found[joint] = Segment(name, _part(kind, place), is_upper=kind == "arm")
+        name = _segment_name(skeleton.joints[joint], side, kind, place)
+        found[joint] = Segment(name, _body_part(kind, place), is_upper=kind == "arm")
     return found
 
 
-def _name(joint: str, side: str, kind: str, place: int | None) -> str:
+def _segment_name(joint: str, side: str, kind: str, place: int | None) -> str:
     words = _CHAIN[kind]
     if place is None:
-        bare = re.sub(r"^(left|right|rght|l(?!eg)|r)_?", "", snake(joint))
+        bare = re.sub(r"^(left|right|rght|l(?!eg)|r)_?", "", snake_case(joint))
         return f"{side}_{bare}"
     if place < 0:
         return f"{side}_{_BEFORE[kind]}" + (f"_{-place}" if place < -1 else "")
@@ -109,26 +111,26 @@ def _name(joint: str, side: str, kind: str, place: int | None) -> str:
     return f"{side}_{words[min(place, len(words) - 1)]}" + (f"_{beyond + 1}" if beyond > 0 else "")
 
 
-def _part(kind: str, place: int | None) -> str:
+def _body_part(kind: str, place: int | None) -> str:
     if place is not None and place < _SHOULDER_AND_HIP:
         return "trunk"
     is_foot = kind == "leg" and (place is None or place > _CHAIN["leg"].index("shin"))
     return "foot" if is_foot else kind
 
 
-def _below(skeleton: Skeleton, joint: int) -> list[int]:
+def _descendants(skeleton: Skeleton, joint: int) -> list[int]:
     below = [joint]
     for parent in below:
         below.extend(i for i, p in enumerate(skeleton.parents) if p == parent)
     return below
 
 
-def _chain(skeleton: Skeleton, joint: int) -> list[int]:
+def _main_chain(skeleton: Skeleton, joint: int) -> list[int]:
     """Follow a limb to its end, past its digits where there is another way."""
     children = [i for i, parent in enumerate(skeleton.parents) if parent == joint]
     if not children:
         return [joint]
-    ways = [_chain(skeleton, child) for child in children]
+    ways = [_main_chain(skeleton, child) for child in children]
     digits = [bool(_DIGIT.search(skeleton.joints[child].lower())) for child in children]
     best = min(range(len(ways)), key=lambda way: (digits[way], -len(ways[way])))
     return [joint, *ways[best]]

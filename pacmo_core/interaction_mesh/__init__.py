@@ -1,23 +1,41 @@
-"""InteractionMesh: a two-person motion on other bodies, its spatial relations kept."""
+"""InteractionMesh: retargets a two-person motion to other bodies and preserves the interaction.
+
+Ho, Komura and Tai (2010), *Spatial relationship preserving character motion adaptation*: the motion
+with the target bone lengths minimises the deformation of a mesh that connects both bodies.
+``prepare`` builds and factorises the energy of a source scene once; ``retarget`` solves for any
+number of target bodies by ADMM.
+"""
 
 from pacmo_core.interaction_mesh.report import Report
+from pacmo_core.interaction_mesh.retargeting import (
+    MAX_BATCH,
+    PreparedSource,
+    Variations,
+    prepare,
+    retarget,
+    retarget_in_batches,
+)
 from pacmo_core.interaction_mesh.scene import Scene
-from pacmo_core.interaction_mesh.settings import Limits, Rung, Settings, Support, Weights
-from pacmo_core.interaction_mesh.source import BATCH, Source, prepare
-from pacmo_core.interaction_mesh.vary import Variations, vary, vary_in_batches
+from pacmo_core.interaction_mesh.settings import (
+    Attempt,
+    AttemptLimits,
+    Settings,
+    Support,
+    Weights,
+)
 
 __all__ = [
-    "BATCH",
-    "Limits",
+    "MAX_BATCH",
+    "Attempt",
+    "AttemptLimits",
+    "PreparedSource",
     "Report",
-    "Rung",
     "Scene",
     "Settings",
-    "Source",
     "Support",
     "Variations",
     "Weights",
     "prepare",
-    "vary",
-    "vary_in_batches",
+    "retarget",
+    "retarget_in_batches",
 ]

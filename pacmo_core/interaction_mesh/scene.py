@@ -15,7 +15,7 @@ Single = NDArray[np.float32]
 Real = TypeVar("Real", Array, Single)
 
 # Metres: a bone shorter than this has no direction, a body thinner than this no volume.
-LEAST = 1e-3
+MIN_LENGTH = 1e-3
 
 
 @dataclass(frozen=True)
@@ -110,13 +110,70 @@ def _check_body(name: str, motion: Motion, skeleton: Skeleton) -> None:
         )
     parent, child = skeleton.bones.T
     lengths = np.linalg.norm(motion[:, child] - motion[:, parent], axis=-1)
-    if (lengths < LEAST).any():
-        frame, bone = np.argwhere(lengths < LEAST)[0]
+    if (lengths < MIN_LENGTH).any():
+        frame, bone = np.argwhere(lengths < MIN_LENGTH)[0]
         raise ValueError(
             f"{name}: {skeleton.joints[parent[bone]]} and {skeleton.joints[child[bone]]} coincide "
             f"in frame {frame}; leave one of them out"
         )
     spread = (motion - motion.mean(axis=1, keepdims=True)).reshape(-1, 3).astype(np.float64)
     thickness = np.linalg.svd(spread, compute_uv=False)[-1] / np.sqrt(len(spread))
-    if thickness < LEAST:
-        raise ValueError(f"{name} is flat: {thickness:.2g} m thick, wanted at least {LEAST}")
+    if thickness < MIN_LENGTH:
+        raise ValueError(f"{name} is flat: {thickness:.2g} m thick, wanted at least {MIN_LENGTH}")
+
+
+# FROM """What both bodies have in common: when both grow, the scene grows, and contact stays contact."""
+def common_scale(scene: Scene, scales: Array) -> Array:
+    """``(V,)``: the part of the scales that is common to both bodies.
+
+    It is the middle one of 1 and the two bodies' own mean scales, by length of bone: 1 where only
+    one body changes or where they change in opposite ways, the scale where both have the same.
+    """
+    lengths = np.linalg.norm(scene.vectors, axis=-1).mean(axis=0)
+    n_a = scene.n_bones[0]
+    means = [
+        np.average(scales[:, part], axis=1, weights=lengths[part])
+        for part in (slice(None, n_a), slice(n_a, None))
+    ]
+    common: Array = np.median([np.ones(len(scales)), *means], axis=0)
+    return common
+
+
+def scale_scene(scene: Scene, points: Array, whole: Array) -> Array:
+    """``(V, T, N, 3)`` metres: scale about the scene's middle on the ground.
+
+    Parameters
+    ----------
+    points : (V, T, N, 3) metres
+    whole : (V,)
+    """
+    middle = scene.points.mean(axis=(0, 1))
+    middle[1] = scene.ground
+    scaled: Array = middle + whole[:, None, None, None] * (points - middle)
+    return scaled
+
+
+# FROM """The peer: bodies scaled where they stand, each for itself, blind to the other."""
+def naive_scaling(scene: Scene, scales: Array) -> Array:
+    """``(T, N, 3, V)`` metres: bones scaled along their own directions, from the root.
+
+    The root stays above its place, and each body's lowest joint at its height.
+
+    Parameters
+    ----------
+    scales : (V, E)
+    """
+    points = np.zeros((*scene.points.shape, len(scales)))
+    first, bone_of = 0, {child: row for row, (_, child) in enumerate(scene.bones.tolist())}
+    for skeleton in scene.skeletons:
+        joints = slice(first, first + len(skeleton.joints))
+        body, source = points[:, joints], scene.points[:, joints]
+        body[:, skeleton.root] = source[:, skeleton.root, :, None]
+        for joint in skeleton.order[1:]:
+            bone = bone_of[first + joint]
+            vector = scene.vectors[:, bone, :, None] * scales[:, bone]
+            np.add(body[:, skeleton.parents[joint]], vector, out=body[:, joint])
+        lift = source[..., 1].min(axis=1)[:, None] - body[:, :, 1].min(axis=1)
+        body[:, :, 1] += lift[:, None]
+        first = joints.stop
+    return points

@@ -1,4 +1,4 @@
-"""Gaussian random fields on time: coefficients drawn once, values at any instants."""
+"""Gaussian random fields of time: coefficients are sampled once, values computed at any times."""
 
 import math
 from dataclasses import dataclass
@@ -34,8 +34,8 @@ class GaussianRandomField:
         power = ((frequency / self.period) ** 2 + self.tau**2) ** -self.alpha
         return power / power.sum()
 
-    def draw(self, *shape: int, random: torch.Generator) -> Tensor:
-        """Draw the coefficients of independent fields, on the generator's device.
+    def sample(self, *shape: int, random: torch.Generator) -> Tensor:
+        """Sample the coefficients of independent fields, on the generator's device.
 
         Returns
         -------
@@ -46,19 +46,19 @@ class GaussianRandomField:
         return normal * self.power().sqrt().repeat_interleave(2).float().to(normal.device)
 
     def basis(self, times: Tensor) -> Tensor:
-        """``(T, 2 K)`` float32: cosine and sine of each frequency at ``(T,)`` instants."""
+        """``(T, 2 K)`` float32: cosine and sine of each frequency at ``(T,)`` times."""
         order = torch.arange(1, self.n_modes + 1, dtype=torch.float64, device=times.device)
         angle = 2 * math.pi / self.period * torch.outer(times.double(), order)
         return torch.stack([angle.cos(), angle.sin()], dim=-1).flatten(1).float()
 
     def evaluate(self, coefficients: Tensor, times: Tensor) -> Tensor:
-        """Evaluate ``(B, C, 2 K)`` coefficients at ``(T,)`` instants: ``(B, T, C)``."""
+        """Evaluate ``(B, C, 2 K)`` coefficients at ``(T,)`` times: ``(B, T, C)``."""
         return (coefficients @ self.basis(times).T).transpose(1, 2)
 
-    def shifted(self, coefficients: Tensor, by: float) -> Tensor:
-        """Move the origin of time: the new field at ``t`` is the old one at ``t + by``.
+    def shift(self, coefficients: Tensor, by: float) -> Tensor:
+        """Shift the origin of time: the new field at ``t`` is the old one at ``t + by``.
 
-        Exact, and it does not change the law, for the field is stationary.
+        Exact; the distribution does not change, for the field is stationary.
         """
         order = torch.arange(1, self.n_modes + 1, dtype=torch.float64)
         angle = 2 * math.pi / self.period * by * order

@@ -1,4 +1,7 @@
-"""The auto-encoder operator on both people; its bottleneck gives the features (PaCMO, 4.3.1)."""
+"""The auto-encoder operator of interactions, whose bottleneck gives the features (PaCMO, 4.3.1).
+
+The metrics compare distributions of these features: F2ID and diversity.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -37,7 +40,7 @@ class AutoencoderConfig:
 
 
 class Autoencoder(nn.Module):
-    """``M x M -> M x M`` in seven layers without skips.
+    """A U-NO ``M x M -> M x M`` of seven layers without skip connections.
 
     Parameters
     ----------
@@ -64,20 +67,20 @@ class Autoencoder(nn.Module):
         self.register_buffer("to_features", to_features, persistent=False)
 
     def loss(self, pairs: MotionPairs) -> Tensor:
-        """Take the mean squared error of the reconstruction, in normalised units."""
+        """Return the mean squared error of the reconstruction, in normalised units."""
         inputs = self._inputs(pairs)
         both = inputs[..., : self.config.uno.out_channels]
         out: Tensor = self.uno(inputs)
         return (out - both).square().mean()
 
     def features(self, pairs: MotionPairs) -> Tensor:
-        """Encode: ``(B, C, r)`` at r midpoints of equal cells of [0, 1], standardised."""
+        """Return features: ``(B, C, r)`` at r midpoints of equal cells of [0, 1], standardised."""
         hidden = self.uno.bottleneck(self._inputs(pairs), BOTTLENECK_LAYER)
         values = (self.to_features @ hidden.flatten(1)).view(-1, *hidden.shape[1:])
         return ((values - self.feature_mean) / self.feature_std).permute(1, 2, 0)
 
     def standardise(self, pairs: MotionPairs) -> None:
-        """Give the features of these data mean zero and unit variance, channel by channel."""
+        """Set mean and standard deviation so that features of these data are standardised."""
         with torch.no_grad():
             self.feature_mean.zero_()
             self.feature_std.fill_(1)
@@ -86,18 +89,30 @@ class Autoencoder(nn.Module):
             self.feature_std.copy_(raw.std(dim=(0, 2)))
 
     def _inputs(self, pairs: MotionPairs) -> Tensor:
-        norm, period = self.normalisation, self.config.uno.period
-        context = norm.context(self.points, pairs.log_duration, period)
-        motions = [norm.partner(pairs.partner), norm.reaction(pairs.reaction)]
-        return torch.cat([*motions, context], dim=-1)
+        normalisation, period = self.normalisation, self.config.uno.period
+        partner = normalisation.normalise_partner(pairs.partner)
+        reaction = normalisation.normalise_reaction(pairs.reaction)
+        context = normalisation.time_and_duration(self.points, pairs.log_duration, period)
+        return torch.cat([partner, reaction, context], dim=-1)
 
 
 class AutoencoderTrainer(SupervisedTrainer[Autoencoder]):
+    """Train on the reconstruction error; standardise the features at every validation.
+
+    Parameters
+    ----------
+    model : Autoencoder
+    pairs : training data
+    validation_pairs : to select weights on, or None
+    settings : AutoencoderSettings
+    random : CPU generator of the order of pairs
+    """
+
     def __init__(
         self,
         model: Autoencoder,
         pairs: MotionPairs,
-        held_out: MotionPairs | None,
+        validation_pairs: MotionPairs | None,
         settings: AutoencoderSettings,
         random: torch.Generator,
     ) -> None:
@@ -106,15 +121,15 @@ class AutoencoderTrainer(SupervisedTrainer[Autoencoder]):
             model,
             len(pairs),
             lambda rows: model.loss(pairs[rows.to(pairs.partner.device)]),
-            None if held_out is None else lambda: model.loss(held_out),
+            None if validation_pairs is None else lambda: model.loss(validation_pairs),
             settings,
             random,
         )
 
-    def score(self) -> Tensor | None:
-        """Standardise the features, since these weights may be handed over; take the loss."""
+    def validate(self) -> Tensor | None:
+        """Standardise the features, for these weights may be selected; return the loss."""
         self.model.standardise(self.pairs)
-        return super().score()
+        return super().validate()
 
 
 def build_training(
@@ -124,31 +139,36 @@ def build_training(
     validation: Sequence[Interaction] = (),
     device: str = "cpu",
 ) -> TrainingLoop[Autoencoder]:
-    """Train on reconstruction; an epoch yields ``loss``.
+    """Build an auto-encoder and the loop that trains it on reconstruction.
 
-    ``validation`` is the loss on either side of the held-out clips.
+    An epoch yields ``loss``.
+
+    Parameters
+    ----------
+    clips, validation : interactions; validation clips are scored in both directions
+    settings : AutoencoderSettings
+    device : of torch
     """
     random = torch.Generator().manual_seed(settings.random_seed)
     pairs = sample_motion_pairs(
         expand_directions(clips, both=settings.both_directions), settings.n_points
     ).to(device)
-    held_out = expand_directions(validation, both=True)
-    held_out_pairs = (
-        sample_motion_pairs(held_out, settings.n_points).to(device) if held_out else None
+    validation_pairs = (
+        sample_motion_pairs(expand_directions(validation, both=True), settings.n_points).to(device)
+        if validation
+        else None
     )
     model = Autoencoder(_autoencoder_config(clips[0].skeleton, settings))
     initialise_weights(model, random)
-    model.to(device).normalisation.measure(pairs)
-    training = AutoencoderTrainer(model, pairs, held_out_pairs, settings, random)
-    return TrainingLoop(
-        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
-    )
+    model.to(device).normalisation.fit(pairs)
+    trainer = AutoencoderTrainer(model, pairs, validation_pairs, settings, random)
+    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def encode_features(
     model: Autoencoder, interactions: Sequence[Interaction], *, device: str = "cpu"
 ) -> NDArray[np.float64]:
-    """Encode interactions, ``person_a`` the partner: ``(n, C, r)``, standardised, frozen."""
+    """Return features of interactions, ``person_a`` the partner: ``(n, C, r)``, standardised."""
     pairs = sample_motion_pairs(interactions, model.config.uno.n_points)
     return encode_pairs(model, pairs, device=device)
 
@@ -156,19 +176,19 @@ def encode_features(
 def encode_pairs(
     model: Autoencoder, pairs: MotionPairs, *, device: str = "cpu"
 ) -> NDArray[np.float64]:
-    """Encode pairs of functions: ``(n, C, r)``, r midpoints of equal cells of [0, 1]."""
+    """Return features of pairs: ``(n, C, r)`` at r midpoints of equal cells of [0, 1]."""
     model.to(device)
     with torch.no_grad():
-        found: NDArray[np.float64] = model.features(pairs.to(device)).cpu().double().numpy()
-    return found
+        features: NDArray[np.float64] = model.features(pairs.to(device)).cpu().double().numpy()
+    return features
 
 
 def autoencoder_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Autoencoder:
-    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    parts = AutoencoderConfig(
+    """Rebuild a model from its configuration and ``training.state.model_state``."""
+    config_fields = AutoencoderConfig(
         Skeleton.from_dict(config["skeleton"]), uno_config_from_dict(config["uno"])
     )
-    model = Autoencoder(parts)
+    model = Autoencoder(config_fields)
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)
 
@@ -176,10 +196,10 @@ def autoencoder_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor
 def _autoencoder_config(skeleton: Skeleton, settings: AutoencoderSettings) -> AutoencoderConfig:
     channels = list(u_shape_channels(settings.width))
     channels[BOTTLENECK_LAYER - 1] = settings.bottleneck_channels
-    both = 6 * len(skeleton.joints)
+    channels_of_both = 6 * len(skeleton.joints)
     uno = UnoConfig(
-        in_channels=both + 3,
-        out_channels=both,
+        in_channels=channels_of_both + 3,
+        out_channels=channels_of_both,
         lifting=settings.width,
         channels=tuple(channels),
         modes=tuple(settings.modes),

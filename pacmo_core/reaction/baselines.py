@@ -1,4 +1,8 @@
-"""The deterministic baselines: stacked GRU layers (PaCMO, 4.3.2) and a regressed U-NO."""
+"""Deterministic baselines: a recurrent network and a U-NO, both trained on squared error.
+
+``Gru`` is the paper's baseline, stacked GRU layers (PaCMO, 4.3.2). The regression baseline is
+PaCMO's generator without noise and without a critic.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -34,7 +38,7 @@ from pacmo_core.training.supervised import SupervisedTrainer
 
 @dataclass(frozen=True)
 class GruConfig:
-    """A recurrent network's skeleton and size."""
+    """Skeleton, frame rate and size of a ``Gru``."""
 
     skeleton: Skeleton
     fps: float
@@ -44,7 +48,7 @@ class GruConfig:
 
 @dataclass(frozen=True)
 class FrameSequences:
-    """Partners and reactions at one rate, one tensor a clip.
+    """Partners and reactions at one frame rate, a tensor a clip.
 
     Parameters
     ----------
@@ -56,9 +60,9 @@ class FrameSequences:
 
 
 class Gru(nn.Module):
-    """Five GRU layers of 200 and three dense ones with GELU, in the paper's size.
+    """GRU layers and three dense layers with GELU; in the paper five GRU layers of 200 units.
 
-    Causal, so frames of padding after a clip do not change it.
+    Causal: padding after a clip does not change its output.
 
     Parameters
     ----------
@@ -81,27 +85,27 @@ class Gru(nn.Module):
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose joints go in and come out."""
+        """Skeleton of both people."""
         return self.config.skeleton
 
     def forward(self, partner: Tensor) -> Tensor:
-        """React frame by frame: ``(B, T, 3 J)`` metres to the same."""
-        hidden, _ = self.gru(self.normalisation.partner(partner))
+        """Predict reactions frame by frame: ``(B, T, 3 J)`` metres to the same."""
+        hidden, _ = self.gru(self.normalisation.normalise_partner(partner))
         out: Tensor = self.head(hidden)
-        return self.normalisation.metres(out)
+        return self.normalisation.denormalise_reaction(out)
 
     def loss(self, frames: FrameSequences, rows: Sequence[int]) -> Tensor:
-        """Take the mean squared error over real frames, in normalised units."""
+        """Return the mean squared error over all frames but padding, in normalised units."""
         partner = pad_sequence([frames.partner[i] for i in rows], batch_first=True)
         reaction = pad_sequence([frames.reaction[i] for i in rows], batch_first=True)
         lengths = torch.tensor([len(frames.partner[i]) for i in rows], device=partner.device)
-        here = torch.arange(partner.shape[1], device=partner.device) < lengths[:, None]
+        is_frame = torch.arange(partner.shape[1], device=partner.device) < lengths[:, None]
         error = (self(partner) - reaction).square().mean(dim=-1) / self.normalisation.scale**2
-        return torch.masked_select(error, here).mean()
+        return torch.masked_select(error, is_frame).mean()
 
 
 def frame_times(start: float, end: float, fps: float) -> NDArray[np.float64]:
-    """Space instants evenly, both ends among them, as near to a rate as that allows."""
+    """List evenly spaced times with both ends, at a frame rate as near to ``fps`` as possible."""
     return np.linspace(start, end, max(2, round((end - start) * fps) + 1))
 
 
@@ -112,49 +116,55 @@ def build_gru_training(
     validation: Sequence[Interaction] = (),
     device: str = "cpu",
 ) -> TrainingLoop[Gru]:
-    """Train on squared error; an epoch yields ``loss``.
+    """Build a GRU and the loop that trains it on squared error; an epoch yields ``loss``.
 
-    ``validation`` is the loss on either side of the held-out clips.
+    Parameters
+    ----------
+    clips, validation : interactions; validation clips are scored in both directions
+    settings : GruSettings
+    device : of torch
     """
     check_common_skeleton([*clips, *validation])
     random = torch.Generator().manual_seed(settings.random_seed)
-    sides = expand_directions(clips, both=settings.both_directions)
-    frames = sample_frames(sides, settings.fps, device)
-    held_out = sample_frames(expand_directions(validation, both=True), settings.fps, device)
+    directions = expand_directions(clips, both=settings.both_directions)
+    frames = sample_frames(directions, settings.fps, device)
+    validation_frames = sample_frames(
+        expand_directions(validation, both=True), settings.fps, device
+    )
     config = GruConfig(clips[0].skeleton, settings.fps, settings.hidden, settings.n_layers)
     model = Gru(config)
     initialise_weights(model, random)
-    model.to(device).normalisation.measure(sample_motion_pairs(sides, n_points=33).to(device))
-    training = SupervisedTrainer(
+    model.to(device).normalisation.fit(sample_motion_pairs(directions, n_points=33).to(device))
+    trainer = SupervisedTrainer(
         model,
         len(frames.partner),
         lambda rows: model.loss(frames, rows.tolist()),
-        (lambda: model.loss(held_out, range(len(held_out.partner)))) if validation else None,
+        (lambda: model.loss(validation_frames, range(len(validation_frames.partner))))
+        if validation
+        else None,
         settings,
         random,
     )
-    return TrainingLoop(
-        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
-    )
+    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def gru_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Gru:
-    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    """Rebuild a model from its configuration and ``training.state.model_state``."""
     model = Gru(GruConfig(**{**config, "skeleton": Skeleton.from_dict(config["skeleton"])}))
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)
 
 
 def sample_frames(clips: Sequence[Interaction], fps: float, device: str) -> FrameSequences:
-    """Sample interactions at one rate: ``person_a`` the partner, ``person_b`` reacts."""
+    """Resample interactions to one frame rate: ``person_a`` is the partner, ``person_b`` reacts."""
     frames = FrameSequences([], [])
     for clip in clips:
         frame = body_frame(clip.person_a, clip.skeleton)
-        at = frame_times(clip.times[0], clip.times[-1], fps)
-        for motion, found in ((clip.person_a, frames.partner), (clip.person_b, frames.reaction)):
+        out_times = frame_times(clip.times[0], clip.times[-1], fps)
+        for motion, sampled in ((clip.person_a, frames.partner), (clip.person_b, frames.reaction)):
             local = frame.to_local(motion).reshape(len(motion), -1)
-            values = Spline(clip.times, local)(at).astype(np.float32)
-            found.append(torch.tensor(values, device=device))
+            values = Spline(clip.times, local)(out_times).astype(np.float32)
+            sampled.append(torch.tensor(values, device=device))
     return frames
 
 
@@ -165,35 +175,42 @@ def build_regression_training(
     validation: Sequence[Interaction] = (),
     device: str = "cpu",
 ) -> TrainingLoop[Generator]:
-    """Train a generator of no noise on squared error; an epoch yields ``loss``.
+    """Build a generator without noise and the loop that trains it on squared error.
 
-    ``validation`` is the loss on either side of the held-out clips.
+    An epoch yields ``loss``.
+
+    Parameters
+    ----------
+    clips, validation : interactions; validation clips are scored in both directions
+    settings : RegressionSettings
+    device : of torch
     """
     random = torch.Generator().manual_seed(settings.random_seed)
     pairs = sample_motion_pairs(
         expand_directions(clips, both=settings.both_directions), settings.n_points
     ).to(device)
-    sides = expand_directions(validation, both=True)
-    held_out = sample_motion_pairs(sides, settings.n_points).to(device) if sides else None
+    validation_pairs = (
+        sample_motion_pairs(expand_directions(validation, both=True), settings.n_points).to(device)
+        if validation
+        else None
+    )
     model = Generator(_regression_config(clips[0].skeleton, settings))
     initialise_weights(model, random)
-    model.to(device).normalisation.measure(pairs)
-    augment = RandomAugmentation(settings.augmentation, model.skeleton, settings.n_points)
-    training = SupervisedTrainer(
+    model.to(device).normalisation.fit(pairs)
+    augmentation = RandomAugmentation(settings.augmentation, model.skeleton, settings.n_points)
+    trainer = SupervisedTrainer(
         model,
         len(pairs),
-        lambda rows: _regression_loss(model, augment(pairs[rows.to(device)], random)),
-        None if held_out is None else lambda: _regression_loss(model, held_out),
+        lambda rows: _regression_loss(model, augmentation(pairs[rows.to(device)], random)),
+        None if validation_pairs is None else lambda: _regression_loss(model, validation_pairs),
         settings,
         random,
     )
-    return TrainingLoop(
-        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
-    )
+    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def _regression_loss(model: Generator, pairs: MotionPairs) -> Tensor:
-    """Take the mean squared error over time, in normalised units."""
+    """Return the mean squared error over time, in normalised units."""
     no_noise = pairs.partner.new_zeros(len(pairs), 0, 2 * model.config.noise.n_modes)
     error = (model(no_noise, pairs.condition) - pairs.reaction) / model.normalisation.scale
     loss: Tensor = (error.square().mean(dim=-1) @ trapezoid_weights(model.points)).mean()
@@ -201,10 +218,10 @@ def _regression_loss(model: Generator, pairs: MotionPairs) -> Tensor:
 
 
 def _regression_config(skeleton: Skeleton, settings: RegressionSettings) -> GeneratorConfig:
-    motion = 3 * len(skeleton.joints)
+    channels = 3 * len(skeleton.joints)
     return GeneratorConfig(
         skeleton,
-        u_shape_config(settings, motion + 3, motion),
+        u_shape_config(settings, channels + 3, channels),
         GaussianRandomField(alpha=2.0, tau=5.0, n_modes=1, period=settings.period),
         noise_channels=0,
         actions=(),

@@ -1,4 +1,9 @@
-"""The critic: a functional of reaction and partner, and its gradient's norm (PaCMO, eqs. 1, 2)."""
+"""The critic, a functional of reaction and partner, and its gradient penalty (PaCMO, eqs. 1, 2).
+
+The critic approximates the functional whose difference between real and generated data is the
+Wasserstein distance (Kantorovich-Rubinstein duality); the gradient penalty of Gulrajani et al.
+(2017), *Improved training of Wasserstein GANs*, keeps its Lipschitz constant near one.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,38 +17,39 @@ from pacmo_core.operators.uno import Uno, UnoConfig
 from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
 
-DISTANCE_SOFTENING, DISTANCE_OFFSET = 0.05, 1.0  # metres
+# Metres: distances below the first are rounded off, the second is subtracted to centre them.
+DISTANCE_SOFTENING, DISTANCE_OFFSET = 0.05, 1.0
 
 
 @dataclass(frozen=True)
 class CriticInputs:
-    """What a critic may be shown beside the motions.
+    """What the critic takes in beside motions, duration and time.
 
     Parameters
     ----------
-    ends : joints whose distances from body to body it sees; none in the paper's plain form
-    labels : the functions of action labels, if those are a condition
+    end_effectors : joints whose distances between the bodies are inputs; none in the paper
+    actions : embedding of action labels, if these are a condition
     """
 
-    ends: tuple[int, ...]
-    labels: ActionEmbedding | None
+    end_effectors: tuple[int, ...]
+    actions: ActionEmbedding | None
 
     @property
     def channels(self) -> int:
-        """Of the functions that this adds."""
-        return len(self.ends) ** 2 + (self.labels.channels if self.labels else 0)
+        """Number of channels of these inputs."""
+        return len(self.end_effectors) ** 2 + (self.actions.channels if self.actions else 0)
 
 
 class Critic(nn.Module):
-    """``D: U x C -> R``, a U-NO of one output channel under a functional layer.
+    """``D: U x C -> R``, a U-NO of one output channel followed by a functional layer.
 
-    Works on normalised motions: its Lipschitz bound is in units of the data's own spread.
+    It takes normalised motions, so its Lipschitz constant is in units of the data's own scale.
 
     Parameters
     ----------
-    config : UnoConfig; its input channels are 6 J + 3 and those of the conditions
+    config : UnoConfig; its input channels are 6 J + 3 and those of ``inputs``
     normalisation : Normalisation, shared with the generator
-    conditions : what it is shown beside positions, duration and time
+    inputs : beside positions, duration and time
     hidden : units of the functional's kernel network
     """
 
@@ -53,65 +59,85 @@ class Critic(nn.Module):
         self,
         config: UnoConfig,
         normalisation: Normalisation,
-        conditions: CriticInputs,
+        inputs: CriticInputs,
         *,
         hidden: int,
     ) -> None:
         super().__init__()
-        self.ends = list(conditions.ends)
-        self.labels = conditions.labels
+        self.end_effectors = list(inputs.end_effectors)
+        self.actions = inputs.actions
         self.uno = Uno(config)
         self.functional = FunctionalLayer(hidden=hidden)
         self.normalisation = normalisation
         self.register_buffer("points", torch.linspace(0, 1, config.n_points), persistent=False)
 
     def forward(self, reaction: Tensor, condition: Condition) -> Tensor:
-        """Judge motions ``(B, N, 3 J)``, normalised, the partner's too: ``(B,)``."""
+        """Score reactions ``(B, N, 3 J)``, normalised as is the condition's partner: ``(B,)``."""
         period, partner = self.uno.config.period, condition.partner
-        context = self.normalisation.context(self.points, condition.log_duration, period)
-        shown = [reaction, partner, context]
-        if self.ends:
-            shown.append(self._distances(reaction, partner))
-        if self.labels is not None:
-            shown.append(self.labels(condition.action, self.points, period))
-        value = self.uno(torch.cat(shown, dim=-1))
-        judged: Tensor = self.functional(value[..., 0], self.points)
-        return judged
+        times = self.normalisation.time_and_duration(self.points, condition.log_duration, period)
+        inputs = [reaction, partner, times]
+        if self.end_effectors:
+            inputs.append(self._distances(reaction, partner))
+        if self.actions is not None:
+            inputs.append(self.actions(condition.action, self.points, period))
+        value = self.uno(torch.cat(inputs, dim=-1))
+        score: Tensor = self.functional(value[..., 0], self.points)
+        return score
 
     def _distances(self, reaction: Tensor, partner: Tensor) -> Tensor:
-        """Measure ``(B, N, E^2)`` distances between the ends of the two bodies, of order one."""
-        norm = self.normalisation
-        one, other = (
-            motion.view(*motion.shape[:-1], -1, 3)[:, :, self.ends]
-            for motion in (norm.metres(reaction), norm.partner_metres(partner))
+        """``(B, N, E^2)``: distances between end effectors of the two bodies, of order one."""
+        normalisation = self.normalisation
+        first, second = (
+            motion.view(*motion.shape[:-1], -1, 3)[:, :, self.end_effectors]
+            for motion in (
+                normalisation.denormalise_reaction(reaction),
+                normalisation.denormalise_partner(partner),
+            )
         )
-        apart = (one[:, :, :, None] - other[:, :, None]).square().sum(dim=-1)
-        # Bodies that touch have a distance of zero, whose root has no slope.
-        near: Tensor = (
-            (apart + DISTANCE_SOFTENING**2).sqrt().flatten(2) - DISTANCE_OFFSET
-        ) / norm.scale
-        return near
+        squared = (first[:, :, :, None] - second[:, :, None]).square().sum(dim=-1)
+        # Softened: the square root is not differentiable at zero, where bodies touch.
+        distances = (squared + DISTANCE_SOFTENING**2).sqrt().flatten(2)
+        scaled: Tensor = (distances - DISTANCE_OFFSET) / normalisation.scale
+        return scaled
 
 
 def end_effectors(skeleton: Skeleton) -> tuple[int, ...]:
-    """List the root and the joints on which no other hangs: head, hands and feet."""
+    """List the root and the joints without children: head, hands and feet."""
     inner = set(skeleton.parents)
     joints = range(len(skeleton.joints))
     return (skeleton.root, *(joint for joint in joints if joint not in inner))
 
 
-def gradient_norm(
-    judge: Callable[[Tensor, Tensor], Tensor], reaction: Tensor, partner: Tensor, weights: Tensor
-) -> Tensor:
-    """Take the norm of a functional's derivative in the dual of the product of two L2 spaces.
-
-    ``||dd||^2 = sum_t (|dd/du_t|^2 + |dd/dc_t|^2) / w_t``: a derivative with respect to a sample
-    is the derivative function times the sample's weight. Unlike GANO's form, it does not change
-    with the number of samples.
+def gradient_penalty(
+    critic: Callable[[Tensor, Tensor], Tensor], reaction: Tensor, partner: Tensor, weights: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the gradient penalty ``E (||dD|| - 1)^2`` (PaCMO, eq. 2) and the mean norm.
 
     Parameters
     ----------
-    judge : (reaction, partner) to (B,)
+    critic, reaction, partner, weights : see ``gradient_norm``; ``reaction`` lies at random between
+        generated and real motions, ``epsilon u + (1 - epsilon) G(a, c)``
+
+    Returns
+    -------
+    two of (), differentiable
+    """
+    norms = gradient_norm(critic, reaction, partner, weights)
+    return (norms - 1).square().mean(), norms.mean()  # eq. 2
+
+
+def gradient_norm(
+    critic: Callable[[Tensor, Tensor], Tensor], reaction: Tensor, partner: Tensor, weights: Tensor
+) -> Tensor:
+    """Return the norm of a functional's derivative in the dual of the product of two L2 spaces.
+
+    ``||dD||^2 = sum_t (|dD/du_t|^2 + |dD/dc_t|^2) / w_t``: the derivative with respect to a sample
+    is the derivative function times the sample's quadrature weight. Unlike the form in GANO (Rahman
+    et al. 2022), it does not change with the number of samples.
+
+    Parameters
+    ----------
+    critic : (reaction, partner) to (B,)
     reaction, partner : (B, T, C)
     weights : (T,), of the quadrature
 
@@ -120,6 +146,6 @@ def gradient_norm(
     (B,), differentiable
     """
     u, c = reaction.detach().requires_grad_(), partner.detach().requires_grad_()
-    gradients = torch.autograd.grad(judge(u, c).sum(), (u, c), create_graph=True)
+    gradients = torch.autograd.grad(critic(u, c).sum(), (u, c), create_graph=True)
     density = torch.cat(gradients, dim=-1).square().sum(dim=-1) / weights
     return density.sum(dim=-1).sqrt()

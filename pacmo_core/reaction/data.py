@@ -1,8 +1,8 @@
-"""Interactions as training data: pairs of functions of time, exchanges and random augmentation.
+"""Interactions as training data: pairs of functions of normalised time, and their augmentation.
 
-Each interaction is seen from the partner's first pose and sampled at N even instants of normalised
-time. Augmentation mirrors, scales and rotates both people and lowers the partner's frame rate: a
-mirror image, larger people, another heading or another rate of capture are equally natural.
+Each interaction is transformed to the frame of the partner's first pose and sampled at N evenly
+spaced times in [0, 1]. Augmentation mirrors, scales and rotates both people and lowers the
+partner's frame rate: the result is as natural as the capture.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,13 +22,13 @@ from pacmo_core.reaction.settings import AugmentationSettings
 
 @dataclass(frozen=True)
 class Condition:
-    """What a reaction answers.
+    """What a reaction is generated from.
 
     Parameters
     ----------
     partner : (B, T, 3 J) float32, metres, in the partner's first frame
     log_duration : (B,) float32, logarithm of seconds
-    action : (B,) int64, numbers of action labels; zeros where labels are no condition
+    action : (B,) int64, indices of action labels; zeros where labels are no condition
     """
 
     partner: Tensor
@@ -38,13 +38,13 @@ class Condition:
 
 @dataclass(frozen=True)
 class MotionPairs:
-    """Partner and reaction on N evenly spaced instants of [0, 1], in the partner's first frame.
+    """Partner and reaction at N evenly spaced times in [0, 1], in the partner's first frame.
 
     Parameters
     ----------
     partner, reaction : (B, N, 3 J) float32, metres
     log_duration : (B,) float32, logarithm of seconds
-    action : (B,) int64, numbers of action labels; zeros where no label is a condition
+    action : (B,) int64, indices of action labels; zeros where labels are no condition
     """
 
     partner: Tensor
@@ -56,7 +56,7 @@ class MotionPairs:
         return len(self.partner)
 
     def __getitem__(self, rows: Tensor | slice) -> "MotionPairs":
-        return self._each(lambda part: part[rows])
+        return self._map(lambda part: part[rows])
 
     @property
     def condition(self) -> Condition:
@@ -64,15 +64,15 @@ class MotionPairs:
         return Condition(self.partner, self.log_duration, self.action)
 
     def repeat(self, n: int) -> "MotionPairs":
-        """Set n copies one behind the other."""
-        return self._each(lambda part: part.repeat(n, *[1] * (part.ndim - 1)))
+        """Concatenate n copies."""
+        return self._map(lambda part: part.repeat(n, *[1] * (part.ndim - 1)))
 
     def to(self, device: str | torch.device) -> "MotionPairs":
         """Move to a device."""
-        return self._each(lambda part: part.to(device))
+        return self._map(lambda part: part.to(device))
 
-    def _each(self, change: Callable[[Tensor], Tensor]) -> "MotionPairs":
-        return MotionPairs(*map(change, vars(self).values()))
+    def _map(self, function: Callable[[Tensor], Tensor]) -> "MotionPairs":
+        return MotionPairs(*map(function, vars(self).values()))
 
 
 def sample_motion_pairs(
@@ -84,7 +84,7 @@ def sample_motion_pairs(
     ----------
     interactions : B of them
     n_points : N
-    action : (B,) int64, numbers of their labels, if labels are a condition
+    action : (B,) int64, indices of their labels, if labels are a condition
 
     Raises
     ------
@@ -93,7 +93,7 @@ def sample_motion_pairs(
     """
     check_common_skeleton(interactions)
     sampled = [_sample_pair(interaction, n_points) for interaction in interactions]
-    # Copied into torch's own memory: its products round by alignment, and NumPy's varies.
+    # Copied into torch's memory: rounding of products depends on alignment, which varies in NumPy.
     return MotionPairs(
         partner=torch.tensor(np.stack([partner for partner, _ in sampled])),
         reaction=torch.tensor(np.stack([reaction for _, reaction in sampled])),
@@ -108,7 +108,13 @@ def expand_directions(interactions: Sequence[Interaction], *, both: bool) -> lis
 
 
 def check_common_skeleton(interactions: Sequence[Interaction]) -> None:
-    """Refuse an empty list, and two bodies of different joints."""
+    """Check that interactions share one skeleton.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or their skeletons differ.
+    """
     skeletons = {interaction.skeleton for interaction in interactions}
     if len(skeletons) != 1:
         names = sorted(skeleton.name for skeleton in skeletons)
@@ -137,20 +143,26 @@ def to_partner_frame(interaction: Interaction) -> Interaction:
 
 
 def replace_reaction(partner: Interaction, reaction: Interaction) -> Interaction:
-    """Give a partner the reaction to another one, both seen from their partners.
+    """Pair a partner with the reaction to another one, each in the frame of its partner.
 
-    The reaction keeps its place before its own partner and is played over the other's duration.
+    The reaction keeps its place relative to its own partner and is resampled to the duration of the
+    new one. So reactions are permuted among partners.
+
+    Parameters
+    ----------
+    partner : interaction whose ``person_a`` stays
+    reaction : interaction whose ``person_b`` is taken
     """
-    own = np.linspace(0, 1, len(partner.times))
-    share = (reaction.times - reaction.times[0]) / reaction.duration
-    motion = CubicSpline(share, reaction.person_b)(own).astype(np.float32)
+    out_times = np.linspace(0, 1, len(partner.times))
+    times = (reaction.times - reaction.times[0]) / reaction.duration
+    motion = CubicSpline(times, reaction.person_b)(out_times).astype(np.float32)
     return replace(partner, person_b=motion)
 
 
 def mirror_interaction(interaction: Interaction) -> Interaction:
     """Reflect both people in the plane x = 0 and exchange their left and right joints.
 
-    People move the same way left-handed, so a mirror image is another interaction of the same law.
+    A mirror image is as natural as the interaction.
     """
     return replace(
         interaction,
@@ -166,49 +178,51 @@ def _mirror_motion(motion: Motion, skeleton: Skeleton) -> Motion:
     return np.ascontiguousarray(motion[:, order] * np.array([-1, 1, 1], dtype=np.float32))
 
 
-MIRROR_X = (-1.0, 1.0, 1.0)  # in the partner's frame left is +x
+MIRROR_X = (-1.0, 1.0, 1.0)  # factors of x, y, z; in the partner's frame left is +x
 
 
 class RandomAugmentation:
-    """Change a batch at random, both people alike but for the frame rate, which is the partner's.
+    """Transform a batch at random: both people alike, but the frame rate of the partner only.
 
     Parameters
     ----------
-    settings : AugmentSettings
+    settings : AugmentationSettings
     skeleton : Skeleton
     n_points : grid of the functions
     """
 
     def __init__(self, settings: AugmentationSettings, skeleton: Skeleton, n_points: int) -> None:
         self.settings = settings
-        swapped = dict(skeleton.left_right) | {right: left for left, right in skeleton.left_right}
-        self.mirrored = torch.tensor([swapped.get(i, i) for i in range(len(skeleton.joints))])
-        least = max(4, round(settings.min_rate * n_points))
-        self.resamplings = [frame_rate_matrix(n_points, n) for n in range(least, n_points)]
+        mirrored = dict(skeleton.left_right) | {right: left for left, right in skeleton.left_right}
+        self.mirrored_joints = torch.tensor(
+            [mirrored.get(i, i) for i in range(len(skeleton.joints))]
+        )
+        min_frames = max(4, round(settings.min_rate * n_points))
+        self.frame_rates = [frame_rate_matrix(n_points, n) for n in range(min_frames, n_points)]
 
     def __call__(self, pairs: MotionPairs, random: torch.Generator) -> MotionPairs:
-        """Draw anew for each interaction; the frame rate for the batch."""
-        place = random_transforms(len(pairs), self.settings, random).to(pairs.partner.device)
+        """Sample a transform for each interaction, and a frame rate for the batch."""
+        transforms = random_transforms(len(pairs), self.settings, random).to(pairs.partner.device)
         mirror = torch.rand(len(pairs), generator=random) < self.settings.mirror_probability
         partner, reaction = (
-            self._seen(motion, mirror.to(motion.device), place)
+            self._transform(motion, mirror.to(motion.device), transforms)
             for motion in (pairs.partner, pairs.reaction)
         )
-        if self.resamplings:
-            rate = int(torch.randint(len(self.resamplings) + 1, (), generator=random))
-            if rate < len(self.resamplings):
-                partner = self.resamplings[rate].to(partner.device) @ partner
+        if self.frame_rates:
+            rate = int(torch.randint(len(self.frame_rates) + 1, (), generator=random))
+            if rate < len(self.frame_rates):
+                partner = self.frame_rates[rate].to(partner.device) @ partner
         return replace(pairs, partner=partner, reaction=reaction)
 
-    def _seen(self, motion: Tensor, mirror: Tensor, place: Tensor) -> Tensor:
+    def _transform(self, motion: Tensor, mirror: Tensor, transforms: Tensor) -> Tensor:
         joints = motion.view(*motion.shape[:-1], -1, 3)
-        image = joints[:, :, self.mirrored] * joints.new_tensor(MIRROR_X)
+        image = joints[:, :, self.mirrored_joints] * joints.new_tensor(MIRROR_X)
         joints = torch.where(mirror[:, None, None, None], image, joints)
-        return (joints @ place[:, None]).flatten(2)
+        return (joints @ transforms[:, None]).flatten(2)
 
 
 def random_transforms(n: int, settings: AugmentationSettings, random: torch.Generator) -> Tensor:
-    """Draw ``(n, 3, 3)`` turns about the vertical, each times a size, for rows from the right."""
+    """Sample ``(n, 3, 3)``: scaled rotations about the vertical axis, for row vectors."""
     angle = settings.rotation_spread * torch.randn(n, generator=random)
     size = (settings.size_spread * torch.randn(n, generator=random)).exp()
     cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros(n), torch.ones(n)
@@ -217,7 +231,7 @@ def random_transforms(n: int, settings: AugmentationSettings, random: torch.Gene
 
 
 def frame_rate_matrix(n_points: int, n_frames: int) -> Tensor:
-    """Build the matrix ``(N, N)`` that keeps what so many even frames tell a spline."""
+    """Build the ``(N, N)`` matrix that resamples a function at fewer frames and back by splines."""
     grid, frames = np.linspace(0, 1, n_points), np.linspace(0, 1, n_frames)
-    taken = CubicSpline(grid, np.eye(n_points))(frames)
-    return torch.tensor(CubicSpline(frames, taken)(grid), dtype=torch.float32)
+    resampled = CubicSpline(grid, np.eye(n_points))(frames)
+    return torch.tensor(CubicSpline(frames, resampled)(grid), dtype=torch.float32)

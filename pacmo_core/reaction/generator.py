@@ -1,4 +1,7 @@
-"""The conditional generator: a random field and a partner's motion to a reaction (PaCMO, 3.2)."""
+"""The conditional generator: from a random field and a partner's motion to a reaction (PaCMO, 3.2).
+
+A U-NO on the channels of the partner's motion, a Gaussian random field, time and duration.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,22 +13,22 @@ from torch import Tensor, nn
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
-from pacmo_core.reaction.data import Condition, MotionPairs
+from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
 
 
 @dataclass(frozen=True)
 class GeneratorConfig:
-    """A generator's skeleton, operator, noise and labels.
+    """A generator's skeleton, operator, noise and action labels.
 
     Parameters
     ----------
     skeleton : Skeleton
     uno : UnoConfig
-    noise : RandomField
+    noise : GaussianRandomField
     noise_channels : of the random field; 0 for a deterministic regression
-    actions : labels that the reaction is conditioned on beside the partner; none in the usual case
-    action_channels : of the labels' functions
+    actions : labels that the reaction is conditioned on beside the partner; may be empty
+    action_channels : of the labels' embedding
     """
 
     skeleton: Skeleton
@@ -52,70 +55,69 @@ class Generator(nn.Module):
         self.uno = Uno(config.uno)
         self.normalisation = Normalisation(channels=config.uno.out_channels)
         n_actions, channels = len(config.actions), config.action_channels
-        self.labels = ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None
+        self.actions = (
+            ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None
+        )
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose joints go in and come out."""
+        """Skeleton of both people."""
         return self.config.skeleton
 
-    def draw(self, n: int, random: torch.Generator) -> Tensor:
-        """Draw ``(n, k, 2 K)`` coefficients of noise, on the generator's device."""
-        return self.config.noise.draw(n, self.config.noise_channels, random=random)
+    def sample_noise(self, n: int, random: torch.Generator) -> Tensor:
+        """Sample ``(n, k, 2 K)`` coefficients of the random field, on ``random``'s device."""
+        return self.config.noise.sample(n, self.config.noise_channels, random=random)
 
     def forward(self, noise: Tensor, condition: Condition) -> Tensor:
-        """React on the grid.
+        """Generate reactions on the grid.
 
         Parameters
         ----------
-        noise : (B, k, 2 K), of ``draw``
-        condition : the partner on the grid, N instants
+        noise : (B, k, 2 K), of ``sample_noise``
+        condition : the partner on the grid, N times
 
         Returns
         -------
         (B, N, 3 J), metres
         """
         out: Tensor = self.uno(self._inputs(noise, condition, self.points))
-        return self.normalisation.metres(out)
+        return self.normalisation.denormalise_reaction(out)
 
     def latent(self, noise: Tensor, condition: Condition) -> Tensor:
-        """Apply all but the head: ``(L, B, C)``, to be read with ``at``."""
+        """Apply all but the head: ``(L, B, C)``, to be evaluated by ``evaluate``."""
         return self.uno.trunk(self._inputs(noise, condition, self.points))
 
-    def at(self, latent: Tensor, noise: Tensor, condition: Condition, times: Tensor) -> Tensor:
-        """React at any instants ``(T,)`` of [0, 1], at which the condition's partner is given."""
+    def evaluate(
+        self, latent: Tensor, noise: Tensor, condition: Condition, times: Tensor
+    ) -> Tensor:
+        """Evaluate reactions at any times ``(T,)`` in [0, 1], those of the condition's partner."""
         inputs = self._inputs(noise, condition, times)
         evaluation = self.uno.evaluation(times).to(latent.device)
-        return self.normalisation.metres(self.uno.evaluate(latent, inputs, evaluation))
+        out = self.uno.evaluate(latent, inputs, evaluation)
+        return self.normalisation.denormalise_reaction(out)
 
     def _inputs(self, noise: Tensor, condition: Condition, times: Tensor) -> Tensor:
-        period = self.config.uno.period
+        period, normalisation = self.config.uno.period, self.normalisation
         field = self.config.noise.evaluate(noise, times)
-        context = self.normalisation.context(times, condition.log_duration, period)
-        parts = [field, self.normalisation.partner(condition.partner), context]
-        if self.labels is not None:
-            parts.append(self.labels(condition.action, times, period))
+        context = normalisation.time_and_duration(times, condition.log_duration, period)
+        parts = [field, normalisation.normalise_partner(condition.partner), context]
+        if self.actions is not None:
+            parts.append(self.actions(condition.action, times, period))
         return torch.cat(parts, dim=-1)
 
 
-def react_on_grid(model: Generator, pairs: MotionPairs, random: torch.Generator) -> Tensor:
-    """Draw one reaction for each partner: ``(B, N, 3 J)`` metres."""
-    noise = model.draw(len(pairs), random).to(pairs.partner.device)
-    out: Tensor = model(noise, pairs.condition)
-    return out
-
-
 def generator_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:
-    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    parts = GeneratorConfig(
-        skeleton=Skeleton.from_dict(config["skeleton"]),
-        uno=uno_config_from_dict(config["uno"]),
-        noise=GaussianRandomField(**config["noise"]),
-        noise_channels=config["noise_channels"],
-        actions=tuple(config["actions"]),
-        action_channels=config["action_channels"],
+    """Rebuild a model from its configuration and ``training.state.model_state``."""
+    model = Generator(
+        GeneratorConfig(
+            skeleton=Skeleton.from_dict(config["skeleton"]),
+            uno=uno_config_from_dict(config["uno"]),
+            noise=GaussianRandomField(**config["noise"]),
+            noise_channels=config["noise_channels"],
+            actions=tuple(config["actions"]),
+            action_channels=config["action_channels"],
+        )
     )
-    model = Generator(parts)
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)

@@ -9,12 +9,12 @@ from torch.nn import functional
 
 from pacmo_core.reaction.data import MotionPairs
 
-# Durations that hardly vary would otherwise be blown up to unit variance.
+# Of the logarithm of duration: durations that hardly vary are not scaled to unit variance.
 MIN_DURATION_STD = 0.1
 
 
 class Normalisation(nn.Module):
-    """Centre each channel; divide by one scale, so that all joints keep their metric.
+    """Normalise motions: centre each channel, and divide all by one scale, in metres.
 
     Parameters
     ----------
@@ -31,49 +31,50 @@ class Normalisation(nn.Module):
         self.register_buffer("partner_mean", torch.zeros(channels))
         self.register_buffer("reaction_mean", torch.zeros(channels))
         self.register_buffer("scale", torch.ones(()))
-        self.register_buffer("log_duration", torch.tensor([0.0, 1.0]))
+        self.register_buffer("log_duration", torch.tensor([0.0, 1.0]))  # mean, standard deviation
 
-    def measure(self, pairs: MotionPairs) -> None:
-        """Take means and scales from real training data."""
+    def fit(self, pairs: MotionPairs) -> None:
+        """Compute means and scales from training data."""
         partner_mean = pairs.partner.mean(dim=(0, 1))
         reaction_mean = pairs.reaction.mean(dim=(0, 1))
         both = torch.cat([pairs.partner - partner_mean, pairs.reaction - reaction_mean])
-        spread = pairs.log_duration.std(correction=0).clamp(min=MIN_DURATION_STD)
+        deviation = pairs.log_duration.std(correction=0).clamp(min=MIN_DURATION_STD)
         self.partner_mean.copy_(partner_mean)
         self.reaction_mean.copy_(reaction_mean)
         self.scale.copy_(both.square().mean().sqrt())
-        self.log_duration.copy_(torch.stack([pairs.log_duration.mean(), spread]))
+        self.log_duration.copy_(torch.stack([pairs.log_duration.mean(), deviation]))
 
-    def partner(self, metres: Tensor) -> Tensor:
+    def normalise_partner(self, metres: Tensor) -> Tensor:
         """Normalise a partner's motion, channels last."""
         return (metres - self.partner_mean) / self.scale
 
-    def reaction(self, metres: Tensor) -> Tensor:
-        """Normalise a reaction."""
+    def normalise_reaction(self, metres: Tensor) -> Tensor:
+        """Normalise a reaction, channels last."""
         return (metres - self.reaction_mean) / self.scale
 
-    def metres(self, reaction: Tensor) -> Tensor:
-        """Undo ``reaction``."""
+    def denormalise_reaction(self, reaction: Tensor) -> Tensor:
+        """Return metres: the inverse of ``normalise_reaction``."""
         return reaction * self.scale + self.reaction_mean
 
-    def partner_metres(self, partner: Tensor) -> Tensor:
-        """Undo ``partner``."""
+    def denormalise_partner(self, partner: Tensor) -> Tensor:
+        """Return metres: the inverse of ``normalise_partner``."""
         return partner * self.scale + self.partner_mean
 
-    def context(self, times: Tensor, log_duration: Tensor, period: float) -> Tensor:
-        """``(B, T, 3)``: sine and cosine of time over one period, and the normalised log-duration.
+    def time_and_duration(self, times: Tensor, log_duration: Tensor, period: float) -> Tensor:
+        """``(B, T, 3)``: sine and cosine of time over a period, and the normalised log-duration.
 
-        Periodic functions rather than a ramp, whose jump would ring through the Fourier layers.
+        Periodic functions: the jump of a linear ramp would cause ringing in the Fourier layers.
         """
-        mean, spread = self.log_duration
-        angle = 2 * math.pi / period * times
-        clock = torch.stack([angle.sin(), angle.cos()], dim=-1).float()
-        duration = ((log_duration - mean) / spread)[:, None, None].expand(-1, len(times), 1)
-        return torch.cat([clock.expand(len(log_duration), -1, -1), duration], dim=-1)
+        mean, deviation = self.log_duration
+        duration = ((log_duration - mean) / deviation)[:, None, None].expand(-1, len(times), 1)
+        phase = _phase(times, period).expand(len(log_duration), -1, -1)
+        return torch.cat([phase, duration], dim=-1)
 
 
 class ActionEmbedding(nn.Module):
-    """``c_s(y) = E(y (+) s)``: a small network E of an instant y and an action label s.
+    """An action label as a function of time: the finite-dimensional condition (PaCMO, 3.2).
+
+    ``c_s(y) = E(y (+) s)``, E a small network of a time y and a label s.
 
     Parameters
     ----------
@@ -89,26 +90,30 @@ class ActionEmbedding(nn.Module):
         )
 
     def forward(self, action: Tensor, times: Tensor, period: float) -> Tensor:
-        """Evaluate ``(B,)`` labels at ``(T,)`` instants of [0, 1]: ``(B, T, C)``."""
-        angle = 2 * math.pi / period * times
-        # Periodic, as all else that the operators see of time.
-        clock = torch.stack([angle.sin(), angle.cos()], dim=-1).float()
+        """Evaluate ``(B,)`` labels at ``(T,)`` times in [0, 1]: ``(B, T, C)``."""
         label = functional.one_hot(action, self.n_actions).float()
-        parts = [clock.expand(len(action), -1, -1), label[:, None].expand(-1, len(times), -1)]
-        out: Tensor = self.network(torch.cat(parts, dim=-1))
+        phase = _phase(times, period).expand(len(action), -1, -1)
+        inputs = [phase, label[:, None].expand(-1, len(times), -1)]
+        out: Tensor = self.network(torch.cat(inputs, dim=-1))
         return out
 
 
-def action_indices(labels: Sequence[str], known: Sequence[str]) -> Tensor:
-    """Find the numbers of labels by their place among those known: ``(B,)``.
+def action_indices(actions: Sequence[str], known: Sequence[str]) -> Tensor:
+    """Return the index of each label in the list of known ones: ``(B,)``.
 
     Raises
     ------
     ValueError
         If one is not known.
     """
-    strange = sorted(set(labels) - set(known))
-    if strange:
-        wanted = f"one of {', '.join(known)}" if known else "none: the model knows no labels"
-        raise ValueError(f"action must be {wanted}; got {', '.join(map(repr, strange))}")
-    return torch.tensor([known.index(label) for label in labels], dtype=torch.long)
+    unknown = sorted(set(actions) - set(known))
+    if unknown:
+        wanted = f"one of {', '.join(known)}" if known else "empty: the model has no action labels"
+        raise ValueError(f"action must be {wanted}; got {', '.join(map(repr, unknown))}")
+    return torch.tensor([known.index(action) for action in actions], dtype=torch.long)
+
+
+def _phase(times: Tensor, period: float) -> Tensor:
+    """``(T, 2)``: sine and cosine of times."""
+    angle = 2 * math.pi / period * times
+    return torch.stack([angle.sin(), angle.cos()], dim=-1).float()

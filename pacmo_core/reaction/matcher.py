@@ -1,9 +1,9 @@
 """The matcher, a contrastive model of which reaction belongs to which partner, and its training.
 
-Two operators embed the partner's and the reaction's motion as functions of time of unit length in
-L2; a reaction fits a partner as well as the two functions agree. In a batch, each partner is to
-select its reaction and each reaction its partner: InfoNCE (van den Oord et al. 2018, *Contrastive
-predictive coding*) in both directions, as in CLIP (Radford et al. 2021).
+Two operators embed the partner's and the reaction's motion as functions of time of unit norm in L2;
+the inner product of the two is their similarity. In a batch, each partner's reaction is classified
+among all reactions and each reaction's partner among all partners: InfoNCE (van den Oord et al.
+2018, *Contrastive predictive coding*) in both directions, as in CLIP (Radford et al. 2021).
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,19 +32,22 @@ from pacmo_core.reaction.settings import MatcherSettings
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer
 
+# Sizes of the three layers' grids, relative to the latent grid.
+GRID_RATIOS = (0.75, 0.5, 0.5)
+
 
 @dataclass(frozen=True)
 class MatcherConfig:
-    """A matcher's skeleton, the operator of either side and how sharply it chooses."""
+    """A matcher's skeleton, operator, times of the embedding and temperature of the softmax."""
 
     skeleton: Skeleton
     uno: UnoConfig
-    n_instants: int
+    n_times: int
     temperature: float
 
 
 class Matcher(nn.Module):
-    """Embed partners and reactions so that those of one interaction lie close.
+    """Embed partners and reactions so that those of one interaction have a high inner product.
 
     Parameters
     ----------
@@ -60,45 +63,43 @@ class Matcher(nn.Module):
         self.partner, self.reaction = Uno(config.uno), Uno(config.uno)
         self.normalisation = Normalisation(channels=config.uno.in_channels - 3)
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
-        r = config.n_instants
-        midpoints = (torch.arange(r) + 0.5) / r
+        midpoints = (torch.arange(config.n_times) + 0.5) / config.n_times
         evaluation = interpolation_matrix(
             midpoints / config.uno.period, config.uno.sizes[-1]
         ).float()
         self.register_buffer("evaluation", evaluation, persistent=False)
 
     def forward(self, pairs: MotionPairs) -> tuple[Tensor, Tensor]:
-        """Embed both sides: two ``(B, r E)``, unit vectors whose product is the fit."""
-        norm, period = self.normalisation, self.config.uno.period
-        context = norm.context(self.points, pairs.log_duration, period)
+        """Embed partners and reactions: two ``(B, r E)``, unit vectors."""
+        normalisation, period = self.normalisation, self.config.uno.period
+        context = normalisation.time_and_duration(self.points, pairs.log_duration, period)
+        partner = normalisation.normalise_partner(pairs.partner)
+        reaction = normalisation.normalise_reaction(pairs.reaction)
         return (
-            self._embedded(self.partner, norm.partner(pairs.partner), context),
-            self._embedded(self.reaction, norm.reaction(pairs.reaction), context),
+            self._embed(self.partner, partner, context),
+            self._embed(self.reaction, reaction, context),
         )
 
     def loss(self, pairs: MotionPairs, clips: Tensor) -> Tensor:
-        """Take the mean surprise at the true partner among those given, and at the true reaction.
+        """Return the symmetric InfoNCE loss: cross-entropies of both classifications.
 
         Parameters
         ----------
         pairs : B real pairs
-        clips : (B,) the clip of each; the other person's view of a clip is no rival
+        clips : (B,) index of each pair's clip; other pairs of the same clip are no negatives
         """
         partner, reaction = self(pairs)
-        fit = partner @ reaction.T / self.config.temperature
-        true = torch.arange(len(clips), device=clips.device)
-        alike = (clips[:, None] == clips) & (true[:, None] != true)
-        fit = fit.masked_fill(alike, -torch.inf)
-        return (functional.cross_entropy(fit, true) + functional.cross_entropy(fit.T, true)) / 2
+        logits = partner @ reaction.T / self.config.temperature
+        target = torch.arange(len(clips), device=clips.device)
+        same_clip = (clips[:, None] == clips) & (target[:, None] != target)
+        logits = logits.masked_fill(same_clip, -torch.inf)
+        of_partner = functional.cross_entropy(logits, target)
+        return (of_partner + functional.cross_entropy(logits.T, target)) / 2
 
-    def _embedded(self, operator: Uno, motion: Tensor, context: Tensor) -> Tensor:
+    def _embed(self, operator: Uno, motion: Tensor, context: Tensor) -> Tensor:
         inputs = torch.cat([motion, context], dim=-1)
         values = operator.evaluate(operator.trunk(inputs), inputs, self.evaluation)
         return functional.normalize(values.flatten(1), dim=-1)
-
-
-# Of the three layers' grids to the latent one.
-GRID_RATIOS = (0.75, 0.5, 0.5)
 
 
 def build_training(
@@ -108,26 +109,28 @@ def build_training(
     validation: Sequence[Interaction] = (),
     device: str = "cpu",
 ) -> TrainingLoop[Matcher]:
-    """Train on real pairs, from both sides and mirrored; an epoch yields ``loss``.
+    """Build a matcher and the loop that trains it on real pairs; an epoch yields ``loss``.
 
-    ``validation`` is the loss on all views of the held-out clips.
+    Parameters
+    ----------
+    clips, validation : interactions, taken in both directions and, if set so, mirrored
+    settings : MatcherSettings
+    device : of torch
     """
     random = torch.Generator().manual_seed(settings.random_seed)
-    pairs, codes = _all_views(clips, settings, device)
-    held_out = _all_views(validation, settings, device) if validation else None
+    pairs, indices = _sample_views(clips, settings, device)
+    validation_views = _sample_views(validation, settings, device) if validation else None
     model = Matcher(_matcher_config(clips[0].skeleton, settings))
     initialise_weights(model, random)
-    model.to(device).normalisation.measure(pairs)
+    model.to(device).normalisation.fit(pairs)
 
     def loss(rows: Tensor) -> Tensor:
         rows = rows.to(device)
-        return model.loss(_offset_joints(pairs[rows], settings.joint_noise, random), codes[rows])
+        return model.loss(_offset_joints(pairs[rows], settings.joint_noise, random), indices[rows])
 
-    judge = None if held_out is None else lambda: model.loss(*held_out)
-    training = SupervisedTrainer(model, len(pairs), loss, judge, settings, random)
-    return TrainingLoop(
-        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
-    )
+    validation_loss = None if validation_views is None else lambda: model.loss(*validation_views)
+    trainer = SupervisedTrainer(model, len(pairs), loss, validation_loss, settings, random)
+    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def embed(
@@ -140,7 +143,7 @@ def embed(
 
 
 def matcher_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Matcher:
-    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
+    """Rebuild a model from its configuration and ``training.state.model_state``."""
     parts = {
         "skeleton": Skeleton.from_dict(config["skeleton"]),
         "uno": uno_config_from_dict(config["uno"]),
@@ -163,23 +166,23 @@ def _matcher_config(skeleton: Skeleton, settings: MatcherSettings) -> MatcherCon
         period=settings.period,
         skips=False,
     )
-    return MatcherConfig(skeleton, uno, settings.n_instants, settings.temperature)
+    return MatcherConfig(skeleton, uno, settings.n_times, settings.temperature)
 
 
-def _all_views(
+def _sample_views(
     clips: Sequence[Interaction], settings: MatcherSettings, device: str
 ) -> tuple[MotionPairs, Tensor]:
-    """Encode each clip from either person and, if asked, mirrored; with the clip of each."""
+    """Sample clips in both directions and, if set, mirrored; return also each pair's clip."""
     check_common_skeleton(clips)
     views = expand_directions(clips, both=True)
     if settings.mirror:
         views += [mirror_interaction(view) for view in views]
-    codes = torch.arange(len(clips), device=device).repeat(len(views) // len(clips))
-    return sample_motion_pairs(views, settings.n_points).to(device), codes
+    indices = torch.arange(len(clips), device=device).repeat(len(views) // len(clips))
+    return sample_motion_pairs(views, settings.n_points).to(device), indices
 
 
 def _offset_joints(pairs: MotionPairs, noise: float, random: torch.Generator) -> MotionPairs:
-    """Move every joint by an offset of its own, the same at all times: few clips, many bodies."""
+    """Augment: add a random constant offset to each joint, as of other bodies."""
     partner, reaction = (
         motion
         + noise * torch.randn(len(motion), 1, motion.shape[-1], generator=random).to(motion.device)

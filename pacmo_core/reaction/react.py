@@ -1,4 +1,4 @@
-"""Reactions in the world to a partner's motion of any length, at any instants."""
+"""Inference: reactions in the world to partners' motions of any length, at any times."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -15,7 +15,7 @@ from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, WindowQuery, window_queries
 
-# What bounds memory: motions that go through the layers, and instants through the head, at once.
+# Bounds of memory: motions that go through the layers together, and times through the head.
 MAX_MOTIONS_PER_BATCH = 64
 MAX_TIMES_PER_BATCH = 4096
 
@@ -29,17 +29,17 @@ def react(
     n_samples: int,
     random: torch.Generator,
 ) -> Motion:
-    """React to one partner, without a label; with one, ``react_all``.
+    """React to one partner, without an action label; with one use ``react_all``.
 
-    A motion longer than the model's training clips is taken in overlapping windows; time and
+    A motion longer than the model's training clips is divided into overlapping windows; time and
     memory grow linearly with its length.
 
     Parameters
     ----------
-    model : a generator, or the deterministic baseline
+    model : Generator or Gru
     partner : (T, J, 3) float32, metres, in the world
     times, out_times : (T,), (T_out,) float64, seconds; the latter ascending, within the former
-    n_samples : S; 1 for the baseline
+    n_samples : S; 1 for a deterministic model
     random : CPU generator of the noise
 
     Returns
@@ -49,8 +49,8 @@ def react(
     Raises
     ------
     ValueError
-        If a shape is wrong, an instant is outside ``times``, a model without noise is
-        asked for many, or the model wants a label.
+        If a shape is wrong, an output time is outside ``times``, ``n_samples`` is not 1 for a
+        deterministic model, or the model is conditioned on labels.
     """
     partners = [PartnerMotion(partner, times, out_times)]
     return react_all(model, partners, n_samples=n_samples, random=random)[0]
@@ -63,33 +63,33 @@ def react_all(
     n_samples: int,
     random: torch.Generator,
 ) -> list[Motion]:
-    """React to many partners of any lengths and rates, in batches: ``(S, T_out_i, J, 3)`` each.
+    """React to partners of any lengths and frame rates, in batches: ``(S, T_out_i, J, 3)`` each.
 
-    Noise is drawn partner by partner, so that the first reactions do not depend on later partners.
+    Noise is sampled partner by partner, so that reactions do not depend on later partners.
     """
     n_joints = len(model.skeleton.joints)
-    found: list[Motion] = []
+    reactions: list[Motion] = []
     for partner in partners:
         _check_partner(partner, n_joints)
-        found.append(np.zeros((n_samples, len(partner.out_times), n_joints, 3), np.float32))
-    pieces = window_queries(model, partners, n_samples, random)
+        reactions.append(np.zeros((n_samples, len(partner.out_times), n_joints, 3), np.float32))
+    queries = window_queries(model, partners, n_samples, random)
     with torch.no_grad():
-        while block := list(islice(pieces, max(1, MAX_MOTIONS_PER_BATCH // n_samples))):
-            for piece, local in zip(block, evaluate_queries(model, block), strict=True):
-                motion = piece.frame.to_world(local.reshape(*local.shape[:2], n_joints, 3))
-                weights = piece.weights.astype(np.float32)[:, None, None]
-                found[piece.owner][:, piece.rows] += weights * motion
-    return found
+        while batch := list(islice(queries, max(1, MAX_MOTIONS_PER_BATCH // n_samples))):
+            for query, local in zip(batch, evaluate_queries(model, batch), strict=True):
+                motion = query.frame.to_world(local.reshape(*local.shape[:2], n_joints, 3))
+                weights = query.weights.astype(np.float32)[:, None, None]
+                reactions[query.partner][:, query.rows] += weights * motion
+    return reactions
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
-    """List the instants of a steady rate, from the first of ``times`` to the last at most."""
+    """List times at a constant frame rate, from the first of ``times`` to the last at most."""
     if not fps > 0:
         raise ValueError(f"fps must be > 0; got {fps}")
-    # A rounding error must not cost the last frame.
+    # The last frame is included despite rounding errors.
     count = int(np.floor((times[-1] - times[0]) * fps + 1e-6)) + 1
-    at: NDArray[np.float64] = np.minimum(times[0] + np.arange(count) / fps, times[-1])
-    return at
+    result: NDArray[np.float64] = np.minimum(times[0] + np.arange(count) / fps, times[-1])
+    return result
 
 
 def _check_partner(partner: PartnerMotion, n_joints: int) -> None:
@@ -103,55 +103,57 @@ def _check_partner(partner: PartnerMotion, n_joints: int) -> None:
 
 
 def evaluate_queries(
-    model: ReactionModel, pieces: Sequence[WindowQuery]
+    model: ReactionModel, queries: Sequence[WindowQuery]
 ) -> Iterator[NDArray[np.float32]]:
-    """Give ``(S, rows, 3 J)`` metres in the frame, piece by piece, all of one number of samples."""
+    """Yield ``(S, rows, 3 J)`` metres in each query's frame; S is the same for all queries."""
     if isinstance(model, Generator):
-        return _evaluate_generator(model, pieces)
-    return (_evaluate_gru(model, piece) for piece in pieces)
+        return _evaluate_generator(model, queries)
+    return (_evaluate_gru(model, query) for query in queries)
 
 
 def _evaluate_generator(
-    model: Generator, pieces: Sequence[WindowQuery]
+    model: Generator, queries: Sequence[WindowQuery]
 ) -> Iterator[NDArray[np.float32]]:
     device = model.points.device
-    n_samples = len(pieces[0].noise)
-    noise = torch.stack([piece.noise for piece in pieces]).to(device)
-    grid = torch.stack([_sample_on_grid(piece, model.config.uno.n_points) for piece in pieces]).to(
+    n_samples = len(queries[0].noise)
+    noise = torch.stack([query.noise for query in queries]).to(device)
+    grid = torch.stack([_sample_on_grid(query, model.config.uno.n_points) for query in queries]).to(
         device
     )
-    durations = np.array([piece.window.duration for piece in pieces])
+    durations = np.array([query.window.duration for query in queries])
     log_duration = torch.tensor(np.log(durations).astype(np.float32), device=device)
-    action = torch.tensor([piece.action for piece in pieces], device=device)
+    action = torch.tensor([query.action for query in queries], device=device)
     condition = Condition(
         grid.repeat_interleave(n_samples, dim=0),
         log_duration.repeat_interleave(n_samples),
         action.repeat_interleave(n_samples),
     )
     latent = model.latent(noise.flatten(0, 1), condition)
-    latent = latent.view(len(latent), len(pieces), n_samples, -1)
-    for i, piece in enumerate(pieces):
+    latent = latent.view(len(latent), len(queries), n_samples, -1)
+    for i, query in enumerate(queries):
         parts = []
-        for first in range(0, len(piece.instants), MAX_TIMES_PER_BATCH):
-            at = piece.instants[first : first + MAX_TIMES_PER_BATCH]
+        for first in range(0, len(query.out_times), MAX_TIMES_PER_BATCH):
+            times = query.out_times[first : first + MAX_TIMES_PER_BATCH]
             condition = Condition(
-                torch.tensor(piece.local(at), device=device).expand(n_samples, -1, -1),
+                torch.tensor(query.sample_partner(times), device=device).expand(n_samples, -1, -1),
                 log_duration[i].expand(n_samples),
                 action[i].expand(n_samples),
             )
-            shares_of = torch.from_numpy(piece.window.inside(at)).to(device)
-            parts.append(model.at(latent[:, i], noise[i], condition, shares_of))
+            normalised = torch.from_numpy(query.window.normalise(times)).to(device)
+            parts.append(model.evaluate(latent[:, i], noise[i], condition, normalised))
         yield torch.cat(parts, dim=1).cpu().numpy()
 
 
-def _sample_on_grid(piece: WindowQuery, n_points: int) -> Tensor:
-    window = piece.window
-    return torch.tensor(piece.local(np.linspace(window.start, window.end, n_points)))
+def _sample_on_grid(query: WindowQuery, n_points: int) -> Tensor:
+    window = query.window
+    return torch.tensor(query.sample_partner(np.linspace(window.start, window.end, n_points)))
 
 
-def _evaluate_gru(model: Gru, piece: WindowQuery) -> NDArray[np.float32]:
-    at = frame_times(piece.window.start, piece.window.end, model.config.fps)
-    partner = torch.tensor(piece.local(at), device=model.normalisation.scale.device)
+def _evaluate_gru(model: Gru, query: WindowQuery) -> NDArray[np.float32]:
+    times = frame_times(query.window.start, query.window.end, model.config.fps)
+    partner = torch.tensor(query.sample_partner(times), device=model.normalisation.scale.device)
     reaction = model(partner[None]).cpu().numpy()
-    motion: NDArray[np.float32] = Spline(at, reaction[0])(piece.instants)[None].astype(np.float32)
+    motion: NDArray[np.float32] = Spline(times, reaction[0])(query.out_times)[None].astype(
+        np.float32
+    )
     return motion

@@ -1,7 +1,8 @@
-"""Train on clips and their variations: an epoch shows each clip as it is, or on other bodies.
+"""Training of PaCMO on clips and their variations on other bodies.
 
-Nothing else changes: as many steps of as many pairs, and the same draws of rows, noise and mirror
-images as a training of the same seed without variations, so that the two can be compared.
+In each epoch every clip is shown either as captured or as one of its variations. Nothing else
+changes: the number of steps, and the random rows, noise and mirror images are those of a training
+of the same seed without variations, so that the two can be compared.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,18 +25,18 @@ from pacmo_core.training.loop import TrainingLoop
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingVariations:
-    """Variations of the clips that a model learns from.
+    """Variations of training clips.
 
     Parameters
     ----------
     interactions : V of them
-    sources : of each, the number of its clip
-    share : of a clip's showings in which a variation stands for it
+    sources : index of each one's clip
+    share : probability of showing a variation in place of its clip
 
     Raises
     ------
     ValueError
-        If there are none, sources are not one each, or the share is none.
+        If there are none, the number of sources differs, or the share is not in [0, 1].
     """
 
     interactions: Sequence[Interaction]
@@ -49,7 +50,7 @@ class TrainingVariations:
                 f"{len(self.sources)} sources"
             )
         if not 0 <= self.share <= 1:
-            raise ValueError(f"share must lie in [0, 1]; got {self.share}")
+            raise ValueError(f"share must be in [0, 1]; got {self.share}")
 
 
 def build_training(
@@ -71,114 +72,107 @@ def build_training(
 
 
 def add_variations(
-    plain: TrainingLoop[Generator], variations: TrainingVariations
+    loop: TrainingLoop[Generator], variations: TrainingVariations
 ) -> TrainingLoop[Generator]:
-    """Let a training that has not begun show variations too.
+    """Add variations to a training that has not begun.
 
     Parameters
     ----------
-    plain : of ``adversarial.fit``, on the clips that are varied
+    loop : of ``wgan.build_training``, on the clips that are varied
 
     Raises
     ------
     TypeError
         If it trains something else.
     """
-    training = plain.training
-    if not isinstance(training, WganTrainer):
-        raise TypeError(f"wanted a training of Adversaries, got {type(training).__name__}")
-    validate_every = plain.validate_every
-    return TrainingLoop(
-        AugmentedWganTrainer(training, variations),
-        n_epochs=plain.n_epochs,
-        validate_every=validate_every,
-    )
+    if not isinstance(loop.trainer, WganTrainer):
+        raise TypeError(f"wanted a loop of a WganTrainer; got one of {type(loop.trainer).__name__}")
+    trainer = AugmentedWganTrainer(loop.trainer, variations)
+    return TrainingLoop(trainer, n_epochs=loop.n_epochs, validate_every=loop.validate_every)
 
 
 class AugmentedWganTrainer:
-    """Adversaries that see other pairs in every epoch.
+    """A WGAN trainer whose training pairs are selected anew in every epoch.
 
     Parameters
     ----------
-    training : begun with the clips' own pairs, of which its normalisation stays
-    variations : Variations
+    trainer : on the clips' own pairs, from which its normalisation was computed
+    variations : TrainingVariations
 
     Raises
     ------
     ValueError
-        If a source is no clip.
+        If a source is no index of a clip.
     """
 
-    def __init__(self, training: WganTrainer, variations: TrainingVariations) -> None:
-        settings, own = training.settings, training.pairs
-        n_clips = len(own) // (2 if settings.both_directions else 1)
+    def __init__(self, trainer: WganTrainer, variations: TrainingVariations) -> None:
+        settings, originals = trainer.settings, trainer.pairs
+        n_clips = len(originals) // (2 if settings.both_directions else 1)
         if not 0 <= min(variations.sources) <= max(variations.sources) < n_clips:
-            raise ValueError(f"sources must be numbers of {n_clips} clips; {variations.sources}")
-        sides = expand_directions(variations.interactions, both=settings.both_directions)
-        # Clips' own pairs, and so their variations', come in the order of the clips, then again
-        # with the people exchanged.
+            raise ValueError(f"sources must be indices of {n_clips} clips; {variations.sources}")
+        interactions = expand_directions(variations.interactions, both=settings.both_directions)
+        # The pairs of clips, and so of their variations, come in the order of the clips, then again
+        # in the other direction.
         sources = np.concatenate(
-            [np.array(variations.sources) + first for first in range(0, len(own), n_clips)]
+            [np.array(variations.sources) + first for first in range(0, len(originals), n_clips)]
         )
-        rows = torch.as_tensor(sources, device=own.action.device)
-        made = sample_motion_pairs(sides, settings.n_points, own.action[rows]).to(
-            own.partner.device
-        )
-        self.training, self.share = training, variations.share
-        self.every = _concatenate(own, made)
-        self.choice = VariationSampler(len(own), sources)
+        rows = torch.as_tensor(sources, device=originals.action.device)
+        varied = sample_motion_pairs(interactions, settings.n_points, originals.action[rows])
+        self.trainer, self.share = trainer, variations.share
+        self.pairs = _concatenate(originals, varied.to(originals.partner.device))
+        self.sampler = VariationSampler(len(originals), sources)
 
     @property
     def model(self) -> Generator:
-        """The running mean."""
-        return self.training.model
+        """The EMA of the generator."""
+        return self.trainer.model
 
-    def epoch(self, number: int) -> dict[str, float]:
-        """Choose what the clips look like in epoch ``number``, and train through it."""
-        random = np.random.default_rng((self.training.settings.random_seed, number))
-        rows = torch.as_tensor(self.choice.draw(self.share, random))
-        self.training.pairs = self.every[rows.to(self.every.partner.device)]
-        return self.training.epoch(number)
+    def train_epoch(self, number: int) -> dict[str, float]:
+        """Select the pairs of epoch ``number``, and train on them."""
+        random = np.random.default_rng((self.trainer.settings.random_seed, number))
+        rows = torch.as_tensor(self.sampler.sample(self.share, random))
+        self.trainer.pairs = self.pairs[rows.to(self.pairs.partner.device)]
+        return self.trainer.train_epoch(number)
 
-    def score(self) -> Tensor | None:
-        """Judge the model on held-out clips, as they were captured."""
-        return self.training.score()
+    def validate(self) -> Tensor | None:
+        """Score the model on validation clips, as captured."""
+        return self.trainer.validate()
 
-    def state(self) -> dict[str, Tensor]:
-        """Take all that the epochs to come depend on; what they show depends on their number."""
-        return self.training.state()
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return all that later epochs depend on; their selections depend on their numbers."""
+        return self.trainer.state_dict()
 
-    def load(self, state: Mapping[str, Tensor]) -> None:
-        """Go back to where ``state`` was taken."""
-        self.training.load(state)
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Restore what ``state_dict`` returned."""
+        self.trainer.load_state_dict(state)
 
 
 class VariationSampler:
-    """Which of a pair's forms is shown.
+    """Random selection of an original or one of its variations.
 
     Parameters
     ----------
-    n_own : pairs, whose own forms have the numbers below this
-    sources : (V,) the pair that each further form is of; form v has the number ``n_own + v``
+    n_originals : their indices are the numbers below
+    sources : (V,) the original of each variation; variation v has the index ``n_originals + v``
     """
 
-    def __init__(self, n_own: int, sources: NDArray[np.intp]) -> None:
-        self.own = np.arange(n_own)
-        self.forms = n_own + np.argsort(sources, kind="stable")
-        self.counts = np.bincount(sources, minlength=n_own)
+    def __init__(self, n_originals: int, sources: NDArray[np.intp]) -> None:
+        self.originals = np.arange(n_originals)
+        self.variations = n_originals + np.argsort(sources, kind="stable")
+        self.counts = np.bincount(sources, minlength=n_originals)
         self.starts = np.cumsum(self.counts) - self.counts
 
-    def draw(self, share: float, random: np.random.Generator) -> NDArray[np.intp]:
-        """Draw ``(n_own,)`` numbers, a form of every pair.
+    def sample(self, share: float, random: np.random.Generator) -> NDArray[np.intp]:
+        """Sample ``(n_originals,)`` indices, an original or a variation for each original.
 
         Parameters
         ----------
-        share : how likely a pair that has further forms is shown in one of these
+        share : probability of a variation, of originals that have any
         """
-        varied = (random.random(len(self.own)) < share) & (self.counts > 0)
-        which = (random.random(len(self.own)) * self.counts).astype(np.intp)
-        places = np.minimum(self.starts + which, len(self.forms) - 1)
-        return np.where(varied, self.forms[places], self.own)
+        is_varied = (random.random(len(self.originals)) < share) & (self.counts > 0)
+        offsets = (random.random(len(self.originals)) * self.counts).astype(np.intp)
+        positions = np.minimum(self.starts + offsets, len(self.variations) - 1)
+        return np.where(is_varied, self.variations[positions], self.originals)
 
 
 def _concatenate(first: MotionPairs, second: MotionPairs) -> MotionPairs:

@@ -1,4 +1,9 @@
-"""Training of the conditional WGAN with gradient penalty (PaCMO, sections 3.2 and 4.2)."""
+"""Training of PaCMO, a conditional WGAN with gradient penalty (PaCMO, sections 3.2 and 4.2).
+
+Generator and critic are trained in turn with Adam; the model is the exponential moving average
+(EMA) of the generator's weights. Beyond the paper, the generator may be trained on an energy score
+too, and first of all on it alone (warm-up). ``losses.WganLosses`` holds the losses.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,26 +32,26 @@ from pacmo_core.training.devices import ProcessGroup
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.state import (
     adam_state,
+    add_prefixes,
     check_finite,
     ema_copy,
-    join_tables,
     load_adam_state,
-    select_table,
+    select_prefix,
     update_ema,
 )
 from pacmo_core.training.supervised import mean_terms, set_learning_rate
 
 
 class WganTrainer:
-    """Generator, critic, their optimisers, and the running mean that is handed over.
+    """Generator, critic, their optimisers, and the EMA of the generator.
 
     Parameters
     ----------
-    generator, critic : on one normalisation; their weights are drawn anew
-    pairs : real training data
-    held_out : real pairs to choose weights on, or nothing
+    generator, critic : sharing one ``Normalisation``; their weights are initialised here
+    pairs : training data
+    validation_pairs : to select weights on, or None
     settings : PacmoSettings
-    random : CPU generator: weights, order, mixing and noise all come from it
+    random : CPU generator of weights, batches, augmentation, interpolation and noise
 
     Raises
     ------
@@ -59,24 +64,24 @@ class WganTrainer:
         generator: Generator,
         critic: Critic,
         pairs: MotionPairs,
-        held_out: MotionPairs | None,
+        validation_pairs: MotionPairs | None,
         settings: PacmoSettings,
         random: torch.Generator,
     ) -> None:
         self.generator, self.critic = generator, critic
-        self.pairs, self.held_out = pairs, held_out
+        self.pairs, self.validation_pairs = pairs, validation_pairs
         self.settings, self.random = settings, random
         self.batch_size = min(settings.batch_size, len(pairs))
-        self.processes = ProcessGroup.of_group()
-        self.mine = self.processes.rows(self.batch_size)
+        self.process_group = ProcessGroup.current()
+        self.local_rows = self.process_group.rows(self.batch_size)
         for network in (generator, critic):
             initialise_weights(network, random)
             network.to(pairs.partner.device)
-        generator.normalisation.measure(pairs)
-        self.mean = ema_copy(generator)
-        self.looked_at = not settings.validate_from
-        self.objectives = WganLosses(generator, critic, settings)
-        self.augment = RandomAugmentation(
+        generator.normalisation.fit(pairs)
+        self.ema_generator = ema_copy(generator)
+        self.selects_weights = not settings.validate_from
+        self.losses = WganLosses(generator, critic, settings)
+        self.augmentation = RandomAugmentation(
             settings.augmentation, generator.skeleton, settings.n_points
         )
         self.adam_generator = _build_adam(generator, settings.generator)
@@ -84,19 +89,20 @@ class WganTrainer:
 
     @property
     def model(self) -> Generator:
-        """The running mean."""
-        return self.mean
+        """The EMA of the generator."""
+        return self.ema_generator
 
     @property
-    def steps_an_epoch(self) -> int:
-        """Generator steps in which the critic sees about as many pairs as there are."""
+    def steps_per_epoch(self) -> int:
+        """Generator steps in which the critic is trained on about as many pairs as there are."""
         return math.ceil(len(self.pairs) / (self.settings.batch_size * self.settings.n_critic))
 
-    def epoch(self, number: int) -> dict[str, float]:
-        """Take an epoch's steps; the terms are means over them.
+    def train_epoch(self, number: int) -> dict[str, float]:
+        """Train for an epoch; the terms are means over its steps.
 
-        In the first ``warmup_epochs`` the generator follows its score and penalties alone: it is
-        then near enough to the data for a fresh critic to tell it something.
+        In the first ``warmup_epochs`` the generator is trained on the energy score and the
+        penalties on bones alone: from then on its reactions are near enough to the data for the
+        gradients of an untrained critic to be informative.
         """
         settings, every = self.settings, self.settings.halve_learning_rate_every
         set_learning_rate(
@@ -105,87 +111,88 @@ class WganTrainer:
         set_learning_rate(
             self.adam_critic, settings.critic.learning_rate, epoch=number, every=every
         )
-        self.looked_at = number >= settings.validate_from
-        step = self.warm_up if number < settings.warmup_epochs else self.step
-        return mean_terms([step() for _ in range(self.steps_an_epoch)])
+        self.selects_weights = number >= settings.validate_from
+        step = self.warmup_step if number < settings.warmup_epochs else self.step
+        return mean_terms([step() for _ in range(self.steps_per_epoch)])
 
     def step(self) -> dict[str, float]:
-        """Move the critic ``n_critic`` times and the generator once."""
-        moves = [
-            self._descend(self.adam_critic, self.objectives.of_critic(self._draw(mixed=True)))
-            for _ in range(self.settings.n_critic)
-        ]
-        return mean_terms(moves) | self._move_generator(judged=True)
+        """Update the critic ``n_critic`` times and the generator once."""
+        critic_terms = [self._update_critic() for _ in range(self.settings.n_critic)]
+        return mean_terms(critic_terms) | self._update_generator(use_critic=True)
 
-    def warm_up(self) -> dict[str, float]:
-        """Move the generator once, the critic not being asked."""
-        return self._move_generator(judged=False)
+    def warmup_step(self) -> dict[str, float]:
+        """Update the generator once, without the critic."""
+        return self._update_generator(use_critic=False)
 
-    def _move_generator(self, *, judged: bool) -> dict[str, float]:
-        batch = self._draw(mixed=False)
-        moved = self._descend(
-            self.adam_generator, self.objectives.of_generator(batch, judged=judged)
-        )
-        update_ema(self.mean, self.generator, self.settings.ema_decay)
-        return moved
+    def validate(self) -> Tensor | None:
+        """Return the EMA's energy score on validation pairs, on the same noise every time.
 
-    def score(self) -> Tensor | None:
-        """Take the running mean's energy score on held-out pairs, on the same noise every time.
-
-        Early weights are not looked at: the score is soon flat but for chance, while the critic
-        goes on to better what a score of few clips does not see.
+        Epochs before ``validate_from`` are not scored: the score soon changes by chance only,
+        while the critic still improves what a score on few clips does not measure.
         """
-        if self.held_out is None or not self.looked_at:
+        if self.validation_pairs is None or not self.selects_weights:
             return None
         return mean_energy_score(
-            self.mean,
-            self.held_out,
+            self.ema_generator,
+            self.validation_pairs,
             n_samples=self.settings.validation_samples,
             batch_size=self.settings.batch_size,
-            # A generator of its own: looking must not change the training.
+            # A separate random generator: validation must not change the training.
             random=torch.Generator().manual_seed(self.settings.random_seed),
         )
 
-    def state(self) -> dict[str, Tensor]:
-        """Take both networks, the mean, both optimisers and the generator of random numbers."""
-        return join_tables(
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return both networks, the EMA, both optimisers and the state of the random generator."""
+        return add_prefixes(
             generator=self.generator.state_dict(),
             critic=self.critic.state_dict(),
-            mean=self.mean.state_dict(),
+            ema_generator=self.ema_generator.state_dict(),
             adam_generator=adam_state(self.adam_generator),
             adam_critic=adam_state(self.adam_critic),
             random={"state": self.random.get_state()},
         )
 
-    def load(self, state: Mapping[str, Tensor]) -> None:
-        """Go back to where ``state`` was taken."""
-        self.generator.load_state_dict(select_table(state, "generator"))
-        self.critic.load_state_dict(select_table(state, "critic"))
-        self.mean.load_state_dict(select_table(state, "mean"))
-        load_adam_state(self.adam_generator, select_table(state, "adam_generator"))
-        load_adam_state(self.adam_critic, select_table(state, "adam_critic"))
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Restore what ``state_dict`` returned."""
+        self.generator.load_state_dict(select_prefix(state, "generator"))
+        self.critic.load_state_dict(select_prefix(state, "critic"))
+        self.ema_generator.load_state_dict(select_prefix(state, "ema_generator"))
+        load_adam_state(self.adam_generator, select_prefix(state, "adam_generator"))
+        load_adam_state(self.adam_critic, select_prefix(state, "adam_critic"))
         self.random.set_state(state["random/state"])
 
-    def _draw(self, *, mixed: bool) -> WganBatch:
-        """Draw a whole batch, as every process does, and keep this one's rows."""
+    def _update_critic(self) -> dict[str, float]:
+        batch = self._sample_batch(for_critic=True)
+        return self._minimise(self.adam_critic, self.losses.critic_loss(batch))
+
+    def _update_generator(self, *, use_critic: bool) -> dict[str, float]:
+        batch = self._sample_batch(for_critic=False)
+        loss = self.losses.generator_loss(batch, use_critic=use_critic)
+        terms = self._minimise(self.adam_generator, loss)
+        update_ema(self.ema_generator, self.generator, self.settings.ema_decay)
+        return terms
+
+    def _sample_batch(self, *, for_critic: bool) -> WganBatch:
+        """Sample a whole batch, the same in every process, and return this process's rows."""
         n, device = self.batch_size, self.pairs.partner.device
         rows = torch.randint(len(self.pairs), (n,), generator=self.random)
-        real = self.augment(self.pairs[rows.to(device)], self.random)
-        # The critic judges one reaction to a partner; an energy score wants two.
-        n_samples = 2 if self.settings.energy_score_weight and not mixed else 1
-        noise = torch.stack([self.generator.draw(n, self.random) for _ in range(n_samples)])
-        mixing = torch.rand(n, 1, 1, generator=self.random) if mixed else torch.zeros(n, 1, 1)
-        return WganBatch(
-            real[self.mine], noise[:, self.mine].to(device), mixing[self.mine].to(device)
+        real = self.augmentation(self.pairs[rows.to(device)], self.random)
+        # The critic needs one reaction to a partner, an energy score two.
+        n_samples = 2 if self.settings.energy_score_weight and not for_critic else 1
+        noise = torch.stack([self.generator.sample_noise(n, self.random) for _ in range(n_samples)])
+        interpolation = (
+            torch.rand(n, 1, 1, generator=self.random) if for_critic else torch.zeros(n, 1, 1)
         )
+        local = self.local_rows
+        return WganBatch(real[local], noise[:, local].to(device), interpolation[local].to(device))
 
-    def _descend(self, adam: torch.optim.Adam, of_rows: LossAndTerms) -> dict[str, float]:
-        loss, terms = of_rows
-        # Averaged first, so that all processes stop at a loss that is no number.
-        whole = self.processes.mean(list(terms.values()), self.batch_size)
-        values = check_finite(dict(zip(terms, whole, strict=True)), "wgan")
+    def _minimise(self, adam: torch.optim.Adam, loss_and_terms: LossAndTerms) -> dict[str, float]:
+        loss, terms = loss_and_terms
+        # Averaged first, so that all processes stop at a loss that is not finite.
+        averaged = self.process_group.mean(list(terms.values()), self.batch_size)
+        values = check_finite(dict(zip(terms, averaged, strict=True)), "wgan")
         parameters = adam.param_groups[0]["params"]
-        gradients = self.processes.mean(torch.autograd.grad(loss, parameters), self.batch_size)
+        gradients = self.process_group.mean(torch.autograd.grad(loss, parameters), self.batch_size)
         for parameter, gradient in zip(parameters, gradients, strict=True):
             parameter.grad = gradient
         adam.step()
@@ -266,7 +273,7 @@ def _motion_pairs(
 def _generator_config(
     skeleton: Skeleton, actions: tuple[str, ...], settings: PacmoSettings
 ) -> GeneratorConfig:
-    motion = 3 * len(skeleton.joints)
+    channels = 3 * len(skeleton.joints)
     noise = GaussianRandomField(
         alpha=settings.noise_alpha,
         tau=settings.noise_tau,
@@ -276,7 +283,7 @@ def _generator_config(
     return GeneratorConfig(
         skeleton,
         u_shape_config(
-            settings, settings.noise_channels + motion + 3 + settings.action_channels, motion
+            settings, settings.noise_channels + channels + 3 + settings.action_channels, channels
         ),
         noise,
         settings.noise_channels,
@@ -287,14 +294,14 @@ def _generator_config(
 
 def _build_critic(generator: Generator, settings: PacmoSettings) -> Critic:
     n_actions, channels = len(generator.config.actions), settings.action_channels
-    conditions = CriticInputs(
-        ends=end_effectors(generator.skeleton) if settings.body_distances else (),
-        labels=ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None,
+    inputs = CriticInputs(
+        end_effectors=end_effectors(generator.skeleton) if settings.body_distances else (),
+        actions=ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None,
     )
-    both = 6 * len(generator.skeleton.joints)
+    motion_channels = 6 * len(generator.skeleton.joints)  # of both people
     return Critic(
-        u_shape_config(settings, both + 3 + conditions.channels, 1),
+        u_shape_config(settings, motion_channels + 3 + inputs.channels, 1),
         generator.normalisation,
-        conditions,
+        inputs,
         hidden=settings.functional_hidden,
     )

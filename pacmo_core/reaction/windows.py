@@ -1,9 +1,9 @@
 """Partners longer than the training clips, as overlapping windows of the mean training duration.
 
 Time is normalised over a window, so a model is valid only for durations it was trained on. A longer
-sequence is cut into windows half a window apart, whose outputs are cross-faded. All windows share
-one realisation of the noise, a random field of absolute time. A ``WindowQuery`` holds what a model
-needs to react in one window: the partner's motion, its frame and the noise.
+sequence is divided into windows that overlap by half, whose outputs are cross-faded. All windows
+share one realisation of the noise, a random field of absolute time. A ``WindowQuery`` holds what a
+model needs to react in one window: the partner's motion, its frame and the noise.
 """
 
 import math
@@ -24,20 +24,21 @@ from pacmo_core.reaction.baselines import Gru
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inputs import Normalisation, action_indices
 
-# Standard deviations of log-duration above the mean up to which a sequence is taken whole.
+# A sequence is one window up to so many standard deviations of log-duration above the mean.
 MAX_DURATION_STDS = 3.0
-# Windows after which the noise has forgotten what it was: long beside the overlap of half a one.
-NOISE_CORRELATION = 2.0
-# Share of the clock by which an instant may miss a window's end by rounding.
+# Windows between independent samples of the noise: long compared with the overlap of half a window.
+NOISE_INTERVAL = 2.0
+# Relative rounding error of times at the ends of windows.
 TIME_TOLERANCE = 1e-9
 
-# The instants that a window covers, and its weight at each.
+ReactionModel = Generator | Gru
+# Slice of the times that a window covers, and its weight at each.
 WindowWeights = tuple[slice, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of time.
+    """An interval of time.
 
     Parameters
     ----------
@@ -52,116 +53,21 @@ class Window:
         """Seconds."""
         return self.start + self.duration
 
-    def inside(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give instants as shares of the window: 0 at its start, 1 at its end."""
+    def normalise(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map times to normalised time: 0 at the window's start, 1 at its end."""
         return (times - self.start) / self.duration
-
-
-def mean_duration(normalisation: Normalisation) -> float:
-    """Seconds that a model's training clips lasted: their geometric mean."""
-    return math.exp(float(normalisation.log_duration[0]))
-
-
-def max_duration(normalisation: Normalisation) -> float:
-    """Seconds up to which a model may be trusted with a sequence whole."""
-    mean, spread = normalisation.log_duration.tolist()
-    return math.exp(mean + MAX_DURATION_STDS * spread)
-
-
-def split_into_windows(start: float, end: float, normalisation: Normalisation) -> list[Window]:
-    """Take a sequence whole if it is no longer than usual; else cut it, evenly spaced."""
-    duration = end - start
-    if duration <= max_duration(normalisation):
-        return [Window(start, duration)]
-    usual = mean_duration(normalisation)
-    count = math.ceil(2 * (duration - usual) / usual) + 1
-    return [Window(float(first), usual) for first in np.linspace(start, end - usual, count)]
-
-
-def window_weights(windows: list[Window], times: NDArray[np.float64]) -> list[WindowWeights]:
-    """Weigh each window at the instants it covers; at every instant the weights add up to one.
-
-    A window counts most in its middle and not at all at its ends, except where no other covers
-    the sequence.
-
-    Parameters
-    ----------
-    times : (T,) ascending, seconds
-    """
-    found, total = [], np.zeros(len(times))
-    for i, window in enumerate(windows):
-        slack = TIME_TOLERANCE * max(1.0, abs(window.end))
-        first, last = np.searchsorted(times, [window.start - slack, window.end + slack])
-        x = window.inside(times[first:last])
-        weights = _hann_weights(x, first=i == 0, last=i == len(windows) - 1)
-        total[first:last] += weights
-        found.append((slice(int(first), int(last)), weights))
-    return [(rows, weights / total[rows]) for rows, weights in found]
-
-
-class ContinuousNoise:
-    """One random field over all time, handed out window by window.
-
-    Between independent draws, ``MEMORY`` windows apart, coefficients go round a quarter circle,
-    which keeps their law: every window sees exactly the noise that the model was trained with, and
-    windows that overlap see nearly the same function.
-
-    Parameters
-    ----------
-    field : the law
-    draw : gives fresh coefficients, of any shape ``(..., 2 K)``
-    """
-
-    def __init__(self, field: GaussianRandomField, draw: Callable[[], Tensor]) -> None:
-        self._field, self._draw = field, draw
-        self._knots = deque[Tensor](maxlen=2)
-        self._drawn = 0
-
-    def at(self, start: float) -> Tensor:
-        """Give the coefficients of a window.
-
-        Parameters
-        ----------
-        start : of the window, in windows since the beginning; not before the last one asked for
-        """
-        number, share = divmod(start / NOISE_CORRELATION, 1)
-        coefficients = self._knot(int(number))
-        if share:
-            angle = math.pi / 2 * share * share * (3 - 2 * share)
-            later = self._knot(int(number) + 1)
-            coefficients = math.cos(angle) * coefficients + math.sin(angle) * later
-        return self._field.shifted(coefficients, start) if start else coefficients
-
-    def _knot(self, number: int) -> Tensor:
-        while self._drawn <= number:
-            self._knots.append(self._draw())
-            self._drawn += 1
-        return self._knots[number - self._drawn]
-
-
-def _hann_weights(x: NDArray[np.float64], *, first: bool, last: bool) -> NDArray[np.float64]:
-    """Rise to one in the middle of a window and fall; not where it is the first or the last."""
-    bell: NDArray[np.float64] = np.sin(np.pi * x.clip(1e-6, 1 - 1e-6)) ** 2
-    if first:
-        bell[x < 0.5] = 1
-    if last:
-        bell[x >= 0.5] = 1
-    return bell
-
-
-ReactionModel = Generator | Gru
 
 
 @dataclass(frozen=True)
 class PartnerMotion:
-    """A motion to react to, and when the reaction is wanted.
+    """A motion to react to, and the times of the reaction.
 
     Parameters
     ----------
     motion : (T, J, 3) float32, metres, in the world
     times : (T,) float64, seconds, strictly increasing
     out_times : (T_out,) float64, seconds, ascending, within ``times``
-    action : the interaction's label, for a model that was trained on labels; else empty
+    action : label of the interaction, for a model that is conditioned on labels; else empty
     """
 
     motion: Motion
@@ -172,41 +78,123 @@ class PartnerMotion:
 
 @dataclass(frozen=True)
 class WindowQuery:
-    """One window of a partner's motion, and what of the reaction it answers for.
+    """The inputs of a model in one window of a partner's motion, and where its output goes.
 
     Parameters
     ----------
-    owner : which partner
-    motion : spline of the partner in the world
+    partner : index of the partner
+    motion : spline of the partner's motion in the world
     window : Window
     frame : of the partner at the window's start
-    noise : (S, k, 2 K) coefficients; none for the baseline
-    action : number of the label; 0 where labels are no condition
+    noise : (S, k, 2 K) coefficients; empty for the GRU
+    action : index of the label; 0 where labels are no condition
     rows : of the reaction
-    instants : (rows,) float64, seconds
-    weights : (rows,) float64, the window's share at each
+    out_times : (rows,) float64, seconds
+    weights : (rows,) float64, weight of the window in the cross-fade
     """
 
-    owner: int
+    partner: int
     motion: Spline
     window: Window
     frame: Frame
     noise: Tensor
     action: int
     rows: slice
-    instants: NDArray[np.float64]
+    out_times: NDArray[np.float64]
     weights: NDArray[np.float64]
 
-    def local(self, instants: NDArray[np.float64]) -> NDArray[np.float32]:
-        """``(N, 3 J)``: the partner at instants, seen from the frame."""
-        return self.frame.to_local(sample_poses(self.motion, instants)).reshape(len(instants), -1)
+    def sample_partner(self, times: NDArray[np.float64]) -> NDArray[np.float32]:
+        """``(N, 3 J)``: the partner's poses at times, in the window's frame."""
+        return self.frame.to_local(sample_poses(self.motion, times)).reshape(len(times), -1)
+
+
+def mean_duration(normalisation: Normalisation) -> float:
+    """Geometric mean of the training clips' durations, seconds."""
+    return math.exp(float(normalisation.log_duration[0]))
+
+
+def max_duration(normalisation: Normalisation) -> float:
+    """Longest duration that is not divided into windows, seconds."""
+    mean, deviation = normalisation.log_duration.tolist()
+    return math.exp(mean + MAX_DURATION_STDS * deviation)
+
+
+def split_into_windows(start: float, end: float, normalisation: Normalisation) -> list[Window]:
+    """Return one window up to ``max_duration``; else evenly spaced ones of ``mean_duration``."""
+    total = end - start
+    if total <= max_duration(normalisation):
+        return [Window(start, total)]
+    duration = mean_duration(normalisation)
+    count = math.ceil(2 * (total - duration) / duration) + 1
+    return [Window(float(first), duration) for first in np.linspace(start, end - duration, count)]
+
+
+def window_weights(windows: list[Window], times: NDArray[np.float64]) -> list[WindowWeights]:
+    """Return each window's cross-fade weights; at every time they sum to one.
+
+    The weights are those of a Hann window, but constant in the first half of the first window and
+    the second half of the last.
+
+    Parameters
+    ----------
+    times : (T,) ascending, seconds
+    """
+    weighted, total = [], np.zeros(len(times))
+    for i, window in enumerate(windows):
+        tolerance = TIME_TOLERANCE * max(1.0, abs(window.end))
+        first, last = np.searchsorted(times, [window.start - tolerance, window.end + tolerance])
+        x = window.normalise(times[first:last])
+        weights = _hann_weights(x, first=i == 0, last=i == len(windows) - 1)
+        total[first:last] += weights
+        weighted.append((slice(int(first), int(last)), weights))
+    return [(rows, weights / total[rows]) for rows, weights in weighted]
+
+
+class ContinuousNoise:
+    """One realisation of the random field over all time, computed window by window.
+
+    Coefficients are interpolated between independent samples, ``NOISE_INTERVAL`` windows apart, as
+    ``cos(a) first + sin(a) second``, which keeps their distribution: in every window the noise is
+    distributed as in training, and in windows that overlap it is nearly the same function.
+
+    Parameters
+    ----------
+    field : GaussianRandomField
+    sample : returns independent coefficients, of any shape ``(..., 2 K)``
+    """
+
+    def __init__(self, field: GaussianRandomField, sample: Callable[[], Tensor]) -> None:
+        self._field, self._sample = field, sample
+        self._last_two = deque[Tensor](maxlen=2)
+        self._n_sampled = 0
+
+    def coefficients(self, start: float) -> Tensor:
+        """Return the coefficients of a window.
+
+        Parameters
+        ----------
+        start : of the window, in windows from the beginning; not before that of the last call
+        """
+        number, fraction = divmod(start / NOISE_INTERVAL, 1)
+        result = self._independent(int(number))
+        if fraction:
+            angle = math.pi / 2 * fraction * fraction * (3 - 2 * fraction)
+            later = self._independent(int(number) + 1)
+            result = math.cos(angle) * result + math.sin(angle) * later
+        return self._field.shift(result, start) if start else result
+
+    def _independent(self, number: int) -> Tensor:
+        while self._n_sampled <= number:
+            self._last_two.append(self._sample())
+            self._n_sampled += 1
+        return self._last_two[number - self._n_sampled]
 
 
 def window_queries(
     model: ReactionModel, partners: Sequence[PartnerMotion], n_samples: int, random: torch.Generator
 ) -> Iterator[WindowQuery]:
-    """Cut every partner into windows, when their turn comes."""
-    for owner, partner in enumerate(partners):
+    """Yield the queries of all windows of each partner in turn."""
+    for number, partner in enumerate(partners):
         motion = SmoothingSpline(partner.times, partner.motion)
         motion.check(partner.out_times)
         windows = split_into_windows(motion.start, motion.end, model.normalisation)
@@ -216,17 +204,17 @@ def window_queries(
             windows, window_weights(windows, partner.out_times), strict=True
         ):
             if not len(weights):
-                continue  # nobody asks for what this window could answer
-            shift = (window.start - motion.start) / window.duration
+                continue  # no output time is in this window
+            start = (window.start - motion.start) / window.duration
             yield WindowQuery(
-                owner=owner,
+                partner=number,
                 motion=motion,
                 window=window,
                 frame=body_frame(sample_poses(motion, np.array([window.start])), model.skeleton),
-                noise=noise.at(shift) if noise else torch.zeros(0),
+                noise=noise.coefficients(start) if noise else torch.zeros(0),
                 action=action,
                 rows=rows,
-                instants=partner.out_times[rows],
+                out_times=partner.out_times[rows],
                 weights=weights,
             )
 
@@ -234,29 +222,45 @@ def window_queries(
 def continuous_noise(
     model: ReactionModel, n_samples: int, random: torch.Generator
 ) -> ContinuousNoise | None:
-    """Make the noise of so many reactions to one partner; the baseline takes none."""
+    """Build the noise of S reactions to one partner; None for the GRU.
+
+    Raises
+    ------
+    ValueError
+        If ``n_samples`` is less than 1, or not 1 for a deterministic model.
+    """
     if n_samples < 1 or (is_deterministic(model) and n_samples != 1):
         wanted = "1: the model is deterministic" if is_deterministic(model) else "1 or more"
         raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
     if isinstance(model, Gru):
         return None
-    return ContinuousNoise(model.config.noise, lambda: model.draw(n_samples, random))
+    return ContinuousNoise(model.config.noise, lambda: model.sample_noise(n_samples, random))
 
 
 def is_deterministic(model: ReactionModel) -> bool:
-    """Say whether a model has one reaction to a partner and no noise."""
+    """Whether a model takes no noise and so has one reaction to a partner."""
     return isinstance(model, Gru) or not model.config.noise_channels
 
 
 def action_index(model: ReactionModel, action: str) -> int:
-    """Look up a label; a model without labels takes none."""
+    """Return the index of a label; 0 for a model without labels and an empty one."""
     known = () if isinstance(model, Gru) else model.config.actions
     if not known and not action:
         return 0
     return int(action_indices([action], known))
 
 
-def sample_poses(motion: Spline, instants: NDArray[np.float64]) -> Motion:
-    """``(N, J, 3)`` float32: a motion at instants."""
-    found: Motion = motion(instants).astype(np.float32)
-    return found
+def sample_poses(motion: Spline, times: NDArray[np.float64]) -> Motion:
+    """``(N, J, 3)`` float32: the poses of a motion at times."""
+    poses: Motion = motion(times).astype(np.float32)
+    return poses
+
+
+def _hann_weights(x: NDArray[np.float64], *, first: bool, last: bool) -> NDArray[np.float64]:
+    """Return a Hann window of normalised time, constant where no other window overlaps."""
+    weights: NDArray[np.float64] = np.sin(np.pi * x.clip(1e-6, 1 - 1e-6)) ** 2
+    if first:
+        weights[x < 0.5] = 1
+    if last:
+        weights[x >= 0.5] = 1
+    return weights

@@ -51,11 +51,11 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         held_out = None if validation is None else lambda: mean_position_error(model, validation)
         super().__init__(model, len(examples), self._loss, held_out, settings, random)
 
-    def epoch(self, number: int) -> dict[str, float]:
+    def train_epoch(self, number: int) -> dict[str, float]:
         """Train on every example once."""
         self.model.train()
         self.kl_warmup = min(1.0, (number + 1) / self.prior_settings.kl_warmup_epochs)
-        terms = super().epoch(number)
+        terms = super().train_epoch(number)
         self.model.eval()
         return terms
 

@@ -14,15 +14,15 @@ from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.loop import Snapshot, TrainingLoop
 
 CHECKPOINTS = Path("checkpoints")
-# Packages that every training runs, beside its own: an edit elsewhere does not cost a checkpoint.
+# Packages that every training uses: after an edit of these or of the model's no checkpoint is used.
 SHARED_PACKAGES = ("data", "operators", "training")
 
 
 class Checkpoint:
-    """The last checkpoint of one training, under a name made of all that the training rests on.
+    """The last checkpoint of one training, in a file named by a hash of all it depends on.
 
-    Another configuration, other data or other code have another name, so that none of them goes
-    on from here. In a group of processes all read and the first one writes.
+    A training with other settings, data or code has another name and does not resume from it. In a
+    process group all processes read and the first one writes.
 
     Parameters
     ----------
@@ -37,19 +37,19 @@ class Checkpoint:
         name = hashlib.sha256(text.encode()).hexdigest()[:24]
         self.path = CHECKPOINTS / f"{stage}-{name}.safetensors"
 
-    def resume(self, fit: TrainingLoop[Any]) -> None:
-        """Let a fit go on from the checkpoint, if there is one."""
+    def resume(self, loop: TrainingLoop[Any]) -> None:
+        """Restore a loop from the checkpoint, if there is one."""
         if self.path.exists():
             facts, tensors = read_weights(self.path)
-            fit.restore(Snapshot(tensors, facts))
+            loop.restore(Snapshot(tensors, facts))
 
-    def write(self, fit: TrainingLoop[Any]) -> None:
-        """Write where a fit stands."""
-        snapshot = fit.snapshot()
+    def write(self, loop: TrainingLoop[Any]) -> None:
+        """Write a snapshot of a loop."""
+        snapshot = loop.snapshot()
         write_weights(self.path, snapshot.facts, snapshot.tensors)
 
     def remove(self) -> None:
-        """Forget a training that ended well."""
+        """Delete the checkpoint of a training that has ended."""
         self.path.unlink(missing_ok=True)
 
 
@@ -64,7 +64,7 @@ def code_hash(packages: Iterable[str]) -> str:
 
 
 def data_hash(clips: Iterable[Interaction]) -> str:
-    """SHA-256 of clips in their order, in hexadecimal: skeletons, instants and motions."""
+    """SHA-256 of clips in their order, in hexadecimal: skeletons, times and motions."""
     digest = hashlib.sha256()
     for clip in clips:
         digest.update(f"{clip.skeleton!r} {clip.person_a.shape}".encode())

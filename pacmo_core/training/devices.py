@@ -12,85 +12,86 @@ from torch import Tensor
 
 
 class DeviceError(ValueError):
-    """A device that is not at hand, or processes where one is wanted."""
+    """A device that is not available, or several processes for a training of one."""
 
 
 @contextmanager
 def training_device(device: str, *, threads: int, multiprocess: bool) -> Iterator[str]:
-    """Name the device to train on, its process group open while the block runs.
+    """Configure torch and yield the device to train on, inside torchrun's process group if any.
 
     Parameters
     ----------
-    device : cpu, cuda, or auto: cuda where there is one
-    threads : of torch; another number rounds otherwise
-    multiprocess : whether the training can share its batches between torchrun's processes
+    device : cpu, cuda, or auto: cuda where available
+    threads : of torch; the number changes rounding
+    multiprocess : whether the training can divide its batches among torchrun's processes
 
     Raises
     ------
     DeviceError
-        If cuda is wanted and not there, or torchrun started more processes than can share.
+        If cuda is wanted and not available, or torchrun started several processes and the training
+        runs in one.
     """
-    found = _resolve_device(device)
+    resolved = _resolve_device(device)
     torch.set_num_threads(threads)
-    # Exact on the CPU; on a GPU some of what the networks do has no exact form.
-    torch.use_deterministic_algorithms(mode=found == "cpu")
+    # On a GPU some operations of the networks have no deterministic implementation.
+    torch.use_deterministic_algorithms(mode=resolved == "cpu")
     n_processes = int(os.environ.get("WORLD_SIZE", "1"))
     if n_processes == 1:
-        yield found
+        yield resolved
         return
     if not multiprocess:
         raise DeviceError(f"this training runs in one process; torchrun started {n_processes}")
-    if found == "cuda":
-        found = f"cuda:{os.environ['LOCAL_RANK']}"
-        torch.cuda.set_device(found)
-    dist.init_process_group("gloo" if found == "cpu" else "nccl")
+    if resolved == "cuda":
+        resolved = f"cuda:{os.environ['LOCAL_RANK']}"
+        torch.cuda.set_device(resolved)
+    dist.init_process_group("gloo" if resolved == "cpu" else "nccl")
     try:
-        yield found
+        yield resolved
     finally:
         dist.destroy_process_group()
 
 
 def is_main_process() -> bool:
-    """Say whether this process writes: the first of a group, or one alone."""
+    """Whether this process writes files: the first of its group, or the only one."""
     return not dist.is_initialized() or dist.get_rank() == 0
 
 
 def _resolve_device(device: str) -> str:
     if device not in ("auto", "cpu", "cuda"):
         raise DeviceError(f"device must be auto, cpu or cuda; got {device}")
-    there = torch.cuda.is_available()
-    if device == "cuda" and not there:
-        raise DeviceError("device is cuda, and torch finds none; take auto or cpu")
-    return "cuda" if there and device != "cpu" else "cpu"
+    available = torch.cuda.is_available()
+    if device == "cuda" and not available:
+        raise DeviceError("device is cuda, but torch finds none; use auto or cpu")
+    return "cuda" if available and device != "cpu" else "cpu"
 
 
 @dataclass(frozen=True)
 class ProcessGroup:
-    """One process among those of its group.
+    """Data-parallel training on several processes, seen from one of them.
 
-    All draw the same batch from equal generators, and each keeps its own rows of it. torch's
-    DistributedDataParallel can't serve here: it averages in hooks on ``backward``, which
-    ``autograd.grad`` passes by, and it does not support the second derivative that the gradient
-    penalty takes through the critic.
+    All processes sample the same batch from equal random generators, and each computes its rows.
+    torch's DistributedDataParallel does not apply: it averages in hooks on ``backward``, which
+    ``autograd.grad`` does not call, and it does not support the second derivative of the critic
+    that the gradient penalty needs.
 
     Parameters
     ----------
-    rank : of the one, from 0
-    size : how many there are
+    rank : of this process, from 0
+    size : number of processes
     """
 
     rank: int
     size: int
 
     @classmethod
-    def of_group(cls) -> "ProcessGroup":
-        """Take the default process group, or this process alone where there is none."""
+    def current(cls) -> "ProcessGroup":
+        """Return the default process group; without one, a group of this process alone."""
         if not dist.is_initialized():
             return cls(0, 1)
         return cls(dist.get_rank(), dist.get_world_size())
 
     def rows(self, n: int) -> slice:
-        """Say which of n rows are this process's; shares differ by one at most.
+        """Return this process's slice of n rows; slices differ in size by at most one.
 
         Raises
         ------
@@ -98,31 +99,31 @@ class ProcessGroup:
             If there are fewer rows than processes.
         """
         if n < self.size:
-            raise ValueError(f"a batch wants a row a process, {self.size}; got {n}")
+            raise ValueError(f"a batch must have at least a row a process, {self.size}; got {n}")
         return slice(n * self.rank // self.size, n * (self.rank + 1) // self.size)
 
     def mean(self, values: Sequence[Tensor], n: int) -> list[Tensor]:
-        """Average over all n rows what each process has averaged over its own."""
+        """All-reduce to the mean over n rows what each process has averaged over its rows."""
         if self.size == 1:
             return list(values)
-        mine = self.rows(n)
+        local = self.rows(n)
         flat = torch.cat([value.detach().flatten() for value in values])
-        flat *= (mine.stop - mine.start) / n
+        flat *= (local.stop - local.start) / n
         dist.all_reduce(flat)
         parts = torch.split(flat, [value.numel() for value in values])
         return [part.view_as(value) for part, value in zip(parts, values, strict=True)]
 
 
-# The C library's numbers for what it is told (glibc, malloc.h).
+# Parameters of mallopt (glibc, malloc.h).
 _TRIM_THRESHOLD, _MMAP_MAX = -1, -4
 
 
 def keep_freed_memory() -> None:
-    """Keep what is freed for what is asked for next, until the process ends.
+    """Let glibc's malloc reuse freed memory instead of returning it to the system.
 
-    glibc gives large pieces back to the system at once, and a training step asks for as many as the
-    last one freed: to fetch them anew, a page at a time, is an eighth of a step of the skeleton
-    prior. Other C libraries have no such setting and are left as they are.
+    glibc returns large blocks at once, and each training step allocates as much as the last one
+    freed: the page faults cost an eighth of a training step of a skeleton prior. Without effect
+    with other C libraries.
     """
     library = ctypes.CDLL(None)
     if hasattr(library, "mallopt"):

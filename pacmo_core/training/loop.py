@@ -1,4 +1,9 @@
-"""The training loop of every model: epochs, validation, best weights, exact resumption."""
+"""The training loop of every model: epochs, validation, selection of weights, resumption.
+
+The loop trains epoch by epoch, measures a validation score every so many epochs, and at the end
+restores the weights with the lowest score (early stopping without stopping early). What happens in
+an epoch is the ``Trainer``'s: ``SupervisedTrainer`` and ``reaction.wgan.WganTrainer``.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,11 +11,11 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from torch import Tensor, nn
 
-from pacmo_core.training.state import check_finite, join_tables, model_state, select_table
+from pacmo_core.training.state import add_prefixes, check_finite, model_state, select_prefix
 
 Model = TypeVar("Model", bound=nn.Module)
 Example = TypeVar("Example")
-Handed = TypeVar("Handed", bound=nn.Module, covariant=True)
+TrainedModel = TypeVar("TrainedModel", bound=nn.Module, covariant=True)
 
 VALIDATION = "validation"
 
@@ -32,34 +37,34 @@ class TrainingData(Generic[Example]):
     validation_actions: Sequence[str] = ()
 
 
-class Trainer(Protocol[Handed]):
-    """A model in training, as ``Fit`` sees it."""
+class Trainer(Protocol[TrainedModel]):
+    """A model, its optimiser and its data: what ``TrainingLoop`` repeats."""
 
     @property
-    def model(self) -> Handed:
-        """What would be handed over now."""
+    def model(self) -> TrainedModel:
+        """The model whose weights are selected."""
 
-    def epoch(self, number: int) -> dict[str, float]:
-        """Train through epoch ``number``, from 0; return the means of its terms."""
+    def train_epoch(self, number: int) -> dict[str, float]:
+        """Train for epoch ``number``, from 0; return the means of the loss terms."""
 
-    def score(self) -> Tensor | None:
-        """Judge ``model`` on held-out clips, lower is better; nothing if there are none."""
+    def validate(self) -> Tensor | None:
+        """Score ``model`` on validation data, lower is better; None if it is not scored now."""
 
-    def state(self) -> dict[str, Tensor]:
-        """Take all that the epochs to come depend on."""
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return all that later epochs depend on."""
 
-    def load(self, state: Mapping[str, Tensor]) -> None:
-        """Go back to where ``state`` was taken."""
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Restore what ``state_dict`` returned."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A fit between two epochs.
+    """A training loop between two epochs.
 
     Parameters
     ----------
-    tensors : of the training, and of the best weights so far
-    facts : the curve and the choice so far, in JSON's terms
+    tensors : of the trainer, and the best weights so far
+    facts : learning curve and number of the best epoch, in JSON's terms
     """
 
     tensors: dict[str, Tensor]
@@ -67,16 +72,16 @@ class Snapshot:
 
 
 class TrainingLoop(Generic[Model]):
-    """A training and what remains of it: iterate to train; each epoch yields its terms.
+    """Iterate to train: each epoch yields the means of its loss terms.
 
-    When the terms are exhausted ``model`` holds the weights that scored best on held-out clips,
-    the first of equals; without such clips, the last.
+    When the iteration ends, ``model`` has the weights of the epoch with the lowest validation
+    score, the first of equals; without validation data, the last.
 
     Parameters
     ----------
-    training : Training
+    trainer : Trainer
     n_epochs : int
-    validate_every : epochs from one look at held-out clips to the next; the last epoch is looked at
+    validate_every : epochs from one validation to the next; the last epoch is always validated
 
     Raises
     ------
@@ -84,64 +89,68 @@ class TrainingLoop(Generic[Model]):
         If a number is less than 1.
     """
 
-    def __init__(self, training: Trainer[Model], *, n_epochs: int, validate_every: int) -> None:
+    def __init__(self, trainer: Trainer[Model], *, n_epochs: int, validate_every: int) -> None:
         if min(n_epochs, validate_every) < 1:
             raise ValueError(
                 f"n_epochs and validate_every must be at least 1; got {n_epochs}, {validate_every}"
             )
-        self.training, self.n_epochs, self.validate_every = training, n_epochs, validate_every
+        self.trainer, self.n_epochs, self.validate_every = trainer, n_epochs, validate_every
         self.curve: list[dict[str, float]] = []
-        self._best: dict[str, Tensor] = {}
+        self._best_weights: dict[str, Tensor] = {}
         self._best_epoch = 0
 
     @property
     def model(self) -> Model:
         """The model, trained in place."""
-        return self.training.model
+        return self.trainer.model
 
     def __iter__(self) -> Iterator[dict[str, float]]:
         while len(self.curve) < self.n_epochs:
-            terms = self.training.epoch(len(self.curve))
+            terms = self.trainer.train_epoch(len(self.curve))
             epoch = len(self.curve) + 1
             if epoch % self.validate_every == 0 or epoch == self.n_epochs:
-                terms |= self._look(epoch)
+                terms |= self._validate(epoch)
             self.curve.append(terms)
             yield terms
-        if self._best:
-            self.model.load_state_dict(self._best)
+        if self._best_weights:
+            self.model.load_state_dict(self._best_weights)
 
     def finish(self) -> Model:
-        """Train to the end and hand over the model."""
+        """Train to the end and return the model."""
         for _ in self:
             pass
         return self.model
 
-    def chosen(self) -> dict[str, Any]:
-        """Say in JSON's terms which weights are handed over, and why those."""
-        if not self._best:
+    def selection(self) -> dict[str, Any]:
+        """Return which epoch's weights are selected and by what, in JSON's terms."""
+        if not self._best_weights:
             return {"by": "last epoch", "epoch": len(self.curve)}
         score = self.curve[self._best_epoch - 1][VALIDATION]
         return {"by": VALIDATION, "epoch": self._best_epoch, "score": score}
 
     def snapshot(self) -> Snapshot:
         """Copy all that the rest of the training depends on."""
-        tensors = join_tables(training=self.training.state(), best=self._best)
+        tensors = add_prefixes(trainer=self.trainer.state_dict(), best=self._best_weights)
         copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
         return Snapshot(copies, {"curve": self.curve[:], "best_epoch": self._best_epoch})
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back, or in another process forward, to where a snapshot was taken."""
-        self.training.load(select_table(snapshot.tensors, "training"))
-        self._best = select_table(snapshot.tensors, "best")
+        """Continue from a snapshot, of this process or another."""
+        self.trainer.load_state_dict(select_prefix(snapshot.tensors, "trainer"))
+        self._best_weights = select_prefix(snapshot.tensors, "best")
         self._best_epoch = snapshot.facts["best_epoch"]
         self.curve = [dict(terms) for terms in snapshot.facts["curve"]]
 
-    def _look(self, epoch: int) -> dict[str, float]:
-        score = self.training.score()
+    def _validate(self, epoch: int) -> dict[str, float]:
+        score = self.trainer.validate()
         if score is None:
             return {}
         terms = check_finite({VALIDATION: score}, f"epoch {epoch}")
-        if not self._best or terms[VALIDATION] < self.curve[self._best_epoch - 1][VALIDATION]:
-            self._best = {name: value.clone() for name, value in model_state(self.model).items()}
+        if not self._best_weights or terms[VALIDATION] < self._best_score():
+            weights = model_state(self.model)
+            self._best_weights = {name: value.clone() for name, value in weights.items()}
             self._best_epoch = epoch
         return terms
+
+    def _best_score(self) -> float:
+        return self.curve[self._best_epoch - 1][VALIDATION]

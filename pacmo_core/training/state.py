@@ -1,4 +1,4 @@
-"""State of networks and optimisers as flat tables of tensors; moving averages; finite losses."""
+"""State of networks and optimisers as flat dictionaries of tensors, EMA, finite losses."""
 
 import copy
 import math
@@ -12,15 +12,15 @@ from torch import Tensor, nn
 Model = TypeVar("Model", bound=nn.Module)
 
 
-def join_tables(**parts: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Join tables under ``part/name``."""
+def add_prefixes(**parts: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Join dictionaries of tensors, with keys ``part/name``."""
     return {
         f"{part}/{name}": value for part, table in parts.items() for name, value in table.items()
     }
 
 
-def select_table(table: Mapping[str, Tensor], part: str) -> dict[str, Tensor]:
-    """Take one part out of what ``prefixed`` joined."""
+def select_prefix(table: Mapping[str, Tensor], part: str) -> dict[str, Tensor]:
+    """Return one part of what ``add_prefixes`` joined."""
     return {
         name.removeprefix(f"{part}/"): value
         for name, value in table.items()
@@ -29,17 +29,17 @@ def select_table(table: Mapping[str, Tensor], part: str) -> dict[str, Tensor]:
 
 
 def adam_state(optimiser: torch.optim.Adam) -> dict[str, Tensor]:
-    """Take an optimiser's moments and counts; its learning rate is a function of the epoch."""
+    """Return Adam's moments and step counts; its learning rate is a function of the epoch."""
     per_parameter = optimiser.state_dict()["state"]
-    return join_tables(**{str(index): values for index, values in per_parameter.items()})
+    return add_prefixes(**{str(index): values for index, values in per_parameter.items()})
 
 
 def load_adam_state(optimiser: torch.optim.Adam, table: Mapping[str, Tensor]) -> None:
-    """Give an optimiser what ``adam_state`` took; an empty table is one that never stepped."""
+    """Restore what ``adam_state`` returned; it is empty before the first step."""
     indices = {name.partition("/")[0] for name in table}
-    # Copies: Adam keeps the tensors it is given, and moves them in place.
+    # Copies: Adam keeps these tensors and updates them in place.
     moments = {
-        int(index): {name: value.clone() for name, value in select_table(table, index).items()}
+        int(index): {name: value.clone() for name, value in select_prefix(table, index).items()}
         for index in indices
     }
     groups = optimiser.state_dict()["param_groups"]
@@ -47,40 +47,40 @@ def load_adam_state(optimiser: torch.optim.Adam, table: Mapping[str, Tensor]) ->
 
 
 def check_finite(terms: Mapping[str, Tensor], where: str) -> dict[str, float]:
-    """Read the terms of a loss as numbers.
+    """Convert the terms of a loss to numbers.
 
     Raises
     ------
     FloatingPointError
         If one is not finite; the message names it.
     """
-    # Stacked, so that a GPU is waited for once.
+    # Stacked, so that there is one synchronisation with a GPU.
     numbers = torch.stack([term.detach() for term in terms.values()]).tolist()
     values = dict(zip(terms, numbers, strict=True))
-    broken = [name for name, value in values.items() if not math.isfinite(value)]
-    if broken:
-        raise FloatingPointError(f"{where}: {', '.join(broken)} not finite; terms {values}")
+    infinite = [name for name, value in values.items() if not math.isfinite(value)]
+    if infinite:
+        raise FloatingPointError(f"{where}: {', '.join(infinite)} not finite; terms {values}")
     return values
 
 
 def ema_copy(model: Model) -> Model:
-    """Copy a model to hold the running mean of its weights."""
+    """Copy a model to hold the exponential moving average (EMA) of its weights."""
     return copy.deepcopy(model).requires_grad_(False)
 
 
-def update_ema(mean: nn.Module, model: nn.Module, keep: float) -> None:
-    """Move the running mean of the weights towards the model, in place."""
+def update_ema(average: nn.Module, model: nn.Module, decay: float) -> None:
+    """Update an EMA in place: ``average = decay * average + (1 - decay) * model``."""
     with torch.no_grad():
-        for ours, theirs in zip(mean.parameters(), model.parameters(), strict=True):
-            ours.lerp_(theirs, 1 - keep)
+        for mean, weight in zip(average.parameters(), model.parameters(), strict=True):
+            mean.lerp_(weight, 1 - decay)
 
 
 def model_state(model: nn.Module) -> dict[str, Tensor]:
-    """Take a model's weights and buffers as safetensors wants them: contiguous, on the CPU."""
+    """Return a model's weights and buffers as safetensors needs them: contiguous, on the CPU."""
     return {name: value.detach().cpu().contiguous() for name, value in model.state_dict().items()}
 
 
 def model_config(model: nn.Module) -> dict[str, Any]:
-    """Describe a model's configuration, the dataclass ``model.config``, in JSON's terms."""
+    """Return a model's configuration, the dataclass ``model.config``, as a dictionary for JSON."""
     config: Any = model.config
     return asdict(config)

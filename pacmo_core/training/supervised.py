@@ -8,42 +8,42 @@ from torch import Tensor, nn
 
 from pacmo_core.training.state import (
     adam_state,
+    add_prefixes,
     check_finite,
-    join_tables,
     load_adam_state,
-    select_table,
+    select_prefix,
 )
 
 Model = TypeVar("Model", bound=nn.Module)
 
 
 class SupervisedSettings(Protocol):
-    """What a section says about one model's descent."""
+    """The part of a training section of ``params.yaml`` that Adam needs."""
 
     @property
     def learning_rate(self) -> float:
-        """Of Adam, in the first epoch."""
+        """Learning rate of Adam in the first epoch."""
 
     @property
     def halve_learning_rate_every(self) -> int:
-        """Epochs."""
+        """Epochs after which the learning rate is halved."""
 
     @property
     def batch_size(self) -> int:
-        """Rows."""
+        """Rows in a batch."""
 
 
 class SupervisedTrainer(Generic[Model]):
-    """Descend a loss over batches of rows in random order; an epoch sees every row once.
+    """Minimise a loss with Adam over random batches; an epoch takes every row once.
 
     Parameters
     ----------
     model : trained in place
     n_rows : of the training data
-    loss : mean over the rows given
-    held_out : loss on held-out data, nothing if there are none; called without gradients
-    settings : DescentSettings
-    random : CPU generator of the order
+    loss : from row numbers to the mean loss over these rows
+    validation_loss : loss on validation data, None without; called without gradients
+    settings : SupervisedSettings
+    random : CPU generator of the order of rows
     """
 
     def __init__(
@@ -51,21 +51,22 @@ class SupervisedTrainer(Generic[Model]):
         model: Model,
         n_rows: int,
         loss: Callable[[Tensor], Tensor],
-        held_out: Callable[[], Tensor] | None,
+        validation_loss: Callable[[], Tensor] | None,
         settings: SupervisedSettings,
         random: torch.Generator,
     ) -> None:
-        self._model, self.n_rows, self.loss, self.held_out = model, n_rows, loss, held_out
+        self._model, self.n_rows = model, n_rows
+        self.loss, self.validation_loss = loss, validation_loss
         self.settings, self.random = settings, random
         self.optimiser = torch.optim.Adam(model.parameters(), lr=settings.learning_rate)
 
     @property
     def model(self) -> Model:
-        """The one model."""
+        """The model that is trained."""
         return self._model
 
-    def epoch(self, number: int) -> dict[str, float]:
-        """See every row once; ``loss`` is the mean over the batches."""
+    def train_epoch(self, number: int) -> dict[str, float]:
+        """Take every row once; ``loss`` is the mean over the batches."""
         settings = self.settings
         set_learning_rate(
             self.optimiser,
@@ -79,25 +80,25 @@ class SupervisedTrainer(Generic[Model]):
         ]
         return check_finite({"loss": torch.stack(losses).mean()}, type(self._model).__name__)
 
-    def score(self) -> Tensor | None:
-        """Take the loss on held-out data."""
-        if self.held_out is None:
+    def validate(self) -> Tensor | None:
+        """Return the loss on validation data."""
+        if self.validation_loss is None:
             return None
         with torch.no_grad():
-            return self.held_out()
+            return self.validation_loss()
 
-    def state(self) -> dict[str, Tensor]:
-        """Take weights, moments and the order's generator."""
-        return join_tables(
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return weights, Adam's moments and the state of the random generator."""
+        return add_prefixes(
             model=self._model.state_dict(),
             adam=adam_state(self.optimiser),
             random={"state": self.random.get_state()},
         )
 
-    def load(self, state: Mapping[str, Tensor]) -> None:
-        """Go back to where ``state`` was taken."""
-        self._model.load_state_dict(select_table(state, "model"))
-        load_adam_state(self.optimiser, select_table(state, "adam"))
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Restore what ``state_dict`` returned."""
+        self._model.load_state_dict(select_prefix(state, "model"))
+        load_adam_state(self.optimiser, select_prefix(state, "adam"))
         self.random.set_state(state["random/state"])
 
     def _step(self, rows: Tensor) -> Tensor:
@@ -110,7 +111,7 @@ class SupervisedTrainer(Generic[Model]):
 
 
 def random_batches(n: int, batch_size: int, random: torch.Generator) -> list[Tensor]:
-    """Cut a random order of n rows into batches of nearly one size, none of them empty."""
+    """Split a random permutation of n rows into batches of nearly equal size, none empty."""
     order = torch.randperm(n, generator=random)
     return list(order.chunk(max(1, round(n / batch_size))))
 
@@ -118,11 +119,11 @@ def random_batches(n: int, batch_size: int, random: torch.Generator) -> list[Ten
 def set_learning_rate(
     optimiser: torch.optim.Optimizer, rate: float, *, epoch: int, every: int
 ) -> None:
-    """Set the learning rate of an epoch, from 0: halved every so many (PaCMO, 4.2)."""
+    """Set the learning rate of an epoch, from 0: halved every ``every`` epochs (PaCMO, 4.2)."""
     for group in optimiser.param_groups:
         group["lr"] = rate * 0.5 ** (epoch // every)
 
 
-def mean_terms(rounds: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Average the terms of equally many steps each."""
-    return {name: sum(terms[name] for terms in rounds) / len(rounds) for name in rounds[0]}
+def mean_terms(steps: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Average each loss term over steps."""
+    return {name: sum(terms[name] for terms in steps) / len(steps) for name in steps[0]}

@@ -8,19 +8,19 @@ from typer.testing import CliRunner, Result
 
 from apps.cli import app
 from apps.solver_settings import read_solving
+from pacmo_core.augmentation.run import scene_from
 from pacmo_core.augmentation.segments import segments
-from pacmo_core.augmentation.solve import scene_of
 from pacmo_core.data.interaction import Interaction, bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.interaction_mesh import prepare, vary
+from pacmo_core.interaction_mesh import prepare, retarget
 from pacmo_core.store.motions import stream_motions, write_motions
 from tests.formats.real_files import real_folder
 from tests.reaction.problems import delayed_mirror
 
-PARAMS = Path("experiments/default.yaml").absolute()
+PARAMS = Path("params.yaml").absolute()
 FOREARM = [s.name for s in segments(SBU15)].index("left_forearm")
 
 
@@ -84,7 +84,7 @@ def test_parquet_comes_out_as_the_solver_gives_it(stored: Path, tmp_path: Path) 
     assert name == "one~b-left_forearm-1.2"
     scales = np.ones((1, 28))
     scales[0, 14 + FOREARM] = 1.2
-    wanted = vary(prepare(scene_of(CLIP), read_solving(PARAMS).solver), scales).points[0]
+    wanted = retarget(prepare(scene_from(CLIP), read_solving(PARAMS).solver), scales).points[0]
     np.testing.assert_array_equal(found.person_a, wanted[:, :15].astype(np.float32))
     np.testing.assert_array_equal(found.person_b, wanted[:, 15:].astype(np.float32))
     assert "contacts " in said.output

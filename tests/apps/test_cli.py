@@ -6,11 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from apps.cli import app
-from apps.failure import CommandError, told_in_one_line
+from pacmo_core.project.workspace import CommandError, errors_in_one_line
 
 
 def pacmo(*words: str) -> tuple[int, str, str]:
@@ -71,14 +70,14 @@ def test_a_destination_that_is_a_file_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_failure_of_many_lines_is_told_in_one(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(typer.Exit) as exit_, told_in_one_line():
+    with pytest.raises(SystemExit) as exit_, errors_in_one_line():
         raise CommandError("first\nsecond")
-    assert exit_.value.exit_code == 1
+    assert exit_.value.code == 1
     assert capsys.readouterr().err == "pacmo: first second\n"
 
 
 def test_a_bug_keeps_its_traceback() -> None:
-    with pytest.raises(ZeroDivisionError), told_in_one_line():
+    with pytest.raises(ZeroDivisionError), errors_in_one_line():
         _ = 1 / 0
 
 

@@ -1,10 +1,12 @@
 """What is trusted: the rows that were written; the files of the experiments."""
 
+import shutil
+
 import pytest
 from typer.testing import CliRunner
 
 from apps.cli import app
-from apps.experiments import compose
+from pacmo_core.project.experiments import compose_params
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, write_rows
 
 ROWS = [
@@ -37,7 +39,7 @@ def test_clips_are_listed_with_their_side_in_a_fold_that_is_named(tmp_path):
     write_rows(tmp_path / "1.parquet", SplitRecord, [SplitRecord("one", "validation")])
     plain, sided = (
         pacmo("clips", tmp_path),
-        pacmo("clips", tmp_path, "--sides", tmp_path / "1.parquet"),
+        pacmo("clips", tmp_path, "--splits", tmp_path / "1.parquet"),
     )
     assert "waving" in plain.stdout and "validation" not in plain.stdout
     assert "validation" in sided.stdout and "1 of 1" in sided.stdout
@@ -53,10 +55,16 @@ def test_a_folder_without_a_readable_table_is_one_line(tmp_path, content):
 
 
 def test_use_writes_the_parameters_of_an_experiment(tmp_path, monkeypatch):
-    wanted = compose("smallest")
-    monkeypatch.setattr("apps.experiments.PARAMS", tmp_path / "params.yaml")
-    assert pacmo("use", "smallest").exit_code == 0
-    assert (tmp_path / "params.yaml").read_text() == wanted
+    wanted = compose_params("smallest")
+    shutil.copytree("experiments", tmp_path / "experiments")
+    (tmp_path / "params.yaml").write_text(compose_params("default"))
+    monkeypatch.chdir(tmp_path)
+    assert pacmo("use", "smallest").output == ""
+    params = tmp_path / "params.yaml"
+    assert params.read_text() == wanted
+    params.write_text(wanted.replace("tested: 2", "tested: 3"))
+    said = pacmo("use", "default").output
+    assert said.startswith("the edited params.yaml is saved as history/params/")
 
 
 def test_an_unknown_experiment_ends_with_1_and_one_line():

@@ -6,8 +6,8 @@ import httpx
 import pytest
 
 from apps.download import MissingError, Patience, download
-from apps.failure import CommandError
 from apps.part import Part
+from pacmo_core.project.workspace import CommandError
 from tests.apps.downloading import CONTENT, PATIENCE, get, stop_after
 from tests.apps.site import Site
 

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from pacmo_core.augmentation.bodies import Body, Population, drawn, of_profile, scaled
+from pacmo_core.augmentation.bodies import (
+    Body,
+    Population,
+    profile_scales,
+    sample_scales,
+    segment_scales,
+)
 from pacmo_core.augmentation.segments import segments
 from pacmo_core.data.skeleton import NTU25, SBU15
 from tests.augmentation.test_segments import DUO27, PRIOR17
@@ -26,7 +32,7 @@ def test_a_stature_is_that_of_drillis_and_continis_legs() -> None:
 
 def test_a_child_is_as_tall_as_children_and_sits_as_high() -> None:
     own = body(leg=0.2455 * 1.8)
-    scales = of(own, of_profile(own, "child"))
+    scales = of(own, profile_scales(own, "child"))
     leg, trunk, arm = scales["left_thigh"], scales["spine_mid"], scales["left_forearm"]
     assert arm == pytest.approx(1.273 / 1.8)
     # Sitting height takes 0.54 of a child's stature, 0.52 of an adult's.
@@ -36,31 +42,31 @@ def test_a_child_is_as_tall_as_children_and_sits_as_high() -> None:
 
 def test_a_tall_adult_is_two_deviations_above_the_mean_and_in_proportion() -> None:
     own = body(PRIOR17, leg=0.2455 * 1.7)
-    scales = of_profile(own, "tall_adult")
+    scales = profile_scales(own, "tall_adult")
     np.testing.assert_allclose(scales, (1.756 + 2 * 0.069) / 1.7)
 
 
 def test_long_arms_leave_the_rest_as_it_is() -> None:
     own = body(DUO27)
-    scales = of(own, of_profile(own, "long_arms"))
+    scales = of(own, profile_scales(own, "long_arms"))
     assert scales["left_forearm"] == scales["right_upper_arm"] == pytest.approx(1.1)
     assert scales["left_thigh"] == scales["left_collar"] == scales["spine"] == 1
 
 
 def test_scales_of_segments_multiply_with_that_of_the_whole() -> None:
-    scales = of(body(), scaled(body(), {"uniform": 0.8, "left_forearm": 1.25}))
+    scales = of(body(), segment_scales(body(), {"uniform": 0.8, "left_forearm": 1.25}))
     assert scales["left_forearm"] == pytest.approx(1.0)
     assert {value for name, value in scales.items() if name != "left_forearm"} == {0.8}
 
 
 def test_a_name_that_is_none_is_answered_with_those_there_are() -> None:
     with pytest.raises(ValueError, match="no segment left_tail; there are uniform, .*left_forearm"):
-        scaled(body(), {"left_tail": 1.2})
+        segment_scales(body(), {"left_tail": 1.2})
     with pytest.raises(ValueError, match="no profile 'giant'; there are child, tall_adult"):
-        of_profile(body(), "giant")
+        profile_scales(body(), "giant")
     legless = Body(segments(NTU25)[:4], np.ones(4))
     with pytest.raises(ValueError, match="no thigh to tell a stature by; segments: head"):
-        of_profile(legless, "child")
+        profile_scales(legless, "child")
 
 
 POPULATION = Population(stature=0.05, proportion=0.03, random_seed=4)
@@ -68,7 +74,7 @@ POPULATION = Population(stature=0.05, proportion=0.03, random_seed=4)
 
 def test_drawn_bodies_are_symmetric_and_log_normal() -> None:
     own = body()
-    rows = [of(own, drawn(own, POPULATION, f"n{i}")) for i in range(1500)]
+    rows = [of(own, sample_scales(own, POPULATION, f"n{i}")) for i in range(1500)]
     assert all(row["left_forearm"] == row["right_forearm"] for row in rows)
     logs = np.log([[row["left_forearm"], row["head"]] for row in rows])
     # Two segments share stature, and have proportions of their own.
@@ -80,9 +86,9 @@ def test_drawn_bodies_are_symmetric_and_log_normal() -> None:
 
 
 def test_a_drawn_body_is_the_same_on_another_skeleton() -> None:
-    one, other = (of(own, drawn(own, POPULATION, "r0001")) for own in (body(), body(SBU15)))
+    one, other = (of(own, sample_scales(own, POPULATION, "r0001")) for own in (body(), body(SBU15)))
     shared = one.keys() & other.keys()
     assert shared >= {"left_forearm", "right_shin", "head"}
     assert {name: one[name] for name in shared} == {name: other[name] for name in shared}
     again = Population(stature=0.05, proportion=0.03, random_seed=5)
-    assert of(body(), drawn(body(), again, "r0001")) != one
+    assert of(body(), sample_scales(body(), again, "r0001")) != one

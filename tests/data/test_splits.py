@@ -1,12 +1,19 @@
-"""What is trusted: the definition of each split, and that windows tile the recording."""
+"""What is trusted: the definition of each split; that windows tile the recording.
+
+The folders of the published SBU set name the people of every clip.
+"""
 
 import hashlib
 import itertools
+import os
+from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ruamel.yaml import YAML
 
 from pacmo_core.data.splits import (
     ClipOrigin,
@@ -206,3 +213,48 @@ def test_windows_tile_the_recording_evenly(n_frames, fps, seconds):
     assert max(lengths) - min(lengths) <= 1
     if n_frames / fps > 1.5 * seconds:
         assert seconds / 2 < max(lengths) / fps < 2 * seconds
+
+
+ROOT = Path(__file__).parents[2]
+SBU = Path(os.environ.get("PACMO_REAL_DATA", ROOT.parent / "shared" / "data")) / "sbu"
+needs_sbu = pytest.mark.skipif(not SBU.is_dir(), reason=f"no captures in {SBU}")
+
+
+def origins():
+    takes = sorted(file.parent.relative_to(SBU) for file in SBU.rglob("skeleton_pos.txt"))
+    return [ClipOrigin(str(t), str(t), (t.parts[0][:3], t.parts[0][3:])) for t in takes]
+
+
+def folds(name):
+    """Split as an experiment says, fold by fold."""
+    read = YAML(typ="safe").load
+    default, changes = read(ROOT / "params.yaml"), read(ROOT / "experiments" / f"{name}.yaml")
+    values = {**default["split"], **changes["split"]}
+    listed = {key: tuple(map(tuple, values[key])) for key in ("test_pairs", "test_people")}
+    rule = SplitRule(**{**values, **listed})
+    return [assign_splits(origins(), rule, fold) for fold in changes["runs"]["folds"]]
+
+
+@needs_sbu
+def test_by_person_every_fold_leaves_enough_and_no_clip_is_tested_twice():
+    people = {origin.clip: {*origin.people} for origin in origins()}
+    tested = Counter()
+    for splits in folds("sbu"):
+        sizes = Counter(splits.values())
+        assert sizes["train"] >= 80 and sizes["test"] >= 20 and sizes["validation"]
+        by_side = {split: set() for split in sizes}
+        for clip, split in splits.items():
+            by_side[split] |= people[clip]
+        assert not by_side["test"] & (by_side["train"] | by_side["validation"])
+        tested.update(clip for clip, split in splits.items() if split == "test")
+    assert max(tested.values()) == 1
+    assert len({Path(clip).parts[0] for clip in tested}) == 15
+
+
+@needs_sbu
+def test_the_published_folds_test_every_clip_once_and_drop_none():
+    found = folds("sbu_pairs")
+    assert len(found) == 5
+    for clip in found[0]:
+        assert sorted(splits[clip] == "test" for splits in found) == [False] * 4 + [True]
+    assert all("dropped" not in splits.values() for splits in found)

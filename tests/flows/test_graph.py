@@ -5,23 +5,23 @@ import sys
 
 import pytest
 
-from flows.graph import stages_below, stale_stages
+from pacmo_core.project.stages import stale_stages, upstream_stages
 
 
 def test_stages_come_after_what_they_rest_on(pipeline):
-    below = stages_below([])
+    below = upstream_stages([])
     assert next(iter(below)) == "raw" and [*below][-1] == "both"
     assert below["left"] == ["raw"]
     assert sorted(below["both"]) == ["left", "right"]
 
 
 def test_only_what_a_target_rests_on_is_listed(pipeline):
-    assert list(stages_below(["left"])) == ["raw", "left"]
+    assert list(upstream_stages(["left"])) == ["raw", "left"]
 
 
 def test_an_unknown_target_is_named_with_what_there_is(pipeline):
     with pytest.raises(ValueError, match=r"no stage lefty; it has both, left, raw, right"):
-        stages_below(["lefty"])
+        upstream_stages(["lefty"])
 
 
 def test_nothing_is_stale_after_a_reproduction_and_all_below_an_edit_is(pipeline):

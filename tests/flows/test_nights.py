@@ -12,13 +12,11 @@ from types import SimpleNamespace
 import pyarrow.parquet as pq
 import pytest
 
-from apps.failure import CommandError
-from apps.records import read_runs
-from flows.cache import spoilt_objects
-from flows.nightly import night
-from flows.prune import prune_here
-from flows.retrain import retrain_here
+from flows.nightly import run_nightly, run_retrain
+from flows.prune import corrupt_objects, run_prune
 from flows.way import ByHand
+from pacmo_core.project.records import read_runs
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.promotion import read_decisions
 from tests.flows.nights import drop, environment, make_project, run_flow, set_params
 
@@ -44,7 +42,7 @@ def inbox() -> list[Path]:
 
 def test_ten_captures_three_of_them_spoilt_lead_to_a_promotion_and_a_worse_model_is_held(project):
     drop(project, range(10), spoilt=(2, 5, 8))
-    first = night(HAND)
+    first = run_nightly(HAND)
     assert (first.outcome, first.facts["verdict"]) == ("done", "promoted")
     assert len(lab()) == 7 and inbox() == []
     assert sorted(first.facts["aside"]) == [f"s01s02/01/{take:03d}" for take in (2, 5, 8)]
@@ -54,7 +52,7 @@ def test_ten_captures_three_of_them_spoilt_lead_to_a_promotion_and_a_worse_model
     good = CURRENT.read_bytes()
 
     set_params(project, f2id=0.7)
-    second = night(HAND)
+    second = run_nightly(HAND)
     assert (second.outcome, second.facts["verdict"]) == ("held", "rejected")
     assert "F²ID rose to 0.7; current 0.5 (0.4 to 0.6)" in second.reason
     assert CURRENT.read_bytes() == good
@@ -62,18 +60,18 @@ def test_ten_captures_three_of_them_spoilt_lead_to_a_promotion_and_a_worse_model
 
 def test_a_night_with_nothing_new_runs_no_stage(project):
     drop(project, range(2))
-    assert set(night(HAND).facts["stages"]) == {"split", "train_pacmo", "report"}
-    again = night(HAND)
+    assert set(run_nightly(HAND).facts["stages"]) == {"split", "train_pacmo", "report"}
+    again = run_nightly(HAND)
     assert (again.facts["stages"], again.facts["verdict"]) == ([], "unchanged")
 
 
 def test_what_is_in_already_or_was_there_under_that_name_is_put_aside(project):
     drop(project, range(2))
-    night(HAND)
+    run_nightly(HAND)
     drop(project, range(3))
     changed = Path("data/inbox/s01s02/01/001/skeleton_pos.txt")
     changed.write_text(changed.read_text().replace("1,0.", "1,-0.", 1))
-    run = night(HAND)
+    run = run_nightly(HAND)
     assert run.facts["taken"] == ("s01s02/01/000", "s01s02/01/002")  # 000 is the very same file
     assert "is there already, with other content" in run.facts["aside"]["s01s02/01/001"]
     assert lab() == ["000", "001", "002"]
@@ -81,51 +79,51 @@ def test_what_is_in_already_or_was_there_under_that_name_is_put_aside(project):
 
 def test_training_waits_for_enough_new_captures(project):
     drop(project, range(2))
-    assert night(HAND).facts["trained"]
+    assert run_nightly(HAND).facts["trained"]
     set_params(project, least_new=2)
     drop(project, range(2, 3))
-    waits = night(HAND)
+    waits = run_nightly(HAND)
     assert not waits.facts["trained"] and waits.facts["stages"] == ["split"]
     drop(project, range(3, 4))
-    assert night(HAND).facts["trained"]
+    assert run_nightly(HAND).facts["trained"]
 
 
 def test_prune_keeps_what_the_lock_and_the_shelf_name(project):
     drop(project, range(1))
     for f2id in (0.5, 0.4, 0.3):
         set_params(project, f2id=f2id)
-        night(HAND)
+        run_nightly(HAND)
     before = len(list(Path(".dvc/cache/files/md5").rglob("*")))
     time.sleep(0.1)
-    run = prune_here(HAND)
+    run = run_prune(HAND)
     assert run.facts["objects"] > 0 and run.facts["promoted"] == [1, 2]
     assert len(list(Path(".dvc/cache/files/md5").rglob("*"))) < before
     assert [p.name for p in sorted(Path("promoted").glob("0*"))] == ["000003"]
     assert len(read_runs(Path("history/runs"))) <= 2 + 1
-    assert night(HAND).facts["stages"] == []
+    assert run_nightly(HAND).facts["stages"] == []
     assert len(read_decisions(Path("history/decisions"))[0]) == 4
 
 
 def test_a_spoilt_cache_object_is_found_and_made_again(project):
     drop(project, range(1))
-    night(HAND)
+    run_nightly(HAND)
     good = Path("sides.txt").read_bytes()
     _spoil(Path("sides.txt"))
-    assert len(spoilt_objects()) == 1
-    run = night(HAND)
+    assert len(corrupt_objects()) == 1
+    run = run_nightly(HAND)
     assert len(run.facts["spoilt_objects"]) == 1 and "split" in run.facts["stages"]
-    assert Path("sides.txt").read_bytes() == good and spoilt_objects() == []
+    assert Path("sides.txt").read_bytes() == good and corrupt_objects() == []
 
 
 def test_broken_tables_are_made_again(project):
     drop(project, range(1))
-    night(HAND)
+    run_nightly(HAND)
     table, output = Path("history/decisions/decisions.parquet"), Path("sides.txt")
     good = output.read_bytes()
     for file in (table, output):
         file.unlink()  # not the cache's object, of which this may be a link
         file.write_bytes(b"PAR1 and nothing else")
-    run = night(HAND)
+    run = run_nightly(HAND)
     assert output.read_bytes() == good and "split" in run.facts["stages"]
     assert pq.read_table(table).num_rows == len(read_decisions(Path("history/decisions"))[0]) == 2
 
@@ -156,7 +154,7 @@ def test_after_a_kill_in_a_stage_nothing_of_it_lives_on_and_the_next_night_ends_
     first.wait()
     assert _running("make.py split", project)  # DVC and the stage outlive their flow
     Path("make.py").write_text(whole)
-    run = night(HAND)
+    run = run_nightly(HAND)
     assert not _running("make.py split", project)
     assert run.facts["verdict"] == "promoted" and lab() == ["000"]
     assert [r.outcome for r in read_runs(Path("history/runs"))] == ["killed", "done"]
@@ -194,7 +192,7 @@ def test_a_disk_that_fills_fails_the_night_and_the_next_one_ends_right(project, 
     assert done.returncode == 0, done.stderr
     assert lab() == ["000", "001", "002"] and inbox() == []
     assert read_runs(Path("history/runs"))[-1].facts["verdict"] == "promoted"
-    assert spoilt_objects() == []
+    assert corrupt_objects() == []
 
 
 def test_a_held_night_has_an_exit_code_of_its_own(project):
@@ -208,17 +206,17 @@ def test_a_held_night_has_an_exit_code_of_its_own(project):
 
 def test_training_again_is_a_run_of_its_own_and_the_same_model_is_no_news(project):
     drop(project, range(1))
-    night(HAND)
-    run = retrain_here(HAND, ["pacmo"])
+    run_nightly(HAND)
+    run = run_retrain(HAND, ["pacmo"])
     assert run.facts["stages"] == ["train_pacmo"]
     assert run.facts["verdict"] == "unchanged"
     with pytest.raises(CommandError, match="no stage trains gru; there are pacmo"):
-        retrain_here(HAND, ["gru"])
+        run_retrain(HAND, ["gru"])
 
 
 def test_a_forced_stage_runs_again_and_an_unknown_one_is_told(project):
     drop(project, range(1))
-    night(HAND)
+    run_nightly(HAND)
     ran = Path("history/stages/split.log")
     assert run_flow(project, "reproduce", "split").returncode == 0
     assert run_flow(project, "reproduce", "--force", "split").returncode == 0
@@ -233,7 +231,7 @@ def test_what_a_night_made_is_pushed_where_there_is_a_remote(project, tmp_path_f
     dvc = [sys.executable, "-m", "dvc", "remote", "add", "-q", "-d", "store", str(remote)]
     subprocess.run(dvc, check=True)
     drop(project, range(1))
-    assert night(HAND).facts["pushed"]
+    assert run_nightly(HAND).facts["pushed"]
     pushed = {path.name for path in remote.rglob("*") if path.is_file()}
     own = {path.name for path in Path(".dvc/cache").rglob("*") if path.is_file()}
     assert own and own <= pushed
@@ -247,7 +245,7 @@ def test_a_capture_that_still_changes_waits(project, monkeypatch):
         growing.write_text(growing.read_text() + "more")
 
     monkeypatch.setattr("flows.inbox.time", SimpleNamespace(sleep=copy_on))
-    run = night(HAND)
+    run = run_nightly(HAND)
     assert run.facts["taken"] == ("s01s02/01/000",)
     assert run.facts["waiting"] == ("s01s02/01/001/skeleton_pos.txt",)
 

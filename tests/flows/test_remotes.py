@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from flows.nightly import night
+from flows.nightly import run_nightly
 from flows.way import ByHand
 from tests.flows.nights import drop, make_project
 
@@ -67,13 +67,13 @@ def dvc(*words: str) -> None:
 def there_and_back() -> None:
     """Push by a night, lose all that was made and the cache with it, and pull."""
     drop(Path(), range(1))
-    assert night(HAND).facts["pushed"]
+    assert run_nightly(HAND).facts["pushed"]
     made = CURRENT.read_bytes()
     for path in (*MADE, Path(".dvc/cache")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
     dvc("pull")
     assert CURRENT.read_bytes() == made
-    assert night(HAND).facts["stages"] == []
+    assert run_nightly(HAND).facts["stages"] == []
 
 
 def test_what_a_night_made_comes_back_from_a_folder(project, tmp_path_factory):

@@ -6,8 +6,8 @@ import pytest
 from dvc.utils.strictyaml import YAMLValidationError
 from prefect.client.orchestration import get_client
 
-from flows.graph import stale_stages
 from flows.reproduce import reproduce
+from pacmo_core.project.stages import stale_stages
 
 pytestmark = [
     pytest.mark.slow,

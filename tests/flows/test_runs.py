@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from flows.graph import stages_below
+from pacmo_core.project.stages import upstream_stages
 
 ROOT = Path(__file__).parents[2]
 ONCE = {"synthesise", "ingest", "cut", "augment", "split_variations", "pool_skeleton_prior"}
@@ -29,7 +29,7 @@ def graph(tmp_path_factory):
     subprocess.run([*dvc, "init", "-q", "--no-scm"], cwd=folder, check=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        yield {name: set(stages_below([name])) for name in stages_below([])}
+        yield {name: set(upstream_stages([name])) for name in upstream_stages([])}
 
 
 def fold_and_seed(stage):

@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 from ruamel.yaml import YAML
 
-from apps.records import Run, read_runs
 from flows.server import a_server
+from pacmo_core.project.records import RunRecord, read_runs
 from tests.flows.nights import ROOT, environment
 from tests.flows.test_serving import free_port, stop
 
@@ -81,7 +81,7 @@ def set_lab(**training):
     """Write the experiment and use it."""
     facts = {**LAB, "train_pacmo": {**LAB["train_pacmo"], **training}}
     YAML(typ="safe").dump(facts, Path("experiments/lab.yaml"))
-    command = [sys.executable, "-m", "apps.cli", "use", "lab", "--discard"]
+    command = [sys.executable, "-m", "apps.cli", "use", "lab"]
     subprocess.run(command, env=here(), check=True, capture_output=True)
 
 
@@ -127,7 +127,7 @@ def drop_ten() -> list[str]:
     return [file.parent.relative_to(SBU).as_posix() for file in files]
 
 
-def wait_for(outcome: str, verdict: str) -> Run:
+def wait_for(outcome: str, verdict: str) -> RunRecord:
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         for run in read_runs(Path("history/runs")):

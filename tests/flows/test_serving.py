@@ -13,9 +13,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from apps.records import read_runs
-from flows.missed import is_covered
+from flows.nightly import is_covered
 from flows.server import _start, answers
+from pacmo_core.project.records import read_runs
 from tests.flows.nights import drop, environment, make_project, set_params
 
 pytestmark = pytest.mark.slow

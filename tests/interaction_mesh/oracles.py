@@ -6,13 +6,13 @@ from scipy.linalg import solveh_banded
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from pacmo_core.interaction_mesh.energy import Quadratic, target_of
+from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_target
 from pacmo_core.interaction_mesh.scene import Scene
 
 Array = NDArray[np.float64]
 
 
-def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> float:
+def energy_by_definition(energy: QuadraticEnergy, change: Array, target: Array) -> float:
     """Sum E over frames and joints, one at a time.
 
     Parameters
@@ -23,9 +23,9 @@ def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> flo
     total = 0.0
     for t, moved in enumerate(change):
         total += np.sum((energy.laplacians[t] @ moved - target[t]) ** 2) / 2
-        total += energy.anchor * np.sum(moved**2) / 2
+        total += energy.regularisation * np.sum(moved**2) / 2
         for i in range(len(moved)):
-            total += energy.height * energy.held[t, i] * moved[i, 1] ** 2 / 2
+            total += energy.stance_height * energy.held[t, i] * moved[i, 1] ** 2 / 2
             if t:
                 held = energy.stance * energy.held[t, i] * energy.held[t - 1, i]
                 total += held * np.sum((moved[i] - change[t - 1, i]) ** 2) / 2
@@ -37,11 +37,13 @@ def energy_by_definition(energy: Quadratic, change: Array, target: Array) -> flo
     return total
 
 
-def matrix(energy: Quadratic) -> csc_array:
+def matrix(energy: QuadraticEnergy) -> csc_array:
     """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
     n_frames, n_points = energy.held.shape
     size = 3 * n_frames * n_points
-    inside = np.array([lap.T @ lap + energy.anchor * np.eye(n_points) for lap in energy.laplacians])
+    inside = np.array(
+        [lap.T @ lap + energy.regularisation * np.eye(n_points) for lap in energy.laplacians]
+    )
     for one in range(n_points):
         for other in range(one):
             for a, b, sign in (
@@ -53,7 +55,7 @@ def matrix(energy: Quadratic) -> csc_array:
                 inside[:, a, b] += sign * energy.ties[:, one, other]
     t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
     rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
-    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.height * energy.held[t, i]
+    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.stance_height * energy.held[t, i]
     whole = csc_array((values, (rows, columns)), shape=(size, size))
     step = 3 * n_points
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
@@ -68,9 +70,9 @@ def matrix(energy: Quadratic) -> csc_array:
     return whole
 
 
-def right_side(energy: Quadratic, scales: Array) -> Array:
+def right_side(energy: QuadraticEnergy, scales: Array) -> Array:
     """Give g for one body's scales (E,), flat."""
-    target = target_of(energy, scales[None])[..., 0]
+    target = energy_target(energy, scales[None])[..., 0]
     pull: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
     return pull
 
@@ -88,7 +90,7 @@ def differences(scene: Scene) -> csc_array:
     return csc_array((values, where), shape=(len(row), 3 * n_frames * n_points))
 
 
-def banded(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 40) -> Array:
+def banded(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 40) -> Array:
     """Solve by an augmented Lagrangian of Gauss-Newton steps on a banded matrix, from the source.
 
     Bones grow to their lengths in five morphs, without which steps overshoot.
@@ -118,7 +120,7 @@ def banded(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 40
     return change.reshape(scene.points.shape)
 
 
-def manifold(scene: Scene, energy: Quadratic, scales: Array, *, n_rounds: int = 12) -> Array:
+def manifold(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 12) -> Array:
     """Solve by Gauss-Newton on the directions of the bones and the places of the roots.
 
     The bones are of their length at every step. A step turns each direction in its tangent plane;

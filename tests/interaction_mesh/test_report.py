@@ -8,18 +8,21 @@ import pytest
 
 from pacmo_core.data.skeleton import DUET15, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.interaction_mesh import distances as module
-from pacmo_core.interaction_mesh.distances import distances_of, near_error
-from pacmo_core.interaction_mesh.energy import quadratic
-from pacmo_core.interaction_mesh.hinges import flips, hinges
-from pacmo_core.interaction_mesh.naive import naive
-from pacmo_core.interaction_mesh.report import figures_of, spikes
+from pacmo_core.interaction_mesh import report as module
+from pacmo_core.interaction_mesh.energy import bend_flip_fraction, build_energy, hinge_joints
+from pacmo_core.interaction_mesh.report import (
+    acceleration_ratios,
+    measure_distances,
+    measure_motions,
+    near_distance_error,
+)
+from pacmo_core.interaction_mesh.scene import naive_scaling
 from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 
 def report(source, points):
-    standing = quadratic(source, SETTINGS).standing
-    figures = figures_of(source, SETTINGS, standing, points[..., None])
+    standing = build_energy(source, SETTINGS).standing
+    figures = measure_motions(source, SETTINGS, standing, points[..., None])
     return SimpleNamespace(**{name: values[0] for name, values in figures.items()})
 
 
@@ -36,7 +39,7 @@ def test_distances_are_those_of_a_loop_over_pairs():
                 kept += [now < 0.12] if was < 0.1 else []
                 depth = max(depth, min(was, 0.1) - now)
     assert kept and depth > 0
-    found = distances_of(source, SETTINGS, points[..., None])
+    found = measure_distances(source, SETTINGS, points[..., None])
     assert found.near[0] == pytest.approx(np.mean(near), rel=1e-4)
     assert found.far[0] == pytest.approx(np.mean(far), rel=1e-4)
     assert found.kept[0] == pytest.approx(np.mean(kept))
@@ -45,25 +48,25 @@ def test_distances_are_those_of_a_loop_over_pairs():
 
 def test_a_body_pushed_aside_slides_only_where_it_moves():
     source = scene(1, 12)
-    standing = quadratic(source, SETTINGS).standing
+    standing = build_energy(source, SETTINGS).standing
     assert standing[1:][standing[:-1]].any()
     aside = source.points + np.array([0.3, 0, 0])
-    assert report(source, aside).added_slide == pytest.approx(0, abs=1e-9)
+    assert report(source, aside).added_foot_skate == pytest.approx(0, abs=1e-9)
     stands = (standing[1:] & standing[:-1]).any(axis=0)
     still = source.points.copy()
     still[:, stands] = still[:1, stands]
     held = Scene(tuple(np.split(still.astype(np.float32), 2, axis=1)), source.skeletons, source.fps)
     drift = held.points + np.linspace(0, 0.11, 12)[:, None, None] * [1.0, 0, 0]
-    assert report(held, drift).added_slide == pytest.approx(0.01 * 30, rel=1e-4)
+    assert report(held, drift).added_foot_skate == pytest.approx(0.01 * 30, rel=1e-4)
 
 
 def test_a_jump_shows_as_a_seam_and_the_source_has_none():
     source = scene(2, 60)
-    assert report(source, source.points).seam_ratio <= 1
+    assert report(source, source.points).acceleration_peak_ratio <= 1
     jumped = source.points.copy()
     jumped[30:] += np.array([0, 0.02, 0])
-    assert report(source, jumped).seam_ratio > 3
-    assert spikes(jumped[..., None])[:, 0].argmax() in (28, 29)
+    assert report(source, jumped).acceleration_peak_ratio > 3
+    assert acceleration_ratios(jumped[..., None])[:, 0].argmax() in (28, 29)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +85,7 @@ def test_hinges_are_elbows_and_knees(skeleton, middle):
 def found_hinges(skeleton):
     """Lay a grown-up's bones along a line of the tree and name the hinges of person a."""
     source = person(skeleton)
-    found = hinges(source)[:, 1]
+    found = hinge_joints(source)[:, 1]
     return sorted(skeleton.joints[i] for i in found if i < len(skeleton.joints))
 
 
@@ -105,7 +108,7 @@ def person(skeleton):
 
 def test_an_elbow_bent_back_is_a_flip_and_one_bent_further_is_none():
     source = scene(3, 10)
-    (parent, hinge, child), *_ = hinges(source)
+    (parent, hinge, child), *_ = hinge_joints(source)
     upper = source.points[:, hinge] - source.points[:, parent]
     lower = source.points[:, child] - source.points[:, hinge]
     axis = upper / np.linalg.norm(upper, axis=1, keepdims=True)
@@ -113,14 +116,14 @@ def test_an_elbow_bent_back_is_a_flip_and_one_bent_further_is_none():
     back, further = source.points.copy(), source.points.copy()
     back[:4, child] = (source.points[:, hinge] + along - (lower - along))[:4]
     further[:, child] = source.points[:, hinge] + along + 1.2 * (lower - along)
-    assert flips(source, back[..., None])[0] == pytest.approx(0.4)
-    assert flips(source, further[..., None])[0] == 0
+    assert bend_flip_fraction(source, back[..., None])[0] == pytest.approx(0.4)
+    assert bend_flip_fraction(source, further[..., None])[0] == 0
 
 
 def test_naive_scaling_keeps_directions_roots_and_the_ground():
     source = scene(4, 9)
     scales = np.random.default_rng(0).uniform(0.75, 1.25, size=(2, 10))
-    found = naive(source, scales).transpose(3, 0, 1, 2)
+    found = naive_scaling(source, scales).transpose(3, 0, 1, 2)
     parent, child = source.bones.T
     vectors = found[:, :, child] - found[:, :, parent]
     np.testing.assert_allclose(
@@ -137,9 +140,9 @@ def test_near_pairs_alone_come_to_what_all_pairs_say_of_them(monkeypatch):
     source = touching_scene(0, 11)
     random = np.random.default_rng(0)
     points = source.points[..., None] + 0.1 * random.normal(size=(*source.points.shape, 3))
-    whole = distances_of(source, SETTINGS, points).near
+    whole = measure_distances(source, SETTINGS, points).near
     assert (whole > 0).all()
-    monkeypatch.setattr(module, "FRAMES", 4)
-    np.testing.assert_allclose(near_error(source, SETTINGS, points), whole, rtol=1e-5)
-    nowhere = replace(SETTINGS, near=0.0)
-    assert near_error(source, nowhere, points).tolist() == [0, 0, 0]
+    monkeypatch.setattr(module, "FRAMES_PER_BATCH", 4)
+    np.testing.assert_allclose(near_distance_error(source, SETTINGS, points), whole, rtol=1e-5)
+    nowhere = replace(SETTINGS, near_distance=0.0)
+    assert near_distance_error(source, nowhere, points).tolist() == [0, 0, 0]

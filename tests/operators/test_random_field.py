@@ -17,7 +17,7 @@ def covariance(lag: torch.Tensor) -> torch.Tensor:
 
 
 def draws(n: int, times: torch.Tensor) -> torch.Tensor:
-    coefficients = FIELD.draw(n, 1, random=torch.Generator().manual_seed(0))
+    coefficients = FIELD.sample(n, 1, random=torch.Generator().manual_seed(0))
     return FIELD.evaluate(coefficients, times)[..., 0]
 
 
@@ -46,7 +46,7 @@ def test_one_draw_is_one_function_at_every_resolution() -> None:
 
 
 def test_channels_are_independent_and_the_ends_are_not_tied() -> None:
-    both = FIELD.draw(20_000, 2, random=torch.Generator().manual_seed(1))
+    both = FIELD.sample(20_000, 2, random=torch.Generator().manual_seed(1))
     values = FIELD.evaluate(both, torch.tensor([0.3]))[:, 0]
     assert abs(values.prod(dim=-1).mean().item()) < 5 / math.sqrt(20_000)
     assert covariance(torch.tensor(1.0, dtype=torch.float64)).item() < 0.8
@@ -56,7 +56,7 @@ def test_the_field_repeats_after_its_period() -> None:
     assert torch.allclose(draws(2, torch.tensor([0.1])), draws(2, torch.tensor([1.35])), atol=1e-5)
 
 
-def test_a_smoother_law_has_less_power_in_high_modes() -> None:
+def test_a_smoother_field_has_less_power_in_high_modes() -> None:
     rough = GaussianRandomField(alpha=1.0, tau=5.0, n_modes=32, period=1.25)
     assert FIELD.power()[8:].sum() < rough.power()[8:].sum()
     assert FIELD.power().sum().item() == pytest.approx(1)

@@ -55,21 +55,21 @@ def test_the_norm_itself_has_a_gradient() -> None:
     assert found.item() == pytest.approx(math.sqrt(2), rel=1e-5)
 
 
-def test_the_ends_of_a_body_are_its_root_head_hands_and_feet() -> None:
+def test_the_end_effectors_are_root_head_hands_and_feet() -> None:
     names = [SBU15.joints[joint] for joint in end_effectors(SBU15)]
     assert names == ["torso", "head", "left_hand", "right_hand", "left_foot", "right_foot"]
 
 
-def test_the_critic_is_shown_the_metres_between_the_ends_of_the_bodies() -> None:
-    critic = wgan.build_training(clips(4), PACMO).training.critic
+def test_the_critic_takes_in_distances_between_end_effectors() -> None:
+    critic = wgan.build_training(clips(4), PACMO).trainer.critic
     norm = critic.normalisation
     metres = torch.randn(2, 1, 17, 45, generator=torch.Generator().manual_seed(0))
-    seen = critic._distances(norm.reaction(metres[0]), norm.partner(metres[1]))
+    seen = critic._distances(norm.normalise_reaction(metres[0]), norm.normalise_partner(metres[1]))
     ends = [motion.unflatten(-1, (15, 3))[:, :, list(end_effectors(SBU15))] for motion in metres]
     apart = torch.cdist(*ends).flatten(2)
     # A touch is five centimetres; elsewhere the distance itself.
     expected = (torch.hypot(apart, torch.tensor(0.05)) - 1) / norm.scale
     torch.testing.assert_close(seen, expected, atol=1e-4, rtol=1e-4)
     assert PACMO.body_distances
-    plain = wgan.build_training(clips(4), replace(PACMO, body_distances=False)).training.critic
+    plain = wgan.build_training(clips(4), replace(PACMO, body_distances=False)).trainer.critic
     assert plain.uno.config.in_channels == critic.uno.config.in_channels - 36

@@ -40,13 +40,13 @@ def stepping(forwards: bool) -> Interaction:
 
 
 @pytest.mark.slow
-def test_the_generator_learns_what_only_the_label_tells() -> None:
+def test_the_generator_learns_what_depends_on_the_label_alone() -> None:
     clips = [stepping(i % 2 == 0) for i in range(16)]
     labels = ["forward", "back"] * 8
     model = wgan.build_training(clips, LABELLED, actions=labels).finish()
     assert model.config.actions == ("back", "forward")
     pairs = sample_motion_pairs([stepping(forwards=True)], PACMO.n_points)
-    noise = model.draw(1, torch.Generator().manual_seed(0))
+    noise = model.sample_noise(1, torch.Generator().manual_seed(0))
     back, forward = (
         model(noise, Condition(pairs.partner, pairs.log_duration, torch.tensor([number])))
         for number in (0, 1)
@@ -69,7 +69,7 @@ def test_a_labels_function_is_the_network_of_the_instant_and_the_label() -> None
 def test_without_actions_a_label_changes_nothing() -> None:
     model = wgan.build_training([stepping(forwards=True)] * 4, PACMO).model
     pairs = sample_motion_pairs([stepping(forwards=True)], PACMO.n_points)
-    noise = model.draw(1, torch.Generator().manual_seed(0))
+    noise = model.sample_noise(1, torch.Generator().manual_seed(0))
     one, other = (
         model(noise, Condition(pairs.partner, pairs.log_duration, torch.tensor([number])))
         for number in (0, 5)

@@ -24,16 +24,18 @@ def streamed(model: Generator, n_frames: int, began: float = 0.0) -> np.ndarray:
     clip = delayed_mirror(5, np.arange(n_frames) / 30)
     live = ReactionStream(model, n_samples=2, random=torch.Generator().manual_seed(1))
     pairs = zip(clip.person_a, clip.times, strict=True)
-    return np.stack([live.answer(pose, began + float(time)) for pose, time in pairs], axis=1)
+    return np.stack([live.react(pose, began + float(time)) for pose, time in pairs], axis=1)
 
 
-def test_a_frame_is_answered_as_the_last_window_would_be(
+def test_a_streamed_reaction_is_that_of_the_last_window(
     model: Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pacmo_core.reaction.stream.FRAME_SMOOTHING", 0.0)
     # Noise that stays: the stream moves on in it, and the single window does not.
-    fixed = model.draw(2, torch.Generator().manual_seed(1))
-    monkeypatch.setattr("pacmo_core.reaction.windows.ContinuousNoise.at", lambda self, start: fixed)
+    fixed = model.sample_noise(2, torch.Generator().manual_seed(1))
+    monkeypatch.setattr(
+        "pacmo_core.reaction.windows.ContinuousNoise.coefficients", lambda self, start: fixed
+    )
     duration = mean_duration(model.normalisation)
     clip = delayed_mirror(5, np.arange(round(90 * duration)) / 30)
     window = np.linspace(clip.times[-1] - duration, clip.times[-1], 301)
@@ -44,28 +46,28 @@ def test_a_frame_is_answered_as_the_last_window_would_be(
     np.testing.assert_allclose(last, at_end[:, 0], atol=1e-3)
 
 
-def test_answers_do_not_jump_and_go_on_after_the_window_is_full(model: Generator) -> None:
-    answers = streamed(model, 150)
-    assert answers.shape == (2, 150, 15, 3)
-    steps = np.linalg.norm(np.diff(answers, axis=1), axis=-1).max(axis=-1)[:, 1:]
+def test_reactions_do_not_jump_and_go_on_after_the_window_is_full(model: Generator) -> None:
+    reactions = streamed(model, 150)
+    assert reactions.shape == (2, 150, 15, 3)
+    steps = np.linalg.norm(np.diff(reactions, axis=1), axis=-1).max(axis=-1)[:, 1:]
     assert steps.max() < 8 * np.median(steps)
 
 
-def test_answers_do_not_depend_on_when_the_clock_began(model: Generator) -> None:
+def test_reactions_do_not_depend_on_when_the_clock_began(model: Generator) -> None:
     np.testing.assert_allclose(streamed(model, 70, began=1e6), streamed(model, 70), atol=1e-3)
 
 
 def test_noise_goes_on_before_a_partner_who_stands_still(model: Generator) -> None:
     pose = delayed_mirror(5, np.arange(5) / 30).person_a[0]
     live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
-    first, *_, last = (live.answer(pose, time) for time in np.linspace(0, 1, 31).tolist())
+    first, *_, last = (live.react(pose, time) for time in np.linspace(0, 1, 31).tolist())
     assert np.abs(last - first).max() > 1e-4
 
 
 def test_the_baseline_streams_too() -> None:
     model = baselines.build_gru_training(clips(8), replace(GRU, n_epochs=1)).finish()
     live = ReactionStream(model, n_samples=1, random=torch.Generator())
-    assert live.answer(delayed_mirror(0, np.arange(5) / 15).person_a[0], 0.0).shape == (1, 15, 3)
+    assert live.react(delayed_mirror(0, np.arange(5) / 15).person_a[0], 0.0).shape == (1, 15, 3)
     with pytest.raises(ValueError, match="deterministic"):
         ReactionStream(model, n_samples=2, random=torch.Generator())
 
@@ -74,15 +76,15 @@ def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Ge
     pose = delayed_mirror(0, np.arange(5) / 15).person_a[0]
     live = ReactionStream(model, n_samples=1, random=torch.Generator())
     with pytest.raises(ValueError, match=r"\(15, 3\)"):
-        live.answer(pose[:4], 0.0)
+        live.react(pose[:4], 0.0)
     with pytest.raises(ValueError, match="finite"):
-        live.answer(pose, float("nan"))
-    live.answer(pose, 1.0)
-    with pytest.raises(ValueError, match="go on from 1 s"):
-        live.answer(pose, 1.0)
+        live.react(pose, float("nan"))
+    live.react(pose, 1.0)
+    with pytest.raises(ValueError, match="later than 1 s"):
+        live.react(pose, 1.0)
 
 
-def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generator) -> None:
+def test_noise_in_the_partners_heading_hardly_changes_the_reactions(model: Generator) -> None:
     clip = delayed_mirror(5, np.arange(150) / 30)
     random = np.random.default_rng(0)
     # Shoulders and hips that tremble to and fro: no joint moves far, the heading of a pose does.
@@ -91,7 +93,7 @@ def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generat
     for motion in (clip.person_a, noisy.astype(np.float32)):
         live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
         pairs = zip(motion, clip.times.tolist(), strict=True)
-        answers = np.stack([live.answer(pose, time)[0] for pose, time in pairs])
-        steps.append(np.diff(answers[75:], 2, axis=0))
+        reactions = np.stack([live.react(pose, time)[0] for pose, time in pairs])
+        steps.append(np.diff(reactions[75:], 2, axis=0))
     shaken = np.sqrt(np.square(steps[1] - steps[0]).sum(axis=-1).mean())
     assert shaken < 0.03

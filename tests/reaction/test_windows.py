@@ -16,7 +16,7 @@ from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.react import react, react_all
 from pacmo_core.reaction.windows import (
-    NOISE_CORRELATION,
+    NOISE_INTERVAL,
     ContinuousNoise,
     PartnerMotion,
     split_into_windows,
@@ -73,32 +73,34 @@ def test_weights_change_little_from_frame_to_frame() -> None:
 
 
 def test_a_shifted_field_is_the_field_at_later_instants() -> None:
-    coefficients = FIELD.draw(3, 2, random=torch.Generator().manual_seed(0))
+    coefficients = FIELD.sample(3, 2, random=torch.Generator().manual_seed(0))
     times = torch.linspace(0, 1, 11)
     torch.testing.assert_close(
-        FIELD.evaluate(FIELD.shifted(coefficients, 0.37), times),
+        FIELD.evaluate(FIELD.shift(coefficients, 0.37), times),
         FIELD.evaluate(coefficients, times + 0.37),
         atol=1e-5,
         rtol=1e-4,
     )
 
 
-def test_noise_has_one_law_in_every_window_and_is_one_function_where_they_overlap() -> None:
+def test_noise_has_one_distribution_in_every_window_and_is_one_function_where_they_overlap() -> (
+    None
+):
     n = 20_000
     random = torch.Generator().manual_seed(0)
-    noise = ContinuousNoise(FIELD, lambda: FIELD.draw(n, random=random))
-    starts = [0.0, 0.02, 0.5, 1.0, 1.7, NOISE_CORRELATION, 2.6, 7.3]
-    found = [noise.at(start) for start in starts]
+    noise = ContinuousNoise(FIELD, lambda: FIELD.sample(n, random=random))
+    starts = [0.0, 0.02, 0.5, 1.0, 1.7, NOISE_INTERVAL, 2.6, 7.3]
+    found = [noise.coefficients(start) for start in starts]
     expected = FIELD.power().float().repeat_interleave(2)
     for coefficients in found:
         # A variance of n normals has the relative standard error sqrt(2 / n); five of them.
         spread = coefficients.var(dim=0) / expected
         assert (spread - 1).abs().max() < 5 * math.sqrt(2 / n)
-    soon = FIELD.shifted(found[1], -0.02) - found[0]
+    soon = FIELD.shift(found[1], -0.02) - found[0]
     assert soon.square().sum() < 1e-4 * found[0].square().sum()
-    half = FIELD.shifted(found[2], -0.5) - found[0]
+    half = FIELD.shift(found[2], -0.5) - found[0]
     assert half.square().sum() < 0.1 * found[0].square().sum()
-    late = FIELD.shifted(found[-1], -7.3)
+    late = FIELD.shift(found[-1], -7.3)
     correlation = (late * found[0]).sum() / found[0].square().sum()
     assert abs(correlation) < 0.05
 
@@ -115,7 +117,7 @@ def test_a_long_reaction_is_smooth_across_windows_and_linear_in_its_parts(
     assert speed.max() < 12 * np.median(speed)
 
 
-def test_long_and_short_partners_in_one_batch_are_answered_as_if_alone(model: Generator) -> None:
+def test_long_and_short_partners_in_one_batch_react_as_if_alone(model: Generator) -> None:
     partners = [PartnerMotion(*sway(n), sway(n)[1]) for n in (300, 20, 90)]
     together = react_all(model, partners, n_samples=3, random=torch.Generator().manual_seed(0))
     random = torch.Generator().manual_seed(0)

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from pacmo_core.augmentation.solve import solve
+from pacmo_core.augmentation.run import solve_batch
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, write_rows
-from stages import _variations, augment
-from stages._files import CLIPS, MOTIONS
+from stages import augment
+from stages.common.files import CLIPS, MOTIONS
 from tests.interaction_mesh.scenes import ARM, SETTINGS
 
 FACTS = ClipRecord(
@@ -26,9 +26,9 @@ COMMAND = ["--cache=cache", "clips", "second", "variations", "metrics.json"]
 PLAN = {
     "people": ["a", "b"],
     "uniform": [0.9, 1.1],
-    "single": {"bones": ["upper"], "scales": [0.8, 1.2], "most": 3},
+    "single": {"bones": ["upper"], "scales": [0.8, 1.2], "max_variations": 3},
     "profiles": ["long_arms"],
-    "bodies": 2,
+    "n_random": 2,
     "population": {"stature": 0.05, "proportion": 0.04, "random_seed": 3},
 }
 SECOND = {
@@ -51,14 +51,14 @@ SECOND = {
     "contact_distance": 0.1,
     "clip_seconds": 1.0,
 }
-BOUNDS = {
-    "raw_residual": 1e-2,
-    "contacts_kept": 0.9,
-    "added_slide": 0.05,
+LIMITS = {
+    "primal_residual": 1e-2,
+    "contacts_preserved": 0.9,
+    "added_foot_skate": 0.05,
     "penetration": 0.01,
-    "seam_ratio": 1.5,
-    "flip_share": 0.02,
-    "trunk_change": 2.0,
+    "acceleration_peak_ratio": 1.5,
+    "bend_flip_fraction": 0.02,
+    "trunk_deformation": 2.0,
 }
 
 
@@ -76,14 +76,19 @@ def lay_out(root: Path, clips: Mapping[str, Interaction], **changes: Any) -> Non
 def write_params(root: Path, **changes: Any) -> None:
     """Write the section, some of its keys otherwise."""
     section = {
-        "clips": {"include": ["*"], "of_each_sequence": None, "most": None, "near": 0.25},
-        "second": SECOND,
+        "clips": {
+            "include": ["*"],
+            "max_per_sequence": None,
+            "max_clips": None,
+            "near_distance": 0.25,
+        },
+        "second_dataset": SECOND,
         "plan": PLAN,
         "solver": asdict(SETTINGS),
-        "bounds": BOUNDS,
+        "limits": LIMITS,
         **changes,
     }
-    section["solver"] = {**section["solver"], "rungs": [asdict(r) for r in SETTINGS.rungs]}
+    section["solver"] = {**section["solver"], "attempts": [asdict(r) for r in SETTINGS.attempts]}
     YAML(typ="safe").dump({"augment": section}, root / "params.yaml")
 
 
@@ -96,13 +101,13 @@ def result(root: Path) -> dict[str, bytes]:
 
 def cached_variations(root: Path) -> dict[str, int]:
     """List the cached variations, and when each file was written."""
-    files = sorted((root / "cache" / augment.VARIATIONS).rglob("*.safetensors"))
+    files = sorted((root / "cache" / augment.VARIATION_CACHE).rglob("*.safetensors"))
     return {str(path.relative_to(root)): path.stat().st_mtime_ns for path in files}
 
 
 def cached_clips(root: Path) -> list[Path]:
     """List the cached files of clips."""
-    return sorted((root / "cache" / augment.CLIPS).rglob("*.safetensors"))
+    return sorted((root / "cache" / augment.CLIP_CACHE).rglob("*.safetensors"))
 
 
 def spoil(path: Path) -> None:
@@ -113,15 +118,15 @@ def spoil(path: Path) -> None:
 
 
 def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Solve lots one by one in this process; count the bodies of each."""
+    """Solve batches one by one in this process; count the bodies of each."""
     counts: list[int] = []
 
-    def one_by_one(lots, *, processes):
-        for lot in lots:
-            counts.append(len(lot.names))
-            yield solve(lot)
+    def one_by_one(batches, *, processes):
+        for batch in batches:
+            counts.append(len(batch.body_keys))
+            yield solve_batch(batch)
 
-    monkeypatch.setattr(_variations, "solve_side_by_side", one_by_one)
+    monkeypatch.setattr(augment, "solve_with_processes", one_by_one)
     monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
     return counts
 

@@ -7,15 +7,14 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from apps.experiments import compose, experiment_names
 from pacmo_core.data.skeleton import DUET15, NTU25
 from pacmo_core.formats.registry import open_format
 from pacmo_core.models import model_names
 from pacmo_core.operators.spectral import n_resolved_modes
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
+from pacmo_core.project.experiments import compose_params, default_params, experiment_names
 from pacmo_core.skeleton_prior.splits import SPLIT_METHODS
-from stages._params import read_params
-from stages._priors import Runs, split_and_samples
+from stages.common.params import Runs, parse_split_name, read_params
 
 ROOT = Path(__file__).parents[2]
 SEEDED = ("train_pacmo", "train_regression", "train_gru")
@@ -38,13 +37,13 @@ def captures(tmp_path, monkeypatch):
 
 def sections() -> list[str]:
     """Name the stages that have a section, as the default knows them."""
-    params = YAML(typ="safe").load(ROOT / "experiments" / "default.yaml")
+    params = YAML(typ="safe").load(default_params())
     return [name for name in params if (ROOT / "stages" / f"{name}.py").exists()]
 
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_every_stage_reads_its_section_of_an_experiment(name, tmp_path):
-    (tmp_path / "params.yaml").write_text(compose(name))
+    (tmp_path / "params.yaml").write_text(compose_params(name))
     for section in sections():
         kind = importlib.import_module(f"stages.{section}").Params
         given = GIVEN.get(section, {})
@@ -53,15 +52,15 @@ def test_every_stage_reads_its_section_of_an_experiment(name, tmp_path):
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_the_priors_of_an_experiment_are_known(name, tmp_path):
-    (tmp_path / "params.yaml").write_text(compose(name))
+    (tmp_path / "params.yaml").write_text(compose_params(name))
     priors = read_params("runs", Runs, tmp_path / "params.yaml").priors
     assert set(priors.models) <= set(model_names("skeleton_prior"))
-    assert {split_and_samples(split)[0] for split in priors.splits} <= set(SPLIT_METHODS)
+    assert {parse_split_name(split)[0] for split in priors.splits} <= set(SPLIT_METHODS)
 
 
 @pytest.mark.parametrize("name", FULL)
 def test_the_full_experiments_are_the_papers(name):
-    params = YAML(typ="safe").load(compose(name))
+    params = YAML(typ="safe").load(compose_params(name))
     skeleton, n_joints = FULL[name]
     assert len(skeleton.without(params["ingest"]["drop_joints"]).joints) == n_joints
     assert open_format(params["ingest"]["format"], params["ingest"]["settings"]) is not None
@@ -79,7 +78,7 @@ def test_the_full_experiments_are_the_papers(name):
 
 
 def test_the_priors_of_the_papers_size_train_as_its_supplement_says():
-    params = YAML(typ="safe").load(compose("variations_paper"))["train_skeleton_prior"]
+    params = YAML(typ="safe").load(compose_params("variations_paper"))["train_skeleton_prior"]
     said = {"hidden": 256, "batch_size": 32, "learning_rate": 1e-3, "n_epochs": 50}
     assert {key: params[key] for key in said} == said
     assert params["halve_learning_rate_every"] >= params["n_epochs"]
@@ -87,7 +86,7 @@ def test_the_priors_of_the_papers_size_train_as_its_supplement_says():
 
 @pytest.mark.parametrize("name", FULL)
 def test_no_mode_of_the_full_experiments_is_cut_off_by_a_grid(name):
-    params = YAML(typ="safe").load(compose(name))["train_pacmo"]
+    params = YAML(typ="safe").load(compose_params(name))["train_pacmo"]
     uno = UnoConfig(
         in_channels=1,
         out_channels=1,

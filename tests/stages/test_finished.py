@@ -9,10 +9,10 @@ import pytest
 from pacmo_core.store.cache import Cache
 from pacmo_core.store.motions import clip_of_file, read_motion, stream_folder
 from pacmo_core.store.tables import read_variations
-from stages import _variations
+from stages import augment
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
-    BOUNDS,
+    LIMITS,
     cached_clips,
     cached_variations,
     lay_out,
@@ -36,13 +36,13 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def planned(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """List the clips that are planned."""
     names: list[str] = []
-    before = _variations.plan_variations
+    before = augment.plan_variations
 
     def plan_and_tell(plan, bodies, clip):
         names.append(clip)
         return before(plan, bodies, clip)
 
-    monkeypatch.setattr(_variations, "plan_variations", plan_and_tell)
+    monkeypatch.setattr(augment, "plan_variations", plan_and_tell)
     return names
 
 
@@ -123,7 +123,7 @@ def test_clips_that_a_run_did_not_use_are_forgotten_and_their_variations_stay(
     run(tmp_path, monkeypatch)
     assert len(cached_clips(tmp_path)) == 1
     assert set(cached_clips(tmp_path)) < set(finished)
-    write_params(tmp_path, bounds={**BOUNDS, "seam_ratio": 1.0})
+    write_params(tmp_path, limits={**LIMITS, "acceleration_peak_ratio": 1.0})
     run(tmp_path, monkeypatch)
     assert len(cached_clips(tmp_path)) == 1
     assert not set(cached_clips(tmp_path)) & set(finished)

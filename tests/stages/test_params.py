@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from stages._params import ParamsError, read_params
+from stages.common.params import ParamsError, read_params
 
 
 @dataclass(frozen=True)

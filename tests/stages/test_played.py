@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stages._played import error, extremes, in_turn
+from stages.report.players import error, extremes, in_turn
 from tests.figures.samples import interaction
 
 

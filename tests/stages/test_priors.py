@@ -5,7 +5,7 @@ import pytest
 
 from pacmo_core.skeleton_prior.splits import VariationScales
 from stages import split_variations
-from stages._priors import Priors, split_and_samples
+from stages.common.params import PriorRuns, parse_split_name
 from stages.pool_skeleton_prior import interval, over_seeds
 
 
@@ -18,11 +18,11 @@ from stages.pool_skeleton_prior import interval, over_seeds
     ],
 )
 def test_a_number_after_a_split_is_how_many_train(name, wanted):
-    assert split_and_samples(name) == wanted
+    assert parse_split_name(name) == wanted
 
 
 def test_each_family_meets_each_split():
-    priors = Priors(["a", "b"], ["x", "y"], [], [])
+    priors = PriorRuns(["a", "b"], ["x", "y"], [], [])
     assert list(priors.groups()) == [("a", "x"), ("a", "y"), ("b", "x"), ("b", "y")]
 
 
@@ -48,7 +48,7 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
         for k, scale in enumerate([0.95, 1.05, 0.9, 0.8, 1.2])
     }
     params = split_variations.Params(("tw*",), 0.2, 0.0, 1)
-    sides = split_variations.sides_of(facts, "cross_scale_interaction_1", params)
+    sides = split_variations.assign(facts, "cross_scale_interaction_1", params)
     assert {n for n, side in sides.items() if side == "test"} == {"two~3", "two~4"}
     train = [name for name, side in sides.items() if side == "train"]
     assert len(train) == 1 and train[0] in ("one~0", "one~1")

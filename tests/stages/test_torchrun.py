@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from stages._files import read_curve
+from stages.common.files import read_curve
 from tests.stages.training import prepare
 
 ROOT = Path(__file__).parents[2]

@@ -19,11 +19,11 @@ from pacmo_core.reaction.variations import (
 from pacmo_core.store.motions import motion_file, stream_motions, write_motions
 from pacmo_core.store.tables import SplitRecord, write_rows
 from pacmo_core.store.weights import read_weights
-from stages import train_pacmo, train_pacmo_augmented
+from stages import train
 from tests.reaction.problems import PACMO, clips
 from tests.stages.training import prepare
 
-CLIPS, SIDES, MADE = Path("clips"), Path("sides.parquet"), Path("variations/motions")
+CLIPS, SPLITS, MADE = Path("clips"), Path("splits.parquet"), Path("variations/motions")
 SETTINGS = replace(PACMO, n_epochs=6)
 
 
@@ -51,8 +51,8 @@ def vary(path: Path) -> None:
 
 def paths(share: float, model: str = "models/m") -> argparse.Namespace:
     return argparse.Namespace(
-        clips=CLIPS, sides=SIDES, variations=MADE, model=Path(model), curve=Path("curves/m.csv"),
-        section="train_pacmo", seed=1, share=share,
+        clips=CLIPS, splits=SPLITS, variations=MADE, model=Path(model), curve=Path("curves/m.csv"),
+        model_name="pacmo_augmented", seed=1, share=share,
     )  # fmt: skip
 
 
@@ -63,8 +63,9 @@ def tensors(model: str) -> dict[str, torch.Tensor]:
 def test_without_a_share_it_trains_what_train_pacmo_trains():
     plain_paths = paths(0.0, "models/p")
     plain_paths.curve = Path("curves/p.csv")
-    train_pacmo.main(plain_paths)
-    train_pacmo_augmented.main(paths(0.0))
+    plain_paths.model_name, plain_paths.variations = "pacmo", None
+    train.main(plain_paths)
+    train.main(paths(0.0))
     plain, augmented = tensors("models/p"), tensors("models/m")
     assert plain.keys() == augmented.keys()
     assert all(torch.equal(plain[name], augmented[name]) for name in plain)
@@ -72,26 +73,26 @@ def test_without_a_share_it_trains_what_train_pacmo_trains():
 
 
 def test_with_a_share_it_takes_as_many_steps_and_learns_something_else():
-    train_pacmo_augmented.main(paths(0.0, "models/p"))
-    train_pacmo_augmented.main(paths(0.5))
+    train.main(paths(0.0, "models/p"))
+    train.main(paths(0.5))
     assert any(
         not torch.equal(a, b)
         for a, b in zip(tensors("models/p").values(), tensors("models/m").values(), strict=True)
     )
-    plain, wide = (wgan.build_training(clips(8), SETTINGS).training for _ in range(2))
+    plain, wide = (wgan.build_training(clips(8), SETTINGS).trainer for _ in range(2))
     varied = AugmentedWganTrainer(
         wide, TrainingVariations(interactions=clips(4), sources=[0, 0, 3, 7], share=0.5)
     )
-    varied.epoch(0)
-    assert varied.training.steps_an_epoch == plain.steps_an_epoch
-    assert len(varied.training.pairs) == len(plain.pairs)
-    first = varied.training.pairs.partner
-    varied.epoch(1)
-    assert not torch.equal(varied.training.pairs.partner, first)
+    varied.train_epoch(0)
+    assert varied.trainer.steps_per_epoch == plain.steps_per_epoch
+    assert len(varied.trainer.pairs) == len(plain.pairs)
+    first = varied.trainer.pairs.partner
+    varied.train_epoch(1)
+    assert not torch.equal(varied.trainer.pairs.partner, first)
 
 
 def test_only_variations_of_clips_that_are_trained_on_are_seen():
-    found = train_pacmo_augmented.variations_of(paths(0.5), 0.5)
+    found = train.read_variations(paths(0.5))
     names = [name for name, _ in stream_motions(CLIPS / "motions.parquet")]
     trained = dict(enumerate(names[2:]))  # two are for validation
     own = dict(stream_motions(CLIPS / "motions.parquet"))
@@ -103,36 +104,35 @@ def test_only_variations_of_clips_that_are_trained_on_are_seen():
 def test_variations_of_no_training_clip_are_refused_by_the_name_of_their_file():
     rows = [SplitRecord(name, "test") for name, _ in stream_motions(CLIPS / "motions.parquet")]
     rows[0] = replace(rows[0], split="train")
-    write_rows(SIDES, SplitRecord, rows)
+    write_rows(SPLITS, SplitRecord, rows)
     for file in MADE.iterdir():
         file.unlink()
     with pytest.raises(ValueError, match="variations/motions: wanted"):
-        train_pacmo_augmented.variations_of(paths(0.5), 0.5)
+        train.read_variations(paths(0.5))
 
 
-def test_every_form_of_a_pair_is_shown_as_often_as_it_should():
-    sources = np.array([2, 0, 2, 2])
-    choice = VariationSampler(4, sources)
+def test_every_variation_of_a_pair_is_sampled_with_its_probability():
+    sampler = VariationSampler(4, np.array([2, 0, 2, 2]))
     random = np.random.default_rng(1)
-    drawn = np.stack([choice.draw(0.6, random) for _ in range(4000)])
-    forms = {0: [5], 1: [], 2: [4, 6, 7], 3: []}
-    for pair, further in forms.items():
-        shown = drawn[:, pair]
-        assert set(shown) == {pair, *further}
-        for form in further:
-            assert (shown == form).mean() == pytest.approx(0.6 / len(further), abs=0.03)
+    samples = np.stack([sampler.sample(0.6, random) for _ in range(4000)])
+    variations = {0: [5], 1: [], 2: [4, 6, 7], 3: []}
+    for pair, of_pair in variations.items():
+        shown = samples[:, pair]
+        assert set(shown) == {pair, *of_pair}
+        for variation in of_pair:
+            assert (shown == variation).mean() == pytest.approx(0.6 / len(of_pair), abs=0.03)
 
 
 def test_a_variation_shows_its_own_clip_from_either_side():
     base, made = clips(3), clips(5)[3:]
     variations = TrainingVariations(interactions=made, sources=[2, 0], share=1.0)
     plain = wgan.build_training(base, replace(SETTINGS, both_directions=True))
-    varied = add_variations(plain, variations).training
-    varied.epoch(0)
-    shown = varied.training.pairs
+    varied = add_variations(plain, variations).trainer
+    varied.train_epoch(0)
+    shown = varied.trainer.pairs
     alone = wgan.build_training(
         [made[1], base[1], made[0]], replace(SETTINGS, both_directions=True)
-    ).training.pairs
+    ).trainer.pairs
     torch.testing.assert_close(shown.partner, alone.partner)
     torch.testing.assert_close(shown.reaction, alone.reaction)
 
@@ -156,7 +156,7 @@ def test_a_training_that_goes_on_from_a_snapshot_ends_as_the_whole():
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ({"share": 1.5}, "share must lie in"),
+        ({"share": 1.5}, "share must be in"),
         ({"sources": [0]}, "a source each"),
         ({"interactions": [], "sources": []}, "a source each"),
     ],
@@ -169,5 +169,5 @@ def test_variations_that_are_none_are_refused(fault, words):
 
 def test_a_source_that_is_no_clip_is_refused():
     variations = TrainingVariations(interactions=clips(1), sources=[3], share=0.5)
-    with pytest.raises(ValueError, match="numbers of 3 clips"):
+    with pytest.raises(ValueError, match="indices of 3 clips"):
         add_variations(wgan.build_training(clips(3), SETTINGS), variations)

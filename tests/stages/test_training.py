@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,22 +20,16 @@ from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.checkpoints import Checkpoint, data_hash
 from pacmo_core.training.devices import DeviceError, training_device
 from pacmo_core.training.loop import TrainingLoop
-from stages import train_autoencoder, train_gru, train_pacmo, train_regression
-from stages._files import read_curve
-from stages._training import read_training_data
+from stages import train
+from stages.common.files import read_curve
+from stages.train import read_training_data
 from tests.reaction.problems import clips
-from tests.stages.training import SECTIONS, prepare
+from tests.stages.training import SECTIONS, SEEDED, prepare
 
 ROOT = Path(__file__).parents[2]
-CLIPS, SIDES = Path("clips"), Path("sides.parquet")
+CLIPS, SPLITS = Path("clips"), Path("splits.parquet")
 MODEL, CURVE = Path("models/m"), Path("curves/m.csv")
-PATHS = (CLIPS, SIDES, MODEL, CURVE)
-MAINS: dict[str, Callable[..., None]] = {
-    "train_autoencoder": train_autoencoder.main,
-    "train_gru": train_gru.main,
-    "train_pacmo": train_pacmo.main,
-    "train_regression": train_regression.main,
-}
+PATHS = (CLIPS, SPLITS, MODEL, CURVE)
 
 
 @pytest.fixture(autouse=True)
@@ -64,8 +57,11 @@ def facts_of(weights: Path) -> dict[str, object]:
 
 
 def run(stage: str) -> None:
-    paths = dict(zip(("clips", "sides", "model", "curve"), PATHS, strict=True))
-    MAINS[stage](argparse.Namespace(**paths, section=stage, seed=1))
+    paths = dict(zip(("clips", "splits", "model", "curve"), PATHS, strict=True))
+    name = stage.removeprefix("train_")
+    seed = 1 if stage in SEEDED else None
+    options = {"seed": seed, "variations": None, "share": None}
+    train.main(argparse.Namespace(**paths, **options, model_name=name))
 
 
 def outputs() -> list[bytes]:
@@ -75,7 +71,15 @@ def outputs() -> list[bytes]:
 def kill_after_a_checkpoint(stage: str) -> None:
     """Start a stage, and end it by SIGKILL once it has written a checkpoint."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", f"stages.{stage}", "--seed=1", *map(str, PATHS)]
+    name = stage.removeprefix("train_")
+    command = [
+        sys.executable,
+        "-m",
+        "stages.train",
+        f"--model={name}",
+        "--seed=1",
+        *map(str, PATHS),
+    ]
     with subprocess.Popen(command, env=environment) as running:
         while not list(Path("checkpoints").glob("*.safetensors")):
             assert running.poll() is None, "it ended before there was a checkpoint"
@@ -99,11 +103,11 @@ def test_a_stage_that_was_killed_and_started_again_writes_the_same_bytes():
     assert resumed == outputs()
 
 
-@pytest.mark.parametrize("stage", MAINS)
+@pytest.mark.parametrize("stage", SECTIONS)
 def test_weights_say_what_they_are_and_what_made_them(stage):
     run(stage)
     facts = facts_of(MODEL / "weights.safetensors")
-    data = read_training_data(CLIPS, SIDES)
+    data = read_training_data(CLIPS, SPLITS)
     assert facts["model"] == stage.removeprefix("train_")
     assert facts["settings"]["n_epochs"] == SECTIONS[stage].n_epochs
     assert facts["data"] == {
@@ -113,7 +117,7 @@ def test_weights_say_what_they_are_and_what_made_them(stage):
     assert facts["torch"] == torch.__version__.partition("+")[0]
     curve = read_curve(CURVE)
     assert curve["step"] == [1, 2, 3, 4, 5, 6]
-    chosen = facts["chosen"]
+    chosen = facts["selection"]
     assert chosen["score"] == pytest.approx(curve["validation"][chosen["epoch"] - 1], rel=1e-5)
     assert chosen["score"] == pytest.approx(
         min(value for value in curve["validation"] if value == value), rel=1e-5
@@ -216,7 +220,8 @@ def test_a_gpu_that_is_not_there_is_refused_and_auto_does_without():
 
 def test_contradictory_settings_end_a_stage_in_one_line_before_data_are_read() -> None:
     change("train_pacmo", n_epochs=5, validate_from=90)
-    command = [sys.executable, "-m", "stages.train_pacmo", "--seed=1", "none", "none", "m", "c.csv"]
+    command = [sys.executable, "-m", "stages.train", "--model=pacmo", "--seed=1"]
+    command += ["none", "none", "m", "c.csv"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 1

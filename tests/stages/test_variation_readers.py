@@ -7,8 +7,8 @@ import pytest
 
 from pacmo_core.store.motions import motion_file, stream_folder
 from pacmo_core.store.tables import SplitRecord, read_variations, write_rows
-from stages._examples import kept_facts, stream_examples
-from stages._gallery import gallery
+from stages.common.examples import read_variation_facts, stream_examples
+from stages.report.players import gallery
 from tests.augmentation.sources import source
 from tests.stages.augmenting import lay_out, run, solve_in_process
 
@@ -22,7 +22,7 @@ def varied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     solve_in_process(monkeypatch)
     lay_out(tmp_path, CLIPS)
     run(tmp_path, monkeypatch)
-    names = kept_facts(SMALL)
+    names = read_variation_facts(SMALL)
     rows = [SplitRecord(n, ("train", "test")[i % 2]) for i, n in enumerate(names)]
     write_rows(SIDES, SplitRecord, rows)
 

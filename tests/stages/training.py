@@ -33,16 +33,16 @@ def plain(values: object) -> object:
 
 
 def prepare(folder: Path) -> None:
-    """Write ``clips/``, ``sides.parquet`` and ``params.yaml``."""
-    rows, sides = [], []
+    """Write ``clips/``, ``splits.parquet`` and ``params.yaml``."""
+    rows, splits = [], []
     with write_motions(folder / "clips/motions.parquet", SBU15) as writer:
         for number, clip in enumerate(clips(10)):
             name = f"clip{number:02d}"
-            sides.append(SplitRecord(name, "validation" if number < 2 else "train"))
+            splits.append(SplitRecord(name, "validation" if number < 2 else "train"))
             writer.add(name, clip)
             rows.append(replace(FACTS, clip=name, sequence=name))
     write_rows(folder / "clips/clips.parquet", ClipRecord, rows)
-    write_rows(folder / "sides.parquet", SplitRecord, sides)
+    write_rows(folder / "splits.parquet", SplitRecord, splits)
     params = {name: {**plain(asdict(section)), "threads": 1} for name, section in SECTIONS.items()}
     for section in SEEDED:
         del params[section]["random_seed"]  # comes from the command line

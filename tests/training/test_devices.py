@@ -30,7 +30,7 @@ def gradients() -> dict[str, torch.Tensor]:
     """Take a step of each network, five pairs a batch, so that two shares are not equal."""
     settings = replace(PACMO, batch_size=5, bone_length_weight=2.0, **AT_REST)
     fit = wgan.build_training(clips(8), settings)
-    training = fit.training
+    training = fit.trainer
     assert isinstance(training, WganTrainer)
     terms = training.step()
     found = {f"term/{name}": torch.tensor(value) for name, value in terms.items()}

@@ -1,6 +1,6 @@
 """What is trusted: an uninterrupted training, bit for bit."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
 
@@ -22,8 +22,8 @@ FITS: dict[str, Callable[[], TrainingLoop[nn.Module]]] = {
 }
 
 
-class Scored(nn.Module):
-    """A training by script: its one weight is the number of its epoch."""
+class ScriptedTrainer(nn.Module):
+    """A trainer whose validation scores are listed: its one weight is the number of the epoch."""
 
     def __init__(self, scores: list[float]) -> None:
         super().__init__()
@@ -31,30 +31,24 @@ class Scored(nn.Module):
         self.scores = scores
 
     @property
-    def model(self) -> "Scored":
-        """Hand over itself."""
+    def model(self) -> "ScriptedTrainer":
+        """Return itself."""
         return self
 
-    def epoch(self, number: int) -> dict[str, float]:
-        """Become the number."""
+    def train_epoch(self, number: int) -> dict[str, float]:
+        """Set the weight to the number."""
         self.weight.data.fill_(number + 1)
         return {"loss": float(number)}
 
-    def score(self) -> Tensor | None:
-        """Look the score up."""
+    def validate(self) -> Tensor | None:
+        """Return the score listed for the weight."""
         return torch.tensor(self.scores[int(self.weight.item()) - 1]) if self.scores else None
 
-    def state(self) -> dict[str, Tensor]:
-        """Take the weight."""
-        return self.state_dict()
 
-    def load(self, state: Mapping[str, Tensor]) -> None:
-        """Take the weight back."""
-        self.load_state_dict(state)
-
-
-def fit_of(scores: list[float], n_epochs: int, validate_every: int = 1) -> TrainingLoop[Scored]:
-    return TrainingLoop(Scored(scores), n_epochs=n_epochs, validate_every=validate_every)
+def loop_of(
+    scores: list[float], n_epochs: int, validate_every: int = 1
+) -> TrainingLoop[ScriptedTrainer]:
+    return TrainingLoop(ScriptedTrainer(scores), n_epochs=n_epochs, validate_every=validate_every)
 
 
 def shortened(fit: TrainingLoop[nn.Module]) -> TrainingLoop[nn.Module]:
@@ -79,7 +73,7 @@ def test_a_training_that_was_stopped_and_went_on_equals_one_that_was_not(name, t
     again.restore(Snapshot(tensors, facts))
     assert len(list(again)) == 3
     assert again.curve == whole.curve
-    assert again.chosen() == whole.chosen()
+    assert again.selection() == whole.selection()
     for part in (TrainingLoop.snapshot, lambda fit: Snapshot(model_state(fit.model), {})):
         ours, theirs = part(again).tensors, part(whole).tensors
         assert ours.keys() == theirs.keys()
@@ -97,49 +91,49 @@ def test_a_snapshot_does_not_move_with_the_training_that_goes_on():
     assert len(snapshot.facts["curve"]) == 2
 
 
-def test_the_weights_that_score_best_are_handed_over_not_the_last():
-    fit = fit_of([3.0, 1.0, 1.0, 2.0], 4)
+def test_the_weights_of_the_best_score_are_selected_not_the_last():
+    fit = loop_of([3.0, 1.0, 1.0, 2.0], 4)
     terms = list(fit)
     assert fit.model.weight.item() == 2.0
-    assert fit.chosen() == {"by": "validation", "epoch": 2, "score": 1.0}
+    assert fit.selection() == {"by": "validation", "epoch": 2, "score": 1.0}
     assert [term["validation"] for term in terms] == [3.0, 1.0, 1.0, 2.0]
 
 
-def test_the_last_epoch_is_looked_at_whatever_the_interval():
-    fit = fit_of([9.0, 0.0, 9.0, 9.0, 1.0], 5, validate_every=3)
+def test_the_last_epoch_is_validated_at_any_interval():
+    fit = loop_of([9.0, 0.0, 9.0, 9.0, 1.0], 5, validate_every=3)
     assert [("validation" in term) for term in fit] == [False, False, True, False, True]
-    assert fit.chosen()["epoch"] == 5
+    assert fit.selection()["epoch"] == 5
 
 
-def test_without_held_out_clips_the_last_weights_are_handed_over_and_it_says_so():
-    fit = fit_of([], 3)
+def test_without_held_out_clips_the_last_weights_are_selected():
+    fit = loop_of([], 3)
     assert fit.finish().weight.item() == 3.0
-    assert fit.chosen() == {"by": "last epoch", "epoch": 3}
+    assert fit.selection() == {"by": "last epoch", "epoch": 3}
 
 
-def test_a_score_that_is_no_number_is_refused_by_name():
+def test_a_score_that_is_not_finite_is_refused_by_name():
     with pytest.raises(FloatingPointError, match="epoch 2: validation not finite"):
-        fit_of([1.0, float("nan")], 2).finish()
+        loop_of([1.0, float("nan")], 2).finish()
 
 
 @pytest.mark.parametrize("numbers", [(0, 1), (1, 0)])
 def test_no_epochs_are_refused(numbers):
     with pytest.raises(ValueError, match="at least 1; got"):
-        fit_of([], *numbers)
+        loop_of([], *numbers)
 
 
 def test_the_learning_rate_halves_by_epochs():
     fit = wgan.build_training(clips(8), PACMO)
-    training = fit.training
+    training = fit.trainer
     for epoch, rate in ((0, 1), (199, 1), (200, 0.5), (400, 0.25)):
-        training.epoch(epoch)
+        training.train_epoch(epoch)
         assert training.adam_critic.param_groups[0]["lr"] == rate * PACMO.critic.learning_rate
 
 
 def test_in_an_epoch_the_critic_sees_each_pair_about_once():
     # 40 directed pairs, 16 a batch, two batches a step.
     fit = wgan.build_training(clips(20), replace(PACMO, warmup_epochs=0))
-    drawn, draw = [], fit.training._draw
-    fit.training._draw = lambda **mixed: drawn.append(mixed) or draw(**mixed)
+    drawn, draw = [], fit.trainer._sample_batch
+    fit.trainer._sample_batch = lambda **for_critic: drawn.append(for_critic) or draw(**for_critic)
     next(iter(fit))
-    assert drawn == [{"mixed": True}, {"mixed": True}, {"mixed": False}] * 2
+    assert drawn == [{"for_critic": True}, {"for_critic": True}, {"for_critic": False}] * 2

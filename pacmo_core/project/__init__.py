@@ -1,0 +1,1 @@
+"""The workspace of a project: experiments, the writer lock, run records, promotion, status."""

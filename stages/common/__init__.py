@@ -1,0 +1,1 @@
+"""What all stages share: parameters, files, clips, progress."""

@@ -1,0 +1,132 @@
+"""Read a stage's section of ``params.yaml`` into its dataclass, and refuse what does not fit."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from itertools import product
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+from ruamel.yaml import YAML
+
+PARAMS = Path("params.yaml")
+Params = TypeVar("Params")
+
+
+class ParamsError(ValueError):
+    """A section of ``params.yaml`` that is not what its stage wants."""
+
+
+def read_params(
+    section: str,
+    kind: type[Params],
+    path: Path = PARAMS,
+    given: Mapping[str, object] = MappingProxyType({}),
+) -> Params:
+    """Read one section, key for key.
+
+    Parameters
+    ----------
+    section : the stage's name, or a dotted path into another section
+    kind : a dataclass; its fields are the section's keys, and those of ``given``
+    path : the file
+    given : what the command line says instead, such as the seed of a run
+
+    Raises
+    ------
+    ParamsError
+        If the section, a key or a value is missing, unknown or of the wrong type, or a key is
+        given that the section has too.
+    """
+    values = YAML(typ="safe").load(path)
+    for key in section.split("."):
+        if not isinstance(values, Mapping) or key not in values:
+            raise ParamsError(f"{path}: no section {section}")
+        values = values[key]
+    twice = sorted(given.keys() & set(values)) if given else []
+    if twice:
+        raise ParamsError(f"{path}, {section}: {', '.join(twice)} comes from the command line")
+    values = {**values, **given} if given else values
+    unknown = unknown_keys(values, kind)
+    if unknown:
+        raise ParamsError(f"{path}, {section}: unknown {', '.join(unknown)}")
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as fault:
+        lines = [_in_words(error) for error in fault.errors()]
+        raise ParamsError(f"{path}, {section}: {'; '.join(lines)}") from fault
+
+
+def _in_words(error: ErrorDetails) -> str:
+    place = "".join(f"{part}." for part in error["loc"])[:-1]
+    if error["type"] == "value_error":  # a dataclass's own check, which names the values
+        return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
+    return f"{place}: {error['msg']}, got {error['input']!r}"
+
+
+def unknown_keys(values: Any, kind: Any) -> list[str]:
+    """List the keys, dotted, that a dataclass or one nested in it does not have."""
+    if not (is_dataclass(kind) and isinstance(values, Mapping)):
+        return []
+    known = {field.name for field in fields(kind)}
+    types = get_type_hints(kind)
+    nested = [
+        f"{key}.{inner}"
+        for key in known & set(values)
+        for inner in unknown_keys(values[key], types[key])
+    ]
+    return sorted(set(values) - known) + sorted(nested)
+
+
+@dataclass(frozen=True)
+class PriorRuns:
+    """The part ``priors`` of the section ``runs``: one model for each combination.
+
+    Parameters
+    ----------
+    datasets : folders of variations, each of one skeleton
+    splits : names of splits; with ``_N`` after one, N samples to train on
+    models : names in the registry
+    seeds : of the training runs
+    """
+
+    datasets: list[str]
+    splits: list[str]
+    models: list[str]
+    seeds: list[int]
+
+    def groups(self) -> Iterator[tuple[str, str]]:
+        """Yield each dataset and split that models are compared on."""
+        return product(self.datasets, self.splits)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """The ``runs`` section of ``params.yaml``."""
+
+    folds: list[int]
+    seeds: list[int]
+    priors: PriorRuns
+
+
+def read_prior_runs() -> PriorRuns:
+    """Read which skeleton priors the experiment trains."""
+    return read_params("runs", Runs).priors
+
+
+def parse_split_name(name: str) -> tuple[str, int | None]:
+    """Parse ``cross_scale_24`` into the split and the number of training samples; None for all."""
+    split, _, number = name.rpartition("_")
+    return (split, int(number)) if number.isdigit() else (name, None)
+
+
+def run_stage(main: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
+    """Run a stage; refuse contradictory parameters in one line, without a traceback."""
+    try:
+        main(arguments)
+    except ParamsError as fault:
+        sys.exit(str(fault))

@@ -1,0 +1,1 @@
+"""The page: tables, players and figures of one experiment."""

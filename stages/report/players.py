@@ -1,0 +1,127 @@
+"""Which clips the page plays: the best, the median and the worst answer, then one of each act."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import ReactionName, direction_of, split_variation_name
+from pacmo_core.figures.clips import Panel, PlayedClip
+from pacmo_core.figures.report import Section
+from pacmo_core.figures.variations import variation_table, varied_clip
+from pacmo_core.store.motions import motion_file, read_motion, stream_motions
+from pacmo_core.store.tables import (
+    ACCEPTED,
+    FAILED,
+    SOURCES,
+    VARIATIONS,
+    VariationRecord,
+    read_variations,
+)
+from stages.common.clips import directed_clips
+from stages.common.files import MOTIONS
+
+JUDGED = "pacmo"  # whose answers say which clips are best and worst
+
+
+def played(
+    folders: tuple[Path, Path], reactions: dict[str, Path], n_clips: int
+) -> list[PlayedClip]:
+    """Choose test clips, and set what answered beside the captured reaction."""
+    clips = {
+        name: (facts.action, seen)
+        for name, facts, seen in directed_clips(*folders, "test")
+        if direction_of(name) == "b"
+    }
+    answers = {row: read_first_reactions(folder) for row, folder in reactions.items()}
+    judged = answers.get(JUDGED, {})
+    errors = {n: error(seen, judged[n]) for n, (_, seen) in clips.items() if n in judged}
+    remarks = extremes(errors)
+    first = list(remarks) + [name for name in in_turn(clips) if name not in remarks]
+    return [
+        PlayedClip(
+            name,
+            clips[name][0],
+            (
+                Panel("real", clips[name][1]),
+                *(Panel(row, result[name]) for row, result in answers.items() if name in result),
+            ),
+            remarks.get(name, ""),
+        )
+        for name in first[:n_clips]
+    ]
+
+
+def error(seen: Interaction, answer: Interaction) -> float:
+    """Metres between joints of the captured and the generated reaction, on average."""
+    apart = np.linalg.norm(seen.person_b - answer.person_b, axis=-1)
+    return float(apart.mean(dtype=np.float64))
+
+
+def extremes(errors: dict[str, float]) -> dict[str, str]:
+    """Name the clips answered best, worst and as usual, and say how well."""
+    order = sorted(errors, key=lambda name: (errors[name], name))
+    if not order:
+        return {}
+    places = {"Best": 0, "Median": (len(order) - 1) // 2, "Worst": len(order) - 1}
+    told: dict[str, str] = {}
+    for word, place in places.items():
+        name = order[place]
+        told.setdefault(
+            name,
+            f"{word} of {len(order)} answers of {JUDGED}: joints {errors[name]:.3f} m from the "
+            "captured reaction on average, which is one of many that would do.",
+        )
+    return told
+
+
+def in_turn(clips: dict[str, tuple[str, Interaction]]) -> Iterator[str]:
+    """List the clips, one an action before a second of any."""
+    turn: dict[str, int] = {}
+    order = []
+    for name, (action, _) in clips.items():
+        turn[action] = turn.get(action, -1) + 1
+        order.append((turn[action], name))
+    yield from (name for _, name in sorted(order))
+
+
+def read_first_reactions(folder: Path) -> dict[str, Interaction]:
+    """Read the first sample of each reaction of one row, by clip and direction."""
+    result = ((ReactionName.parse(name), i) for name, i in stream_motions(folder / MOTIONS))
+    return {name.directed: interaction for name, interaction in result if name.sample == 0}
+
+
+def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
+    """Give a table a dataset."""
+    for dataset, facts in augment.items():
+        counts = (
+            f"{facts['planned']} variations of {facts['clips']} clips: {facts['kept']} kept, "
+            f"{facts['failed']} beyond a limit, {facts['refused']} of clips that were refused."
+        )
+        reasons = ", ".join(f"{name} {count}" for name, count in facts["failed_by"].items())
+        beyond = (f"Beyond a limit, and left out of training: {reasons}.",) if reasons else ()
+        usual = "Small figures: between which values nine of ten variations lie."
+        title = f"Variations of {dataset}: the same interaction on other bodies"
+        yield Section(title, variation_table(facts["kinds"]), (counts, *beyond, usual))
+
+
+def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]:
+    """Set the worst variations of a clip beside it, the clip with the worst of all first."""
+    for folder in sorted(path for path in variations.iterdir() if path.is_dir()):
+        rows = [row for row in read_variations(folder / VARIATIONS) if row.measurements]
+        worst = sorted(rows, key=lambda row: (-row.limit_ratio, row.variation))
+        for clip in list(dict.fromkeys(row.clip for row in worst))[:n_clips]:
+            rows_of_clip = [row for row in worst if row.clip == clip][:n_each]
+            yield _shown(folder, clip, rows_of_clip)
+
+
+def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
+    shown = []
+    for row in rows:
+        file = motion_file(folder / (ACCEPTED if row.accepted else FAILED), clip)
+        label = split_variation_name(row.variation)[1]
+        mark = "" if row.accepted else " (left out)"
+        shown.append((f"{label}{mark}", row.measurements, read_motion(file, row.variation)))
+    return varied_clip(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)

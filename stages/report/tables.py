@@ -1,0 +1,158 @@
+"""The tables of the page, out of what ``pool_pacmo`` wrote."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from pacmo_core.figures.augmentation import TITLE, answer, augmentation_table
+from pacmo_core.figures.columns import (
+    FURTHER_COLUMNS,
+    MAIN_COLUMNS,
+    MAIN_ROWS,
+    MODELS,
+    PARTNER_COLUMNS,
+    SAME_ACT_ROWS,
+)
+from pacmo_core.figures.differences import blind, difference_table, sight_table
+from pacmo_core.figures.paper import CAVEATS, PAPER, beside, differs
+from pacmo_core.figures.report import Section
+from pacmo_core.models import model_names
+
+Pooled = dict[str, Any]
+
+# What reports/metrics.json and `dvc metrics` show; reports/details.json has everything.
+COMPARED_ROWS = ("real", "oracle", "wrong_partner", *model_names("reaction"))
+COMPARED_COLUMNS = {
+    **{name: name for name in ("f2id", "mmd_s", "diversity", "matching", "ape")},
+    "contact_agreement": "contacts",
+}
+
+NO_ORACLE = "recorded captures have no known law of reaction"
+COMPARISONS = {
+    "any_act": "Real, over all acts",
+    "same_act": "Real, within each act",
+    "pacmo_any_act": "PaCMO, over all acts",
+    "pacmo_same_act": "PaCMO, within each act",
+}
+REAL_COMPARISONS = {"any_act": "across acts", "same_act": "within one act"}
+NOTES = (
+    "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
+    "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
+    "this size. A row that answers the very partners tested shares their sampling error, and may "
+    "lie below it; F²ID excess is free of that: F²ID to further real motion, less that of the real "
+    "pairs tested.",
+    "Features depend on the auto-encoder and matching on the matcher, whose hashes stand below: "
+    "figures compare only under the same ones.",
+    "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
+    "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables; "
+    "reports/details.json has them of all joints too.",
+    "A metric of reactions alone cannot see the partner: dealing the real reactions to wrong "
+    "partners leaves MMD at zero. F²ID and diversity are of both people's features.",
+    "Intervals resample clips, and seeds where there are several, and are pooled over folds.",
+)
+DIFFERENCE_NOTES = (
+    "Of the same draws of clips and seeds. Marked: the first is better for certain, its interval "
+    "clear of zero on the good split.",
+)
+
+
+AUGMENTATION_NOTES = (
+    "The same settings, seeds, steps and draws of rows and noise; in each epoch a clip is shown as "
+    "it was captured or, as often, as one of its variations. No variation comes of a tested clip.",
+    "Over clips: the bootstrap, with these trainings. Over folds: Student's interval of the folds' "
+    "differences, in which people and trainings are others. Marked: with variations it is better "
+    "for certain over folds. Of twenty such intervals one is clear of zero by luck.",
+)
+
+
+def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
+    """Choose the rows and columns of the page's first tables."""
+    selected = {
+        "pacmo": (MAIN_ROWS, MAIN_COLUMNS),
+        "pacmo_partner": (MAIN_ROWS, PARTNER_COLUMNS),
+        "pacmo_same_act": (SAME_ACT_ROWS, PARTNER_COLUMNS),
+        "pacmo_further": (MAIN_ROWS, FURTHER_COLUMNS),
+    }
+    tables = {
+        name: select_cells(pooled, rows, columns) for name, (rows, columns) in selected.items()
+    }
+    return {name: rows for name, rows in tables.items() if rows}
+
+
+def select_cells(pooled: Pooled, rows: Iterable[str], columns: Iterable[str]) -> dict[str, Any]:
+    """Choose rows and columns, with the reason of what is missing."""
+    result = pooled["rows"]
+    present = [column for column in columns if any(column in result.get(row, {}) for row in rows)]
+    table = {
+        row: {column: cell(pooled, row, column) for column in present}
+        for row in rows
+        if row in result
+    }
+    if present and "oracle" in rows and "oracle" not in result:
+        table["oracle"] = {column: {"missing": NO_ORACLE} for column in present}
+    return table
+
+
+def cell(pooled: Pooled, row: str, metric: str) -> dict[str, Any]:
+    """Give a figure with its interval, or the reason why there is none."""
+    missing = pooled.get("absent", {}).get(row, {}).get(metric, "")
+    result: dict[str, Any] = pooled["rows"][row].get(metric, {"missing": missing})
+    return result
+
+
+def reaction_sections(pooled: Pooled, dataset: str) -> Iterator[Section]:
+    """Give the further tables: differences, what sees the partner, the paper's."""
+    models = {f"pacmo_minus_{row}" for row in (*MODELS, "oracle")}
+    differences = {name: cells for name, cells in pooled["differences"].items() if name in models}
+    yield Section("Paired differences", difference_table(differences), DIFFERENCE_NOTES)
+    augmentation = augmentation_rows(pooled)
+    if augmentation:
+        notes = (answer(augmentation), *AUGMENTATION_NOTES)
+        yield Section(TITLE, augmentation_table(augmentation), notes)
+    sensitivity = pooled["sensitivity"]
+    yield Section(
+        "Which metrics see the partner: true pairs less shuffled ones",
+        sight_table(sensitivity, COMPARISONS),
+        sensitivity_notes(sensitivity),
+    )
+    for paper in PAPER:
+        title = f"Table {paper.number} of the paper, {paper.name}, and ours beside it"
+        caveats = CAVEATS if paper is PAPER[-1] else ()
+        yield Section(title, beside(paper, pooled["rows"]), (differs(paper, dataset), *caveats))
+
+
+def augmentation_rows(pooled: Pooled) -> dict[str, Any]:
+    """Set the two rows beside their differences, where PaCMO was trained on variations too."""
+    result = pooled.get("augmentation", {})
+    rows = pooled["rows"]
+    if not result:
+        return {}
+    return {"with": rows["pacmo_augmented"], "without": rows["pacmo"], **result}
+
+
+def sensitivity_notes(sensitivity: dict[str, Any]) -> tuple[str, ...]:
+    """Name the metrics that real pairs and wrong ones look alike to."""
+    notes = ["Marked: the metric tells true pairs from wrong ones, its interval clear of zero."]
+    for name, where in REAL_COMPARISONS.items():
+        unseeing = blind(sensitivity[name]) if name in sensitivity else None
+        if unseeing is None:
+            notes.append(f"Nothing is known {where}: no act is tested in two clips.")
+        elif unseeing:
+            notes.append(
+                f"These do not see the partner {where}, and gate nothing: {'; '.join(unseeing)}."
+            )
+        else:
+            notes.append(f"All of these see the partner {where}.")
+    return tuple(notes)
+
+
+def reaction_figures(pooled: Pooled) -> dict[str, dict[str, float]]:
+    """List the figures that people compare of each row, rounded to what intervals support."""
+    return {
+        row: {
+            name: float(f"{cells[column]['mean']:.3g}")
+            for column, name in COMPARED_COLUMNS.items()
+            if column in cells
+        }
+        for row, cells in pooled["rows"].items()
+        if row in COMPARED_ROWS
+    }

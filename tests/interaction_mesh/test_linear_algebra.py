@@ -1,0 +1,55 @@
+"""Trusted: NumPy's product; one column's own product, byte for byte."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from pacmo_core.interaction_mesh.linear_algebra import COLUMN_WIDTH, batched_product, column_groups
+from tests.docs import ROOT
+
+# Of OpenBLAS on x86. The second rounds columns of a wide product by where they stand.
+KERNELS = ["", "Haswell"]
+
+
+@pytest.mark.parametrize("n_columns", [0, 1, COLUMN_WIDTH, COLUMN_WIDTH + 5, 3 * COLUMN_WIDTH])
+@pytest.mark.parametrize("of_each_frame", [False, True])
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_it_is_the_product(n_columns, of_each_frame, kind):
+    random = np.random.default_rng(0)
+    matrices = random.normal(size=(3, 7, 5) if of_each_frame else (7, 5)).astype(kind)
+    columns = random.normal(size=(3, 5, n_columns)).astype(kind)
+    found = batched_product(matrices, columns)
+    assert found.dtype == kind
+    np.testing.assert_allclose(found, matrices @ columns, rtol=0, atol=1e-5)
+
+
+def test_parts_are_the_same_memory():
+    columns = np.zeros((2, 5, 2 * COLUMN_WIDTH))
+    column_groups(columns)[1, 1, 3] = np.arange(COLUMN_WIDTH)
+    assert columns[1, 3, COLUMN_WIDTH:].tolist() == list(range(COLUMN_WIDTH))
+    assert np.count_nonzero(columns) == COLUMN_WIDTH - 1
+
+
+def check_company() -> None:
+    """Compare columns beside others with the same ones alone, and in another place."""
+    random = np.random.default_rng(0)
+    for size in (54, 88, 108):
+        matrix = random.normal(size=(size, size)).astype(np.float32)
+        columns = random.normal(size=(size, 6 * COLUMN_WIDTH)).astype(np.float32)
+        found = batched_product(matrix, columns)
+        order = random.permutation(6 * COLUMN_WIDTH)
+        assert batched_product(matrix, columns[:, order]).tobytes() == found[:, order].tobytes()
+        for some in (slice(3, 4), slice(20, 61)):
+            assert batched_product(matrix, columns[:, some]).tobytes() == found[:, some].tobytes()
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_column_does_not_depend_on_those_beside_it(kernel):
+    program = (
+        "from tests.interaction_mesh.test_linear_algebra import check_company as check; check()"
+    )
+    environment = {**os.environ, "OPENBLAS_CORETYPE": kernel}
+    subprocess.run([sys.executable, "-c", program], env=environment, cwd=ROOT, check=True)

@@ -1,0 +1,153 @@
+"""What is trusted: the weights' bytes that the test wrote."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from apps.cli import app
+from pacmo_core import promotion
+from pacmo_core.project.lock import writer_lock
+from pacmo_core.project.promote import decide_promotion, read_candidate, repair_promotion, roll_back
+from pacmo_core.project.workspace import (
+    DECISIONS,
+    HISTORY_PAGE,
+    LOCK,
+    PROMOTED_MODELS,
+    CommandError,
+)
+from pacmo_core.promotion import Gate, read_decisions
+
+GATE = Gate(row="pacmo", metrics=("f2id",), max_noise_floor_ratio=2.0)
+WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
+CURRENT = PROMOTED_MODELS / "current" / WEIGHTS
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def train(weights: bytes, f2id: float, experiment="lab"):
+    """Leave what a reproduction would: weights and metrics."""
+    WEIGHTS.parent.mkdir(parents=True, exist_ok=True)
+    WEIGHTS.write_bytes(weights)
+    Path("reports").mkdir(exist_ok=True)
+    cells = {"f2id": f2id, "f2id_floor": 0.5}
+    row = {name: {"mean": x, "low": x - 0.1, "high": x + 0.1} for name, x in cells.items()}
+    facts = {"experiment": experiment, "pacmo": {"pacmo": row, "real": {}}}
+    Path("reports/metrics.json").write_text(json.dumps(facts))
+    Path("reports/pacmo.json").write_text(json.dumps({"test_reactions": 12}))
+
+
+def test_a_good_model_becomes_current_with_its_metrics_and_a_worse_one_does_not():
+    train(b"one", 0.5)
+    assert decide_promotion(GATE).verdict == "promoted"
+    train(b"two", 0.7)
+    held = decide_promotion(GATE)
+    assert (held.verdict, held.current_model, held.test_reactions) == ("rejected", 1, 12)
+    assert held.reasons == ("F²ID rose to 0.7; current 0.5 (0.4 to 0.6)",)
+    assert CURRENT.read_bytes() == b"one"
+    assert (
+        json.loads((PROMOTED_MODELS / "current/reports/metrics.json").read_text())["experiment"]
+        == "lab"
+    )
+
+
+def test_the_same_weights_are_no_new_decision_to_make():
+    train(b"one", 0.5)
+    decide_promotion(GATE)
+    again = decide_promotion(GATE)
+    assert (again.verdict, again.number, again.current_model) == ("unchanged", 2, 1)
+
+
+def test_a_rollback_brings_the_weights_back_and_what_was_withdrawn_stays_out():
+    for weights, f2id in ((b"one", 0.5), (b"two", 0.4)):
+        train(weights, f2id)
+        decide_promotion(GATE)
+    back = roll_back("it slides")
+    assert (back.verdict, back.reasons) == ("rolled back", ("from 2 to 1: it slides",))
+    assert CURRENT.read_bytes() == b"one"
+    held = decide_promotion(GATE)
+    assert held.verdict == "rejected" and "were rolled back on" in held.reasons[0]
+    train(b"three", 0.45)
+    assert decide_promotion(GATE).verdict == "promoted"
+    assert roll_back("again").current_model == 1  # not to the one withdrawn before
+
+
+def test_there_must_be_one_to_go_back_to():
+    with pytest.raises(CommandError, match="no model was promoted before the current one, 0"):
+        roll_back("why not")
+    train(b"one", 0.5)
+    decide_promotion(GATE)
+    with pytest.raises(CommandError, match="before the current one, 1"):
+        roll_back("why not")
+
+
+def test_another_experiments_metrics_are_not_compared():
+    train(b"one", 0.1)
+    decide_promotion(GATE)
+    train(b"two", 0.9, experiment="other")
+    assert decide_promotion(GATE).verdict == "promoted"
+
+
+def test_a_kill_between_decision_and_link_is_made_good():
+    for weights, f2id in ((b"one", 0.5), (b"two", 0.4)):
+        train(weights, f2id)
+        decide_promotion(GATE)
+    promotion.set_current_model(PROMOTED_MODELS, 1)
+    repair_promotion()
+    assert CURRENT.read_bytes() == b"two"
+
+
+def test_a_kill_between_shelf_and_decision_costs_a_number_only():
+    train(b"one", 0.5)
+    promotion.store_model(PROMOTED_MODELS, 1, read_candidate("pacmo").files)
+    found = decide_promotion(GATE)
+    assert (found.verdict, found.number) == ("promoted", 2)
+    assert CURRENT.read_bytes() == b"one"
+
+
+def test_a_broken_decision_is_put_aside_and_the_rest_stands():
+    train(b"one", 0.5)
+    decide_promotion(GATE)
+    (DECISIONS / "000007.json").write_text("{")
+    repair_promotion()
+    assert (DECISIONS / "000007.broken").exists()
+    assert len(read_decisions(DECISIONS)[0]) == 1
+
+
+def test_the_page_shows_every_decision_with_its_reasons():
+    train(b"one", 0.5)
+    decide_promotion(GATE)
+    train(b"<two>", 0.7)
+    decide_promotion(GATE)
+    page = HISTORY_PAGE.read_text()
+    assert page.count("<svg") == 2
+    assert "promoted" in page and "rose to 0.7" in page
+
+
+def test_without_a_reproduction_there_is_nothing_to_judge():
+    with pytest.raises(CommandError, match="reproduce first"):
+        read_candidate("pacmo")
+
+
+def test_the_command_rolls_back_and_status_tells_of_it():
+    for weights, f2id in ((b"one", 0.5), (b"two", 0.4)):
+        train(weights, f2id)
+        decide_promotion(GATE)
+    done = CliRunner().invoke(app, ["rollback", "--why", "it slides"])
+    assert (done.exit_code, done.output[:24]) == (0, "current is promoted/0000"), done.output
+    facts = json.loads(CliRunner().invoke(app, ["status", "--json", "--no-stale"]).output)
+    assert facts["current"] == 1
+    assert facts["runs"][-1]["reason"] == "from 2 to 1: it slides"
+    refused = CliRunner().invoke(app, ["rollback", "--why", "more"])
+    assert refused.exit_code == 1
+    assert CliRunner().invoke(app, ["status", "--check", "--no-stale"]).exit_code == 1
+
+
+def test_status_says_who_writes_and_asks_dvc_nothing_meanwhile():
+    with writer_lock("nightly", LOCK):
+        shown = CliRunner().invoke(app, ["status"]).output
+    assert "writing now   nightly since" in shown and "DVC cannot tell before its end" in shown
