@@ -284,7 +284,9 @@ def main(paths: argparse.Namespace) -> None:
     for name in runs.models:
         for seed in runs.seeds:
             model = load_skeleton_prior(paths.models / name / str(seed) / WEIGHTS)
-            sampled = sampled or sample_body_examples(model, selected, params.generated_skeletons, solver)
+            sampled = sampled or sample_body_examples(
+                model, selected, params.generated_skeletons, solver
+            )
             result = evaluate_model(model, evaluator, (selected, sampled), params)
             scores.setdefault(name, {})[seed] = result
             if seed == runs.seeds[0]:
@@ -334,7 +336,11 @@ def evaluate_model(
         random = torch.Generator().manual_seed(params.generated_skeletons.random_seed)
         result["retargeting"][source] = evaluate_retargeting(model, evaluator, test_of_source)
         result["generation"][source] = evaluate_generation(
-            model, evaluator, (test_of_source, sampled_of_source), params.generated_skeletons.n_samples, random
+            model,
+            evaluator,
+            (test_of_source, sampled_of_source),
+            params.generated_skeletons.n_samples,
+            random,
         )
     return {task: means | {ALL_SOURCES: mean_over_sources(means)} for task, means in result.items()}
 
