@@ -17,7 +17,6 @@ from prefect.server.schemas.schedules import CronSchedule
 from prefect.states import Completed
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from apps.whole_page import write_whole
 from flows.artifacts import link_to, publish, put_table
 from flows.ending import by_hand_or_flow
 from flows.inbox import take_captures
@@ -25,6 +24,7 @@ from flows.prune import remove_corrupt_objects
 from flows.remote import push
 from flows.reproduce import WORKERS, bring_up
 from flows.way import ByHand, ByPrefect, Way
+from pacmo_core.commands.report import write_report_with_history
 from pacmo_core.project.experiments import use_experiment
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.promote import decide_promotion
@@ -109,7 +109,7 @@ def compare_and_promote(way: Way, gate: Gate, run: RunRecord) -> None:
     rows = [{"metric": name, **cell} for name, cell in decision.metrics.items()]
     put_table("decision", rows, f"{decision.verdict}: {'; '.join(decision.reasons)}")
     if REPORT.exists():
-        write_whole()
+        write_report_with_history()
     link_to(HISTORY_PAGE, "history")
     link_to(REPORT_WITH_HISTORY, "report-and-history")
 

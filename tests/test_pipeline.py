@@ -36,7 +36,7 @@ def reproduce(folder: Path) -> Path:
         if (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes((ROOT / name).read_bytes())
-    run(folder, sys.executable, "-m", "apps.cli", "use", "smallest")
+    run(folder, sys.executable, "-m", "pacmo_core.commands.cli", "use", "smallest")
     run(folder, sys.executable, "-m", "dvc", "repro")
     return folder
 

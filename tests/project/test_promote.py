@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from apps.cli import app
 from pacmo_core import promotion
+from pacmo_core.commands.cli import app
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.promote import decide_promotion, read_candidate, repair_promotion, roll_back
 from pacmo_core.project.workspace import (
