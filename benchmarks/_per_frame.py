@@ -49,7 +49,7 @@ def _solve_frame(
     parent, child = scene.bones.T
     lengths = np.linalg.norm(scene.vectors[frame], axis=-1) * scales
     ties = energy.ties[frame]
-    root = np.linalg.cholesky(np.diag(ties.sum(axis=1) + energy.anchor) - ties)
+    root = np.linalg.cholesky(np.diag(ties.sum(axis=1) + energy.regularisation) - ties)
     now = done[-1].copy()
     for _ in range(N_PROGRAMS):
         change = cp.Variable(now.shape)

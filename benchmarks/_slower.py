@@ -18,7 +18,9 @@ BANDED_ROUNDS = 16  # after which its bones are within 1e-3; 40 are its end
 SAMPLE = (0, 3)  # windows of the energy sample
 SAMPLED = slice(1, None, 22)  # their variations: one of five a whole body, as in the plan
 PEER_FRAMES = 3
-END = Attempt(penalty=4, iterations=800, apart=0, step=0)  # of our own solver
+END = Attempt(
+    bone_penalty=4, max_iterations=800, separation_penalty=0, tolerance=0
+)  # of our own solver
 ASTRAY = 1e-3  # share by which bones miss their lengths
 
 
@@ -49,9 +51,9 @@ def energy_gaps(task: Task) -> Iterator[tuple[float, bool]]:
     """
     short = shortened(task)
     scales = short.scales[SAMPLED]
-    alone = tuple(replace(rung, apart=0) for rung in SETTINGS.rungs)
-    source = prepare(short.scene, replace(SETTINGS, rungs=alone))
-    ended = prepare(short.scene, replace(SETTINGS, rungs=(END,)))
+    alone = tuple(replace(attempt, separation_penalty=0) for attempt in SETTINGS.attempts)
+    source = prepare(short.scene, replace(SETTINGS, attempts=alone))
+    ended = prepare(short.scene, replace(SETTINGS, attempts=(END,)))
     both = retarget(source, scales).points, retarget(ended, scales).points
     for usual, end, own in zip(*both, scales, strict=True):
         best = banded(short.scene, source.energy, own)

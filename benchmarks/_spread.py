@@ -34,7 +34,7 @@ REPEATS = 3
 QUIET = {"distributed.worker.profile.enabled": False}
 
 
-def lots() -> Iterator[Batch]:
+def batches() -> Iterator[Batch]:
     """Hand out clips, each with its bodies."""
     for script, random in sample_scripts(
         0, population=0, pairs=PAIRS, actions=tuple(ACTIONS), replications=1
@@ -47,17 +47,17 @@ def lots() -> Iterator[Batch]:
 
 
 def timed(do: Callable[[list[Batch]], Iterable[BatchResult]]) -> tuple[float, str]:
-    """Give the seconds that the lots take, and the hash of all that is made of them."""
-    first, *rest = lots()
+    """Give the seconds that the batches take, and the hash of all that is made of them."""
+    first, *rest = batches()
     list(do([first, *rest[:WORKERS]]))  # imports, and each worker's first use of the libraries
     start = time.perf_counter()
     outcomes = list(do(rest))
     seconds = time.perf_counter() - start
     digest = hashlib.sha256()
-    for outcome in sorted(outcomes, key=lambda outcome: outcome.key):
-        digest.update(f"{outcome.key} {outcome.refused}".encode())
-        for name, made in sorted(outcome.made.items()):
-            digest.update(f"{name} {made.figures}".encode() + made.motions.tobytes())
+    for outcome in sorted(outcomes, key=lambda outcome: outcome.source_key):
+        digest.update(f"{outcome.source_key} {outcome.error}".encode())
+        for name, made in sorted(outcome.variations.items()):
+            digest.update(f"{name} {made.measurements}".encode() + made.motions.tobytes())
     return seconds, digest.hexdigest()
 
 

@@ -8,7 +8,7 @@ solver on one variation of a shorter window, the per-frame solver (``pip install
 on a few frames; both extrapolated. ``energy_gap`` is the worst of a few variations of shorter
 windows against the banded solver or ours, either run to its end; where the banded one went astray,
 ``energy_gap_where_banded_is_lost`` is. Of figures of single variations the worst counts;
-``contacts_kept`` and ``flip_share`` are means, with the worst beside them; ``near_error_gain`` is
+``contacts_preserved`` and ``bend_flip_fraction`` are means, with the worst beside them; ``near_error_gain`` is
 the mean error of naive scaling over ours, by source.
 
 ``--cost`` instead measures 90 to 36,000 frames and 1 to 1,000 variations, and draws that.
@@ -135,19 +135,19 @@ def quality(done: list[Done]) -> dict[str, float]:
     gains = {one.name: near_gain(one.reports) for one in done}
     salsa = [gain for name, gain in gains.items() if "salsa" in name]
     return {
-        "max_raw_residual": max(r.raw_residual for r in reports),
+        "max_raw_residual": max(r.primal_residual for r in reports),
         "near_error_gain_min": min(gains.values()),
         "near_error_gain_salsa": min(salsa) if salsa else float("nan"),
-        "contacts_kept": float(np.mean([r.contacts_kept for r in reports])),
-        "contacts_kept_least": min(r.contacts_kept for r in reports),
-        "added_slide_cm_s": 100 * max(r.added_slide for r in reports),
-        "added_slide_mean_cm_s": 100 * float(np.mean([r.added_slide for r in reports])),
+        "contacts_preserved": float(np.mean([r.contacts_preserved for r in reports])),
+        "contacts_kept_least": min(r.contacts_preserved for r in reports),
+        "added_slide_cm_s": 100 * max(r.added_foot_skate for r in reports),
+        "added_slide_mean_cm_s": 100 * float(np.mean([r.added_foot_skate for r in reports])),
         "penetration_max_mm": 1e3 * max(r.penetration for r in reports),
-        "seam_ratio_max": max(r.seam_ratio for r in reports),
-        "flip_share": float(np.mean([r.flip_share for r in reports])),
-        "flip_share_most": max(r.flip_share for r in reports),
-        "retried_share": float(np.mean([r.rung > 0 for r in reports])),
-        "laddered_share": float(np.mean([r.rung > 1 for r in reports])),
+        "seam_ratio_max": max(r.acceleration_peak_ratio for r in reports),
+        "bend_flip_fraction": float(np.mean([r.bend_flip_fraction for r in reports])),
+        "flip_share_most": max(r.bend_flip_fraction for r in reports),
+        "retried_share": float(np.mean([r.attempt > 0 for r in reports])),
+        "laddered_share": float(np.mean([r.attempt > 1 for r in reports])),
     }
 
 
@@ -155,7 +155,7 @@ def near_gain(reports: list[Report]) -> float:
     """How many times naive scaling's error of near distances is ours."""
     ours, plain = (
         float(np.mean([getattr(r, name) for r in reports]))
-        for name in ("near_error", "near_error_naive")
+        for name in ("near_distance_error", "near_distance_error_naive")
     )
     return plain / ours if ours else float("inf")
 
@@ -164,14 +164,14 @@ def line(one: Done) -> str:
     """Say how a window went."""
     slide, seam, deep = (
         max(getattr(r, name) for r in one.reports)
-        for name in ("added_slide", "seam_ratio", "penetration")
+        for name in ("added_foot_skate", "acceleration_peak_ratio", "penetration")
     )
-    kept = float(np.mean([r.contacts_kept for r in one.reports]))
-    rungs = np.bincount([r.rung for r in one.reports])
+    kept = float(np.mean([r.contacts_preserved for r in one.reports]))
+    attempts = np.bincount([r.attempt for r in one.reports])
     return (
         f"{one.name:42} {one.seconds:6.2f} s  near gain {near_gain(one.reports):5.1f}  kept "
         f"{kept:.4f}  slide {100 * slide:5.2f} cm/s  seam {seam:4.2f}  deeper {1e3 * deep:4.1f} mm"
-        f"  rungs {rungs.tolist()}"
+        f"  attempts {attempts.tolist()}"
     )
 
 

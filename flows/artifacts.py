@@ -16,16 +16,12 @@ from pacmo_core.figures.tables import markdown_table
 from pacmo_core.project.workspace import REPORT
 
 
-def publish(metrics: Path) -> None:
-    """Put the tables of ``reports/metrics.json`` and a link to the report on the page."""
-    if FlowRunContext.get() is None or not metrics.exists():
+def publish(details: Path) -> None:
+    """Publish the table of ``reports/details.json`` and a link to the report as artifacts."""
+    if FlowRunContext.get() is None or not details.exists():
         return
-    facts = json.loads(metrics.read_text(encoding="utf-8"))
-    tables = [
-        f"## {section}\n\n{markdown_table(main_columns(rows))}"
-        for section, rows in facts.items()
-        if section not in ("experiment", "data")
-    ]
+    facts = json.loads(details.read_text(encoding="utf-8"))
+    tables = [f"## Reactions\n\n{markdown_table(main_columns(facts['pacmo']['rows']))}"]
     title = f"# {facts['experiment']}\n\n"
     create_markdown_artifact(title + "\n\n".join(tables), key="metrics", description="Metrics")
     link_to(REPORT, "report")

@@ -31,10 +31,10 @@ from pacmo_core.project.promote import decide_promotion
 from pacmo_core.project.records import DONE, FAILED, HELD, SKIPPED, RunRecord, read_runs, record_run
 from pacmo_core.project.stages import readable_dvc_lock, upstream_stages
 from pacmo_core.project.workspace import (
+    DETAILS,
     HISTORY_PAGE,
     LOCK,
     LOG,
-    METRICS,
     REPORT,
     REPORT_WITH_HISTORY,
     RUNS,
@@ -105,7 +105,7 @@ def compare_and_promote(way: Way, gate: Gate, run: RunRecord) -> None:
     run.outcome = HELD if decision.verdict == REJECTED else DONE
     run.reason = "; ".join((decision.verdict, *decision.reasons))
     run.facts |= {"decision": decision.number, "verdict": decision.verdict}
-    publish(METRICS)
+    publish(DETAILS)
     rows = [{"metric": name, **cell} for name, cell in decision.metrics.items()]
     put_table("decision", rows, f"{decision.verdict}: {'; '.join(decision.reasons)}")
     if REPORT.exists():

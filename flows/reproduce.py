@@ -21,7 +21,7 @@ from pacmo_core.project.experiments import use_experiment
 from pacmo_core.project.lock import remove_dead_dvc_locks, remove_partial_files, writer_lock
 from pacmo_core.project.records import record_run
 from pacmo_core.project.stages import readable_dvc_lock, upstream_and_stale
-from pacmo_core.project.workspace import LOCK, LOG, METRICS, RUNS, configure_logging, log_event
+from pacmo_core.project.workspace import DETAILS, LOCK, LOG, RUNS, configure_logging, log_event
 
 WORKERS = 2
 STAGE_LIMIT_S = 12 * 3600.0
@@ -84,7 +84,7 @@ def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> 
     the stages that were stale, in running order
     """
     stages = reproduce_here(ByPrefect(), targets, force=force, experiment=experiment)
-    publish(METRICS)
+    publish(DETAILS)
     return stages
 
 

@@ -77,14 +77,14 @@ class ClipSelection:
     """Which clips of a dataset are varied."""
 
     include: tuple[str, ...]  # patterns of clips' names
-    of_each_sequence: int | None  # at most, those in which the two are nearest
-    most: int | None  # in all, one an act before a second of any
-    near: float  # metres between joints that count as near
+    max_per_sequence: int | None  # those with the most near pairs of joints
+    max_clips: int | None  # in all; one of each action before a second of any
+    near_distance: float  # metres between joints that count as near
 
     def must_select(self, n_clips: int) -> bool:
         """Whether clips of a sequence with so many of them may have to be left out."""
-        of_each = n_clips if self.of_each_sequence is None else self.of_each_sequence
-        return self.most is not None or n_clips > of_each
+        max_clips = n_clips if self.max_per_sequence is None else self.max_per_sequence
+        return self.max_clips is not None or n_clips > max_clips
 
 
 @dataclass(frozen=True)
@@ -192,10 +192,10 @@ def _select_clips(
     candidates = []
     for row in rows:
         must_look = selection.must_select(n_clips[row.sequence])
-        nearness = mean_near_pairs(read(row.clip), selection.near) if must_look else 0.0
-        candidates.append(Candidate(row.clip, row.sequence, row.action, nearness))
+        near_pairs = mean_near_pairs(read(row.clip), selection.near_distance) if must_look else 0.0
+        candidates.append(Candidate(row.clip, row.sequence, row.action, near_pairs))
     names = select_clips(
-        candidates, of_each_sequence=selection.of_each_sequence, most=selection.most
+        candidates, max_per_sequence=selection.max_per_sequence, max_clips=selection.max_clips
     )
     return {name: facts[name] for name in names}
 
@@ -210,7 +210,7 @@ class Augmentation:
 
     plan: Plan
     solver: Settings
-    bounds: VariationLimits
+    limits: VariationLimits
     variations: Cache  # whatever the plan
     clips: Cache  # files of clips with all variations of the plan
 
@@ -265,7 +265,7 @@ def write_dataset(
     for one, state in _solve_pending(dataset, pending, augmentation):
         source = dataset.read(one.clip)
         outcomes = state.outcomes(one, augmentation.variations)
-        new = write_clip_files(folder, one.clip, source, outcomes, augmentation.bounds)
+        new = write_clip_files(folder, one.clip, source, outcomes, augmentation.limits)
         augmentation.clips.put(one.key, new.to_entry())
         rows += new.rows
     rows.sort(key=lambda row: row.variation)
@@ -329,7 +329,7 @@ def _solve_pending(
     keys = {variation_key(one.source, body) for one in pending for body, _ in one.variations}
     state.cached.update(key for key in sorted(keys) if augmentation.variations.get(key))
     batches = list(_make_batches(dataset, pending, state, augmentation.solver))
-    n_bodies, n_done = sum(len(batch.names) for batch in batches), 0
+    n_bodies, n_done = sum(len(batch.body_keys) for batch in batches), 0
     pending_of_source: dict[str, list[PendingClip]] = {}
     for one in pending:
         if state.missing(one):
@@ -338,20 +338,20 @@ def _solve_pending(
             yield one, state
     for outcome in _solve_batches(batches):
         _store_outcome(outcome, state, augmentation.variations)
-        n_done += len(outcome.made)
+        n_done += len(outcome.variations)
         LOG.info("%s: %d of %d made", dataset.name, n_done, n_bodies)
-        if not any(state.missing(one) for one in pending_of_source.get(outcome.key, ())):
-            for one in pending_of_source.pop(outcome.key, ()):
+        if not any(state.missing(one) for one in pending_of_source.get(outcome.source_key, ())):
+            for one in pending_of_source.pop(outcome.source_key, ()):
                 yield one, state
 
 
 def _store_outcome(outcome: BatchResult, state: CacheState, cache: Cache) -> None:
     """Add a batch to the cache as it is done."""
-    if outcome.refused:
-        state.refused[outcome.key] = outcome.refused
-    for body, made in outcome.made.items():
-        cache.put(variation_key(outcome.key, body), variation_to_entry(made))
-        state.cached.add(variation_key(outcome.key, body))
+    if outcome.error:
+        state.refused[outcome.source_key] = outcome.error
+    for body, made in outcome.variations.items():
+        cache.put(variation_key(outcome.source_key, body), variation_to_entry(made))
+        state.cached.add(variation_key(outcome.source_key, body))
 
 
 def _solve_batches(batches: list[Batch]) -> Iterator[BatchResult]:
@@ -375,9 +375,9 @@ def _make_batches(
         names = list(bodies)
         source = dataset.read(clips[key])
         for first in range(0, len(names), MAX_BATCH):
-            batch = tuple(names[first : first + MAX_BATCH])
-            scales = np.stack([np.concatenate(bodies[name].scales) for name in batch])
-            yield Batch(key, solver_key(settings), source, settings, scales, batch)
+            body_keys = tuple(names[first : first + MAX_BATCH])
+            scales = np.stack([np.concatenate(bodies[name].scales) for name in body_keys])
+            yield Batch(key, solver_key(settings), source, settings, scales, body_keys)
 
 
 # Folders of the cache.
@@ -390,21 +390,21 @@ class Params:
     """The ``augment`` section of ``params.yaml``."""
 
     clips: ClipSelection  # which are varied
-    second: SecondDataset  # a second dataset beside the experiment's
+    second_dataset: SecondDataset  # a second dataset beside the experiment's
     plan: Plan  # the bodies that each is given
     solver: Settings
-    bounds: VariationLimits  # what a variation must keep within to be trained on
+    limits: VariationLimits  # of a variation that is accepted for training
 
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("augment", Params)
     solver_hash = solver_key(params.solver)
     variations = Cache(paths.cache / VARIATION_CACHE, solver_hash)
-    clips = Cache(paths.cache / CLIP_CACHE, settings_key(solver_hash, params.plan, params.bounds))
-    augmentation = Augmentation(params.plan, params.solver, params.bounds, variations, clips)
+    clips = Cache(paths.cache / CLIP_CACHE, settings_key(solver_hash, params.plan, params.limits))
+    augmentation = Augmentation(params.plan, params.solver, params.limits, variations, clips)
     datasets = [
         main_dataset(paths.clips, params.clips),
-        *second_dataset(params.second, paths.second, params.clips),
+        *second_dataset(params.second_dataset, paths.second, params.clips),
     ]
     if paths.variations.exists():
         # Like DVC before it runs a stage: remove clips that are gone and what a killed run left.
@@ -412,18 +412,18 @@ def main(paths: argparse.Namespace) -> None:
     metrics = {}
     for dataset in datasets:
         rows = write_dataset(paths.variations / dataset.name, dataset, augmentation)
-        metrics[dataset.name] = summary(rows, params.bounds)
+        metrics[dataset.name] = summary(rows, params.limits)
     variations.remove_other_namespaces()
     clips.remove_other_namespaces()
     clips.remove_unused()
     write_json(paths.metrics, metrics)
 
 
-def summary(rows: Sequence[VariationRecord], bounds: VariationLimits) -> dict[str, object]:
+def summary(rows: Sequence[VariationRecord], limits: VariationLimits) -> dict[str, object]:
     """Say how many there are, why some are put aside, and how good they are by kind."""
     refused = [row for row in rows if not row.accepted and not row.measurements]
     failed = [row for row in rows if not row.accepted and row.measurements]
-    reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, bounds))
+    reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, limits))
     kinds = sorted({row.kind for row in rows if row.measurements})
     return {
         "clips": len({row.clip for row in rows}),

@@ -62,9 +62,9 @@ class ClipFiles:
         return cls(rows, {name: array.tobytes() for name, array in entry.arrays.items()})
 
 
-def variation_to_entry(made: SolvedVariation) -> CacheEntry:
+def variation_to_entry(variation: SolvedVariation) -> CacheEntry:
     """Convert a variation to an entry of a cache."""
-    return CacheEntry(made.figures, {MOTIONS: made.motions})
+    return CacheEntry(variation.measurements, {MOTIONS: variation.motions})
 
 
 def variation_from_entry(entry: CacheEntry) -> SolvedVariation:
@@ -72,15 +72,15 @@ def variation_from_entry(entry: CacheEntry) -> SolvedVariation:
     return SolvedVariation(entry.arrays[MOTIONS], entry.metadata)
 
 
-def settings_key(maker: str, plan: Plan, bounds: VariationLimits) -> str:
+def settings_key(solver: str, plan: Plan, limits: VariationLimits) -> str:
     """Hash everything but the clip that its files depend on.
 
     Parameters
     ----------
-    maker : the hash of settings and code that compute variations
+    solver : hash of the solver's settings and code (``run.solver_key``)
     """
-    text = json.dumps([asdict(plan), asdict(bounds), code_hash(CODE, PACKAGES)])
-    return short_hash(maker, text)
+    text = json.dumps([asdict(plan), asdict(limits), code_hash(CODE, PACKAGES)])
+    return short_hash(solver, text)
 
 
 def clip_key(clip: str, source: str, interaction: Interaction) -> str:
@@ -93,22 +93,23 @@ def write_clip_files(
     dataset: Path,
     clip: str,
     source: Interaction,
-    made: Iterable[tuple[Variation, SolvedVariation | str]],
-    bounds: VariationLimits,
+    results: Iterable[tuple[Variation, SolvedVariation | str]],
+    limits: VariationLimits,
 ) -> ClipFiles:
     """Write the variations of a clip into the folder of its dataset.
 
     Parameters
     ----------
-    made : the variations by ascending name, each with its motion, or why the source was refused
+    results : the variations by ascending name, each with its solution, or with the error of the
+        solver
     """
     rows = []
     motions: dict[str, dict[str, Interaction]] = {SOURCES: {clip: source}, ACCEPTED: {}, FAILED: {}}
-    for variation, outcome in made:
-        row = facts_of(clip, variation, outcome, source.skeleton, bounds)
+    for variation, result in results:
+        row = variation_record(clip, variation, result, source.skeleton, limits)
         rows.append(row)
-        if isinstance(outcome, SolvedVariation):
-            varied = Interaction(source.skeleton, source.times, *outcome.motions)
+        if isinstance(result, SolvedVariation):
+            varied = Interaction(source.skeleton, source.times, *result.motions)
             motions[ACCEPTED if row.accepted else FAILED][row.variation] = varied
     files = {}
     for folder, by_name in motions.items():
@@ -121,27 +122,31 @@ def write_clip_files(
     return ClipFiles(rows, files)
 
 
-def facts_of(
+def variation_record(
     clip: str,
     variation: Variation,
-    outcome: SolvedVariation | str,
+    result: SolvedVariation | str,
     skeleton: Skeleton,
-    bounds: VariationLimits,
+    limits: VariationLimits,
 ) -> VariationRecord:
-    """Say what a variation is, and whether it is kept."""
-    refused = isinstance(outcome, str)
-    figures = {} if isinstance(outcome, str) else outcome.figures
-    reason = f"refused: {outcome}" if refused else rejection_reason(figures, bounds)
+    """Return the record of a variation: bodies, measurements, and whether it is accepted."""
+    if isinstance(result, str):
+        measurements, reason = {}, f"refused: {result}"
+    else:
+        measurements = result.measurements
+        reason = rejection_reason(measurements, limits)
     names = [segment.name for segment in segments(skeleton)]
-    a, b = (dict(zip(names, own.tolist(), strict=True)) for own in variation.scales)
+    scales_a, scales_b = (
+        dict(zip(names, scales.tolist(), strict=True)) for scales in variation.scales
+    )
     return VariationRecord(
         variation=variation_name(clip, variation.name),
         clip=clip,
         kind=variation.kind,
         accepted=not reason,
         reason=reason,
-        limit_ratio=max_limit_ratio(figures, bounds) if figures else inf,
-        measurements=figures,
-        scales_a=a,
-        scales_b=b,
+        limit_ratio=max_limit_ratio(measurements, limits) if measurements else inf,
+        measurements=measurements,
+        scales_a=scales_a,
+        scales_b=scales_b,
     )

@@ -1,10 +1,13 @@
-"""Which clips are varied: those in which the two are nearest, of as many acts as there are."""
+"""Selects the clips that are varied, and the variations that are good enough to train on."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf, isnan
 
 from pacmo_core.data.interaction import Interaction, joint_distances
+
+# Measurements with a lower limit; all others have an upper limit.
+LOWER_LIMITS = ("contacts_preserved",)
 
 
 @dataclass(frozen=True)
@@ -13,112 +16,105 @@ class Candidate:
 
     Parameters
     ----------
-    clip, sequence, action : as in its facts
-    nearness : of the two people; see ``nearness_of``
+    clip, sequence, action : as in its record
+    near_pairs : mean number of near joint pairs per frame (``mean_near_pairs``)
     """
 
     clip: str
     sequence: str
     action: str
-    nearness: float
+    near_pairs: float
 
 
-def mean_near_pairs(interaction: Interaction, near: float) -> float:
-    """Count pairs of joints, one of either person, nearer than ``near`` metres: mean of frames."""
-    return float((joint_distances(interaction) < near).sum() / len(interaction.times))
+def mean_near_pairs(interaction: Interaction, near_distance: float) -> float:
+    """Count pairs of joints of the two people closer than a distance in metres: mean per frame."""
+    near = joint_distances(interaction) < near_distance
+    return float(near.sum() / len(interaction.times))
 
 
 def select_clips(
-    candidates: Sequence[Candidate], *, of_each_sequence: int | None, most: int | None
+    candidates: Sequence[Candidate], *, max_per_sequence: int | None, max_clips: int | None
 ) -> list[str]:
-    """Choose clips: the nearest of each sequence, and of these one an act before a second of any.
+    """Select the clips with the most near joint pairs, balanced over sequences and actions.
 
-    Parameters
-    ----------
-    of_each_sequence, most : at most; None for all
+    At most ``max_per_sequence`` clips of each sequence; of these at most ``max_clips``, one of
+    each action before a second of any. None means no limit.
 
     Returns
     -------
     names, sorted
     """
-    nearest = sorted(candidates, key=lambda c: (-c.nearness, c.clip))
-    first = _occurrence_index([c.sequence for c in nearest])
-    kept = [
+    ranked = sorted(candidates, key=lambda c: (-c.near_pairs, c.clip))
+    ranks_in_sequence = _occurrence_index([c.sequence for c in ranked])
+    selected = [
         candidate
-        for candidate, turn in zip(nearest, first, strict=True)
-        if of_each_sequence is None or turn < of_each_sequence
+        for candidate, rank in zip(ranked, ranks_in_sequence, strict=True)
+        if max_per_sequence is None or rank < max_per_sequence
     ]
-    turns = _occurrence_index([c.action for c in kept])
-    order = sorted(range(len(kept)), key=lambda i: (turns[i], i))
-    return sorted(kept[i].clip for i in order[:most])
+    ranks_in_action = _occurrence_index([c.action for c in selected])
+    order = sorted(range(len(selected)), key=lambda i: (ranks_in_action[i], i))
+    return sorted(selected[i].clip for i in order[:max_clips])
 
 
 def _occurrence_index(names: Sequence[str]) -> list[int]:
-    """Say how often each name was named before."""
-    seen: dict[str, int] = {}
-    turns = []
+    """Count for each name how often it occurs before."""
+    counts: dict[str, int] = {}
+    indices = []
     for name in names:
-        turns.append(seen.get(name, 0))
-        seen[name] = turns[-1] + 1
-    return turns
-
-
-# FROM """Which variations are good enough to train on."""
-# Figures of which more is better; of all others less is.
-LOWER_LIMITS = ("contacts_kept",)
+        indices.append(counts.get(name, 0))
+        counts[name] = indices[-1] + 1
+    return indices
 
 
 @dataclass(frozen=True, kw_only=True)
 class VariationLimits:
-    """What a variation's figures keep within; see ``interaction_mesh.Report`` and ``shape``.
+    """Limits on the measurements of an accepted variation.
 
-    Parameters
-    ----------
-    raw_residual, added_slide, penetration, seam_ratio, flip_share, trunk_change : at most
-    contacts_kept : at least
+    See ``interaction_mesh.Report`` and ``run.trunk_deformation`` for the measurements. All are
+    upper limits, but for ``contacts_preserved``, which is a lower limit.
     """
 
-    raw_residual: float
-    contacts_kept: float
-    added_slide: float
+    primal_residual: float
+    contacts_preserved: float
+    added_foot_skate: float
     penetration: float
-    seam_ratio: float
-    flip_share: float
-    trunk_change: float
+    acceleration_peak_ratio: float
+    bend_flip_fraction: float
+    trunk_deformation: float
 
 
-def exceeded_limits(figures: Mapping[str, float], bounds: VariationLimits) -> dict[str, float]:
-    """List what is out of bounds, and by how many times: empty where a variation is good.
+def exceeded_limits(measurements: Mapping[str, float], limits: VariationLimits) -> dict[str, float]:
+    """List the measurements out of their limits, with their ratio to the limit.
 
-    A figure that is no number is out of bounds.
+    Empty for an accepted variation. NaN is out of every limit.
     """
-    found = {}
-    for name, bound in asdict(bounds).items():
-        share = limit_ratio(name, figures[name], bound)
-        if not share <= 1:
-            found[name] = share
-    return found
+    ratios = {
+        name: limit_ratio(name, measurements[name], limit) for name, limit in asdict(limits).items()
+    }
+    return {name: ratio for name, ratio in ratios.items() if not ratio <= 1}
 
 
-def limit_ratio(name: str, figure: float, bound: float) -> float:
-    """Give a figure as a share of its bound: good up to 1."""
-    share, allowed = (1 - figure, 1 - bound) if name in LOWER_LIMITS else (figure, bound)
+def limit_ratio(name: str, value: float, limit: float) -> float:
+    """Divide a measurement by its limit; at most 1 within the limit."""
+    excess, allowed = (1 - value, 1 - limit) if name in LOWER_LIMITS else (value, limit)
     if allowed:
-        return share / allowed
-    return inf if share > 0 else 0.0
+        return excess / allowed
+    return inf if excess > 0 else 0.0
 
 
-def max_limit_ratio(figures: Mapping[str, float], bounds: VariationLimits) -> float:
-    """Give the worst figure as a share of its bound; no number counts as the very worst."""
-    shares = [limit_ratio(name, figures[name], bound) for name, bound in asdict(bounds).items()]
-    return max(inf if isnan(share) else share for share in shares)
+def max_limit_ratio(measurements: Mapping[str, float], limits: VariationLimits) -> float:
+    """Return the largest ratio of a measurement to its limit; infinity if a measurement is NaN."""
+    ratios = [
+        limit_ratio(name, measurements[name], limit) for name, limit in asdict(limits).items()
+    ]
+    return max(inf if isnan(ratio) else ratio for ratio in ratios)
 
 
-def rejection_reason(figures: Mapping[str, float], bounds: VariationLimits) -> str:
-    """Say what is out of bounds, the worst first; empty where nothing is."""
-    found = exceeded_limits(figures, bounds)
-    said = []
-    for name in sorted(found, key=lambda n: -found[n]):
-        wanted = "at least" if name in LOWER_LIMITS else "at most"
-        said.append(f"{name} {figures[name]:.3g}, wanted {wanted} {asdict(bounds)[name]:g}")
-    return "; ".join(said)
+def rejection_reason(measurements: Mapping[str, float], limits: VariationLimits) -> str:
+    """Describe the exceeded limits, largest ratio first; empty for an accepted variation."""
+    exceeded = exceeded_limits(measurements, limits)
+    parts = []
+    for name in sorted(exceeded, key=lambda n: -exceeded[n]):
+        bound = "at least" if name in LOWER_LIMITS else "at most"
+        parts.append(f"{name} {measurements[name]:.3g}, wanted {bound} {asdict(limits)[name]:g}")
+    return "; ".join(parts)

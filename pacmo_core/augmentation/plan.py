@@ -34,12 +34,12 @@ class SingleBones:
     ----------
     bones : patterns of segments' names, or ``upper`` for all above the hips
     scales : of the bone; the source's own, 1, is left out
-    most : a source; which ones, a hash decides
+    max_variations : a source; which ones, a hash decides
     """
 
     bones: tuple[str, ...]
     scales: tuple[float, ...]
-    most: int
+    max_variations: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class Plan:
     uniform : scales of the whole body; the source's own, 1, is left out
     single : one bone at a time
     profiles : names of ``anthropometry.PROFILES``
-    bodies : how many pairs of bodies are drawn at random, both people's at once
+    n_random : pairs of random bodies, of both people at once
     population : what they are drawn from
 
     Raises
@@ -65,7 +65,7 @@ class Plan:
     uniform: tuple[float, ...]
     single: SingleBones
     profiles: tuple[str, ...]
-    bodies: int
+    n_random: int
     population: Population
 
     def __post_init__(self) -> None:
@@ -156,12 +156,12 @@ def _single_bone_variations(plan: Plan, bodies: tuple[Body, Body], source: str) 
         text = f"{plan.population.random_seed}\0{source}\0{variation.name}"
         return hashlib.blake2b(text.encode(), digest_size=8).digest()
 
-    return sorted((v for v in found if v.changes), key=rank)[: plan.single.most]
+    return sorted((v for v in found if v.changes), key=rank)[: plan.single.max_variations]
 
 
 def _random_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
     """Give both people bodies of the population."""
-    for number in range(plan.bodies):
+    for number in range(plan.n_random):
         name = f"r{number:04d}"
         a, b = (
             sample_scales(body, plan.population, f"{name}\0{person}")

@@ -36,7 +36,7 @@ class SolverSection:
     """What the section ``augment`` says of solving."""
 
     solver: Settings
-    bounds: VariationLimits
+    limits: VariationLimits
 
 
 def read_solver_section(params: Path) -> SolverSection:
@@ -122,7 +122,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         moved = duo.moved(_split_people(duo, found.points[0]))
         places, miss = write_two_people(moved, scales, label, out)
         figures = report_measurements(found.reports[0]) | _measure(duo, moved, scales)
-        for line in _report_lines(figures, solving.bounds, miss):
+        for line in _report_lines(figures, solving.limits, miss):
             typer.echo(line)
         typer.echo(f"{len(found.points[0])} frames in {', '.join(map(str, places))}")
 
@@ -177,15 +177,15 @@ def _measure(
         trunk_deformation(source.motion, varied.motion, source.skeleton, own)
         for source, varied, own in zip(duo.people, moved.people, scales, strict=True)
     ]
-    return {"trunk_change": max(changes)}
+    return {"trunk_deformation": max(changes)}
 
 
-def _report_lines(figures: dict[str, float], bounds: VariationLimits, miss: float) -> Iterator[str]:
+def _report_lines(figures: dict[str, float], limits: VariationLimits, miss: float) -> Iterator[str]:
     """Say how good the variation is."""
     yield said(figures)
     if miss:
         yield f"a BVH's stiff joints keep it from that by {1e3 * miss:.1f} mm at worst"
-    reason = rejection_reason(figures, bounds)
+    reason = rejection_reason(figures, limits)
     if reason:
         yield f"not good enough to train on: {reason}"
 

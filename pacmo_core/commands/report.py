@@ -17,8 +17,8 @@ from pacmo_core.project.promote import history_rows
 from pacmo_core.project.records import utc_now
 from pacmo_core.project.workspace import (
     DECISIONS,
+    DETAILS,
     MEASUREMENTS,
-    METRICS,
     REPORT,
     REPORT_WITH_HISTORY,
     STUDY,
@@ -56,7 +56,7 @@ def read_measured(history: Path) -> list[Measured]:
 
 
 def _measurement(facts: dict[str, Any], digest: str, number: int) -> Measured:
-    found = facts["pacmo"].get(MODEL, {})
+    found = facts["pacmo"]["rows"].get(MODEL, {})
     metrics = {name: found[name] for name in COMPARED if name in found}
     return Measured(number, utc_now(), facts["experiment"], commit(), digest, metrics)
 
@@ -82,10 +82,10 @@ def write_report_with_history(out: Path = REPORT_WITH_HISTORY) -> Path:
     CommandError
         If there is no run's page.
     """
-    for path in (REPORT, METRICS):
+    for path in (REPORT, DETAILS):
         if not path.exists():
             raise CommandError(f"no {path}: reproduce first")
-    runs = record_measurement(METRICS, MEASUREMENTS)
+    runs = record_measurement(DETAILS, MEASUREMENTS)
     beside = Beside(
         study=study_table(json.loads(STUDY.read_text(encoding="utf-8")))
         if STUDY.exists()
@@ -132,7 +132,7 @@ def _format_share(found: dict[str, Any]) -> str:
 
 
 def _commands(runs: list[Measured]) -> tuple[str, ...]:
-    digest = hashlib.sha256(METRICS.read_bytes()).hexdigest()
+    digest = hashlib.sha256(DETAILS.read_bytes()).hexdigest()
     run = next(run for run in runs if run.digest == digest)
     mark = "    # and what was edited since" if run.commit.endswith(EDITED) else ""
     return (

@@ -9,17 +9,25 @@ from pacmo_core.figures.columns import HIGHER, LOWER, UNKNOWN, Metric
 from pacmo_core.figures.tables import Line, Table, entry_of
 
 COLUMNS = {
-    "near_error": Metric(
+    "near_distance_error": Metric(
         "Near pairs", LOWER, "m", "change of the distances between joints of the two that are near"
     ),
-    "near_error_naive": Metric("scaled in place", UNKNOWN, "m", "the same, each body for itself"),
-    "far_error": Metric("Far pairs", LOWER, "m", "the same of all other pairs"),
-    "contacts_kept": Metric("Contacts kept", HIGHER, "", "share of touching pairs and frames"),
-    "added_slide": Metric("Added sliding", LOWER, "m/s", "of standing feet, over the source's"),
+    "near_distance_error_naive": Metric(
+        "scaled in place", UNKNOWN, "m", "the same, each body for itself"
+    ),
+    "far_distance_error": Metric("Far pairs", LOWER, "m", "the same of all other pairs"),
+    "contacts_preserved": Metric("Contacts kept", HIGHER, "", "share of touching pairs and frames"),
+    "added_foot_skate": Metric(
+        "Added sliding", LOWER, "m/s", "of standing feet, over the source's"
+    ),
     "penetration": Metric("Deeper", LOWER, "m", "how much closer than in the source, at worst"),
-    "seam_ratio": Metric("Seam ratio", LOWER, "", "sharpest jolt over the motion around it"),
-    "flip_share": Metric("Flips", LOWER, "", "share of frames with an elbow or knee bent back"),
-    "trunk_change": Metric(
+    "acceleration_peak_ratio": Metric(
+        "Seam ratio", LOWER, "", "sharpest jolt over the motion around it"
+    ),
+    "bend_flip_fraction": Metric(
+        "Flips", LOWER, "", "share of frames with an elbow or knee bent back"
+    ),
+    "trunk_deformation": Metric(
         "Trunk bent", LOWER, "", "share by which two joints of a trunk are nearer than they should"
     ),
 }
@@ -65,10 +73,10 @@ def varied_clip(
 def said(figures: Mapping[str, float]) -> str:
     """Say a variation's figures in a line."""
     return (
-        f"near pairs {1e3 * figures['near_error']:.1f} mm off "
-        f"({1e3 * figures['near_error_naive']:.0f} if scaled in place), "
-        f"contacts {100 * figures['contacts_kept']:.1f} %, "
-        f"sliding {100 * figures['added_slide']:+.2f} cm/s, "
-        f"{1e3 * figures['penetration']:.1f} mm deeper, seam {figures['seam_ratio']:.2f}, "
-        f"trunk bent {100 * figures['trunk_change']:.0f} %"
+        f"near pairs {1e3 * figures['near_distance_error']:.1f} mm off "
+        f"({1e3 * figures['near_distance_error_naive']:.0f} if scaled in place), "
+        f"contacts {100 * figures['contacts_preserved']:.1f} %, "
+        f"sliding {100 * figures['added_foot_skate']:+.2f} cm/s, "
+        f"{1e3 * figures['penetration']:.1f} mm deeper, seam {figures['acceleration_peak_ratio']:.2f}, "
+        f"trunk bent {100 * figures['trunk_deformation']:.0f} %"
     )

@@ -61,8 +61,8 @@ class QuadraticEnergy:
     ties: Array
     acceleration: float
     stance: float
-    height: float
-    anchor: float
+    stance_height: float
+    regularisation: float
 
     @property
     def steps_held(self) -> Array:
@@ -96,7 +96,7 @@ class QuadraticEnergy:
         laplacians, ties = self.laplacians[frames], self.ties[frames]
         inside: Array = laplacians.transpose(0, 2, 1) @ laplacians - ties
         everyone = np.arange(ties.shape[1])
-        inside[:, everyone, everyone] += ties.sum(axis=-1) + self.anchor
+        inside[:, everyone, everyone] += ties.sum(axis=-1) + self.regularisation
         return inside
 
 
@@ -104,19 +104,19 @@ def build_energy(scene: Scene, settings: Settings) -> QuadraticEnergy:
     """Take the matrices of a source; they do not depend on the bodies that are wanted."""
     weights, rate = settings.weights, scene.fps / REFERENCE_FPS
     laplacians = laplacian_matrices(scene, weights, settings.graph)
-    beside, stretched = trunk_shape_matrices(scene, weights.shape)
+    beside, stretched = trunk_shape_matrices(scene, weights.trunk_shape)
     trunks = np.broadcast_to(beside, (len(laplacians), *beside.shape))
     standing = support_contacts(scene, settings.support)
     return QuadraticEnergy(
         laplacians=np.concatenate([laplacians, trunks], axis=1),
         pulls=target_matrix(scene, laplacians, stretched),
         standing=standing,
-        held=support_weights(standing, scene.fps, settings.support.fade),
+        held=support_weights(standing, scene.fps, settings.support.fade_time),
         ties=contact_weights(scene, weights),
         acceleration=weights.acceleration * rate**4,
         stance=weights.stance * rate**2,
-        height=weights.height,
-        anchor=weights.anchor,
+        stance_height=weights.stance_height,
+        regularisation=weights.regularisation,
     )
 
 
@@ -139,12 +139,12 @@ def energy_terms(energy: QuadraticEnergy, change: Real, target: Real) -> dict[st
     held = np.sqrt(energy.steps_held)[..., None, None].astype(kind, copy=False)
     return {
         "laplacian": _half_sum(missed[:, :n_points], change),
-        "shape": _half_sum(missed[:, n_points:], change),
+        "trunk_shape": _half_sum(missed[:, n_points:], change),
         "acceleration": energy.acceleration * _half_sum(np.diff(steps, axis=0), change),
         "contact": _half_sum(springs, change, rows),
         "stance": energy.stance * _half_sum(steps * held, change),
-        "height": energy.height * _half_sum(lifted, change),
-        "anchor": energy.anchor * _half_sum(change, change),
+        "stance_height": energy.stance_height * _half_sum(lifted, change),
+        "regularisation": energy.regularisation * _half_sum(change, change),
     }
 
 
@@ -152,7 +152,7 @@ def hessian_product(energy: QuadraticEnergy, change: Real) -> Real:
     """``H U``, (T, N, 3, V), of changes (T, N, 3, V)."""
     kind, rows = change.dtype, change.reshape(*change.shape[:2], -1)
     found = batched_product(energy.inside.astype(kind, copy=False), rows).reshape(change.shape)
-    found[:, :, 1] += (energy.height * energy.held[..., None]).astype(kind) * change[:, :, 1]
+    found[:, :, 1] += (energy.stance_height * energy.held[..., None]).astype(kind) * change[:, :, 1]
     steps = np.diff(change, axis=0)
     bends = energy.acceleration * np.diff(steps, axis=0)
     steps *= (energy.stance * energy.steps_held[..., None, None]).astype(kind)
@@ -196,7 +196,10 @@ def laplacian_matrices(scene: Scene, weights: Weights, graph: str) -> Array:
 
     Weights fall with the distance in the source: ``w_ij ~ 1 / (d_ij + softening) ** power``.
     """
-    ties = 1 / (_joint_distances(scene.points) + weights.softening) ** weights.power
+    ties = (
+        1
+        / (_joint_distances(scene.points) + weights.distance_softening) ** weights.distance_exponent
+    )
     ties *= complete_graph(scene) if graph == "complete" else delaunay_graph(scene)
     ties /= ties.sum(axis=-1, keepdims=True)
     laplacians: Array = np.eye(ties.shape[-1]) - ties
@@ -210,7 +213,7 @@ def contact_weights(scene: Scene, weights: Weights) -> Array:
     ``s_i`` the larger of 1 and the sum of ``c_ij``: a hand of many joints holds no harder than one.
     """
     closeness = np.exp(
-        -np.square(np.square(_joint_distances(scene.points) / weights.contact_reach))
+        -np.square(np.square(_joint_distances(scene.points) / weights.contact_range))
     )
     closeness *= inter_body_mask(scene)
     shares = np.sqrt(closeness.sum(axis=-1).clip(min=1))
@@ -279,8 +282,8 @@ def support_contacts(scene: Scene, support: Support) -> NDArray[np.bool_]:
     """``(T, N)``: whether a joint is low, near the ground, and still."""
     heights = scene.points[..., 1]
     level = np.quantile(heights, LOWEST_QUANTILE, axis=0)
-    low = (heights < level + support.height) & (level < scene.ground + support.reach)
-    return low & (_joint_speeds(scene) < support.speed)
+    low = (heights < level + support.height_tolerance) & (level < scene.ground + support.max_height)
+    return low & (_joint_speeds(scene) < support.max_speed)
 
 
 def support_weights(standing: NDArray[np.bool_], fps: float, fade: float) -> NDArray[np.float64]:

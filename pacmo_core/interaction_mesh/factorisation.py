@@ -252,7 +252,7 @@ def _compliance(blocks: Iterable[Array], time: TemporalCoupling, scene: Scene) -
 
 def _add_height_term(blocks: Iterable[Array], energy: QuadraticEnergy) -> Iterator[Array]:
     """Add what the ground has on height."""
-    heights = energy.height * pair_frames(energy.held)
+    heights = energy.stance_height * pair_frames(energy.held)
     for block, height in zip(blocks, heights, strict=True):
         yield block + np.diag(height.reshape(-1))
 

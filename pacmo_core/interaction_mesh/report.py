@@ -21,48 +21,51 @@ class Report:
 
     Parameters
     ----------
-    near_error, far_error : metres, by how much distances between the bodies differ from the
+    near_distance_error, far_distance_error : metres, by how much distances between the bodies differ from the
         source's, in pairs of joints near in it and in all others
-    near_error_naive : the same of naive scaling
-    contacts_kept : share of touching pairs and frames
-    added_slide : metres a second that standing joints move more than in the source
+    near_distance_error_naive : the same of naive scaling
+    contacts_preserved : share of touching pairs and frames
+    added_foot_skate : metres a second that standing joints move more than in the source
     penetration : metres that joints come closer than in the source, within the clearance, at worst
-    seam_ratio : the largest mean acceleration of a frame over the median of those around it, or
+    acceleration_peak_ratio : the largest mean acceleration of a frame over the median of those around it, or
         over the source's own such ratio where that is above 1
-    flip_share : of frames, those where an elbow or knee bends to the other side
-    rung : which try it is, from 0
-    raw_residual : share of its length by which a bone missed it before it was set, at worst
-    last_step : by how much the solver's last iteration still moved bones, root mean square, as a
+    bend_flip_fraction : of frames, those where an elbow or knee bends to the other side
+    attempt : which try it is, from 0
+    primal_residual : share of its length by which a bone missed it before it was set, at worst
+    fixed_point_residual : by how much the solver's last iteration still moved bones, root mean square, as a
         share of what the body is asked to change (``ladder.asked_of``)
     iterations : of the try
     energy : the terms
     """
 
-    near_error: float
-    far_error: float
-    near_error_naive: float
-    contacts_kept: float
-    added_slide: float
+    near_distance_error: float
+    far_distance_error: float
+    near_distance_error_naive: float
+    contacts_preserved: float
+    added_foot_skate: float
     penetration: float
-    seam_ratio: float
-    flip_share: float
-    rung: int
-    raw_residual: float
-    last_step: float
+    acceleration_peak_ratio: float
+    bend_flip_fraction: float
+    attempt: int
+    primal_residual: float
+    fixed_point_residual: float
     iterations: int
     energy: dict[str, float]
 
     def badness(self, limits: AttemptLimits) -> float:
         """Give the worst of its figures as a share of their limits: good up to 1."""
         return max(
-            self.raw_residual / limits.residual,
+            self.primal_residual / limits.primal_residual,
             self.penetration / limits.penetration,
-            self.seam_ratio / limits.seam,
+            self.acceleration_peak_ratio / limits.acceleration_peak_ratio,
         )
 
     def astray(self, limits: AttemptLimits) -> bool:
         """Say whether the solver went where more iterations will not help."""
-        return self.raw_residual > limits.residual or self.seam_ratio > limits.seam
+        return (
+            self.primal_residual > limits.primal_residual
+            or self.acceleration_peak_ratio > limits.acceleration_peak_ratio
+        )
 
 
 def measure_motions(
@@ -72,13 +75,13 @@ def measure_motions(
     ours = measure_distances(scene, settings, points)
     own_slide = _foot_skate(scene.points[..., None], standing, scene.fps)
     return {
-        "near_error": ours.near,
-        "far_error": ours.far,
-        "contacts_kept": ours.kept,
-        "added_slide": _foot_skate(points, standing, scene.fps) - own_slide,
+        "near_distance_error": ours.near,
+        "far_distance_error": ours.far,
+        "contacts_preserved": ours.kept,
+        "added_foot_skate": _foot_skate(points, standing, scene.fps) - own_slide,
         "penetration": ours.penetration.clip(min=0),
-        "seam_ratio": _acceleration_peak_ratio(scene, points),
-        "flip_share": bend_flip_fraction(scene, points),
+        "acceleration_peak_ratio": _acceleration_peak_ratio(scene, points),
+        "bend_flip_fraction": bend_flip_fraction(scene, points),
     }
 
 
@@ -151,9 +154,11 @@ def measure_distances(scene: Scene, settings: Settings, points: Array) -> Distan
     deeper = np.zeros((*scene.n_joints, n_bodies), dtype=np.float32).reshape(-1, n_bodies)
     for pose, frame in zip(scene.points, points, strict=True):
         before = _inter_body_distances(scene, pose[..., None])
-        near, touching = (before[:, 0] < limit for limit in (settings.near, settings.touching))
+        near, touching = (
+            before[:, 0] < limit for limit in (settings.near_distance, settings.contact_distance)
+        )
         after = _inter_body_distances(scene, frame)
-        kept = after[touching] < settings.touching + settings.slack
+        kept = after[touching] < settings.contact_distance + settings.contact_slack
         np.subtract(before, after, out=after)
         np.maximum(deeper, after - (before - settings.clearance).clip(min=0), out=deeper)
         weights: Single = np.stack([near, ~near]).astype(np.float32)
@@ -174,7 +179,7 @@ def near_distance_error(scene: Scene, settings: Settings, points: Array) -> Arra
         poses, varied = scene.points[block], points[block]
         a, b = np.split(poses, [scene.n_joints[0]], axis=1)
         before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
-        frames, own, other = np.nonzero(before < settings.near)
+        frames, own, other = np.nonzero(before < settings.near_distance)
         vectors = varied[frames, own] - varied[frames, scene.n_joints[0] + other]
         after = np.sqrt(np.einsum("pcv,pcv->pv", vectors, vectors))
         total += np.abs(after - before[frames, own, other, None]).sum(axis=0)

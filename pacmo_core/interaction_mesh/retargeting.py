@@ -77,15 +77,19 @@ class PreparedSource:
         grown: Array = np.square(scales - 1) * squares
         return grown
 
-    def solver(self, rung: Attempt) -> AdmmSolver:
-        """Give the solver of a rung."""
-        penalties = (rung.penalty, rung.apart)
+    def solver(self, attempt: Attempt) -> AdmmSolver:
+        """Give the solver of a attempt."""
+        penalties = (attempt.bone_penalty, attempt.separation_penalty)
         if penalties not in self.solvers:
             scene, settings = self.scene, self.settings
-            rows = bone_constraints(scene, rung.penalty * self.stiffness)
-            if rung.apart:
+            rows = bone_constraints(scene, attempt.bone_penalty * self.stiffness)
+            if attempt.separation_penalty:
                 rows = add_separation_constraints(
-                    scene, rows, rung.apart, settings.guarded, settings.clearance
+                    scene,
+                    rows,
+                    attempt.separation_penalty,
+                    settings.n_separation_pairs,
+                    settings.clearance,
                 )
             self.solvers[penalties] = build_solver(
                 factorise(self.energy, rows),
@@ -103,7 +107,7 @@ def prepare(scene: Scene, settings: Settings) -> PreparedSource:
         source = PreparedSource(
             scene, settings, energy, stiffness(energy, scene), linear_response(scene, energy)
         )
-        source.solver(settings.rungs[0])
+        source.solver(settings.attempts[0])
     return source
 
 
@@ -199,7 +203,7 @@ class _AttemptSolution:
 def run_attempt(
     source: PreparedSource, scales: Array, number: int, held: list[AttemptResult | None]
 ) -> list[AttemptResult]:
-    """Try a rung on some bodies with scales (V, E), and keep the better of this and the last."""
+    """Try a attempt on some bodies with scales (V, E), and keep the better of this and the last."""
     # Sums of few columns add up in another order: full ones, so that company makes no difference.
     columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
     scales = scales[columns]
@@ -209,13 +213,13 @@ def run_attempt(
     change, bones, pressed = solved.change, solved.bones, solved.pressed
     motions = project_bone_lengths(source.scene, change, bones, scales)
     figures = _measure(source, scales, motions, held)
-    figures["raw_residual"] = primal_residual(source.scene, change, scales)
-    figures["last_step"] = solved.step
+    figures["primal_residual"] = primal_residual(source.scene, change, scales)
+    figures["fixed_point_residual"] = solved.step
     moved = (motions - source.scene.points[..., None]).astype(np.float32)
     terms = energy_terms(source.energy, moved, target)
     reports = [
         Report(
-            rung=number,
+            attempt=number,
             iterations=int(solved.iterations[v]),
             energy={name: float(term[v]) for name, term in terms.items()},
             **{name: float(column[v]) for name, column in figures.items()},
@@ -240,10 +244,10 @@ def run_attempt(
 
 
 def is_final(source: PreparedSource, number: int, one: AttemptResult) -> bool:
-    """Say whether a variation needs no further rung."""
-    rungs, report = source.settings.rungs, one.report
-    settled = report.rung == number and report.last_step <= rungs[number].step
-    return number + 1 == len(rungs) or (settled and report.badness(source.settings.limits) <= 1)
+    """Say whether a variation needs no further attempt."""
+    attempts, report = source.settings.attempts, one.report
+    settled = report.attempt == number and report.fixed_point_residual <= attempts[number].tolerance
+    return number + 1 == len(attempts) or (settled and report.badness(source.settings.limits) <= 1)
 
 
 def _select_better(
@@ -260,11 +264,13 @@ def _measure(
 ) -> dict[str, Array]:
     """Measure the motions (T, N, 3, V), and naive scaling if that was not done before."""
     figures = measure_motions(source.scene, source.settings, source.energy.standing, motions)
-    known = [one.report.near_error_naive for one in held if one is not None]
+    known = [one.report.near_distance_error_naive for one in held if one is not None]
     if known:
-        return figures | {"near_error_naive": np.array(known)}
+        return figures | {"near_distance_error_naive": np.array(known)}
     plain = naive_scaling(source.scene, scales)
-    return figures | {"near_error_naive": near_distance_error(source.scene, source.settings, plain)}
+    return figures | {
+        "near_distance_error_naive": near_distance_error(source.scene, source.settings, plain)
+    }
 
 
 def _attempt_start(
@@ -275,11 +281,11 @@ def _attempt_start(
     held: list[AttemptResult | None],
 ) -> AdmmStart:
     """Start those that are ``held``; scales (V, E) and target (T, N + M, 3, V) may hold more."""
-    rung, n_bodies = source.settings.rungs[number], len(held)
+    attempt, n_bodies = source.settings.attempts[number], len(held)
     laplacians = source.energy.laplacians.transpose(0, 2, 1).astype(np.float32)
     pull = batched_product(laplacians, target.reshape(*target.shape[:2], -1))
     pull = _to_blocks(pull.reshape(*pull.shape[:2], *target.shape[2:])[..., :n_bodies])
-    bearing = (rung.penalty * source.stiffness[..., None]).astype(np.float32)
+    bearing = (attempt.bone_penalty * source.stiffness[..., None]).astype(np.float32)
     bones = source.response.summed(source.scene.vectors, scales, bearing)[..., :n_bodies]
     scales = scales[:n_bodies]
     return AdmmStart(
@@ -310,7 +316,7 @@ def _initial_governing(
     held: list[AttemptResult | None],
 ) -> Single:
     """Start from the bones (T, E, 3, V), or from where the last try ended."""
-    ends = source.solver(source.settings.rungs[number]).guarded
+    ends = source.solver(source.settings.attempts[number]).guarded
     pairs = np.repeat(_pair_vectors(source.scene.points, ends)[..., None], len(held), axis=-1)
     for v, one in enumerate(held):
         if one is not None and not one.astray:
@@ -333,9 +339,11 @@ def _to_blocks(columns: NDArray[np.floating]) -> Single:
 def _solve_attempt(
     source: PreparedSource, start: AdmmStart, number: int, columns: NDArray[np.intp]
 ) -> _AttemptSolution:
-    """Iterate on a rung; the solver's own arrays end here."""
-    rung = source.settings.rungs[number]
-    solution = solve_admm(source.solver(rung), start, iterations=rung.iterations, step=rung.step)
+    """Iterate on a attempt; the solver's own arrays end here."""
+    attempt = source.settings.attempts[number]
+    solution = solve_admm(
+        source.solver(attempt), start, iterations=attempt.max_iterations, step=attempt.tolerance
+    )
     n_frames, n_bones = source.stiffness.shape
     n_points = source.scene.points.shape[1]
 
@@ -345,7 +353,7 @@ def _solve_attempt(
 
     point = solution.point[:, :, :n_bones]
     bones = point * solution.share[:, :, :n_bones, None]
-    weights = (rung.penalty * source.stiffness[..., None, None]).astype(np.float32)
+    weights = (attempt.bone_penalty * source.stiffness[..., None, None]).astype(np.float32)
     return _AttemptSolution(
         change=laid_out(solution.change, n_points),
         bones=laid_out(bones, n_bones),
@@ -396,7 +404,7 @@ def retarget(source: PreparedSource, scales: Array) -> Variations:
 def retarget_in_batches(source: PreparedSource, scales: Array) -> Iterator[Variations]:
     """Do as ``vary``, and give variations as they are done, lest all stand in memory.
 
-    Those that are not within the limits wait for the next rung together, so that the many easy
+    Those that are not within the limits wait for the next attempt together, so that the many easy
     ones need not iterate with the few hard ones. Each row comes once.
     """
     check_scales(scales, len(source.scene.bones))
@@ -405,7 +413,7 @@ def retarget_in_batches(source: PreparedSource, scales: Array) -> Iterator[Varia
     # Like beside like: they settle at about the same time.
     in_order = np.argsort(-source.grown(own).sum(axis=1))
     waiting: dict[int, AttemptResult | None] = dict.fromkeys(in_order.tolist())
-    for number in range(len(source.settings.rungs)):
+    for number in range(len(source.settings.attempts)):
         rows = list(waiting)
         for first in range(0, len(rows), source.batch):
             batch = rows[first : first + source.batch]

@@ -223,7 +223,7 @@ def _reduced_blocks(energy: QuadraticEnergy, free: ReducedBasis) -> Iterator[tup
     """Give H between the freedoms of two frames, and from these to those of the next two."""
     time, count = temporal_coupling(energy), len(free.bones)
     ways = pair_frames(free.ways.astype(np.float64)).reshape(-1, 2 * count, 3)
-    heights = pair_frames(np.sqrt(energy.height * energy.held)).reshape(len(ways), -1)
+    heights = pair_frames(np.sqrt(energy.stance_height * energy.held)).reshape(len(ways), -1)
     reach = np.kron(np.eye(2), free.reach).astype(np.float64)
     rows = np.concatenate([free.bones, free.bones + free.reach.shape[1]])
     for number, flat in enumerate(diagonal_blocks(energy, time, None)):

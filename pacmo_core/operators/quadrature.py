@@ -5,7 +5,7 @@ from torch import Tensor, nn
 
 
 def trapezoid_weights(times: Tensor) -> Tensor:
-    """Weigh samples so that ``(weights * v).sum()`` is the integral of their broken line.
+    """Return weights with which ``(weights * v).sum()`` integrates the piecewise linear function.
 
     Parameters
     ----------
@@ -13,7 +13,7 @@ def trapezoid_weights(times: Tensor) -> Tensor:
 
     Returns
     -------
-    (..., T), in the unit of ``times``; they add up to the length of the interval
+    (..., T), in the unit of ``times``; they sum to the length of the interval
 
     Raises
     ------
@@ -21,7 +21,7 @@ def trapezoid_weights(times: Tensor) -> Tensor:
         If there are fewer than two times, or they do not increase.
     """
     if times.shape[-1] < 2:
-        raise ValueError(f"a trapezoid needs two times; got {times.shape[-1]}")
+        raise ValueError(f"times must be at least two; got {times.shape[-1]}")
     gaps = times.diff(dim=-1)
     if bool((gaps <= 0).any()):
         raise ValueError(f"times must increase strictly; got a gap of {gaps.min().item():g}")
@@ -48,7 +48,7 @@ class FunctionalLayer(nn.Module):
         )
 
     def forward(self, v: Tensor, times: Tensor) -> Tensor:
-        """Integrate ``(B, T)`` values at ``(T,)`` instants: ``(B,)``."""
+        """Integrate ``(B, T)`` values at ``(T,)`` times: ``(B,)``."""
         # An integral is a long sum: in single precision, whatever the networks around it run in.
         with torch.autocast(v.device.type, enabled=False):
             kappa: Tensor = self.kernel(times[:, None])[:, 0]

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 
 def n_resolved_modes(n_points: int) -> int:
-    """Count the modes that a periodic grid tells apart, without Nyquist's, which has no phase."""
+    """Return the number of modes that a periodic grid resolves, without Nyquist's, of no phase."""
     return (n_points + 1) // 2
 
 
@@ -26,7 +26,7 @@ def analysis_matrix(n_points: int, n_modes: int) -> Tensor:
     """
     if n_modes > n_resolved_modes(n_points):
         raise ValueError(
-            f"{n_points} points resolve {n_resolved_modes(n_points)} modes; wanted {n_modes}"
+            f"{n_points} points resolve {n_resolved_modes(n_points)} modes; got n_modes {n_modes}"
         )
     angle = _angles(torch.arange(n_points, dtype=torch.float64) / n_points, n_modes)
     pairs = torch.stack([angle.cos(), -angle.sin()], dim=-1) / n_points
@@ -38,8 +38,8 @@ def synthesis_matrix(phases: Tensor, n_modes: int) -> Tensor:
 
     Parameters
     ----------
-    phases : (T,), instants in periods
-    n_modes : M, the constant mode among them
+    phases : (T,), times in periods
+    n_modes : M, including the constant mode
     """
     angle = _angles(phases.double(), n_modes)
     pairs = torch.stack([angle.cos(), -angle.sin()], dim=-1)
@@ -48,14 +48,14 @@ def synthesis_matrix(phases: Tensor, n_modes: int) -> Tensor:
 
 
 def resampling_matrix(n_in: int, n_out: int) -> Tensor:
-    """Build the matrix ``(n_out, n_in)`` between periodic grids; keep all that both resolve."""
+    """Build the matrix ``(n_out, n_in)`` between periodic grids, of the modes that both resolve."""
     n_modes = min(n_resolved_modes(n_in), n_resolved_modes(n_out))
     phases = torch.arange(n_out, dtype=torch.float64) / n_out
     return synthesis_matrix(phases, n_modes) @ analysis_matrix(n_in, n_modes)
 
 
 def interpolation_matrix(phases: Tensor, n_points: int) -> Tensor:
-    """Build the matrix ``(T, N)`` from values on a periodic grid to values at any instants."""
+    """Build the matrix ``(T, N)`` from values on a periodic grid to values at any times."""
     n_modes = n_resolved_modes(n_points)
     return synthesis_matrix(phases.cpu(), n_modes) @ analysis_matrix(n_points, n_modes)
 
@@ -63,9 +63,9 @@ def interpolation_matrix(phases: Tensor, n_points: int) -> Tensor:
 def periodic_extension_matrix(n_points: int, n_latent: int) -> Tensor:
     """Build the matrix ``(L, N)`` that closes a function on [0, 1] into one of period L / (N - 1).
 
-    The first N points of the latent grid are the function's own; the rest is the cubic that joins
-    value and slope at its end to those at its beginning. A jump there would ring through every
-    later layer, and ring otherwise at another resolution.
+    The first N points of the latent grid are those of the function; the rest is the cubic Hermite
+    interpolation from value and slope at its end to those at its beginning. A discontinuity would
+    cause ringing in every layer, different at each resolution.
     """
     step = 1 / (n_points - 1)
     gap = (n_latent - n_points + 1) * step
@@ -128,7 +128,7 @@ class SpectralLayer(nn.Module):
         return (self.synthesis @ mixed.view(2 * self.n_modes, batch * c_out)).view(-1, batch, c_out)
 
     def initialise(self, random: torch.Generator) -> None:
-        """Draw the weights from a complex normal law of variance ``1 / (2 C_in)``."""
+        """Sample the weights from a complex normal distribution of variance ``1 / (2 C_in)``."""
         scale = math.sqrt(0.5 / (2 * self.weight.shape[1]))
         with torch.no_grad():
             self.weight.copy_(scale * torch.randn(self.weight.shape, generator=random))
@@ -137,7 +137,7 @@ class SpectralLayer(nn.Module):
 class OperatorLayer(nn.Module):
     """``gelu(kernel operator + pointwise map)`` from one periodic grid to another (PaCMO, 2.2).
 
-    Both branches change the grid in the Fourier domain, so that they speak of the same instants.
+    Both branches change the grid in the Fourier domain, so that they refer to the same times.
     """
 
     resampling: Tensor
@@ -168,12 +168,14 @@ class OperatorLayer(nn.Module):
 
 
 def initialise_weights(module: nn.Module, random: torch.Generator) -> None:
-    """Draw anew, in order, all weights below ``module``, by the laws that torch's layers use.
+    """Initialise all weights of ``module`` in order from an explicit random generator.
+
+    The distributions are those of torch's layers, whose constructors use a global generator.
 
     Raises
     ------
     ValueError
-        If a layer with weights of its own is of a kind that this function does not know.
+        If a layer with weights is of a type without a rule here.
     """
     for layer in module.modules():
         if isinstance(layer, SpectralLayer):
@@ -183,7 +185,7 @@ def initialise_weights(module: nn.Module, random: torch.Generator) -> None:
         elif isinstance(layer, nn.GRU):
             _uniform(layer, 1 / math.sqrt(layer.hidden_size), random)
         elif next(layer.parameters(recurse=False), None) is not None:
-            raise ValueError(f"no law for the weights of {type(layer).__name__}")
+            raise ValueError(f"no rule to initialise the weights of {type(layer).__name__}")
 
 
 def _uniform(layer: nn.Module, bound: float, random: torch.Generator) -> None:

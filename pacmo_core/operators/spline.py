@@ -1,13 +1,19 @@
-"""Samples at any instants as a function of time: interpolating and smoothing splines.
+"""Samples at any times as a function of time: interpolating and smoothing splines.
 
-A spline through noisy frames is another function for every choice of frames; a smoothing spline is
-nearly one. How much to smooth is estimated from the frames, so clean motion capture is unchanged.
+An interpolating spline of a noisy motion depends on which frames were captured; a smoothing spline
+hardly does. The noise is estimated from the frames, so clean motion capture is unchanged.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
+
+# Power spectral density of human accelerations, m²/s³: about 5 m/s² up to about 3 Hz.
+ACCELERATION_DENSITY = 4.0
+MIN_FRAMES = 7  # with fewer, noise and motion cannot be separated, and nothing is smoothed
+
+Array = NDArray[np.float64]
 
 
 class Spline:
@@ -27,52 +33,45 @@ class Spline:
         self.start, self.end = float(np.asarray(times)[0]), float(np.asarray(times)[-1])
         self._spline = CubicSpline(np.asarray(times, float), np.asarray(values, float), axis=0)
 
-    def __call__(self, at: ArrayLike) -> NDArray[np.float64]:
-        """Evaluate at instants within the samples: ``(N, ...)``.
+    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Evaluate at times within the samples: ``(N, ...)``.
 
         Raises
         ------
         ValueError
-            If an instant lies outside the samples: a spline does not extrapolate motion.
+            If a time lies outside the samples: a spline does not extrapolate motion.
         """
-        instants = self.check(at)
-        values: NDArray[np.float64] = self._spline(instants.clip(self.start, self.end))
+        checked = self.check(times)
+        values: NDArray[np.float64] = self._spline(checked.clip(self.start, self.end))
         return values
 
-    def check(self, at: ArrayLike) -> NDArray[np.float64]:
-        """Give instants back as an array, or raise as a call does."""
-        instants = np.asarray(at, dtype=np.float64)
-        slack = 1e-9 * max(1.0, abs(self.end), self.end - self.start)
-        if instants.min() < self.start - slack or instants.max() > self.end + slack:
+    def check(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Return times as an array, or raise ``ValueError`` as a call does."""
+        checked = np.asarray(times, dtype=np.float64)
+        tolerance = 1e-9 * max(1.0, abs(self.end), self.end - self.start)
+        if checked.min() < self.start - tolerance or checked.max() > self.end + tolerance:
             raise ValueError(
-                f"instants must lie in [{self.start:g}, {self.end:g}] s; "
-                f"got [{instants.min():g}, {instants.max():g}]"
+                f"times must be in [{self.start:g}, {self.end:g}] s; "
+                f"got [{checked.min():g}, {checked.max():g}]"
             )
-        return instants
+        return checked
 
     def on_grid(self, n_points: int) -> NDArray[np.float64]:
-        """Evaluate on ``n_points`` evenly spaced instants, both ends among them."""
+        """Evaluate on ``n_points`` evenly spaced times with both ends."""
         return self(np.linspace(self.start, self.end, n_points))
 
 
-# Power of people's accelerations per hertz, m²/s³: some 5 m/s² up to some 3 Hz.
-ACCELERATION_DENSITY = 4.0
-MIN_FRAMES = 7  # with fewer, noise can't be told from motion, and nothing is done
-
-Array = NDArray[np.float64]
-
-
 class SmoothingSpline(Spline):
-    """A motion smoothed as much as its own noise calls for.
+    """A cubic smoothing spline of a motion, with weight by its estimated noise.
 
-    With noise of variance s² and accelerations that are white of density q, the likeliest motion
-    given the frames is the cubic smoothing spline of weight s²/q, straight at its ends (Wahba 1978,
+    With noise of variance s² and accelerations of white noise of density q, the maximum a
+    posteriori motion is the cubic smoothing spline of weight s²/q with natural ends (Wahba 1978,
     *Improper priors, spline smoothing*).
 
     Parameters
     ----------
     times : (T,) seconds, strictly increasing
-    motion : (T, J, 3), metres; of fewer than ``LEAST_FRAMES`` the spline through them
+    motion : (T, J, 3), metres; of fewer than ``MIN_FRAMES`` it is interpolated
     """
 
     def __init__(self, times: Array, motion: NDArray[np.float32]) -> None:
@@ -89,9 +88,9 @@ class SmoothingSpline(Spline):
 def estimate_noise_variance(times: Array, values: Array) -> float:
     """Estimate the variance of white noise in frames, a mean over channels.
 
-    Each frame is foretold by the cubic through two neighbours on either side. Smooth motion is
-    foretold to a fourth power of the step between frames; what is left over is noise, of the frame
-    and of the four neighbours.
+    Each frame is predicted by the cubic through two neighbours on either side. For smooth motion
+    the error is of fourth order in the step between frames; the residual is noise, of the frame and
+    of the four neighbours.
 
     Parameters
     ----------
@@ -99,11 +98,11 @@ def estimate_noise_variance(times: Array, values: Array) -> float:
     values : (T, C)
     """
     middle = np.arange(2, len(times) - 2)
-    near = middle[:, None] + np.array([-2, -1, 1, 2])
-    shares = _lagrange_weights(times[near], times[middle])
-    left_over = values[middle] - np.einsum("ij,ijc->ic", shares, values[near])
-    gain = 1 + (shares**2).sum(axis=1, keepdims=True)
-    return float((left_over**2 / gain).mean())
+    neighbours = middle[:, None] + np.array([-2, -1, 1, 2])
+    weights = _lagrange_weights(times[neighbours], times[middle])
+    residual = values[middle] - np.einsum("ij,ijc->ic", weights, values[neighbours])
+    gain = 1 + (weights**2).sum(axis=1, keepdims=True)
+    return float((residual**2 / gain).mean())
 
 
 def fit_smoothing_spline(times: Array, values: Array, weight: float) -> Array:
@@ -142,9 +141,9 @@ def fit_smoothing_spline(times: Array, values: Array, weight: float) -> Array:
 
 def _lagrange_weights(near: Array, at: Array) -> Array:
     """Weigh four points ``(n, 4)`` so that cubics through them are met at ``(n,)``."""
-    shares = np.ones_like(near)
+    weights = np.ones_like(near)
     for j in range(4):
         for k in range(4):
             if k != j:
-                shares[:, j] *= (at - near[:, k]) / (near[:, j] - near[:, k])
-    return shares
+                weights[:, j] *= (at - near[:, k]) / (near[:, j] - near[:, k])
+    return weights

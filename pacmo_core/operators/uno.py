@@ -1,4 +1,7 @@
-"""A U-shaped neural operator of seven integral layers on functions of time over [0, 1]."""
+"""U-NO, a U-shaped neural operator of seven integral layers on functions of time over [0, 1].
+
+Rahman, Ross and Azizzadenesheli (2022), *U-NO: U-shaped neural operators*; PaCMO, fig. 1.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +17,7 @@ from pacmo_core.operators.spectral import (
     periodic_extension_matrix,
 )
 
-# Layer whose output joins each layer's input, where the grids are equal again (PaCMO, fig. 1).
+# Layer whose output is concatenated to each layer's input, where grids are equal (PaCMO, fig. 1).
 SKIPS = {4: 2, 5: 1, 6: 0}
 
 
@@ -30,7 +33,7 @@ class UnoConfig:
     modes : of each layer's kernel; cut down to what the layer's grids resolve
     ratios : size of each layer's grid, relative to the latent one
     n_points : grid on [0, 1], both ends among them
-    period : length that the latent grid spans; what exceeds 1 joins the end to the beginning
+    period : length of the latent grid; beyond 1 the function is extended to a periodic one
     skips : whether early layers are concatenated to late ones
     """
 
@@ -70,11 +73,11 @@ class UnoConfig:
 
 
 class Uno(nn.Module):
-    """Map a function on [0, 1] to another; the output may be asked for at any instants.
+    """Map a function on [0, 1] to another, whose values can be computed at any times.
 
-    Unlike Rahman et al. (2022), the layers always work on one latent grid, whatever grid the data
-    came on, and the last pointwise map acts at the instants that are asked for: so the output does
-    not depend on the sampling beyond the error of the spline that encoded it.
+    Unlike Rahman et al. (2022), the layers have one latent grid, whatever grid the data
+    had, and the last pointwise map is applied at the output times: so the output depends on the
+    sampling only by the error of the spline that interpolates it.
     """
 
     extension: Tensor
@@ -97,12 +100,12 @@ class Uno(nn.Module):
         self.register_buffer("at_points", self.evaluation(points), persistent=False)
 
     def forward(self, v: Tensor) -> Tensor:
-        """Evaluate on the grid that the input stands on: ``(B, N, C_in)`` to ``(B, N, C_out)``."""
+        """Evaluate on the grid of the input: ``(B, N, C_in)`` to ``(B, N, C_out)``."""
         return self.evaluate(self.trunk(v), v, self.at_points)
 
     def trunk(self, v: Tensor) -> Tensor:
         """Apply the seven layers: ``(B, N, C_in)`` to ``(L, B, C)`` on the latent grid."""
-        hidden = self._lifted(v)
+        hidden = self._lift(v)
         outputs: list[Tensor] = []
         for i, layer in enumerate(self.layers):
             if self.config.skips and i in SKIPS:
@@ -112,23 +115,23 @@ class Uno(nn.Module):
         return hidden
 
     def bottleneck(self, v: Tensor, n_layers: int) -> Tensor:
-        """Apply the first ``n_layers`` layers, which no skip enters: ``(n, B, C)``."""
-        hidden = self._lifted(v)
+        """Apply the first ``n_layers`` layers, which have no skip inputs: ``(n, B, C)``."""
+        hidden = self._lift(v)
         for layer in list(self.layers)[:n_layers]:
             hidden = layer(hidden)
         return hidden
 
     def evaluation(self, times: Tensor) -> Tensor:
-        """Build the matrix ``(T, L)`` from the latent grid to instants in [0, 1]."""
+        """Build the matrix ``(T, L)`` from the latent grid to times in [0, 1]."""
         return interpolation_matrix(times / self.config.period, self.config.n_latent).float()
 
     def evaluate(self, latent: Tensor, v_at: Tensor, evaluation: Tensor) -> Tensor:
-        """Synthesise at instants and apply the head pointwise.
+        """Interpolate at times and apply the head pointwise.
 
         Parameters
         ----------
         latent : (L, B, C), of ``trunk``
-        v_at : (B, T, C_in), the input function at the instants asked for
+        v_at : (B, T, C_in), the input function at the output times
         evaluation : (T, L), of ``evaluation``
 
         Returns
@@ -142,13 +145,13 @@ class Uno(nn.Module):
         out: Tensor = self.head(local)
         return out.transpose(0, 1)
 
-    def _lifted(self, v: Tensor) -> Tensor:
-        closed = self.extension @ v.transpose(0, 1).flatten(1)
-        return functional.gelu(self.lift(closed.view(-1, v.shape[0], v.shape[2])))
+    def _lift(self, v: Tensor) -> Tensor:
+        extended = self.extension @ v.transpose(0, 1).flatten(1)
+        return functional.gelu(self.lift(extended.view(-1, v.shape[0], v.shape[2])))
 
 
 def u_shape_channels(width: int) -> tuple[int, ...]:
-    """List the channels of the seven layers: more where the grid is coarse."""
+    """Return the channels of the seven layers: more on coarser grids."""
     return tuple(int(factor * width) for factor in (1.5, 2, 3, 4, 3, 2, 1))
 
 
@@ -172,20 +175,20 @@ def _layers(config: UnoConfig) -> list[OperatorLayer]:
     return layers
 
 
-# What five of the seven grids are of the latent one; the fourth layer is the bottleneck.
+# Sizes of the seven grids relative to the latent one; the fourth layer is the bottleneck.
 U_SHAPE_RATIOS = (0.75, 0.5, 0.25, 0.25, 0.5, 0.75, 1.0)
 
 
 class UnoSettings(Protocol):
-    """What a section of ``params.yaml`` says about its operators."""
+    """The part of a training section of ``params.yaml`` that describes its operators."""
 
     @property
     def n_points(self) -> int:
-        """Grid on [0, 1]."""
+        """Points of the grid on [0, 1]."""
 
     @property
     def period(self) -> float:
-        """Of the latent grid."""
+        """Period of the latent grid."""
 
     @property
     def width(self) -> int:
@@ -193,11 +196,11 @@ class UnoSettings(Protocol):
 
     @property
     def modes(self) -> list[int]:
-        """Of the seven layers."""
+        """Modes of the seven layers."""
 
 
 def u_shape_config(settings: UnoSettings, in_channels: int, out_channels: int) -> UnoConfig:
-    """Shape a U-NO of seven layers with skips."""
+    """Return the configuration of a U-NO of seven layers with skip connections."""
     return UnoConfig(
         in_channels=in_channels,
         out_channels=out_channels,
@@ -212,6 +215,6 @@ def u_shape_config(settings: UnoSettings, in_channels: int, out_channels: int) -
 
 
 def uno_config_from_dict(facts: Mapping[str, Any]) -> UnoConfig:
-    """Rebuild the shape of an operator."""
+    """Rebuild a configuration from ``dataclasses.asdict`` of one, through JSON or not."""
     tuples = {key: tuple(facts[key]) for key in ("channels", "modes", "ratios")}
     return UnoConfig(**{**facts, **tuples})

@@ -1,1 +1,1 @@
-"""PaCMO: generator, critic, auto-encoder, GRU baseline, fitting and reacting."""
+"""Reaction generation: PaCMO's conditional WGAN, baselines, feature networks and inference."""

@@ -128,7 +128,9 @@ def build_gru_training(
     random = torch.Generator().manual_seed(settings.random_seed)
     directions = expand_directions(clips, both=settings.both_directions)
     frames = sample_frames(directions, settings.fps, device)
-    held_out = sample_frames(expand_directions(validation, both=True), settings.fps, device)
+    validation_frames = sample_frames(
+        expand_directions(validation, both=True), settings.fps, device
+    )
     config = GruConfig(clips[0].skeleton, settings.fps, settings.hidden, settings.n_layers)
     model = Gru(config)
     initialise_weights(model, random)
@@ -137,7 +139,9 @@ def build_gru_training(
         model,
         len(frames.partner),
         lambda rows: model.loss(frames, rows.tolist()),
-        (lambda: model.loss(held_out, range(len(held_out.partner)))) if validation else None,
+        (lambda: model.loss(validation_frames, range(len(validation_frames.partner))))
+        if validation
+        else None,
         settings,
         random,
     )

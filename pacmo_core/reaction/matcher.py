@@ -42,7 +42,7 @@ class MatcherConfig:
 
     skeleton: Skeleton
     uno: UnoConfig
-    n_instants: int
+    n_times: int
     temperature: float
 
 
@@ -63,7 +63,7 @@ class Matcher(nn.Module):
         self.partner, self.reaction = Uno(config.uno), Uno(config.uno)
         self.normalisation = Normalisation(channels=config.uno.in_channels - 3)
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
-        midpoints = (torch.arange(config.n_instants) + 0.5) / config.n_instants
+        midpoints = (torch.arange(config.n_times) + 0.5) / config.n_times
         evaluation = interpolation_matrix(
             midpoints / config.uno.period, config.uno.sizes[-1]
         ).float()
@@ -166,7 +166,7 @@ def _matcher_config(skeleton: Skeleton, settings: MatcherSettings) -> MatcherCon
         period=settings.period,
         skips=False,
     )
-    return MatcherConfig(skeleton, uno, settings.n_instants, settings.temperature)
+    return MatcherConfig(skeleton, uno, settings.n_times, settings.temperature)
 
 
 def _sample_views(

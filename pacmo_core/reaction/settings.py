@@ -190,8 +190,8 @@ class MatcherSettings:
     period: float
     width: int
     modes: list[int]  # of the three layers
-    embedding_channels: int  # channels of the functions that are compared
-    n_instants: int  # at which they are
+    embedding_channels: int  # of the functions of time that partner and reaction are embedded as
+    n_times: int  # at which the embedding is evaluated
     temperature: float  # of the softmax: smaller is sharper
     joint_noise: float  # metres, standard deviation of a constant offset of each joint
     learning_rate: float

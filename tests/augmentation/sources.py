@@ -1,4 +1,4 @@
-"""Small interactions of the solver's own scenes, and lots of bodies for them."""
+"""Small interactions of the solver's own scenes, and batches of bodies for them."""
 
 from dataclasses import replace
 
@@ -10,7 +10,9 @@ from pacmo_core.data.interaction import Interaction
 from tests.interaction_mesh.scenes import scene
 
 # A first try so short that it serves easy bodies alone.
-SETTINGS = replace(USUAL, rungs=(replace(USUAL.rungs[0], iterations=6, step=3e-3), *USUAL.rungs))
+SETTINGS = replace(
+    USUAL, attempts=(replace(USUAL.attempts[0], max_iterations=6, tolerance=3e-3), *USUAL.attempts)
+)
 
 
 def source(seed: int = 0, n_frames: int = 12) -> Interaction:
@@ -27,7 +29,7 @@ def flat_source(n_frames: int = 12) -> Interaction:
     return Interaction(whole.skeleton, whole.times, whole.person_a, flat)
 
 
-def lot(scales: np.ndarray, seed: int = 0, own: Interaction | None = None) -> Batch:
+def batch(scales: np.ndarray, seed: int = 0, own: Interaction | None = None) -> Batch:
     """Hand out bodies, (V, 10)."""
     own = own or source(seed)
     names = tuple(f"{seed}-{row.tobytes().hex()}" for row in scales)

@@ -11,7 +11,7 @@ from pacmo_core.store.cache import Cache
 from pacmo_core.store.tables import VariationRecord
 
 BODY = {"trunk": 1.0, "left_forearm": 0.1 + 0.2}
-ROW = VariationRecord("one~x", "one", "single", True, "", 0.3, {"rung": 1.0}, BODY, BODY)
+ROW = VariationRecord("one~x", "one", "single", True, "", 0.3, {"attempt": 1.0}, BODY, BODY)
 REFUSED = VariationRecord("one~y", "one", "random", False, "refused: flat", inf, {}, BODY, BODY)
 CLIP = ClipFiles([ROW, REFUSED], {"motions": b"some bytes", "sources": b"\0\1"})
 
@@ -25,13 +25,13 @@ def test_a_clip_is_read_from_the_cache_as_it_was_written(tmp_path: Path) -> None
 
 def test_a_variation_is_read_from_the_cache_as_it_was_written(tmp_path: Path) -> None:
     motions = np.random.default_rng(0).normal(size=(2, 5, 6, 3)).astype(np.float32)
-    made = SolvedVariation(motions, {"near_error": 0.1 + 0.2, "odd": float("nan")})
-    Cache(tmp_path, "maker").put("source/body", variation_to_entry(made))
-    entry = Cache(tmp_path, "maker").get("source/body")
+    made = SolvedVariation(motions, {"near_distance_error": 0.1 + 0.2, "odd": float("nan")})
+    Cache(tmp_path, "solver").put("source/body", variation_to_entry(made))
+    entry = Cache(tmp_path, "solver").get("source/body")
     assert entry is not None
     found = variation_from_entry(entry)
     assert found.motions.tobytes() == motions.tobytes()
-    np.testing.assert_equal(found.figures, made.figures)
+    np.testing.assert_equal(found.measurements, made.measurements)
 
 
 def test_its_files_are_written_under_the_name_of_the_clip(tmp_path: Path) -> None:

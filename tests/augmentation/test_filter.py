@@ -28,13 +28,13 @@ CLIPS = [
 
 
 def test_the_nearest_window_of_each_sequence_is_taken_the_first_of_equals() -> None:
-    assert select_clips(CLIPS, of_each_sequence=1, most=None) == ["a#1", "b", "c#0"]
+    assert select_clips(CLIPS, max_per_sequence=1, max_clips=None) == ["a#1", "b", "c#0"]
 
 
 def test_every_act_is_there_before_a_second_of_any() -> None:
-    assert select_clips(CLIPS, of_each_sequence=1, most=2) == ["a#1", "c#0"]
-    assert select_clips(CLIPS, of_each_sequence=None, most=3) == ["a#1", "b", "c#0"]
-    assert select_clips(CLIPS, of_each_sequence=None, most=None) == [c.clip for c in CLIPS]
+    assert select_clips(CLIPS, max_per_sequence=1, max_clips=2) == ["a#1", "c#0"]
+    assert select_clips(CLIPS, max_per_sequence=None, max_clips=3) == ["a#1", "b", "c#0"]
+    assert select_clips(CLIPS, max_per_sequence=None, max_clips=None) == [c.clip for c in CLIPS]
 
 
 def test_nearness_counts_the_pairs_of_joints_that_are_near() -> None:
@@ -47,49 +47,51 @@ def test_nearness_counts_the_pairs_of_joints_that_are_near() -> None:
 
 
 # FROM """Truth: limits written down here."""
-BOUNDS = VariationLimits(
-    raw_residual=0.01,
-    contacts_kept=0.9,
-    added_slide=0.01,
+LIMITS = VariationLimits(
+    primal_residual=0.01,
+    contacts_preserved=0.9,
+    added_foot_skate=0.01,
     penetration=0.01,
-    seam_ratio=1.5,
-    flip_share=0.02,
-    trunk_change=0.5,
+    acceleration_peak_ratio=1.5,
+    bend_flip_fraction=0.02,
+    trunk_deformation=0.5,
 )
 GOOD = {
-    "raw_residual": 0.001,
-    "contacts_kept": 0.95,
-    "added_slide": -0.001,
+    "primal_residual": 0.001,
+    "contacts_preserved": 0.95,
+    "added_foot_skate": -0.001,
     "penetration": 0.01,
-    "seam_ratio": 1.2,
-    "flip_share": 0.0,
-    "trunk_change": 0.1,
+    "acceleration_peak_ratio": 1.2,
+    "bend_flip_fraction": 0.0,
+    "trunk_deformation": 0.1,
 }
 
 
 def test_a_variation_at_its_limits_is_good() -> None:
-    assert exceeded_limits(GOOD, BOUNDS) == {}
-    assert rejection_reason(GOOD, BOUNDS) == ""
-    assert max_limit_ratio(GOOD, BOUNDS) == 1
+    assert exceeded_limits(GOOD, LIMITS) == {}
+    assert rejection_reason(GOOD, LIMITS) == ""
+    assert max_limit_ratio(GOOD, LIMITS) == 1
 
 
 def test_what_is_beyond_a_limit_is_said_the_worst_first() -> None:
-    bad = GOOD | {"contacts_kept": 0.7, "seam_ratio": 3.0}
-    assert exceeded_limits(bad, BOUNDS) == pytest.approx({"contacts_kept": 3.0, "seam_ratio": 2.0})
-    assert rejection_reason(bad, BOUNDS) == (
-        "contacts_kept 0.7, wanted at least 0.9; seam_ratio 3, wanted at most 1.5"
+    bad = GOOD | {"contacts_preserved": 0.7, "acceleration_peak_ratio": 3.0}
+    assert exceeded_limits(bad, LIMITS) == pytest.approx(
+        {"contacts_preserved": 3.0, "acceleration_peak_ratio": 2.0}
     )
-    assert max_limit_ratio(bad, BOUNDS) == pytest.approx(3.0)
+    assert rejection_reason(bad, LIMITS) == (
+        "contacts_preserved 0.7, wanted at least 0.9; acceleration_peak_ratio 3, wanted at most 1.5"
+    )
+    assert max_limit_ratio(bad, LIMITS) == pytest.approx(3.0)
 
 
 def test_what_is_no_number_is_beyond_its_limit() -> None:
-    broken = GOOD | {"raw_residual": nan}
-    assert list(exceeded_limits(broken, BOUNDS)) == ["raw_residual"]
-    assert max_limit_ratio(broken, BOUNDS) == inf
-    assert "raw_residual nan" in rejection_reason(broken, BOUNDS)
+    broken = GOOD | {"primal_residual": nan}
+    assert list(exceeded_limits(broken, LIMITS)) == ["primal_residual"]
+    assert max_limit_ratio(broken, LIMITS) == inf
+    assert "primal_residual nan" in rejection_reason(broken, LIMITS)
 
 
 def test_a_limit_of_nothing_lets_nothing_through() -> None:
-    strict = replace(BOUNDS, penetration=0.0, contacts_kept=1.0)
-    assert set(exceeded_limits(GOOD, strict)) == {"penetration", "contacts_kept"}
-    assert exceeded_limits(GOOD | {"penetration": 0.0, "contacts_kept": 1.0}, strict) == {}
+    strict = replace(LIMITS, penetration=0.0, contacts_preserved=1.0)
+    assert set(exceeded_limits(GOOD, strict)) == {"penetration", "contacts_preserved"}
+    assert exceeded_limits(GOOD | {"penetration": 0.0, "contacts_preserved": 1.0}, strict) == {}

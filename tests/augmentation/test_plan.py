@@ -14,9 +14,9 @@ STEPS = tuple(round(0.75 + 0.05 * step, 2) for step in range(11))
 PAPER = Plan(
     people=("a", "b"),
     uniform=STEPS,
-    single=SingleBones(bones=("upper",), scales=STEPS, most=10_000),
+    single=SingleBones(bones=("upper",), scales=STEPS, max_variations=10_000),
     profiles=(),
-    bodies=0,
+    n_random=0,
     population=Population(stature=0.05, proportion=0.04, random_seed=1),
 )
 BODIES = (body(DUO27), body(DUO27))
@@ -42,8 +42,8 @@ def test_the_papers_plan_has_ten_scales_of_all_bones_and_of_each_upper_one() -> 
 
 
 def test_profiles_and_drawn_bodies_have_names_that_say_so() -> None:
-    plan = replace(PAPER, uniform=(), profiles=("child",), bodies=3, people=("b",))
-    plan = replace(plan, single=SingleBones(bones=("left_*arm",), scales=(0.8,), most=9))
+    plan = replace(PAPER, uniform=(), profiles=("child",), n_random=3, people=("b",))
+    plan = replace(plan, single=SingleBones(bones=("left_*arm",), scales=(0.8,), max_variations=9))
     found = by_name(plan)
     assert set(found) == {
         *("b-child", "b-left_forearm-0.80", "b-left_upper_arm-0.80"),
@@ -51,11 +51,11 @@ def test_profiles_and_drawn_bodies_have_names_that_say_so() -> None:
     }
     _, a, b = found["r0001"]
     assert a != b
-    assert by_name(replace(plan, bodies=4)).items() >= found.items()
+    assert by_name(replace(plan, n_random=4)).items() >= found.items()
 
 
 def test_few_single_bones_are_chosen_by_their_names_alone() -> None:
-    some = replace(PAPER, single=replace(PAPER.single, most=30), uniform=())
+    some = replace(PAPER, single=replace(PAPER.single, max_variations=30), uniform=())
     chosen = by_name(some)
     assert len(chosen) == 30
     assert chosen.items() <= by_name(PAPER).items()
@@ -72,7 +72,7 @@ def test_two_people_may_have_different_skeletons() -> None:
 
 
 def test_scales_that_round_alike_have_names_that_differ() -> None:
-    plan = replace(PAPER, uniform=(0.8, 0.801), single=replace(PAPER.single, most=0))
+    plan = replace(PAPER, uniform=(0.8, 0.801), single=replace(PAPER.single, max_variations=0))
     assert set(by_name(plan)) >= {"a-uniform-0.80", "a-uniform-0.801"}
 
 
@@ -85,7 +85,7 @@ def test_a_scale_that_no_body_has_is_refused_before_any_work(scale: float) -> No
 
 
 def test_a_pattern_that_fits_nothing_is_answered_with_what_there_is() -> None:
-    plan = replace(PAPER, single=SingleBones(bones=("*tail",), scales=(0.8,), most=1))
+    plan = replace(PAPER, single=SingleBones(bones=("*tail",), scales=(0.8,), max_variations=1))
     with pytest.raises(ValueError, match=r"no segment fits '\*tail'; there are upper, head, left"):
         by_name(plan)
     with pytest.raises(ValueError, match="people must be of a, b; got c"):

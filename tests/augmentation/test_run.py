@@ -25,32 +25,34 @@ from pacmo_core.augmentation.segments import segments
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.interaction_mesh import MAX_BATCH
 from tests.augmentation.real_windows import salsa_window
-from tests.augmentation.sources import SETTINGS, bodies, flat_source, lot, source
+from tests.augmentation.sources import SETTINGS, batch, bodies, flat_source, source
 from tests.docs import ROOT
 
 
 def bytes_of(made: SolvedVariation) -> tuple[bytes, dict[str, float]]:
-    return made.motions.tobytes(), made.figures
+    return made.motions.tobytes(), made.measurements
 
 
 def part(whole: Batch, rows: list[int]) -> Batch:
-    return replace(whole, scales=whole.scales[rows], names=tuple(whole.names[r] for r in rows))
+    return replace(
+        whole, scales=whole.scales[rows], body_keys=tuple(whole.body_keys[r] for r in rows)
+    )
 
 
 def check_company(whole: Batch, companies: list[list[int]]) -> None:
-    together = {name: bytes_of(made) for name, made in solve_batch(whole).made.items()}
+    together = {name: bytes_of(made) for name, made in solve_batch(whole).variations.items()}
     for rows in companies:
-        own = solve_batch(part(whole, rows)).made
+        own = solve_batch(part(whole, rows)).variations
         assert {n: bytes_of(m) for n, m in own.items()} == {n: together[n] for n in own}
         assert len(own) == len(rows)
 
 
 def test_a_variation_is_the_same_bytes_whatever_is_made_with_it() -> None:
-    # Enough for two batches, and bodies of several rungs of the ladder.
-    whole = lot(bodies(MAX_BATCH + 7))
-    made = solve_batch(whole).made
-    assert len({m.figures["rung"] for m in made.values()}) > 1
-    odd = np.random.default_rng(1).permutation(len(whole.names)).tolist()
+    # Enough for two batches, and bodies of several attempts of the ladder.
+    whole = batch(bodies(MAX_BATCH + 7))
+    made = solve_batch(whole).variations
+    assert len({m.measurements["attempt"] for m in made.values()}) > 1
+    odd = np.random.default_rng(1).permutation(len(whole.body_keys)).tolist()
     check_company(whole, [[3], [0], [52, 2], odd[:17], odd[17:40], odd])
 
 
@@ -67,18 +69,18 @@ def test_that_holds_on_a_real_window_too() -> None:
 
 
 def test_the_next_lot_of_another_source_or_settings_does_not_get_the_last_ones() -> None:
-    one, two = lot(bodies(2)), lot(bodies(2), seed=1)
-    first = [bytes_of(m) for m in solve_batch(one).made.values()]
-    assert [bytes_of(m) for m in solve_batch(two).made.values()] != first
-    assert [bytes_of(m) for m in solve_batch(one).made.values()] == first
+    one, two = batch(bodies(2)), batch(bodies(2), seed=1)
+    first = [bytes_of(m) for m in solve_batch(one).variations.values()]
+    assert [bytes_of(m) for m in solve_batch(two).variations.values()] != first
+    assert [bytes_of(m) for m in solve_batch(one).variations.values()] == first
     settings = replace(SETTINGS, relaxation=1.2)
-    other = replace(one, settings=settings, maker=solver_key(settings))
-    assert [bytes_of(m) for m in solve_batch(other).made.values()] != first
+    other = replace(one, settings=settings, solver_key=solver_key(settings))
+    assert [bytes_of(m) for m in solve_batch(other).variations.values()] != first
 
 
 def test_motions_are_of_the_bodies_that_were_asked_for() -> None:
     own, scales = source(), bodies(3)
-    made = list(solve_batch(lot(scales)).made.values())
+    made = list(solve_batch(batch(scales)).variations.values())
     parent, child = own.skeleton.bones.T
     for row, one in zip(scales, made, strict=True):
         for person, motion, part_of in zip(
@@ -91,14 +93,14 @@ def test_motions_are_of_the_bodies_that_were_asked_for() -> None:
 
 
 def test_a_source_that_the_solver_refuses_is_an_outcome_with_its_reason() -> None:
-    outcome = solve_batch(lot(bodies(2), own=flat_source()))
-    assert outcome.made == {}
-    assert "person_b is flat" in outcome.refused
+    outcome = solve_batch(batch(bodies(2), own=flat_source()))
+    assert outcome.variations == {}
+    assert "person_b is flat" in outcome.error
 
 
 def test_a_worker_of_other_code_is_found_out() -> None:
-    with pytest.raises(RuntimeError, match="this worker has other code, NumPy or SciPy"):
-        solve_batch(replace(lot(bodies(1)), maker="another"))
+    with pytest.raises(RuntimeError, match="this worker runs other code, NumPy or SciPy"):
+        solve_batch(replace(batch(bodies(1)), solver_key="another"))
 
 
 def test_what_a_variation_rests_on_is_in_its_hashes() -> None:
@@ -109,25 +111,29 @@ def test_what_a_variation_rests_on_is_in_its_hashes() -> None:
     slower = replace(own, times=own.times * 2)
     assert source_key(renamed) == source_key(own)
     assert len({source_key(x) for x in (own, moved, slower, own.swapped())}) == 4
-    assert solver_key(SETTINGS) != solver_key(replace(SETTINGS, slack=0.03))
+    assert solver_key(SETTINGS) != solver_key(replace(SETTINGS, contact_slack=0.03))
     ones = np.ones(5)
     assert body_key((ones, ones)) != body_key((ones, np.nextafter(ones, 2)))
 
 
-# FROM """Truth: the same lots, solved one after the other in this process."""
+# FROM """Truth: the same batches, solved one after the other in this process."""
 def comparable(outcomes: list[BatchResult]) -> list[tuple]:
     return sorted(
-        (o.key, o.refused, [(n, m.motions.tobytes(), m.figures) for n, m in o.made.items()])
+        (
+            o.source_key,
+            o.error,
+            [(n, m.motions.tobytes(), m.measurements) for n, m in o.variations.items()],
+        )
         for o in outcomes
     )
 
 
 @pytest.mark.slow
 def test_processes_side_by_side_give_what_one_gives() -> None:
-    lots = [lot(bodies(3, seed), seed) for seed in range(5)]
-    lots.append(lot(bodies(2), own=flat_source()))
-    assert comparable(list(solve_with_processes(lots, processes=2))) == comparable(
-        [solve_batch(one) for one in lots]
+    batches = [batch(bodies(3, seed), seed) for seed in range(5)]
+    batches.append(batch(bodies(2), own=flat_source()))
+    assert comparable(list(solve_with_processes(batches, processes=2))) == comparable(
+        [solve_batch(one) for one in batches]
     )
 
 
@@ -136,8 +142,8 @@ def test_the_number_of_blas_threads_leaves_no_trace() -> None:
     program = (
         "from hashlib import sha256\n"
         "from pacmo_core.augmentation.run import solve_batch\n"
-        "from tests.augmentation.sources import bodies, lot\n"
-        "made = solve_batch(lot(bodies(3, 1), 1)).made\n"
+        "from tests.augmentation.sources import bodies, batch\n"
+        "made = solve_batch(batch(bodies(3, 1), 1)).variations\n"
         "print(sha256(b''.join(one.motions.tobytes() for one in made.values())).hexdigest())\n"
     )
 
@@ -157,10 +163,10 @@ def test_no_lots_start_no_process() -> None:
 def test_processes_die_with_the_one_that_started_them() -> None:
     program = (
         "from pacmo_core.augmentation.run import *\n"
-        "from tests.augmentation.sources import bodies, lot\n"
+        "from tests.augmentation.sources import bodies, batch\n"
         "if __name__ == '__main__':\n"
-        "    lots = [lot(bodies(40, s), s) for s in range(400)]\n"
-        "    for outcome in solve_with_processes(lots, processes=2):\n"
+        "    batches = [batch(bodies(40, s), s) for s in range(400)]\n"
+        "    for outcome in solve_with_processes(batches, processes=2):\n"
         "        print('one', flush=True)\n"
     )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as running:
@@ -175,18 +181,18 @@ def test_processes_die_with_the_one_that_started_them() -> None:
 @pytest.mark.slow
 def test_a_cluster_gives_what_one_process_gives() -> None:
     distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
-    lots = [lot(bodies(3, seed), seed) for seed in range(4)]
+    batches = [batch(bodies(3, seed), seed) for seed in range(4)]
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
     ) as cluster:
-        found = list(solve_on_cluster(lots, cluster.scheduler_address))
-    assert comparable(found) == comparable([solve_batch(one) for one in lots])
+        found = list(solve_on_cluster(batches, cluster.scheduler_address))
+    assert comparable(found) == comparable([solve_batch(one) for one in batches])
 
 
 def test_a_cluster_without_its_package_says_which_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ModuleNotFoundError, match="distributed"):
-        list(solve_on_cluster([lot(bodies(1))], "tcp://127.0.0.1:1"))
+        list(solve_on_cluster([batch(bodies(1))], "tcp://127.0.0.1:1"))
 
 
 # FROM """Truth: bodies bent by hand."""

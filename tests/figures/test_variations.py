@@ -10,15 +10,15 @@ from pacmo_core.figures.variations import COLUMNS, said, variation_table, varied
 from tests.figures.samples import interaction, report
 
 FIGURES = {
-    "near_error": 0.0057,
-    "near_error_naive": 0.205,
-    "far_error": 0.01,
-    "contacts_kept": 0.99,
-    "added_slide": -0.0031,
+    "near_distance_error": 0.0057,
+    "near_distance_error_naive": 0.205,
+    "far_distance_error": 0.01,
+    "contacts_preserved": 0.99,
+    "added_foot_skate": -0.0031,
     "penetration": 0.004,
-    "seam_ratio": 1.21,
-    "flip_share": 0.0,
-    "trunk_change": 0.25,
+    "acceleration_peak_ratio": 1.21,
+    "bend_flip_fraction": 0.0,
+    "trunk_deformation": 0.25,
 }
 
 

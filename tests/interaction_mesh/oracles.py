@@ -23,9 +23,9 @@ def energy_by_definition(energy: QuadraticEnergy, change: Array, target: Array) 
     total = 0.0
     for t, moved in enumerate(change):
         total += np.sum((energy.laplacians[t] @ moved - target[t]) ** 2) / 2
-        total += energy.anchor * np.sum(moved**2) / 2
+        total += energy.regularisation * np.sum(moved**2) / 2
         for i in range(len(moved)):
-            total += energy.height * energy.held[t, i] * moved[i, 1] ** 2 / 2
+            total += energy.stance_height * energy.held[t, i] * moved[i, 1] ** 2 / 2
             if t:
                 held = energy.stance * energy.held[t, i] * energy.held[t - 1, i]
                 total += held * np.sum((moved[i] - change[t - 1, i]) ** 2) / 2
@@ -41,7 +41,9 @@ def matrix(energy: QuadraticEnergy) -> csc_array:
     """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
     n_frames, n_points = energy.held.shape
     size = 3 * n_frames * n_points
-    inside = np.array([lap.T @ lap + energy.anchor * np.eye(n_points) for lap in energy.laplacians])
+    inside = np.array(
+        [lap.T @ lap + energy.regularisation * np.eye(n_points) for lap in energy.laplacians]
+    )
     for one in range(n_points):
         for other in range(one):
             for a, b, sign in (
@@ -53,7 +55,7 @@ def matrix(energy: QuadraticEnergy) -> csc_array:
                 inside[:, a, b] += sign * energy.ties[:, one, other]
     t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
     rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
-    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.height * energy.held[t, i]
+    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.stance_height * energy.held[t, i]
     whole = csc_array((values, (rows, columns)), shape=(size, size))
     step = 3 * n_points
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))

@@ -10,29 +10,29 @@ from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, Settings,
 SETTINGS = Settings(
     graph="complete",
     weights=Weights(
-        power=1,
-        softening=0.01,
-        shape=20,
+        distance_exponent=1,
+        distance_softening=0.01,
+        trunk_shape=20,
         acceleration=10,
         contact=10,
-        contact_reach=0.15,
+        contact_range=0.15,
         stance=300,
-        height=300,
-        anchor=1e-2,  # for scenes of so few points: with less, float32 blurs their steps
+        stance_height=300,
+        regularisation=1e-2,  # for scenes of so few points: with less, float32 blurs their steps
     ),
-    support=Support(reach=0.2, height=0.03, speed=0.2, fade=0.07),
-    limits=AttemptLimits(residual=1e-2, penetration=0.01, seam=1.5),
-    rungs=(
-        Attempt(penalty=0.7, iterations=40, apart=0, step=1e-3),
-        Attempt(penalty=2, iterations=100, apart=0, step=1e-3),
-        Attempt(penalty=6, iterations=200, apart=60, step=1e-3),
+    support=Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.07),
+    limits=AttemptLimits(primal_residual=1e-2, penetration=0.01, acceleration_peak_ratio=1.5),
+    attempts=(
+        Attempt(bone_penalty=0.7, max_iterations=40, separation_penalty=0, tolerance=1e-3),
+        Attempt(bone_penalty=2, max_iterations=100, separation_penalty=0, tolerance=1e-3),
+        Attempt(bone_penalty=6, max_iterations=200, separation_penalty=60, tolerance=1e-3),
     ),
     relaxation=1.6,
     clearance=0.1,
-    guarded=12,
-    near=0.25,
-    touching=0.1,
-    slack=0.02,
+    n_separation_pairs=12,
+    near_distance=0.25,
+    contact_distance=0.1,
+    contact_slack=0.02,
 )
 
 ARM = Skeleton(
@@ -45,8 +45,10 @@ ARM = Skeleton(
 
 def thorough(iterations: int = 2000, **changes: object) -> Settings:
     """Give settings that iterate to the end."""
-    rungs = (Attempt(penalty=3, iterations=iterations, apart=0, step=0),)
-    return replace(SETTINGS, rungs=rungs, **changes)
+    attempts = (
+        Attempt(bone_penalty=3, max_iterations=iterations, separation_penalty=0, tolerance=0),
+    )
+    return replace(SETTINGS, attempts=attempts, **changes)
 
 
 def body(random: np.random.Generator, skeleton: Skeleton, times: np.ndarray, turn: float):

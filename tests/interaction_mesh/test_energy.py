@@ -43,10 +43,10 @@ def test_a_trunk_scaled_where_it_points_and_moved_costs_nothing_and_one_bent_doe
     energy = build_energy(source, SETTINGS)
     change = naive_scaling(source, scales) - source.points[..., None] + 0.3
     target = energy_target(energy, scales)
-    assert energy_terms(energy, change, target)["shape"][0] == pytest.approx(0, abs=1e-20)
+    assert energy_terms(energy, change, target)["trunk_shape"][0] == pytest.approx(0, abs=1e-20)
     change[:, 1] += 0.1  # the chest against the root
-    expected = SETTINGS.weights.shape * len(source.points) * 2 * 0.05**2 * 3 / 2
-    assert energy_terms(energy, change, target)["shape"][0] == pytest.approx(expected)
+    expected = SETTINGS.weights.trunk_shape * len(source.points) * 2 * 0.05**2 * 3 / 2
+    assert energy_terms(energy, change, target)["trunk_shape"][0] == pytest.approx(expected)
 
 
 def test_a_smaller_body_folds_its_trunk_less_the_more_that_weighs():
@@ -55,7 +55,7 @@ def test_a_smaller_body_folds_its_trunk_less_the_more_that_weighs():
     scales[0, :5] = 0.75
 
     def bent(weight: float) -> float:
-        weights = replace(SETTINGS.weights, shape=weight)
+        weights = replace(SETTINGS.weights, trunk_shape=weight)
         points = retarget(prepare(source, replace(SETTINGS, weights=weights)), scales).points[0]
         trunk = points[:, 1] - points[:, 0]
         wanted = 0.75 * source.vectors[:, 0]

@@ -51,21 +51,21 @@ def test_a_body_pushed_aside_slides_only_where_it_moves():
     standing = build_energy(source, SETTINGS).standing
     assert standing[1:][standing[:-1]].any()
     aside = source.points + np.array([0.3, 0, 0])
-    assert report(source, aside).added_slide == pytest.approx(0, abs=1e-9)
+    assert report(source, aside).added_foot_skate == pytest.approx(0, abs=1e-9)
     stands = (standing[1:] & standing[:-1]).any(axis=0)
     still = source.points.copy()
     still[:, stands] = still[:1, stands]
     held = Scene(tuple(np.split(still.astype(np.float32), 2, axis=1)), source.skeletons, source.fps)
     drift = held.points + np.linspace(0, 0.11, 12)[:, None, None] * [1.0, 0, 0]
-    assert report(held, drift).added_slide == pytest.approx(0.01 * 30, rel=1e-4)
+    assert report(held, drift).added_foot_skate == pytest.approx(0.01 * 30, rel=1e-4)
 
 
 def test_a_jump_shows_as_a_seam_and_the_source_has_none():
     source = scene(2, 60)
-    assert report(source, source.points).seam_ratio <= 1
+    assert report(source, source.points).acceleration_peak_ratio <= 1
     jumped = source.points.copy()
     jumped[30:] += np.array([0, 0.02, 0])
-    assert report(source, jumped).seam_ratio > 3
+    assert report(source, jumped).acceleration_peak_ratio > 3
     assert acceleration_ratios(jumped[..., None])[:, 0].argmax() in (28, 29)
 
 
@@ -144,5 +144,5 @@ def test_near_pairs_alone_come_to_what_all_pairs_say_of_them(monkeypatch):
     assert (whole > 0).all()
     monkeypatch.setattr(module, "FRAMES_PER_BATCH", 4)
     np.testing.assert_allclose(near_distance_error(source, SETTINGS, points), whole, rtol=1e-5)
-    nowhere = replace(SETTINGS, near=0.0)
+    nowhere = replace(SETTINGS, near_distance=0.0)
     assert near_distance_error(source, nowhere, points).tolist() == [0, 0, 0]

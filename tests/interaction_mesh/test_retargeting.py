@@ -43,8 +43,8 @@ def test_the_source_on_its_own_bodies_is_the_source(seed, n_frames):
     found = retarget(prepare(source, SETTINGS), np.ones((1, 10)))
     np.testing.assert_allclose(found.points[0], source.points, atol=1e-6)
     report = found.reports[0]
-    assert report.raw_residual < 1e-5 and report.near_error < 1e-5
-    assert report.contacts_kept == 1 and report.flip_share == 0
+    assert report.primal_residual < 1e-5 and report.near_distance_error < 1e-5
+    assert report.contacts_preserved == 1 and report.bend_flip_fraction == 0
     assert sum(report.energy.values()) < 1e-9
 
 
@@ -66,7 +66,7 @@ def test_it_takes_any_skeleton_and_two_that_differ(skeleton):
     found = retarget(prepare(source, SETTINGS), scales)
     wanted = scales[:, None] * np.linalg.norm(source.vectors, axis=-1)
     np.testing.assert_allclose(lengths_of(source, found.points), wanted, rtol=0, atol=1e-12)
-    assert found.reports[0].raw_residual < 1e-2
+    assert found.reports[0].primal_residual < 1e-2
 
 
 @few
@@ -106,11 +106,11 @@ def test_who_is_a_and_who_is_b_does_not_matter():
 def test_a_tie_of_contact_keeps_touching_joints_together():
     source = touching_scene(4, 9)
     apart = np.linalg.norm(source.points[:, :6, None] - source.points[:, None, 6:], axis=-1)
-    assert (apart < SETTINGS.near).any()
+    assert (apart < SETTINGS.near_distance).any()
     scales = np.ones((1, 10))
     scales[0, 5:] = 0.8
     (report,) = retarget(prepare(source, SETTINGS), scales).reports
-    assert report.near_error < report.near_error_naive
+    assert report.near_distance_error < report.near_distance_error_naive
 
 
 def test_bodies_kept_apart_come_no_closer_than_the_source_or_the_clearance():
@@ -121,15 +121,20 @@ def test_bodies_kept_apart_come_no_closer_than_the_source_or_the_clearance():
         thorough(300),
         weights=replace(SETTINGS.weights, contact=0),
         clearance=0.25,
-        guarded=36,
-        limits=AttemptLimits(residual=1, penetration=1, seam=100),
+        n_separation_pairs=36,
+        limits=AttemptLimits(primal_residual=1, penetration=1, acceleration_peak_ratio=100),
     )
-    kept = replace(free, rungs=(Attempt(penalty=15, iterations=600, apart=40, step=0),))
+    kept = replace(
+        free,
+        attempts=(
+            Attempt(bone_penalty=15, max_iterations=600, separation_penalty=40, tolerance=0),
+        ),
+    )
     (loose,) = retarget(prepare(source, free), scales).reports
     (held,) = retarget(prepare(source, kept), scales).reports
     assert loose.penetration > 0.02
     assert held.penetration < 0.005
-    assert held.raw_residual < 1e-2
+    assert held.primal_residual < 1e-2
 
 
 # FROM """Trusted: the energy summed by its definition, and two solvers that go other ways."""

@@ -65,7 +65,7 @@ def test_motions_that_do_not_fit_are_refused():
 def test_settings_that_mean_nothing_are_refused():
     with pytest.raises(ValueError, match="graph must be complete or delaunay; got 'dense'"):
         replace(SETTINGS, graph="dense")
-    with pytest.raises(ValueError, match="rungs must not be empty"):
-        replace(SETTINGS, rungs=())
+    with pytest.raises(ValueError, match="attempts must not be empty"):
+        replace(SETTINGS, attempts=())
     with pytest.raises(ValueError, match="relaxation must be between 0 and 2; got 2"):
         replace(SETTINGS, relaxation=2)

@@ -101,7 +101,7 @@ def test_parts_of_a_long_motion_give_nearly_what_the_whole_does(monkeypatch):
 def test_answers_are_those_of_float64_whether_float32_holds_the_anchor_or_not(
     anchor, is_lost, monkeypatch
 ):
-    weights = replace(SETTINGS.weights, anchor=anchor)
+    weights = replace(SETTINGS.weights, regularisation=anchor)
     source = scene(0, 20)
     energy = build_energy(source, replace(SETTINGS, weights=weights))
     precisions = []

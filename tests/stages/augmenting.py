@@ -26,9 +26,9 @@ COMMAND = ["--cache=cache", "clips", "second", "variations", "metrics.json"]
 PLAN = {
     "people": ["a", "b"],
     "uniform": [0.9, 1.1],
-    "single": {"bones": ["upper"], "scales": [0.8, 1.2], "most": 3},
+    "single": {"bones": ["upper"], "scales": [0.8, 1.2], "max_variations": 3},
     "profiles": ["long_arms"],
-    "bodies": 2,
+    "n_random": 2,
     "population": {"stature": 0.05, "proportion": 0.04, "random_seed": 3},
 }
 SECOND = {
@@ -51,14 +51,14 @@ SECOND = {
     "contact_distance": 0.1,
     "clip_seconds": 1.0,
 }
-BOUNDS = {
-    "raw_residual": 1e-2,
-    "contacts_kept": 0.9,
-    "added_slide": 0.05,
+LIMITS = {
+    "primal_residual": 1e-2,
+    "contacts_preserved": 0.9,
+    "added_foot_skate": 0.05,
     "penetration": 0.01,
-    "seam_ratio": 1.5,
-    "flip_share": 0.02,
-    "trunk_change": 2.0,
+    "acceleration_peak_ratio": 1.5,
+    "bend_flip_fraction": 0.02,
+    "trunk_deformation": 2.0,
 }
 
 
@@ -76,14 +76,19 @@ def lay_out(root: Path, clips: Mapping[str, Interaction], **changes: Any) -> Non
 def write_params(root: Path, **changes: Any) -> None:
     """Write the section, some of its keys otherwise."""
     section = {
-        "clips": {"include": ["*"], "of_each_sequence": None, "most": None, "near": 0.25},
-        "second": SECOND,
+        "clips": {
+            "include": ["*"],
+            "max_per_sequence": None,
+            "max_clips": None,
+            "near_distance": 0.25,
+        },
+        "second_dataset": SECOND,
         "plan": PLAN,
         "solver": asdict(SETTINGS),
-        "bounds": BOUNDS,
+        "limits": LIMITS,
         **changes,
     }
-    section["solver"] = {**section["solver"], "rungs": [asdict(r) for r in SETTINGS.rungs]}
+    section["solver"] = {**section["solver"], "attempts": [asdict(r) for r in SETTINGS.attempts]}
     YAML(typ="safe").dump({"augment": section}, root / "params.yaml")
 
 
@@ -113,13 +118,13 @@ def spoil(path: Path) -> None:
 
 
 def solve_in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Solve lots one by one in this process; count the bodies of each."""
+    """Solve batches one by one in this process; count the bodies of each."""
     counts: list[int] = []
 
-    def one_by_one(lots, *, processes):
-        for lot in lots:
-            counts.append(len(lot.names))
-            yield solve_batch(lot)
+    def one_by_one(batches, *, processes):
+        for batch in batches:
+            counts.append(len(batch.body_keys))
+            yield solve_batch(batch)
 
     monkeypatch.setattr(augment, "solve_with_processes", one_by_one)
     monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)

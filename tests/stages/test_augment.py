@@ -24,8 +24,8 @@ from pacmo_core.store.tables import read_variations
 from stages.common.params import ParamsError
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
-    BOUNDS,
     COMMAND,
+    LIMITS,
     PLAN,
     SECOND,
     cached_clips,
@@ -39,7 +39,12 @@ from tests.stages.augmenting import (
 )
 
 CLIPS = {"one": source(0), "one#0001": source(1), "two": source(2, n_frames=9)}
-GROWN = {**PLAN, "uniform": [0.9, 0.95, 1.1], "bodies": 3, "single": {**PLAN["single"], "most": 5}}
+GROWN = {
+    **PLAN,
+    "uniform": [0.9, 0.95, 1.1],
+    "n_random": 3,
+    "single": {**PLAN["single"], "max_variations": 5},
+}
 SMALL = Path("variations") / "small"
 
 
@@ -101,12 +106,12 @@ def test_other_limits_compute_nothing_and_other_settings_everything(
     lay_out(tmp_path, {"one": CLIPS["one"]})
     run(tmp_path, monkeypatch)
     del in_process[:]
-    write_params(tmp_path, bounds={**BOUNDS, "seam_ratio": 1.0})
+    write_params(tmp_path, limits={**LIMITS, "acceleration_peak_ratio": 1.0})
     run(tmp_path, monkeypatch)
     assert in_process == []
     changed = tmp_path / "params.yaml"
-    changed.write_text(changed.read_text().replace("slack: 0.02", "slack: 0.03"))
-    assert "slack: 0.03" in changed.read_text()
+    changed.write_text(changed.read_text().replace("contact_slack: 0.02", "contact_slack: 0.03"))
+    assert "contact_slack: 0.03" in changed.read_text()
     run(tmp_path, monkeypatch)
     assert in_process == [11]
     assert len(list((tmp_path / "cache" / "variations").iterdir())) == 1
@@ -137,8 +142,8 @@ def test_files_say_what_was_kept_what_failed_and_why(
     lay_out(tmp_path, {**CLIPS, "flat": flat_source()})
     run(tmp_path, monkeypatch)
     found = [row.measurements for row in read_variations(SMALL / "variations.parquet")]
-    middle = float(np.median([figures["raw_residual"] for figures in found if figures]))
-    write_params(tmp_path, bounds={**BOUNDS, "raw_residual": middle})
+    middle = float(np.median([figures["primal_residual"] for figures in found if figures]))
+    write_params(tmp_path, limits={**LIMITS, "primal_residual": middle})
     run(tmp_path, monkeypatch)
     rows = {row.variation: row for row in read_variations(SMALL / "variations.parquet")}
     good = dict(stream_folder(SMALL / "motions"))
@@ -162,8 +167,8 @@ def test_files_say_what_was_kept_what_failed_and_why(
     facts = json.loads(Path("metrics.json").read_text())["small"]
     assert facts["planned"] == 44 == facts["accepted"] + facts["failed"] + facts["refused"]
     assert (facts["refused"], facts["refused_clips"]) == (11, ["flat"])
-    assert "raw_residual" in facts["failed_by"]
-    assert facts["kinds"]["uniform"]["near_error"]["low"] >= 0
+    assert "primal_residual" in facts["failed_by"]
+    assert facts["kinds"]["uniform"]["near_distance_error"]["low"] >= 0
 
 
 def test_polars_joins_motions_with_their_facts(
@@ -189,7 +194,7 @@ def test_captures_of_another_skeleton_are_a_family_of_their_own(
             "skip_frames": 0, "max_root_distance": None,
         },
     }  # fmt: skip
-    lay_out(tmp_path, {"one": CLIPS["one"]}, second=second)
+    lay_out(tmp_path, {"one": CLIPS["one"]}, second_dataset=second)
     own = source(5, n_frames=24)
     for person, name in duo.items():
         (tmp_path / "second" / name).write_text(format_bvh(getattr(own, person), 30, own.skeleton))
@@ -211,7 +216,10 @@ def test_plans_that_cannot_be_are_refused_before_any_work(
     write_params(tmp_path, plan={**PLAN, "profiles": ["child"]})
     with pytest.raises(ValueError, match="no thigh to tell a stature by"):
         run(tmp_path, monkeypatch)
-    write_params(tmp_path, clips={"include": ["x*"], "of_each_sequence": 1, "most": 1, "near": 0.2})
+    write_params(
+        tmp_path,
+        clips={"include": ["x*"], "max_per_sequence": 1, "max_clips": 1, "near_distance": 0.2},
+    )
     with pytest.raises(ValueError, match=r"no clip fits x\*"):
         run(tmp_path, monkeypatch)
     assert in_process == []

@@ -12,7 +12,7 @@ from pacmo_core.store.tables import read_variations
 from stages import augment
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
-    BOUNDS,
+    LIMITS,
     cached_clips,
     cached_variations,
     lay_out,
@@ -123,7 +123,7 @@ def test_clips_that_a_run_did_not_use_are_forgotten_and_their_variations_stay(
     run(tmp_path, monkeypatch)
     assert len(cached_clips(tmp_path)) == 1
     assert set(cached_clips(tmp_path)) < set(finished)
-    write_params(tmp_path, bounds={**BOUNDS, "seam_ratio": 1.0})
+    write_params(tmp_path, limits={**LIMITS, "acceleration_peak_ratio": 1.0})
     run(tmp_path, monkeypatch)
     assert len(cached_clips(tmp_path)) == 1
     assert not set(cached_clips(tmp_path)) & set(finished)

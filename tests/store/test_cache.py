@@ -16,7 +16,7 @@ def entry(number: int) -> CacheEntry:
         "motions": random.normal(size=(2, 5, 6, 3)).astype(np.float32),
         "bytes": np.frombuffer(b"some bytes", np.uint8),
     }
-    return CacheEntry({"near_error": float(random.uniform()), "worst": inf}, arrays)
+    return CacheEntry({"near_distance_error": float(random.uniform()), "worst": inf}, arrays)
 
 
 def test_an_entry_is_read_as_it_was_written(tmp_path: Path) -> None:
@@ -47,7 +47,7 @@ def test_a_damaged_entry_is_reported_and_deleted(
     data = path.read_bytes()
     contents = {
         "array": data.replace(b"some", b"sume"),
-        "metadata": data.replace(b"near_error", b"fear_error"),
+        "metadata": data.replace(b"near_distance_error", b"fear_error"),
         "name": data.replace(b'"motions"', b'"mations"'),
         "cut": data[:-9],
         "empty": b"",

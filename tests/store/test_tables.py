@@ -48,7 +48,7 @@ VARIATION = VariationRecord(
     accepted=True,
     reason="",
     limit_ratio=0.4,
-    measurements={"near_error": 0.001, "rung": 2.0},
+    measurements={"near_distance_error": 0.001, "rung": 2.0},
     scales_a={"left_forearm": 1.0, "head": 1.0},
     scales_b={"left_forearm": 1.0, "head": 1.2},
 )
@@ -81,7 +81,7 @@ def test_polars_finds_a_bone_by_its_name(tmp_path: Path) -> None:
     table = pl.read_parquet(tmp_path / "v.parquet")
     heads = table.with_columns(head=pl.col("scales_b").struct.field("head"))
     assert heads.filter(pl.col("accepted"))["head"].to_list() == [1.2]
-    assert table["near_error"].to_list() == [0.001, None]
+    assert table["near_distance_error"].to_list() == [0.001, None]
     assert table["scales_a"].struct.fields == SEGMENTS
 
 

@@ -1,0 +1,80 @@
+"""Truth: reactions that follow their partner; warm-up and validation leave the rest unchanged."""
+
+import itertools
+from dataclasses import replace
+
+import pytest
+import torch
+
+from pacmo_core.reaction import wgan
+from pacmo_core.reaction.data import sample_motion_pairs
+from pacmo_core.reaction.settings import AdamSettings
+from pacmo_core.reaction.wgan import WganTrainer
+from pacmo_core.training.state import model_state
+from tests.reaction.problems import GRU, PACMO, PACMO_LONG, clips
+
+
+def test_validation_does_not_change_the_training() -> None:
+    plain = model_state(wgan.build_training(clips(8), PACMO).finish())
+    watched = wgan.build_training(clips(8), PACMO, validation=clips(3, first_seed=90))
+    looked = ["validation" in terms for terms in itertools.islice(watched, PACMO.n_epochs)]
+    assert looked == [False, True, False, True]
+    # The last weights, before the best take their place.
+    assert all(torch.equal(plain[key], value) for key, value in model_state(watched.model).items())
+
+
+@pytest.mark.slow
+def test_the_generator_learns_to_follow_its_partner() -> None:
+    model = wgan.build_training(clips(64), PACMO_LONG).finish()
+    pairs = sample_motion_pairs(clips(32, first_seed=100), PACMO.n_points)
+    with torch.no_grad():
+        noise = model.sample_noise(len(pairs), torch.Generator().manual_seed(0))
+        made = model(noise, pairs.condition)
+    moving = pairs.reaction.std(dim=(0, 1)) > 0.01
+    error = (made - pairs.reaction)[..., moving].square().mean()
+    of_the_mean = (model.normalisation.reaction_mean - pairs.reaction)[..., moving].square().mean()
+    assert error < 0.5 * of_the_mean
+
+
+def test_a_learning_rate_that_explodes_is_refused_by_name() -> None:
+    broken = replace(PACMO, generator=AdamSettings(1e12, (0.0, 0.9)), n_epochs=20)
+    with pytest.raises(FloatingPointError, match="not finite"):
+        wgan.build_training(clips(8), broken).finish()
+
+
+def test_in_the_warm_up_the_critic_is_not_trained_and_no_weights_are_selected() -> None:
+    fitted = wgan.build_training(
+        clips(8), replace(PACMO, warmup_epochs=2, validate_from=3), validation=clips(3, 90)
+    )
+    training = fitted.trainer
+    assert isinstance(training, WganTrainer)
+    critic, generator = (
+        {name: value.clone() for name, value in model_state(network).items()}
+        for network in (training.critic, training.generator)
+    )
+    curve = iter(fitted)
+    warm = [next(curve), next(curve)]
+    assert all(terms.keys() == {"bone_symmetry", "energy_score"} for terms in warm)
+    assert all(
+        torch.equal(critic[name], value) for name, value in model_state(training.critic).items()
+    )
+    assert not torch.equal(generator["uno.lift.weight"], training.generator.uno.lift.weight)
+    terms = list(curve)
+    assert {"wasserstein_distance", "critic_score", "energy_score", "validation"} <= terms[
+        -1
+    ].keys()
+    assert not torch.equal(critic["uno.lift.weight"], training.critic.uno.lift.weight)
+
+
+def test_a_warm_up_without_an_energy_score_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"warmup_epochs 1, energy_score_weight 0\.0"):
+        replace(PACMO, warmup_epochs=1, energy_score_weight=0.0)
+    with pytest.raises(ValueError, match="got warmup_epochs 4, validate_from 1"):
+        replace(PACMO, warmup_epochs=4)
+
+
+def test_fewer_epochs_than_selection_starts_at_are_refused_with_both_values() -> None:
+    with pytest.raises(ValueError, match="got validate_from 90, n_epochs 5"):
+        replace(PACMO, validate_from=90, n_epochs=5)
+    with pytest.raises(ValueError, match="n_epochs must be at least 1; got 0"):
+        replace(GRU, n_epochs=0)
