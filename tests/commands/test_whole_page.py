@@ -35,8 +35,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def measure(f2id: float) -> None:
-    facts = {"experiment": "default", "pacmo": {"pacmo": {"f2id": cell(f2id)}}}
-    Path("reports/metrics.json").write_text(json.dumps(facts))
+    facts = {"experiment": "default", "pacmo": {"rows": {"pacmo": {"f2id": cell(f2id)}}}}
+    Path("reports/details.json").write_text(json.dumps(facts))
 
 
 def write() -> str:
