@@ -42,7 +42,7 @@ REPORT_WITH_HISTORY = HISTORY / "report.html"
 MOTIONS = "motions.parquet"  # in every folder of clips
 
 # Exit codes; 2, typer's and argparse's own, is wrong usage.
-EXIT_FAILED, EXIT_HELD, EXIT_BUSY, EXIT_INTERRUPTED = 1, 3, 4, 130
+EXIT_FAILED, EXIT_REJECTED, EXIT_BUSY, EXIT_INTERRUPTED = 1, 3, 4, 130
 
 # Number of a file descriptor to which events go as JSON lines, in place of text on stderr.
 EVENTS_VARIABLE = "PACMO_EVENTS"

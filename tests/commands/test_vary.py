@@ -11,13 +11,12 @@ from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.models import build_skeleton_prior
-from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.kinematics import find_limbs
 from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import read_weights, write_weights
-from pacmo_core.training.state import model_state
+from pacmo_core.training.state import model_config, model_state
 from tests.commands.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored
 
 __all__ = ["files", "stored"]  # fixtures
@@ -33,7 +32,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if not weight.any():
             torch.nn.init.constant_(weight, 0.01)
     path = tmp_path_factory.mktemp("model") / "weights.safetensors"
-    config = {"model": "kinematic", "config": training.model_config(model)}
+    config = {"model": "kinematic", "config": model_config(model)}
     write_weights(path, config, model_state(model))
     return path
 

@@ -12,10 +12,10 @@ from pacmo_core.skeleton_prior.layers import (
     GraphConvolution,
     GraphGru,
     TemporalConvolution,
-    adjacency,
+    normalised_adjacency,
     off_diagonal_adjacency,
 )
-from tests.skeleton_prior.bodies import generator, shaken
+from tests.skeleton_prior.examples import generator, shaken
 
 LAYERS = {
     "dense": (lambda: ConcatLinear(7, 5), [(2, 15, 4, 3), (2, 15, 4, 4)]),
@@ -29,7 +29,7 @@ LAYERS = {
     ),
     "time convolution": (lambda: TemporalConvolution(4, 6, stride=2), [(7, 15, 4, 4)]),
     "graph gated recurrent unit": (
-        lambda: GraphGru(adjacency(SBU15), 5, 8),
+        lambda: GraphGru(normalised_adjacency(SBU15), 5, 8),
         [(3, 15, 4, 5), (15, 4, 8)],
     ),
 }

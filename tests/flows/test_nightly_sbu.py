@@ -13,10 +13,10 @@ import pyarrow.parquet as pq
 import pytest
 from ruamel.yaml import YAML
 
-from flows.server import a_server
+from flows.server import start_server, wait_until_healthy
 from pacmo_core.project.records import RunRecord, read_runs
-from tests.flows.nights import ROOT, environment
-from tests.flows.test_serving import free_port, stop
+from tests.flows.projects import ROOT, environment
+from tests.flows.test_serve import free_port, stop
 
 SBU = Path(os.environ.get("PACMO_REAL_DATA", ROOT.parent / "shared" / "data")) / "sbu"
 IN = ("s01s02", "s02s01", "s01s03", "s03s04", "s04s03", "s05s03")  # pairs that are in already
@@ -110,9 +110,15 @@ def states_on_the_server(home: Path) -> list[str]:
     """Ask a server that is started anew on the same data base how its scheduled runs ended."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PREFECT_HOME", str(home))
-        with a_server(free_port()) as address:
-            asked = {"sort": "START_TIME_ASC"}
-            runs = httpx.post(f"{address}/flow_runs/filter", json=asked, timeout=60).json()
+        server = start_server({}, free_port())
+        try:
+            wait_until_healthy(server)
+            query = {"sort": "START_TIME_ASC"}
+            address = f"{server.address}/flow_runs/filter"
+            runs = httpx.post(address, json=query, timeout=60).json()
+        finally:
+            server.process.kill()
+            server.process.wait()
     return [run["state"]["name"] for run in runs if run["auto_scheduled"] and run["start_time"]]
 
 
@@ -155,11 +161,14 @@ def test_ten_captures_go_from_the_inbox_to_a_promotion_and_a_worse_model_is_held
         first = wait_for("done", "promoted")
         good = current.read_bytes()
         set_lab(**RUINED)
-        second = wait_for("held", "rejected")
-        wait_until_the_server_knows("Held")
+        second = wait_for("rejected", "rejected")
+        wait_until_the_server_knows("Rejected")
 
     spoilt = {names[number] for number in SPOILT}
-    assert set(first.facts["aside"]) == spoilt and set(first.facts["taken"]) == set(names) - spoilt
+    assert (
+        set(first.facts["quarantined"]) == spoilt
+        and set(first.facts["taken"]) == set(names) - spoilt
+    )
     assert len(list(Path("data/quarantine").rglob("reason.json"))) == len(SPOILT)
     clips = set(pq.read_table("data/clips/clips.parquet")["sequence"].to_pylist())
     assert set(first.facts["taken"]) <= clips and not spoilt & clips
@@ -175,4 +184,4 @@ def test_ten_captures_go_from_the_inbox_to_a_promotion_and_a_worse_model_is_held
     assert 'id="history"' in report and "rejected" in report
 
     states = states_on_the_server(lab / ".prefect")
-    assert states[0] == "Done" and "Held" in states
+    assert states[0] == "Done" and "Rejected" in states

@@ -22,8 +22,8 @@ from pacmo_core.skeleton_prior.kinematics import (
     shift_to_reach,
     two_bone_ik,
 )
-from tests.skeleton_prior.bodies import SMALL, generator, interaction
-from tests.skeleton_prior.plain import PlainTree
+from tests.skeleton_prior.examples import SMALL, generator, interaction
+from tests.skeleton_prior.reference import ReferenceKinematics
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=30)
 
@@ -45,8 +45,8 @@ def case(seed: int, least: float = 0.65, most: float = 1.3):
 def test_every_bone_is_right_whatever_the_network_says(seed):
     tree, template, scales, field = case(seed)
     placed = tree(field, template, scales)
-    wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
-    torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
+    wanted = tree.bone_vectors(template).norm(dim=-1) * scales[:, None]
+    torch.testing.assert_close(tree.bone_vectors(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
 
 
 @FIXED
@@ -62,7 +62,7 @@ def test_a_field_of_zero_on_the_same_body_is_the_template(seed):
 @given(st.integers(0, 1000))
 def test_hands_and_feet_stay_where_limbs_reach(seed):
     tree, template, scales, _ = case(seed, 0.97, 1.03)
-    placed = tree.guess(template, scales)
+    placed = tree.ik_retarget(template, scales)
     starts, middles, ends = tree.limbs.T
     bones = placed[:, :, middles] - placed[:, :, starts]
     lower = placed[:, :, ends] - placed[:, :, middles]
@@ -143,9 +143,9 @@ def test_a_skeleton_without_limbs_is_placed_all_the_same():
     _, template, scales, field = case(0)
     tree = KinematicOutput(SMALL, ())
     placed = tree(field, template, scales)
-    wanted = tree.bones(template).norm(dim=-1) * scales[:, None]
-    torch.testing.assert_close(tree.bones(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
-    start = tree.starting_field(template[:, :, 1], template, scales)
+    wanted = tree.bone_vectors(template).norm(dim=-1) * scales[:, None]
+    torch.testing.assert_close(tree.bone_vectors(placed).norm(dim=-1), wanted, atol=2e-6, rtol=1e-5)
+    start = tree.initial_output(template[:, :, 1], template, scales)
     torch.testing.assert_close(start[:, :, SMALL.root], template[:, :, 1])
 
 
@@ -153,7 +153,7 @@ def test_one_product_places_joints_as_going_from_joint_to_joint_does():
     tree, template, scales, field = case(0)
     limbs = tuple((a, b, c) for a, b, c in tree.limbs.tolist())
     torch.testing.assert_close(
-        tree(field, template, scales), PlainTree(SMALL, limbs)(field, template, scales)
+        tree(field, template, scales), ReferenceKinematics(SMALL, limbs)(field, template, scales)
     )
 
 
@@ -215,14 +215,14 @@ def test_a_leg_resists_by_how_far_its_knee_goes_aside(aside, closed):
     hypothesis.assume(abs(closed) > 1e-3)
     leg = torch.tensor([[0, 0.8, 0], [aside, 0.4, 0], [0, 0, 0]], dtype=torch.float64)
     asked = torch.tensor([0.1, -closed, 0.2], dtype=torch.float64)
-    axis, resists = limb_resistance(*leg, asked=asked)
+    axis, resists = limb_resistance(*leg, shift=asked)
     torch.testing.assert_close(axis, torch.tensor([0.0, -1.0, 0.0]).double())
     assert float(resists) == pytest.approx(resisting(aside, closed), rel=1e-4)
 
 
 def test_a_leg_that_is_straight_opens_no_further():
     leg = torch.tensor([[0, 0.8, 0], [0, 0.4, 0], [0, 0, 0]])
-    _, resists = limb_resistance(*leg, asked=torch.tensor([0.0, 0.1, 0.0]))
+    _, resists = limb_resistance(*leg, shift=torch.tensor([0.0, 0.1, 0.0]))
     assert float(resists) == pytest.approx(1, abs=1e-6)
 
 
@@ -231,7 +231,7 @@ def test_a_body_comes_along_but_for_what_stands_and_legs_resist(aside):
     tree, template, scales, _ = case(2)
     template = standing_on_one(template, tree, aside)
     shift = torch.tensor([0.02, -0.03, 0.01]).expand(*template.shape[:2], 3)
-    field = tree.starting_field(shift, template, torch.ones_like(scales))
+    field = tree.initial_output(shift, template, torch.ones_like(scales))
     wanted = shift * torch.tensor([1.0, 1 - resisting(aside, 0.03), 1.0])
     torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-5, rtol=1e-4)
     ends = tree.limbs[:, 2]
@@ -246,7 +246,7 @@ def test_a_leg_that_grows_raises_the_body_all_the_more_the_straighter_it_is(asid
     longer = torch.ones_like(scales)
     longer[:, tree.limbs[0, 1:]] = 1.2
     nowhere = torch.zeros(*template.shape[:2], 3)
-    field = tree.starting_field(nowhere, template, longer)
+    field = tree.initial_output(nowhere, template, longer)
     share = ANGLE_SHARE + (1 - ANGLE_SHARE) * resisting(aside, 0.16)
     wanted = torch.tensor([0.0, share * 0.16, 0.0]).expand_as(nowhere)
     torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-3, rtol=0)
@@ -256,7 +256,7 @@ def test_a_body_rises_no_further_than_its_legs_reach():
     tree, template, scales, _ = case(2)
     template = standing_on_one(template, tree, 0.1)
     up = torch.tensor([0.0, 0.5, 0.0]).expand(*template.shape[:2], 3)
-    field = tree.starting_field(up, template, torch.ones_like(scales))
+    field = tree.initial_output(up, template, torch.ones_like(scales))
     straight = 2 * math.hypot(0.4, 0.1) - 0.8
     wanted = torch.tensor([0.0, straight, 0.0]).expand_as(up)
     torch.testing.assert_close(field[:, :, tree.root], wanted, atol=1e-5, rtol=0)
@@ -269,7 +269,7 @@ def test_an_arm_that_grows_reaches_further_by_a_part_of_it():
     longer = torch.ones_like(scales)
     longer[:, [middle, end]] = 1.2
     nowhere = torch.zeros(*template.shape[:2], 3)
-    field = tree.starting_field(nowhere, template, longer)
+    field = tree.initial_output(nowhere, template, longer)
     torch.testing.assert_close(field[:, :, tree.root], nowhere)
     wanted = ANGLE_SHARE * 0.2 * (template[:, :, end] - template[:, :, start])
     torch.testing.assert_close(field[:, :, end], wanted)
@@ -281,7 +281,7 @@ def test_a_field_at_a_hand_takes_it_there():
     tree = KinematicOutput(SMALL, limbs)
     start, _, end = limbs[0]
     field = torch.zeros_like(template)
-    guess = tree.guess(template, scales)
+    guess = tree.ik_retarget(template, scales)
     field[:, :, end] = 0.9 * guess[:, :, end] + 0.1 * guess[:, :, start] - template[:, :, end]
     wanted = template[:, :, end] + field[:, :, end]
     torch.testing.assert_close(tree(field, template, scales)[:, :, end], wanted)

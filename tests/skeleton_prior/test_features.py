@@ -9,14 +9,14 @@ from pacmo_core.skeleton_prior.features import (
     build_extractor_training,
     fingerprint,
 )
-from tests.skeleton_prior.bodies import SMALL, interaction
+from tests.skeleton_prior.examples import SMALL, interaction
 
 SETTINGS = FeatureExtractorSettings(
     random_seed=1,
     hidden=16,
-    features=4,
-    frames=12,
-    instants=3,
+    n_features=4,
+    n_frames=12,
+    n_decoded_frames=3,
     learning_rate=3e-3,
     halve_learning_rate_every=100,
     batch_size=4,

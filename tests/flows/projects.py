@@ -1,6 +1,6 @@
-"""A project of one evening's making: captures in SBU's format, two DVC stages, a model of a word.
+"""A small project: captures in SBU's format, three DVC stages, weights that are a text.
 
-The stages are stand-ins of a second each; the inbox, the gate, the shelf and the flows are real.
+The stages are stand-ins; the inbox, the gate, the promoted models and the flows are real.
 """
 
 import os
@@ -9,6 +9,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
+from flows.nightly import nightly
+from pacmo_core.project.records import RunRecord, read_runs
+from pacmo_core.project.workspace import RUNS
 
 ROOT = Path(__file__).parents[2]
 DVC_YAML = """\
@@ -49,6 +53,7 @@ else:
 """
 PARAMS = """\
 experiment: lab
+runs: {{folds: [1], seeds: [1]}}
 ingest:
   dataset: lab
   raw: data/captures/lab
@@ -69,11 +74,11 @@ ingest:
 model: {{f2id: {f2id}}}
 nightly:
   gate: {{row: pacmo, metrics: [f2id], max_noise_floor_ratio: 2.0}}
-  least_new: {least_new}
-  least_free_gb: 0.0
-  stage_hours: 0.1
+  min_new_captures: {min_new_captures}
+  min_free_gb: 0.0
+  max_stage_hours: 0.1
   settle_s: 0.0
-prune: {{cache_days: 0.0, runs: 2, promoted: 1}}
+prune: {{max_cache_days: 0.0, n_runs: 2, n_promoted: 1}}
 """
 CRON = """\
 deployments:
@@ -101,9 +106,9 @@ def make_project(folder: Path) -> None:
     subprocess.run([*dvc, "config", "cache.type", "hardlink"], cwd=folder, check=True)
 
 
-def set_params(folder: Path, f2id: float = 0.5, least_new: int = 1) -> None:
+def set_params(folder: Path, f2id: float = 0.5, min_new_captures: int = 1) -> None:
     """Say how good the model is to come out."""
-    (folder / "params.yaml").write_text(PARAMS.format(f2id=f2id, least_new=least_new))
+    (folder / "params.yaml").write_text(PARAMS.format(f2id=f2id, min_new_captures=min_new_captures))
 
 
 def capture(seed: int, n_frames: int = 12) -> str:
@@ -133,8 +138,20 @@ def environment() -> dict[str, str]:
 
 
 def run_flow(folder: Path, name: str, *words: str) -> "subprocess.CompletedProcess[str]":
-    """Run a flow by hand, without a server."""
-    command = [sys.executable, "-m", f"flows.{name}", *words]
+    """Run a flow by its command."""
+    command = [sys.executable, "-m", "flows.run", name, *words]
     return subprocess.run(
         command, cwd=folder, env=environment(), capture_output=True, text=True, check=False
     )
+
+
+def start_nightly() -> "subprocess.Popen[bytes]":
+    """Start a nightly as a process."""
+    command = [sys.executable, "-m", "flows.run", "nightly"]
+    return subprocess.Popen(command, env=environment())
+
+
+def run_nightly() -> RunRecord:
+    """Run a nightly in this process and return its record."""
+    nightly()
+    return read_runs(RUNS)[-1]

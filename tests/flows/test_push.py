@@ -11,12 +11,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from flows.nightly import run_nightly
-from flows.way import ByHand
-from tests.flows.nights import drop, make_project
+from tests.flows.projects import drop, make_project, run_nightly
 
-pytestmark = pytest.mark.slow
-HAND = ByHand(workers=2)
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect_server")]
 MADE = (Path("sides.txt"), Path("models"), Path("reports"))
 CURRENT = Path("models/1/pacmo/1/weights.safetensors")
 
@@ -67,13 +64,13 @@ def dvc(*words: str) -> None:
 def there_and_back() -> None:
     """Push by a night, lose all that was made and the cache with it, and pull."""
     drop(Path(), range(1))
-    assert run_nightly(HAND).facts["pushed"]
+    assert run_nightly().facts["pushed"]
     made = CURRENT.read_bytes()
     for path in (*MADE, Path(".dvc/cache")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
     dvc("pull")
     assert CURRENT.read_bytes() == made
-    assert run_nightly(HAND).facts["stages"] == []
+    assert run_nightly().facts["stages"] == []
 
 
 def test_what_a_night_made_comes_back_from_a_folder(project, tmp_path_factory):

@@ -9,7 +9,7 @@ from pacmo_core.data.skeleton import NTU25
 from pacmo_core.models import build_skeleton_prior, model_names
 from pacmo_core.skeleton_prior.layers import ZeroInitLinear, initialise_weights
 from pacmo_core.skeleton_prior.settings import PriorConfig
-from tests.skeleton_prior.bodies import generator
+from tests.skeleton_prior.examples import generator
 
 B, T, N = 2, 37, 25
 HALVES = [T, 19, 10, 5, 5]  # T, T/2, T/4, T/8, T/8, rounded up
@@ -25,8 +25,8 @@ def given(form, role: int):
     template = torch.randn(B, T, 2, N, 3, generator=random)
     scales = torch.ones(B, 2, N)
     if role == 0:
-        return form.given_first(template, scales)
-    return form.given_second(template, scales, template[:, :, 0])
+        return form.first_inputs(template, scales)
+    return form.second_inputs(template, scales, template[:, :, 0])
 
 
 def shapes(modules, run):
@@ -88,19 +88,19 @@ def test_st_gcn_1_and_2_are_tables_11_and_13(role, into, table):
 
 def test_table_11_ends_in_262_channels_and_a_dense_layer():
     form = model("paper")
-    assert size(form.first.code) == 2 * dense(262, 256)  # two heads where the table has one
+    assert size(form.first.posterior) == 2 * dense(262, 256)  # two heads where the table has one
 
 
 def test_st_gcn_3_is_table_14_and_the_fusion_table_15():
     form = model("paper")
     asked = given(form, 1)
     found, _ = shapes(
-        form.second.partner.layers, lambda: form.second.encode(asked.template, asked, None)
+        form.second.partner_encoder.layers, lambda: form.second.encode(asked.template, asked, None)
     )
     assert found == [(t, N, B, 16) for t in HALVES]
-    assert size(form.second.partner) == encoder([8, 16, 16, 16, 16, 16])
+    assert size(form.second.partner_encoder) == encoder([8, 16, 16, 16, 16, 16])
     assert size(form.second.fusion) == dense(278, 256)
-    assert size(form.second.code) == 2 * dense(256, 256)
+    assert size(form.second.posterior) == 2 * dense(256, 256)
 
 
 @pytest.mark.parametrize(("role", "into", "table"), [(0, 10, 12), (1, 25, 16)])
@@ -198,7 +198,7 @@ def test_a_frame_cnn_halves_joints_as_its_table_and_comes_back():
     form = model("f_cnn")
     assert form.first.sizes == [25, 13, 7, 4]
     found, _ = shapes(
-        form.first.up, lambda: form.first.decode(torch.zeros(B, T, 4, 256), given(form, 0))
+        form.first.decoder, lambda: form.first.decode(torch.zeros(B, T, 4, 256), given(form, 0))
     )
     assert found == [(B, T, 7, 256), (B, T, 13, 128), (B, T, 25, 32)]
 
@@ -215,9 +215,9 @@ def test_every_weight_of_every_model_has_a_slope(name):
     scales = 1 + 0.1 * torch.rand(B, 2, N, generator=random)
     varied = template + 0.1 * torch.randn(template.shape, generator=random)
     answer = form.reconstruct(template, scales, varied, random)
-    loss = answer.motions.square().mean() + sum(code.divergence() for code in answer.codes)
+    loss = answer.motions.square().mean() + sum(code.kl_divergence() for code in answer.posteriors)
     loss.backward()
-    learnt = [(n, w) for n, w in form.named_parameters() if not n.startswith("bodies")]
+    learnt = [(n, w) for n, w in form.named_parameters() if not n.startswith("skeleton_vae")]
     flat = [name for name, weight in learnt if weight.grad is None or not weight.grad.any()]
     assert flat == []
 

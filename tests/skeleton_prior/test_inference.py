@@ -12,7 +12,7 @@ from pacmo_core.models import model_names
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.data import interpolate_keyframes, keyframe_indices
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
-from tests.skeleton_prior.bodies import SMALL, examples, generator, interaction, settings
+from tests.skeleton_prior.examples import SMALL, examples, generator, interaction, settings
 
 MODELS = {
     name: training.build_training(examples(), settings(model=name, n_epochs=1)).finish()
@@ -152,11 +152,13 @@ def test_faults_name_what_was_wanted():
 
     bad = good.copy()
     bad[1, 0, 4] = np.nan
-    with pytest.raises(ValueError, match="positive and finite; body 1, person a, bone 4 has nan"):
+    with pytest.raises(ValueError, match="positive and finite; row 1, person a, bone 4 is nan"):
         ask(bad)
     with pytest.raises(ValueError, match=r"scales must be \(V, 2, 13\); got \(2, 2, 4\)"):
         ask(good[..., :4])
     with pytest.raises(ValueError, match="samples must be at least 1; got 0"):
         ask(samples=0)
-    with pytest.raises(ValueError, match="varies skeleton small of 14 joints; got small-12 of 12"):
+    with pytest.raises(
+        ValueError, match="model's skeleton is small of 14 joints; got small-12 of 12"
+    ):
         ask(pair=source.without(["left_wrist", "right_wrist"]))

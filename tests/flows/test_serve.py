@@ -14,9 +14,9 @@ import httpx
 import pytest
 
 from flows.nightly import is_covered
-from flows.server import _start, answers
+from flows.server import is_healthy, start_server
 from pacmo_core.project.records import read_runs
-from tests.flows.nights import drop, environment, make_project, set_params
+from tests.flows.projects import drop, environment, make_project, set_params
 
 pytestmark = pytest.mark.slow
 PATIENCE_S = 240.0
@@ -86,14 +86,14 @@ def test_the_scheduled_nightly_promotes_and_then_holds_and_says_so_on_the_server
     process = serving(port)
     (first,) = wait_for_nights(1)[:1]
     assert (first.facts["verdict"], len(first.facts["taken"])) == ("promoted", 7)
-    assert len(first.facts["aside"]) == 3
+    assert len(first.facts["quarantined"]) == 3
     set_params(project, f2id=0.9)
-    held = next(run for run in wait_for_nights(3) if run.outcome == "held")
+    held = next(run for run in wait_for_nights(3) if run.outcome == "rejected")
     assert "F²ID rose to 0.9" in held.reason
 
     runs = ask(port, "flow_runs", sort="START_TIME_ASC")
     states = [run["state"]["name"] for run in runs if run["auto_scheduled"] and run["start_time"]]
-    assert states[0] == "Done" and "Held" in states
+    assert states[0] == "Done" and "Rejected" in states
     tables = {a["key"]: a["data"] for a in ask(port, "artifacts") if a["key"]}
     assert {"metrics", "decision", "history"} <= tables.keys()
     assert "f2id" in json.dumps(tables["decision"])
@@ -116,13 +116,13 @@ def test_a_server_that_restarts_in_the_midst_of_a_night_costs_at_most_that_night
     Path("make.py").write_text(slow.replace('== "split":', '== "split":\n    time.sleep(15)'))
     port = free_port()
     monkeypatch.setenv("PREFECT_HOME", str(project / ".prefect"))
-    server = start_server(port)
+    server = running_server(port)
     serving(port)
     while "running" not in [run.outcome for run in read_runs(Path("history/runs"))]:
         time.sleep(0.2)
     server.kill()
     server.wait()
-    server = start_server(port)
+    server = running_server(port)
     try:
         (first,) = wait_for_nights(1)[:1]
         assert first.outcome in ("done", "failed")
@@ -137,10 +137,10 @@ def test_a_server_that_restarts_in_the_midst_of_a_night_costs_at_most_that_night
         server.wait()
 
 
-def start_server(port):
-    process = _start(port)
+def running_server(port):
+    process = start_server({}, port).process
     deadline = time.monotonic() + PATIENCE_S
-    while not answers(f"http://127.0.0.1:{port}/api"):
+    while not is_healthy(f"http://127.0.0.1:{port}/api"):
         assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.5)
     return process
@@ -151,9 +151,9 @@ def test_seven_late_nights_are_one_night(project, monkeypatch):
     now = datetime.now(UTC)
     late = [now - timedelta(days=day) for day in range(7, 0, -1)]
     script = (
-        "import sys; from datetime import datetime; from flows.nightly import night; "
-        "from flows.way import ByHand\n"
-        "for at in sys.argv[1:]: night(ByHand(workers=1), '', datetime.fromisoformat(at))"
+        "import sys; from datetime import datetime; from prefect import flow; "
+        "from flows.nightly import run_nightly\n"
+        "for at in sys.argv[1:]: flow(run_nightly)('', datetime.fromisoformat(at))"
     )
     command = [sys.executable, "-c", script, *(at.isoformat() for at in late)]
     subprocess.run(command, env=environment(), check=True)
@@ -164,7 +164,10 @@ def test_seven_late_nights_are_one_night(project, monkeypatch):
 def test_a_clock_that_has_jumped_back_does_not_cancel_the_nights_to_come(project):
     drop(project, range(1))
     subprocess.run(
-        [sys.executable, "-m", "flows.nightly"], env=environment(), check=True, capture_output=True
+        [sys.executable, "-m", "flows.run", "nightly"],
+        env=environment(),
+        check=True,
+        capture_output=True,
     )
     (run,) = read_runs(Path("history/runs"))
     began = datetime.fromisoformat(run.started)
@@ -183,4 +186,4 @@ def test_a_named_server_that_does_not_answer_is_told_and_nothing_is_served(proje
         check=False,
     )
     assert done.returncode == 1
-    assert f"PREFECT_API_URL is {dead}, and no Prefect server answers there" in done.stderr
+    assert f"PREFECT_API_URL is {dead}; no Prefect server answers there" in done.stderr

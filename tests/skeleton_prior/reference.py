@@ -34,12 +34,12 @@ def dense(layer: nn.Module, x: Tensor) -> Tensor:
 
 def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
     """Sum over the joints' links one by one, (J, C) of one frame."""
-    weights = layer.links * layer.mask + layer.added
+    weights = layer.adjacency * layer.edge_mask + layer.edge_offset
     rows = []
     for joint in range(len(x)):
-        total = layer.own.weight @ x[joint] + layer.own.bias
+        total = layer.self_linear.weight @ x[joint] + layer.self_linear.bias
         for other in range(len(x)):
-            total = total + weights[joint, other] * (layer.along.weight @ x[other])
+            total = total + weights[joint, other] * (layer.neighbour_linear.weight @ x[other])
         rows.append(total)
     return torch.stack(rows)
 
@@ -54,12 +54,12 @@ def norm(layer: nn.Module, x: Tensor) -> Tensor:
 
 def st_gcn(layer: StGcnLayer, x: Tensor) -> Tensor:
     """Run one row (T, J, C) through a layer in evaluation."""
-    frames = torch.stack([graph_convolution(layer.graph, frame) for frame in x]).relu()
+    frames = torch.stack([graph_convolution(layer.graph_conv, frame) for frame in x]).relu()
     frames = norm(layer.norms[0], frames).relu()
-    kernel = layer.time.weigh.weight.view(frames.shape[-1], 5, frames.shape[-1])
+    kernel = layer.temporal_conv.linear.weight.view(frames.shape[-1], 5, frames.shape[-1])
     rows = []
     for centre in range(0, len(x), layer.stride):
-        total = layer.time.weigh.bias.expand(frames.shape[1:])
+        total = layer.temporal_conv.linear.bias.expand(frames.shape[1:])
         for shift in range(5):
             frame = centre + shift - 2
             if 0 <= frame < len(x):
@@ -71,10 +71,10 @@ def st_gcn(layer: StGcnLayer, x: Tensor) -> Tensor:
         if isinstance(layer.shortcut, nn.Sequential):
             short = norm(layer.shortcut[1], layer.shortcut[0](short))
         out = out + short
-    return out.relu() if layer.active else out
+    return out.relu() if layer.final_relu else out
 
 
-class PlainGru(nn.Module):
+class ReferenceGru(nn.Module):
     """The G-GRU as its equations stand: six layers and a message, frame by frame.
 
     Parameters
@@ -84,7 +84,9 @@ class PlainGru(nn.Module):
 
     def __init__(self, fused: GraphGru) -> None:
         super().__init__()
-        self.register_buffer("links", (fused.adjacency * fused.mask + fused.added).detach())
+        self.register_buffer(
+            "links", (fused.adjacency * fused.edge_mask + fused.edge_offset).detach()
+        )
         hidden = fused.hidden
         self.message = nn.Linear(hidden, hidden, bias=False)
         self.message.load_state_dict(fused.message.state_dict())
@@ -108,7 +110,7 @@ class PlainGru(nn.Module):
         return torch.stack(states, dim=1)
 
 
-class PlainHead(nn.Module):
+class ReferenceHead(nn.Module):
     """The head, frame by frame."""
 
     def __init__(self, head: OutputHead) -> None:
@@ -138,7 +140,7 @@ def _gates(fused: nn.Linear, hidden: int) -> nn.ModuleList:
     return nn.ModuleList(parts)
 
 
-class PlainConvolution(nn.Module):
+class ReferenceConvolution(nn.Module):
     """A graph convolution frame by frame, as its equation stands.
 
     Parameters
@@ -152,16 +154,16 @@ class PlainConvolution(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Run over (B, T, J, C)."""
-        links = self.folded.links * self.folded.mask + self.folded.added
+        links = self.folded.adjacency * self.folded.edge_mask + self.folded.edge_offset
         frames = [
-            self.folded.along(torch.einsum("ij,bjc->bic", links, x[:, frame]))
-            + self.folded.own(x[:, frame])
+            self.folded.neighbour_linear(torch.einsum("ij,bjc->bic", links, x[:, frame]))
+            + self.folded.self_linear(x[:, frame])
             for frame in range(x.shape[1])
         ]
         return torch.stack(frames, dim=1)
 
 
-class PlainTime(nn.Module):
+class ReferenceTime(nn.Module):
     """A convolution of five frames by torch's own of two dimensions, one of them a single joint.
 
     Parameters
@@ -171,13 +173,13 @@ class PlainTime(nn.Module):
 
     def __init__(self, folded: TemporalConvolution) -> None:
         super().__init__()
-        weight = folded.weigh.weight.detach()
+        weight = folded.linear.weight.detach()
         width, around = len(weight), (TEMPORAL_KERNEL, 1)
         channels = weight.shape[1] // TEMPORAL_KERNEL
         padding, stride = (TEMPORAL_KERNEL // 2, 0), (folded.stride, 1)
         self.convolution = nn.Conv2d(channels, width, around, stride=stride, padding=padding)
         kernel = weight.view(width, TEMPORAL_KERNEL, channels).transpose(1, 2)[..., None]
-        own = {"weight": kernel.contiguous(), "bias": folded.weigh.bias.detach()}
+        own = {"weight": kernel.contiguous(), "bias": folded.linear.bias.detach()}
         self.convolution.load_state_dict(own)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -186,7 +188,7 @@ class PlainTime(nn.Module):
         return out
 
 
-class PlainStGcn(nn.Module):
+class ReferenceStGcn(nn.Module):
     """An ST-GCN layer, one operation after the other.
 
     Parameters
@@ -197,7 +199,10 @@ class PlainStGcn(nn.Module):
     def __init__(self, folded: StGcnLayer) -> None:
         super().__init__()
         self.folded = folded
-        self.graph, self.time = PlainConvolution(folded.graph), PlainTime(folded.time)
+        self.graph, self.time = (
+            ReferenceConvolution(folded.graph_conv),
+            ReferenceTime(folded.temporal_conv),
+        )
 
     def forward(self, x: Tensor) -> Tensor:
         """Run over (B, T, J, C), nothing dropped."""
@@ -205,7 +210,7 @@ class PlainStGcn(nn.Module):
         out: Tensor = after(self.time(before(self.graph(x).relu()).relu()))
         if self.folded.residual:
             out = out + self._short(x[:, :: self.folded.stride])
-        return out.relu() if self.folded.active else out
+        return out.relu() if self.folded.final_relu else out
 
     def _short(self, x: Tensor) -> Tensor:
         if not isinstance(self.folded.shortcut, nn.Sequential):
@@ -216,10 +221,12 @@ class PlainStGcn(nn.Module):
 
 
 def _plain(layers: Iterable[nn.Module]) -> nn.ModuleList:
-    return nn.ModuleList([PlainStGcn(layer) for layer in layers if isinstance(layer, StGcnLayer)])
+    return nn.ModuleList(
+        [ReferenceStGcn(layer) for layer in layers if isinstance(layer, StGcnLayer)]
+    )
 
 
-class PlainEncoder(nn.Module):
+class ReferenceEncoder(nn.Module):
     """The encoder of plain layers.
 
     Parameters
@@ -239,7 +246,7 @@ class PlainEncoder(nn.Module):
         return x.mean(dim=1)
 
 
-class PlainDecoder(nn.Module):
+class ReferenceDecoder(nn.Module):
     """The decoder of our form of plain layers.
 
     Parameters
@@ -250,21 +257,21 @@ class PlainDecoder(nn.Module):
     def __init__(self, folded: KinematicDecoder) -> None:
         super().__init__()
         self.folded = folded
-        self.around = _plain(folded.around)
-        self.recurrent, self.head = PlainGru(folded.recurrent), PlainHead(folded.head)
+        self.around = _plain(folded.st_gcn)
+        self.recurrent, self.head = ReferenceGru(folded.gru), ReferenceHead(folded.head)
 
     def forward(self, sights: Tensor, latent: Tensor) -> Tensor:
         """``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
-        known = self.folded.alike(sights)
-        seen = dense(self.folded.lifting, known)
-        seen = seen + dense(self.folded.whole, known.mean(dim=2, keepdim=True))
+        known = self.folded.feature_norm(sights)
+        seen = dense(self.folded.joint_linear, known)
+        seen = seen + dense(self.folded.mean_linear, known.mean(dim=2, keepdim=True))
         for layer in self.around:
             seen = layer(seen)
         field: Tensor = self.head(torch.cat([self.recurrent(seen, latent), seen], dim=-1))
         return field
 
 
-class PlainTree(KinematicOutput):
+class ReferenceKinematics(KinematicOutput):
     """Forward kinematics joint by joint, each from its parent.
 
     Parameters
@@ -277,7 +284,7 @@ class PlainTree(KinematicOutput):
         super().__init__(skeleton, limbs)
         self.skeleton = skeleton
 
-    def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
+    def _joint_positions(self, bones: Tensor, root: Tensor) -> Tensor:
         places = {self.root: root}
         for joint in self.skeleton.order:
             if joint != self.root:
@@ -285,17 +292,17 @@ class PlainTree(KinematicOutput):
         return torch.stack([places[joint] for joint in range(len(places))], dim=-2)
 
 
-def made_plain(model: SkeletonPrior) -> SkeletonPrior:
+def make_reference(model: SkeletonPrior) -> SkeletonPrior:
     """Write a network of our form plainly, in place, its weights kept."""
-    model.tree = PlainTree(model.config.skeleton, model.config.limbs)
+    model.tree = ReferenceKinematics(model.config.skeleton, model.config.limbs)
     for character in (model.first, model.second):
         if not isinstance(character, KinematicVae):
             raise TypeError(f"wanted our form; got {type(character).__name__}")
         parts = {
             "tree": model.tree,
             "place": model.tree,
-            "encoder": PlainEncoder(character.encoder),
-            "decoder": PlainDecoder(character.decoder),
+            "encoder": ReferenceEncoder(character.encoder),
+            "decoder": ReferenceDecoder(character.decoder),
         }
         for name, part in parts.items():
             character.add_module(name, part)
