@@ -77,7 +77,7 @@ def trained(examples: list[list[Example]], seed: int, mixed: bool) -> Trained:
         "random_seed": seed,
         "model": "kinematic",
         "mixed_precision": mixed,
-        "weights": LossWeights(**section["weights"]),
+        "loss_weights": LossWeights(**section["loss_weights"]),
     }
     known = {key: value for key, value in section.items() if key != "threads"}
     learnt, held_out, tested = examples

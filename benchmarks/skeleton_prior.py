@@ -5,7 +5,7 @@ Usage: python -m benchmarks.skeleton_prior [--json] [--hidden H]
 ``vary_ms_batched``: one motion of 363 frames and 25 joints on another body, both people, 32 bodies
 at once on two threads; ``vary_ms_single``: one alone. Wall time, best of several: other work on
 the machine only adds. ``step_share_of_plain``: process time of a step of training on one thread,
-as a share of the same network's written plainly (``tests/skeleton_prior/plain.py``): the same
+as a share of the same network's written plainly (``tests/skeleton_prior/reference.py``): the same
 weights and the same answer, but batches first, frame by frame, a layer a gate, kinematics joint
 from joint, nothing folded and nothing known beforehand projected at once, all in float32. Ours
 rounds factors of products to bfloat16, as it learns at this size (experiment variations_paper),
@@ -35,13 +35,15 @@ from pacmo_core.skeleton_prior.losses import loss_terms, total_loss
 from pacmo_core.skeleton_prior.settings import LossWeights, PriorConfig
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.training.devices import keep_freed_memory
-from tests.skeleton_prior.plain import made_plain
+from tests.skeleton_prior.reference import make_reference
 
 Precision = Callable[[], AbstractContextManager[object]]
 
 N_FRAMES, STRIDE, WINDOW, BATCH = 363, 3, 24, 32
 LIMBS = ((4, 5, 6), (8, 9, 10), (12, 13, 14), (16, 17, 18))
-WEIGHTS = LossWeights(divergence=1e-3, bones=1.0, pairs=0.5, distances=2.0, acceleration=0.1)
+WEIGHTS = LossWeights(
+    kl_divergence=1e-3, bone_length=1.0, contact_distance=0.5, joint_distance=2.0, acceleration=0.1
+)
 N_ROUNDS = 3
 N_TURNS = 15
 
@@ -71,7 +73,7 @@ def varying(hidden: int) -> dict[str, float]:
 def training(hidden: int) -> dict[str, float]:
     """Time a step of ours, rounding factors and not, and of the plain network likewise, in turn."""
     torch.set_num_threads(1)
-    ours, plain = network(hidden), made_plain(network(hidden))
+    ours, plain = network(hidden), make_reference(network(hidden))
     template, scales = scene(WINDOW)
     brief = partial(bfloat16_products, True)
     autocast = partial(torch.autocast, "cpu", torch.bfloat16, enabled=supports_bfloat16("cpu"))
@@ -124,7 +126,7 @@ def step(model: SkeletonPrior, template: Tensor, scales: Tensor, precision: Prec
     varied, random = 1.01 * template, torch.Generator().manual_seed(0)
     with precision():
         answer = model.reconstruct(template, scales, varied, random)
-    found = loss_terms(answer, varied, template, model.tree.parents, model.unit)
+    found = loss_terms(answer, varied, template, model.kinematics.parents, model.displacement_scale)
     total_loss(found, WEIGHTS, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
 
 

@@ -62,7 +62,7 @@ class PriorEvaluator:
         rows = [
             self._errors(
                 oriented(motion, ground_truth),
-                oriented(ground_truth.varied, ground_truth),
+                oriented(ground_truth.variation, ground_truth),
                 ground_truth,
             )
             for motion, ground_truth in zip(motions, ground_truths, strict=True)
@@ -79,7 +79,7 @@ class PriorEvaluator:
         for motion, ground_truth in zip(motions, ground_truths, strict=True):
             predicted, expected = (
                 oriented(motion, ground_truth),
-                oriented(ground_truth.varied, ground_truth),
+                oriented(ground_truth.variation, ground_truth),
             )
             errors = self._errors(predicted, expected, ground_truth)
             rows.append({name: errors[name] for name in errors if not name.startswith("E_r")})
@@ -96,7 +96,7 @@ class PriorEvaluator:
         distances = {}
         for role, character in enumerate(CHARACTERS):
             predicted = self.features(result, bodies, role)
-            expected = self.features([example.varied for example in real], real, role)
+            expected = self.features([example.variation for example in real], real, role)
             distances[f"{name}_{character}"] = retargeting.frechet_distance(expected, predicted)
         return distances
 
@@ -169,30 +169,30 @@ def _ratio_of_sums(rows: Sequence[dict[str, tuple[float, float]]]) -> dict[str, 
 
 
 @dataclass(frozen=True)
-class SampledBodies:
-    """The bodies that are sampled.
+class GeneratedSkeletons:
+    """The skeletons that are sampled for generation.
 
     Parameters
     ----------
-    each : for each source, at least 2
-    samples : motions of one body, for their diversity
+    per_source : at least 2
+    n_samples : motions of one of them, for the diversity
     random_seed : int
     """
 
-    each: int
-    samples: int
+    per_source: int
+    n_samples: int
     random_seed: int
 
 
 def sample_body_examples(
-    model: SkeletonPrior, test: Sequence[Example], bodies: SampledBodies, solver: Settings
+    model: SkeletonPrior, test: Sequence[Example], bodies: GeneratedSkeletons, solver: Settings
 ) -> list[Example]:
     """Draw bodies for each source of the test split, and let the solver move them."""
     random = torch.Generator().manual_seed(bodies.random_seed)
     sources = {example.source: example.template for example in test}
     result = []
     for name, template in sources.items():
-        scales = generate_skeletons(model, bodies.each, random=random)
+        scales = generate_skeletons(model, bodies.per_source, random=random)
         points = solve_bodies(template, scales, solver)
         n_joints = len(template.skeleton.joints)
         for sampled_of_source, both in zip(scales, points, strict=True):
@@ -260,8 +260,8 @@ class Params:
 
     threads: int
     random_seed: int
-    tested: int  # variations of each source, at most
-    bodies: SampledBodies
+    max_variations: int  # of each source
+    generated_skeletons: GeneratedSkeletons
     limits: Limits
     extractor: FeatureExtractorSettings
 
@@ -277,14 +277,16 @@ def main(paths: argparse.Namespace) -> None:
         for split in ("train", "test")
     )
     evaluator = make_evaluator(train + test, params)
-    selected = sample_test_examples(test, params.tested, params.random_seed)
+    selected = sample_test_examples(test, params.max_variations, params.random_seed)
     sampled: list[Example] = []
     samples: dict[str, Interaction] = {}
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
     for name in runs.models:
         for seed in runs.seeds:
             model = load_skeleton_prior(paths.models / name / str(seed) / WEIGHTS)
-            sampled = sampled or sample_body_examples(model, selected, params.bodies, solver)
+            sampled = sampled or sample_body_examples(
+                model, selected, params.generated_skeletons, solver
+            )
             result = evaluate_model(model, evaluator, (selected, sampled), params)
             scores.setdefault(name, {})[seed] = result
             if seed == runs.seeds[0]:
@@ -298,7 +300,7 @@ def main(paths: argparse.Namespace) -> None:
 
 def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
     """Train the extractor on both characters of the real variations."""
-    motions = [example.varied for example in real]
+    motions = [example.variation for example in real]
     seen = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
     fitted = features.build_extractor_training(seen, skeleton, params.extractor).finish()
@@ -331,10 +333,14 @@ def evaluate_model(
             select_source(test, source),
             select_source(sampled, source),
         )
-        random = torch.Generator().manual_seed(params.bodies.random_seed)
+        random = torch.Generator().manual_seed(params.generated_skeletons.random_seed)
         result["retargeting"][source] = evaluate_retargeting(model, evaluator, test_of_source)
         result["generation"][source] = evaluate_generation(
-            model, evaluator, (test_of_source, sampled_of_source), params.bodies.samples, random
+            model,
+            evaluator,
+            (test_of_source, sampled_of_source),
+            params.generated_skeletons.n_samples,
+            random,
         )
     return {task: means | {ALL_SOURCES: mean_over_sources(means)} for task, means in result.items()}
 
@@ -356,7 +362,7 @@ def solver_samples(sampled: list[Example]) -> dict[str, Interaction]:
     """Give the sources, and the solver's motions on those bodies."""
     samples = first_of_each(sampled)
     sources = {variation_name(one.source, "source"): one.template for one in samples}
-    return sources | {variation_name(one.source, "solver"): one.varied for one in samples}
+    return sources | {variation_name(one.source, "solver"): one.variation for one in samples}
 
 
 def mean_over_sources(result: dict[str, dict[str, float]]) -> dict[str, float]:

@@ -57,7 +57,7 @@ def main(paths: argparse.Namespace) -> None:
 
 def _motions(examples: list[Example]) -> list[Interaction]:
     """List all that a training sees, for the hash that stands beside the weights."""
-    return [motion for example in examples for motion in (example.template, example.varied)]
+    return [motion for example in examples for motion in (example.template, example.variation)]
 
 
 def arguments() -> argparse.Namespace:

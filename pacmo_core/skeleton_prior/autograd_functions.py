@@ -1,15 +1,16 @@
-"""Products of matrices along channels, joints and time, with gradients that copy nothing.
+"""Autograd functions: linear layer, graph convolution, temporal convolution and graph GRU.
 
-What autograd would do of itself is the same arithmetic; but it would gather a frame's neighbours
-side by side, forwards and backwards, and to fetch the memory for that costs more than to multiply.
+They compute what autograd would, but their gradients copy nothing. Autograd would gather each
+frame's neighbours side by side in the forward and the backward pass, and allocating that memory
+takes longer than the products.
 
-Torch's own products are MKL's, which goes by who made a processor: of one with vectors of 512 bits
-that is not Intel's it leaves half idle. There products along channels are oneDNN's, which goes by
-what a processor can do.
+torch's matrix products use MKL, which selects instructions by the processor's vendor and uses half
+of an AVX-512 processor that is not Intel's. There, products along channels use oneDNN, which
+selects by instruction set.
 
-While a model learns, factors may be rounded to bfloat16 (``rounding``), which a processor that has
-it multiplies twice as fast. What comes of them is rounded too, and what is made of that, so that
-half as many bytes go through memory, until somebody takes it for ``exact``; sums are float32's.
+In mixed precision (``bfloat16_products``) the factors of products are rounded to bfloat16, which
+AVX512-BF16 multiplies twice as fast. Products of rounded factors are bfloat16 too, and so are
+results of layers computed from them, until ``to_float32``; sums accumulate in float32.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,52 +23,52 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-# Rows to an image, of those that oneDNN takes for an image: with so many it is at its best.
+# oneDNN computes a weight gradient as a convolution over images of this many rows: the fastest.
 ROWS_PER_IMAGE = 25
 
-_bfloat16_enabled = ContextVar("_rounds", default=False)
+_bfloat16_enabled = ContextVar("_bfloat16_enabled", default=False)
 
 
 @contextmanager
-def bfloat16_products(wanted: bool) -> Iterator[None]:
-    """Round factors of float32 to bfloat16, those too of the gradients of what is done within.
+def bfloat16_products(enabled: bool) -> Iterator[None]:
+    """Round float32 factors of products to bfloat16 in this block, and in its gradients.
 
-    Where the device does not multiply bfloat16 (``has_bfloat16``), products stay as they are.
+    Has no effect on a device that does not support it (``supports_bfloat16``).
     """
-    before = _bfloat16_enabled.set(wanted)
+    token = _bfloat16_enabled.set(enabled)
     try:
         yield
     finally:
-        _bfloat16_enabled.reset(before)
+        _bfloat16_enabled.reset(token)
 
 
 @cache
 def supports_bfloat16(device: str) -> bool:
-    """Say whether a kind of device, ``cpu`` or ``cuda``, has instructions for such products."""
+    """Check whether a device type, ``cpu`` or ``cuda``, has instructions for bfloat16 products."""
     if device == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    wide = torch.backends.cpu.get_cpu_capability() == "AVX512"
-    return wide and bool(torch.cpu.get_capabilities().get("avx512_bf16"))
+    avx512 = torch.backends.cpu.get_cpu_capability() == "AVX512"
+    return avx512 and bool(torch.cpu.get_capabilities().get("avx512_bf16"))
 
 
 def cast_factor(x: Tensor) -> Tensor:
-    """Take a tensor as products want it: contiguous, and rounded where that is wanted."""
+    """Make a factor contiguous, and round it to bfloat16 where that is enabled and supported."""
     if _bfloat16_enabled.get() and x.dtype == torch.float32 and supports_bfloat16(x.device.type):
         return x.to(torch.bfloat16, memory_format=torch.contiguous_format)
     return x.contiguous()
 
 
 def to_float32(x: Tensor) -> Tensor:
-    """Take what comes of rounded factors as float32, all else as it is."""
+    """Convert bfloat16 to float32; other dtypes are unchanged."""
     return x.float() if x.dtype == torch.bfloat16 else x
 
 
 @cache
 def _mkl_is_slow() -> bool:
-    described = Path("/proc/cpuinfo")
-    wide = torch.backends.cpu.get_cpu_capability() == "AVX512"
-    others = described.exists() and "GenuineIntel" not in described.read_text()
-    return wide and others and bool(torch.backends.mkldnn.is_available())  # type: ignore[no-untyped-call]  # torch leaves it untyped
+    cpuinfo = Path("/proc/cpuinfo")
+    avx512 = torch.backends.cpu.get_cpu_capability() == "AVX512"
+    not_intel = cpuinfo.exists() and "GenuineIntel" not in cpuinfo.read_text()
+    return avx512 and not_intel and bool(torch.backends.mkldnn.is_available())  # type: ignore[no-untyped-call]  # torch leaves it untyped
 
 
 def _uses_onednn(x: Tensor) -> bool:
@@ -75,15 +76,12 @@ def _uses_onednn(x: Tensor) -> bool:
 
 
 def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
-    """``X Wᵀ + b``, of (..., C), (D, C) and (D,); gradients are the caller's.
-
-    Of rounded ``X`` it is float32 all the same.
-    """
+    """Compute ``X W^T + b`` in float32, of (..., C), (D, C) and (D,), without autograd."""
     return to_float32(_linear(x, weight, bias))
 
 
 def add_linear(out: Tensor, x: Tensor, weight: Tensor) -> None:
-    """Add ``X Wᵀ`` to ``(..., D)`` in place."""
+    """Add ``X W^T`` to ``(..., D)`` in place."""
     if x.dtype == torch.bfloat16 or _uses_onednn(x):
         out += _linear(x, weight)
     else:
@@ -91,20 +89,20 @@ def add_linear(out: Tensor, x: Tensor, weight: Tensor) -> None:
 
 
 def _linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
-    """``X Wᵀ + b`` of the kind of ``X``."""
+    """Compute ``X W^T + b`` in the dtype of ``X``."""
     weight, bias = weight.to(x.dtype), None if bias is None else bias.to(x.dtype)
     if not _uses_onednn(x):
         return nn.functional.linear(x, weight, bias)
-    # Of weights that are a part of wider ones it has a plain loop, a thousand times slower.
-    whole = weight if weight.T.is_contiguous() else weight.contiguous()
-    out: Tensor = torch.ops.mkldnn._linear_pointwise(x, whole, bias, "none", [], "")
+    # oneDNN is a thousand times slower on weights that are a slice of a wider matrix.
+    weight = weight if weight.T.is_contiguous() else weight.contiguous()
+    out: Tensor = torch.ops.mkldnn._linear_pointwise(x, weight, bias, "none", [], "")
     return out
 
 
 def weight_gradient(left: Tensor, right: Tensor) -> Tensor:
-    """``Xᵀ Y``, (D, C), of (..., D) and (..., C): how the weights of a product are to change.
+    """Compute ``X^T Y``, (D, C) float32, of (..., D) and (..., C): a weight's gradient.
 
-    oneDNN has it as the slope of a convolution's weights, of one pixel.
+    In oneDNN that is the weight gradient of a 1 x 1 convolution.
     """
     left, right = left.reshape(-1, left.shape[-1]), right.reshape(-1, right.shape[-1])
     if right.dtype == torch.bfloat16:
@@ -117,18 +115,33 @@ def weight_gradient(left: Tensor, right: Tensor) -> Tensor:
             x[:n].view(n_images, ROWS_PER_IMAGE, 1, -1).permute(0, 3, 1, 2) for x in (left, right)
         ]
         geometry = (1, 1), (0, 0), (1, 1), False, (0, 0), 1
-        weight, only = total[..., None, None], (False, True, False)
-        slopes = torch.ops.aten.convolution_backward(*images, weight, None, *geometry, only)
-        total += slopes[1][..., 0, 0]
+        weight, only_weight = total[..., None, None], (False, True, False)
+        gradients = torch.ops.aten.convolution_backward(
+            *images, weight, None, *geometry, only_weight
+        )
+        total += gradients[1][..., 0, 0]
     return total
 
 
+def multiply_joints(matrix: Tensor, x: Tensor) -> Tensor:
+    """Compute ``M X`` over the joints, of (J, J) and (..., J, C) with few channels.
+
+    One product for all frames: one product per frame takes six times as long with few channels.
+    """
+    return (x.mT.contiguous() @ matrix.T).mT
+
+
+def flatten_rows(x: Tensor) -> Tensor:
+    """View ``(..., C)`` as a matrix (N, C)."""
+    return x.view(-1, x.shape[-1])
+
+
 class LinearFunction(torch.autograd.Function):
-    """``X Wᵀ + b`` of channels in several parts: to join them would copy them and their slopes."""
+    """``X W^T + b``, X being several tensors side by side in the channels, without joining them."""
 
     @staticmethod
     def forward(ctx: Any, weight: Tensor, bias: Tensor | None, *parts: Tensor) -> Tensor:
-        """``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``.
+        """Map ``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``.
 
         Parameters
         ----------
@@ -138,149 +151,136 @@ class LinearFunction(torch.autograd.Function):
         parts = tuple(cast_factor(part) for part in parts)
         first, *others = _split_weight(weight, parts)
         out = _linear(parts[0], first, bias)
-        for part, share in zip(parts[1:], others, strict=True):
-            add_linear(out, part, share)
+        for part, part_weight in zip(parts[1:], others, strict=True):
+            add_linear(out, part, part_weight)
         ctx.save_for_backward(weight, *parts)
         return out
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Give the gradients of weight, bias and all parts."""
+        """Compute the gradients of weight, bias and all parts."""
         weight, *parts = ctx.saved_tensors
-        _, biased, *wanted = ctx.needs_input_grad
+        _, bias_needed, *needed = ctx.needs_input_grad
         gradient = gradients[0].contiguous()
         d_weight = torch.cat([weight_gradient(gradient, part) for part in parts], dim=1)
-        back = [
-            _linear(gradient, share.T) if want else None
-            for share, want in zip(_split_weight(weight, parts), wanted, strict=True)
+        d_parts = [
+            _linear(gradient, part_weight.T) if part_needed else None
+            for part_weight, part_needed in zip(_split_weight(weight, parts), needed, strict=True)
         ]
-        return d_weight, to_float32(flatten_rows(gradient).sum(dim=0)) if biased else None, *back
+        d_bias = to_float32(flatten_rows(gradient).sum(dim=0)) if bias_needed else None
+        return d_weight, d_bias, *d_parts
 
 
 def _split_weight(weight: Tensor, parts: Sequence[Tensor]) -> tuple[Tensor, ...]:
     return torch.split(weight, [part.shape[-1] for part in parts], dim=1)
 
 
-def multiply_joints(links: Tensor, x: Tensor) -> Tensor:
-    """``links X``, of (J, J) and (..., J, C) of few channels.
-
-    One product of all frames: as a product a frame, of so few channels, it takes six times as long.
-    """
-    return (x.mT.contiguous() @ links.T).mT
-
-
-def flatten_rows(x: Tensor) -> Tensor:
-    """``(..., C)`` to the rows of one matrix, (N, C), where they lie."""
-    return x.view(-1, x.shape[-1])
-
-
 class GraphConvolutionFunction(torch.autograd.Function):
-    """``links X W + X U + b`` over the joints, the second axis of three or more."""
+    """``A X W + X U + b`` over the joints, the second axis of three or more."""
 
     @staticmethod
     def forward(
-        ctx: Any, x: Tensor, links: Tensor, along: Tensor, own: Tensor, bias: Tensor
+        ctx: Any,
+        x: Tensor,
+        adjacency: Tensor,
+        neighbour_weight: Tensor,
+        self_weight: Tensor,
+        bias: Tensor,
     ) -> Tensor:
-        """``(T, J, ..., C)`` to ``(T, J, ..., D)``.
+        """Map ``(T, J, ..., C)`` to ``(T, J, ..., D)``.
 
         Parameters
         ----------
-        links : (J, J)
-        along, own : (D, C)
+        adjacency : (J, J)
+        neighbour_weight, self_weight : (D, C)
         bias : (D,)
         """
         x = cast_factor(x)
-        # The narrower side is mixed over joints: mixing commutes with the weights.
-        inside = along.shape[1] <= along.shape[0]
-        out = _linear(x, own, bias)
-        if inside:
-            mixed = _multiply_adjacency(links, x)
-            add_linear(out, mixed, along)
+        # Products over joints and channels commute: over joints on the side of fewer channels.
+        adjacency_first = neighbour_weight.shape[1] <= neighbour_weight.shape[0]
+        out = _linear(x, self_weight, bias)
+        if adjacency_first:
+            intermediate = _multiply_adjacency(adjacency, x)
+            add_linear(out, intermediate, neighbour_weight)
         else:
-            mixed = _linear(x, along)
-            _add_multiplied(out, links, mixed)
-        ctx.inside = inside
-        ctx.save_for_backward(x, mixed, links, along, own)
+            intermediate = _linear(x, neighbour_weight)
+            _add_multiplied(out, adjacency, intermediate)
+        ctx.adjacency_first = adjacency_first
+        ctx.save_for_backward(x, intermediate, adjacency, neighbour_weight, self_weight)
         return out
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Give the gradients of all five."""
-        x, mixed, links, along, own = ctx.saved_tensors
+        """Compute the gradients of all five tensors."""
+        x, intermediate, adjacency, neighbour_weight, self_weight = ctx.saved_tensors
         gradient = gradients[0].contiguous()
-        back = _linear(gradient, own.T) if ctx.needs_input_grad[0] else None
-        if ctx.inside:
-            through = _linear(gradient, along.T)
-            d_links, d_along = _adjacency_gradient(through, x), weight_gradient(gradient, mixed)
-            if back is not None:
-                _add_multiplied(back, links.T, through)
+        d_x = _linear(gradient, self_weight.T) if ctx.needs_input_grad[0] else None
+        if ctx.adjacency_first:
+            d_intermediate = _linear(gradient, neighbour_weight.T)
+            d_adjacency = _adjacency_gradient(d_intermediate, x)
+            d_neighbour = weight_gradient(gradient, intermediate)
+            if d_x is not None:
+                _add_multiplied(d_x, adjacency.T, d_intermediate)
         else:
-            through = _multiply_adjacency(links.T, gradient)
-            d_links, d_along = _adjacency_gradient(gradient, mixed), weight_gradient(through, x)
-            if back is not None:
-                add_linear(back, through, along.T)
-        return (
-            back,
-            d_links,
-            d_along,
-            weight_gradient(gradient, x),
-            to_float32(flatten_rows(gradient).sum(dim=0)),
-        )
+            d_intermediate = _multiply_adjacency(adjacency.T, gradient)
+            d_adjacency = _adjacency_gradient(gradient, intermediate)
+            d_neighbour = weight_gradient(d_intermediate, x)
+            if d_x is not None:
+                add_linear(d_x, d_intermediate, neighbour_weight.T)
+        d_bias = to_float32(flatten_rows(gradient).sum(dim=0))
+        return d_x, d_adjacency, d_neighbour, weight_gradient(gradient, x), d_bias
 
 
 class TemporalConvolutionFunction(torch.autograd.Function):
-    """A convolution over time, the first axis, centred; what is beyond the ends is zero.
+    """A centred convolution over time, the first axis, with zero padding.
 
-    torch's own, but for the weights' gradient, which takes less time a frame of the kernel at once.
+    Uses torch's convolution, except for the weight gradient, which is faster per kernel frame.
     """
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, kernel: Tensor, bias: Tensor, stride: int) -> Tensor:
-        """``(T, J, B, C)`` to ``(ceil(T / stride), J, B, D)``.
+        """Map ``(T, J, B, C)`` to ``(ceil(T / stride), J, B, D)``.
 
         Parameters
         ----------
         kernel : (D, K, C), of K frames, an odd number
         bias : (D,)
-        stride : frames in to one out
+        stride : frames
         """
         x = cast_factor(x)
         ctx.stride = stride
         ctx.save_for_backward(x, kernel)
-        taps, rounded = _conv2d_weight(kernel).to(x.dtype), bias.to(x.dtype)
-        out = torch.conv2d(_to_image(x), taps, rounded, *_stride_and_padding(kernel, stride))
+        weight, bias = _conv2d_weight(kernel).to(x.dtype), bias.to(x.dtype)
+        out = torch.conv2d(_to_image(x), weight, bias, *_stride_and_padding(kernel, stride))
         return _from_image(out, x)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Give the gradients of all three."""
+        """Compute the gradients of all three tensors."""
         x, kernel = ctx.saved_tensors
         gradient = gradients[0].contiguous()
         d_kernel, stride = torch.zeros_like(kernel), ctx.stride
-        for tap, shift in enumerate(range(-(kernel.shape[1] // 2), kernel.shape[1] // 2 + 1)):
-            # Frames out whose frame in, so far away, is there.
+        half = kernel.shape[1] // 2
+        for index, shift in enumerate(range(-half, half + 1)):
+            # Output frames whose input frame at this shift exists.
             first = max(0, -(shift // stride))
             last = min(len(gradient), (len(x) - 1 - shift) // stride + 1)
             if first < last:
-                seen = x[first * stride + shift :: stride][: last - first]
-                d_kernel[:, tap] = weight_gradient(gradient[first:last], seen)
-        back = None
+                inputs = x[first * stride + shift :: stride][: last - first]
+                d_kernel[:, index] = weight_gradient(gradient[first:last], inputs)
+        d_x = None
         if ctx.needs_input_grad[0]:
-            taps, only = _conv2d_weight(kernel).to(x.dtype), (True, False, False)
-            args = (
-                _to_image(gradient),
-                _to_image(x),
-                taps,
-                None,
-                *_stride_and_padding(kernel, stride),
-            )
-            image = torch.ops.aten.convolution_backward(*args, (1, 1), False, (0, 0), 1, only)[0]
-            back = _from_image(image, x)
-        return back, d_kernel, to_float32(flatten_rows(gradient).sum(dim=0)), None
+            weight, only_input = _conv2d_weight(kernel).to(x.dtype), (True, False, False)
+            geometry = *_stride_and_padding(kernel, stride), (1, 1), False, (0, 0), 1
+            image = torch.ops.aten.convolution_backward(
+                _to_image(gradient), _to_image(x), weight, None, *geometry, only_input
+            )[0]
+            d_x = _from_image(image, x)
+        return d_x, d_kernel, to_float32(flatten_rows(gradient).sum(dim=0)), None
 
 
 def _to_image(x: Tensor) -> Tensor:
-    """As high as time and as wide as joints and rows; in memory channels stay last."""
+    """View frames as an image (1, C, T, J B), channels last in memory."""
     return x.view(1, len(x), -1, x.shape[-1]).permute(0, 3, 1, 2)
 
 
@@ -300,22 +300,120 @@ def _flatten_frames(x: Tensor) -> Tensor:
     return x.view(*x.shape[:2], -1)
 
 
-def _expand_adjacency(links: Tensor, x: Tensor) -> Tensor:
-    return links.to(x.dtype).expand(len(x), *links.shape)
+def _expand_adjacency(adjacency: Tensor, x: Tensor) -> Tensor:
+    return adjacency.to(x.dtype).expand(len(x), *adjacency.shape)
 
 
-def _multiply_adjacency(links: Tensor, x: Tensor) -> Tensor:
-    """``links X`` of each frame."""
-    return torch.bmm(_expand_adjacency(links, x), _flatten_frames(x)).view_as(x)
+def _multiply_adjacency(adjacency: Tensor, x: Tensor) -> Tensor:
+    """Compute ``A X`` of each frame."""
+    return torch.bmm(_expand_adjacency(adjacency, x), _flatten_frames(x)).view_as(x)
 
 
-def _add_multiplied(out: Tensor, links: Tensor, x: Tensor) -> None:
+def _add_multiplied(out: Tensor, adjacency: Tensor, x: Tensor) -> None:
+    """Add ``A X`` of each frame in place."""
     if x.dtype == torch.bfloat16:
-        out += _multiply_adjacency(links, x)
+        out += _multiply_adjacency(adjacency, x)
     else:
-        _flatten_frames(out).baddbmm_(_expand_adjacency(links, x), _flatten_frames(x))
+        _flatten_frames(out).baddbmm_(_expand_adjacency(adjacency, x), _flatten_frames(x))
 
 
 def _adjacency_gradient(left: Tensor, right: Tensor) -> Tensor:
-    """Sum over all frames of ``(J, N) (J, N)ᵀ``."""
+    """Sum ``(J, N) (J, N)^T`` over frames."""
     return to_float32(torch.bmm(_flatten_frames(left), _flatten_frames(right).mT)).sum(dim=0)
+
+
+class GraphGruFunction(torch.autograd.Function):
+    """All steps of a ``GraphGru``; the backward pass is one loop over frames.
+
+    The intermediate tensors of a frame are computed, used and summed while they are in the
+    processor's cache; reading tensors of all frames from memory takes longer than the products.
+    """
+
+    @staticmethod
+    def forward(  # noqa: PLR0913  # autograd passes tensors one by one
+        ctx: Any,
+        x: Tensor,
+        initial_state: Tensor,
+        adjacency: Tensor,
+        message_weight: Tensor,
+        input_weight: Tensor,
+        input_bias: Tensor,
+        needs_gradients: bool,
+    ) -> Tensor:
+        """Compute states ``(T, J, B, h)`` of inputs ``(T, J, B, C)`` from a state ``(J, B, h)``.
+
+        Parameters
+        ----------
+        adjacency, message_weight : (J, J) and (h, 3h), of ``GraphGru.folded_weights``
+        input_weight, input_bias : (3h, C) and (3h,), of reset gate, update gate and candidate
+        needs_gradients : whether to store each frame's gates for the backward pass
+        """
+        x = cast_factor(x)
+        n_frames, n_joints, n_rows, hidden = len(x), *initial_state.shape
+        states = initial_state.new_empty(n_frames + 1, n_joints, n_rows, hidden)
+        states[0] = initial_state
+        mixed = torch.empty_like(initial_state)
+        parts = torch.split(message_weight.T, [2 * hidden, hidden])
+        to_gates, to_candidate = (part.contiguous() for part in parts)
+        # Per frame: reset, update and candidate; and the candidate's part of the message.
+        all_activations, all_messages = [], []
+        for frame in range(n_frames):
+            state = states[frame]
+            torch.mm(adjacency, state.flatten(1), out=mixed.flatten(1))
+            message = mixed.to(x.dtype)
+            activations = linear(x[frame], input_weight, input_bias)
+            candidate_message = linear(message, to_candidate)
+            gates, candidate = activations[..., : 2 * hidden], activations[..., 2 * hidden :]
+            add_linear(gates, message, to_gates)
+            gates.sigmoid_()
+            candidate.addcmul_(gates[..., :hidden], candidate_message)
+            # tanh x = 2 sigmoid(2 x) - 1: torch's tanh takes six times as long.
+            candidate.mul_(2).sigmoid_().mul_(2).sub_(1)
+            torch.lerp(candidate, state, gates[..., hidden:], out=states[frame + 1])
+            if needs_gradients:
+                all_activations.append(activations)
+                all_messages.append(candidate_message)
+        saved = x, adjacency, message_weight, input_weight, states
+        ctx.save_for_backward(*saved, *all_activations, *all_messages)
+        return states[1:]
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        """Compute the gradients of all six tensors."""
+        x, adjacency, message_weight, input_weight, states, *per_frame = ctx.saved_tensors
+        all_activations, all_messages = per_frame[: len(x)], per_frame[len(x) :]
+        gradient, hidden = gradients[0].contiguous(), states.shape[-1]
+        d_x, d_state = torch.empty_like(x), torch.zeros_like(states[0])
+        weights = adjacency, message_weight, input_weight, input_weight[:, 0]
+        d_adjacency, d_message_weight, d_input_weight, d_bias = (
+            torch.zeros_like(each) for each in weights
+        )
+        # Of the input's and the message's part of the activations before the nonlinearity; they
+        # differ for the candidate only.
+        d_input, d_message, mixed = (
+            torch.empty_like(each) for each in (per_frame[0], per_frame[0], d_state)
+        )
+        for frame in reversed(range(len(gradient))):
+            state, activations, message = states[frame], all_activations[frame], all_messages[frame]
+            gates, candidate = activations[..., : 2 * hidden], activations[..., 2 * hidden :]
+            reset, update = gates[..., :hidden], gates[..., hidden:]
+            total = d_state.add_(gradient[frame])
+            d_tanh = torch.addcmul(total, total, update, value=-1)
+            d_candidate = torch.ops.aten.tanh_backward(d_tanh, candidate)
+            torch.mul(d_candidate, message, out=d_input[..., :hidden])
+            torch.mul(total, state - candidate, out=d_input[..., hidden : 2 * hidden])
+            d_gates = d_input[..., : 2 * hidden]
+            torch.ops.aten.sigmoid_backward.grad_input(d_gates, gates, grad_input=d_gates)
+            d_message[..., : 2 * hidden] = d_gates
+            torch.mul(d_candidate, reset, out=d_message[..., 2 * hidden :])
+            d_input[..., 2 * hidden :] = d_candidate
+            input_factor, message_factor = d_input.to(x.dtype), d_message.to(x.dtype)
+            d_x[frame] = linear(input_factor, input_weight.T)
+            d_input_weight += weight_gradient(input_factor, x[frame])
+            d_bias += d_input.sum(dim=(0, 1))
+            torch.mm(adjacency, state.flatten(1), out=mixed.flatten(1))
+            d_message_weight += weight_gradient(mixed, message_factor)
+            d_mixed = linear(message_factor, message_weight).flatten(1)
+            d_adjacency.addmm_(d_mixed, state.flatten(1).T)
+            d_state.mul_(update).flatten(1).addmm_(adjacency.T, d_mixed)
+        return d_x, d_state, d_adjacency, d_message_weight, d_input_weight, d_bias, None

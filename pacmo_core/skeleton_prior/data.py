@@ -1,4 +1,8 @@
-"""Variations as tensors: every few frames of a window, in the source's canonical frame."""
+"""Training data: variations as tensors, in the canonical frame of their source, at keyframes.
+
+Displacements between a source and its variations are smooth in time, so the networks see only
+keyframes; ``interpolate_keyframes`` returns to all frames by a cubic spline.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,65 +18,70 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.data.transforms import Frame, body_frame
 
-# Share of a source's joint heights below the ground: noise, not ground.
+# Quantile of a source's joint heights that is the height of the ground; lower ones are noise.
 GROUND_QUANTILE = 0.005
 
 
 @dataclass(frozen=True)
 class Example:
-    """A source, other bodies, and the source on them.
+    """A source and one of its variations.
 
     Parameters
     ----------
-    source : its name; examples of one name have one template
-    template : the source itself, both bodies at scale 1
-    scales : (2, E) float64, of each of ``skeleton.bones``: person a's, person b's
-    varied : the interaction on those bodies
+    source : its name; examples of one source share the template
+    template : the source itself, both people at scale 1
+    scales : (2, E) float64, of each of ``skeleton.bones``, of person a and person b
+    variation : the interaction on the scaled skeletons
     """
 
     source: str
     template: Interaction
     scales: NDArray[np.float64]
-    varied: Interaction
+    variation: Interaction
 
     def __post_init__(self) -> None:
-        wanted = (2, len(self.template.skeleton.bones))
-        if self.scales.shape != wanted or not (self.scales > 0).all():
-            raise ValueError(f"scales must be {wanted} and positive; got {self.scales.shape}")
-        if self.varied.person_a.shape != self.template.person_a.shape:
+        shape = (2, len(self.template.skeleton.bones))
+        if self.scales.shape != shape or not (self.scales > 0).all():
             raise ValueError(
-                f"source {self.source}: wanted a variation {self.template.person_a.shape}; "
-                f"got {self.varied.person_a.shape}"
+                f"source {self.source}: scales must be {shape} and positive; "
+                f"got {self.scales.shape}, smallest {self.scales.min(initial=np.inf):g}"
+            )
+        if self.variation.person_a.shape != self.template.person_a.shape:
+            raise ValueError(
+                f"source {self.source}: variation must be {self.template.person_a.shape}; "
+                f"got {self.variation.person_a.shape}"
             )
 
 
 @dataclass(frozen=True)
 class ExampleBatch:
-    """Rows of one length; the first of the two characters is generated first.
+    """Examples of equal length; characters in the order in which they are generated.
 
     Parameters
     ----------
-    template : (B, T, 2, J, 3), metres: sources
-    varied : (B, T, 2, J, 3), metres: the same on other bodies
-    scales : (B, 2, J), of the bone into each joint; the root's is 1
+    template : (B, T, 2, J, 3), metres
+    variation : (B, T, 2, J, 3), metres
+    scales : (B, 2, J), of the bone into each joint; 1 at the root
     """
 
     template: Tensor
-    varied: Tensor
+    variation: Tensor
     scales: Tensor
 
     def swapped(self, rows: Tensor) -> "ExampleBatch":
-        """Exchange the roles in the rows that are set, (B,) bool."""
+        """Swap the characters where rows (B,) bool is set."""
         return ExampleBatch(
             torch.where(rows[:, None, None, None, None], self.template.flip(2), self.template),
-            torch.where(rows[:, None, None, None, None], self.varied.flip(2), self.varied),
+            torch.where(rows[:, None, None, None, None], self.variation.flip(2), self.variation),
             torch.where(rows[:, None, None], self.scales.flip(1), self.scales),
         )
 
-    def turned(self, angles: Tensor) -> "ExampleBatch":
-        """Turn each row about the vertical, (B,) radians."""
-        turns = _rotations_about_y(angles)[:, None, None]
-        return replace(self, template=self.template @ turns, varied=self.varied @ turns)
+    def rotated(self, angles: Tensor) -> "ExampleBatch":
+        """Rotate each example about the vertical by angles (B,), radians."""
+        rotations = _rotations_about_y(angles)[:, None, None]
+        return replace(
+            self, template=self.template @ rotations, variation=self.variation @ rotations
+        )
 
 
 @dataclass(frozen=True)
@@ -81,92 +90,90 @@ class ExampleDataset:
 
     Parameters
     ----------
-    templates : of each source (T_i, 2, J, 3)
-    varied : of each example, the same shape as its source's
-    sources : (N,) which template an example varies
+    templates : of each source, (T_i, 2, J, 3), metres
+    variations : of each example, of the shape of its source's template
+    sources : (N,), index of each example's template
     scales : (N, 2, J)
     """
 
     templates: list[Tensor]
-    varied: list[Tensor]
+    variations: list[Tensor]
     sources: Tensor
     scales: Tensor
 
     def __len__(self) -> int:
         """Count the examples."""
-        return len(self.varied)
+        return len(self.variations)
 
-    def wholes(self, stride: int, most: int) -> Iterator[ExampleBatch]:
-        """Yield the keyframes of all examples, a source's in batches of so many at most."""
+    def full_length_batches(self, stride: int, max_size: int) -> Iterator[ExampleBatch]:
+        """Yield all examples at their keyframes, in batches of one source."""
         for source, template in enumerate(self.templates):
-            at = list(keyframe_indices(len(template), stride))
-            alike = torch.nonzero(self.sources == source)[:, 0]
-            for rows in alike.chunk(-(-len(alike) // most)):
-                varied = torch.stack([self.varied[row][at] for row in rows.tolist()])
-                yield ExampleBatch(template[at].expand_as(varied), varied, self.scales[rows])
+            frames = list(keyframe_indices(len(template), stride))
+            examples = torch.nonzero(self.sources == source)[:, 0]
+            for rows in examples.chunk(-(-len(examples) // max_size)):
+                variation = torch.stack([self.variations[row][frames] for row in rows.tolist()])
+                yield ExampleBatch(
+                    template[frames].expand_as(variation), variation, self.scales[rows]
+                )
 
-    def windows(
-        self, rows: Tensor, stride: int, window: int, random: torch.Generator
+    def random_windows(
+        self, rows: Tensor, stride: int, window_frames: int, random: torch.Generator
     ) -> ExampleBatch:
-        """Take of each row ``window`` frames, ``stride`` apart, from anywhere in it.
+        """Sample a window of keyframes, ``stride`` frames apart, of each example.
 
-        Shorter sources hold their last frame.
+        Examples shorter than a window repeat their last frame.
         """
-        found = []
+        templates, variations = [], []
         for row in rows.tolist():
-            template, varied = self.templates[int(self.sources[row])], self.varied[row]
-            spare = max(1, len(template) - (window - 1) * stride)
-            start = int(torch.randint(spare, (), generator=random))
-            at = (start + stride * torch.arange(window)).clamp(max=len(template) - 1)
-            found.append((template[at], varied[at]))
-        return ExampleBatch(
-            torch.stack([template for template, _ in found]),
-            torch.stack([varied for _, varied in found]),
-            self.scales[rows],
-        )
+            template, variation = self.templates[int(self.sources[row])], self.variations[row]
+            n_starts = max(1, len(template) - (window_frames - 1) * stride)
+            start = int(torch.randint(n_starts, (), generator=random))
+            frames = (start + stride * torch.arange(window_frames)).clamp(max=len(template) - 1)
+            templates.append(template[frames])
+            variations.append(variation[frames])
+        return ExampleBatch(torch.stack(templates), torch.stack(variations), self.scales[rows])
 
     def to(self, device: str) -> "ExampleDataset":
-        """Move the tensors."""
+        """Copy the tensors to a device."""
         return ExampleDataset(
             [template.to(device) for template in self.templates],
-            [varied.to(device) for varied in self.varied],
+            [variation.to(device) for variation in self.variations],
             self.sources,
             self.scales.to(device),
         )
 
 
 def encode_examples(examples: Sequence[Example]) -> ExampleDataset:
-    """Bring examples into tensors; the changed body comes first.
+    """Convert examples to tensors; the person whose skeleton changes is the first character.
 
-    Roles: of an example in which one body alone changes, that one is the first. So the form that
-    knows one body's scale knows the one that matters (supplement, figure 6: the skeleton of one
-    character is changed).
+    The paper's model takes the scales of the first character only, so these must be the scales that
+    differ from 1 (supplement, figure 6: the skeleton of one character is changed).
     """
     templates: dict[tuple[str, bool], Tensor] = {}
-    varied, sources, scales = [], [], []
+    variations, sources, scales = [], [], []
     for example in examples:
         b_first = is_b_first(example.scales)
         key = (example.source, b_first)
         frame = canonical_frame(example.template)
         if key not in templates:
             templates[key] = stack_characters(example.template, frame, b_first=b_first)
-        varied.append(stack_characters(example.varied, frame, b_first=b_first))
+        variations.append(stack_characters(example.variation, frame, b_first=b_first))
         sources.append(list(templates).index(key))
-        own = scales_by_joint(example.scales, example.template.skeleton)
-        scales.append(own.flip(0) if b_first else own)
+        joint_scales = scales_by_joint(example.scales, example.template.skeleton)
+        scales.append(joint_scales.flip(0) if b_first else joint_scales)
     return ExampleDataset(
-        list(templates.values()), varied, torch.tensor(sources), torch.stack(scales)
+        list(templates.values()), variations, torch.tensor(sources), torch.stack(scales)
     )
 
 
 def is_b_first(scales: NDArray[np.float64]) -> bool:
-    """Say whether person b is generated first: unless a alone changes."""
+    """Check whether person b is the first character: unless only a's scales differ from 1."""
     changed = (scales != 1).any(axis=1)
     return bool(changed[1] or not changed[0])
 
 
 def canonical_frame(interaction: Interaction) -> Frame:
-    """Find the frame between both people's first places, on the ground, facing as person a."""
+    """Compute the frame midway between both people's first positions, facing as person a."""
     root = interaction.skeleton.root
     frame = body_frame(interaction.person_a, interaction.skeleton)
     both = np.stack([interaction.person_a, interaction.person_b]).astype(np.float64)
@@ -176,34 +183,34 @@ def canonical_frame(interaction: Interaction) -> Frame:
 
 
 def stack_characters(interaction: Interaction, frame: Frame, *, b_first: bool) -> Tensor:
-    """``(T, 2, J, 3)`` float32 in a frame."""
+    """Stack both people's motions in a frame: ``(T, 2, J, 3)`` float32, metres."""
     people = [interaction.person_a, interaction.person_b]
     motions = [frame.to_local(motion) for motion in (people[::-1] if b_first else people)]
     return torch.from_numpy(np.stack(motions, axis=1))
 
 
 def scales_by_joint(scales: NDArray[np.float64], skeleton: Skeleton) -> Tensor:
-    """``(..., E)`` of bones to ``(..., J)`` float32 of joints; the root's is 1."""
-    own = np.ones((*scales.shape[:-1], len(skeleton.joints)))
-    own[..., skeleton.bones[:, 1]] = scales
-    return torch.tensor(own, dtype=torch.float32)
+    """Convert scales of bones ``(..., E)`` to joints ``(..., J)`` float32, 1 at the root."""
+    result = np.ones((*scales.shape[:-1], len(skeleton.joints)))
+    result[..., skeleton.bones[:, 1]] = scales
+    return torch.tensor(result, dtype=torch.float32)
+
+
+@lru_cache(maxsize=64)
+def keyframe_indices(n_frames: int, stride: int) -> tuple[int, ...]:
+    """Choose frames about ``stride`` apart, including the first and the last."""
+    n_keys = -(-(n_frames - 1) // stride) + 1
+    return tuple(np.linspace(0, n_frames - 1, n_keys).round().astype(int).tolist())
+
+
+def interpolate_keyframes(values: Tensor, n_frames: int, stride: int) -> Tensor:
+    """Interpolate keyframes ``(B, K, J, C)`` to all frames ``(B, T, J, C)`` by a cubic spline."""
+    keyframes = keyframe_indices(n_frames, stride)
+    spline = CubicSpline(keyframes, values.cpu().numpy(), axis=1)
+    return torch.from_numpy(spline(np.arange(n_frames)).astype(np.float32)).to(values.device)
 
 
 def _rotations_about_y(angles: Tensor) -> Tensor:
     cos, sin, zero = angles.cos(), angles.sin(), torch.zeros_like(angles)
     rows = [cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos]
     return torch.stack(rows, dim=-1).view(-1, 3, 3)
-
-
-# FROM """The few frames that networks see, and the way back to all of them: the change is smooth."""
-@lru_cache(maxsize=64)
-def keyframe_indices(n_frames: int, stride: int) -> tuple[int, ...]:
-    """Choose frames about ``stride`` apart, the first and the last among them."""
-    n_keys = -(-(n_frames - 1) // stride) + 1
-    return tuple(np.linspace(0, n_frames - 1, n_keys).round().astype(int).tolist())
-
-
-def interpolate_keyframes(field: Tensor, n_frames: int, stride: int) -> Tensor:
-    """``(B, K, J, C)`` at keyframes to ``(B, T, J, C)``, by the cubic spline through them."""
-    spline = CubicSpline(keyframe_indices(n_frames, stride), field.cpu().numpy(), axis=1)
-    return torch.from_numpy(spline(np.arange(n_frames)).astype(np.float32)).to(field.device)

@@ -1,8 +1,8 @@
-"""The features of the Fréchet distance: a small auto-encoder of one character's motion.
+"""Features of the Fréchet distance (FID): latents of an autoencoder of one character's motion.
 
-The supplement does not say what its features are. Ours are the code of an auto-encoder whose
-encoder is ST-GCN1 with fewer channels, trained on real motion; its figures compare with nothing
-but themselves, so ``fingerprint`` goes with them.
+The supplement does not define its features. These are the latents of an autoencoder whose encoder
+is ST-GCN1 with fewer channels, trained on real motion. Distances compare only between equal
+extractors, so the ``fingerprint`` is stored with them.
 """
 
 import hashlib
@@ -29,22 +29,22 @@ from pacmo_core.training.supervised import SupervisedTrainer
 
 @dataclass(frozen=True)
 class FeatureExtractorSettings:
-    """How the features are learnt.
+    """Size and training of the autoencoder.
 
     Parameters
     ----------
     random_seed : int
-    hidden, features : channels of the widest layer, and of the code
-    frames : that it sees, spread evenly over a motion of any length
-    instants : at which the decoder gives the motion back
-    learning_rate, halve_learning_rate_every, batch_size, n_epochs : of the descent
+    hidden, n_features : channels of the widest layer, and of the latent
+    n_frames : of the encoder's input, evenly spaced over a motion of any length
+    n_decoded_frames : of the decoder's output, evenly spaced over the input
+    learning_rate, halve_learning_rate_every, batch_size, n_epochs : of the training
     """
 
     random_seed: int
     hidden: int
-    features: int
-    frames: int
-    instants: int
+    n_features: int
+    n_frames: int
+    n_decoded_frames: int
     learning_rate: float
     halve_learning_rate_every: int
     batch_size: int
@@ -52,12 +52,12 @@ class FeatureExtractorSettings:
 
 
 class FeatureExtractor(nn.Module):
-    """Encode a character's motion in the pair's frame, and give it back at a few instants.
+    """Autoencoder of one character's motion in the canonical frame of the interaction.
 
     Parameters
     ----------
     skeleton : Skeleton
-    settings : ExtractorSettings
+    settings : FeatureExtractorSettings
     """
 
     def __init__(self, skeleton: Skeleton, settings: FeatureExtractorSettings) -> None:
@@ -67,55 +67,55 @@ class FeatureExtractor(nn.Module):
         self.encoder = StGcnEncoder(
             off_diagonal_adjacency(skeleton), 3, encoder_channels(hidden), dropout=0.0
         )
-        self.code = nn.Linear(hidden * joints, settings.features)
-        self.back = nn.Sequential(
-            nn.Linear(settings.features, hidden),
+        self.latent = nn.Linear(hidden * joints, settings.n_features)
+        self.decoder = nn.Sequential(
+            nn.Linear(settings.n_features, hidden),
             nn.ReLU(),
-            nn.Linear(hidden, settings.instants * joints * 3),
+            nn.Linear(hidden, settings.n_decoded_frames * joints * 3),
         )
 
     def forward(self, motions: Tensor) -> Tensor:
-        """``(B, K, J, 3)`` metres at keyframes to ``(B, D)``."""
-        code: Tensor = self.code(self.encoder(motions, None).flatten(1))
-        return code
+        """Encode motions ``(B, K, J, 3)``, metres, as latents (B, D)."""
+        latent: Tensor = self.latent(self.encoder(motions, None).flatten(1))
+        return latent
 
     def loss(self, motions: Tensor) -> Tensor:
-        """Take the mean squared error of the motion given back, metres squared."""
-        at = torch.linspace(0, motions.shape[1] - 1, self.settings.instants).round().long()
-        wanted = motions[:, at].flatten(1)
-        return nn.functional.mse_loss(self.back(self(motions)), wanted)
+        """Compute the mean squared reconstruction error of (B, K, J, 3), square metres."""
+        n_frames = self.settings.n_decoded_frames
+        frames = torch.linspace(0, motions.shape[1] - 1, n_frames).round().long()
+        return nn.functional.mse_loss(self.decoder(self(motions)), motions[:, frames].flatten(1))
 
     def features(self, motions: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
-        """``(n, D)`` of motions (T_i, J, 3) float32, metres, in the pair's canonical frame."""
+        """Compute features (n, D) of motions (T_i, J, 3) float32, metres, in canonical frames."""
         self.eval()
         with torch.inference_mode():
-            rows = [self(self.seen(motion)[None]) for motion in motions]
+            rows = [self(self.resample(motion)[None]) for motion in motions]
         return torch.cat(rows).double().numpy()
 
-    def seen(self, motion: NDArray[np.float32]) -> Tensor:
-        """``(K, J, 3)``: the frames of a motion (T, J, 3) that it sees."""
-        at = np.linspace(0, len(motion) - 1, self.settings.frames).round().astype(int)
-        return torch.from_numpy(motion[at])
+    def resample(self, motion: NDArray[np.float32]) -> Tensor:
+        """Select the input frames (K, J, 3) of a motion (T, J, 3)."""
+        frames = np.linspace(0, len(motion) - 1, self.settings.n_frames).round().astype(int)
+        return torch.from_numpy(motion[frames])
 
 
 def build_extractor_training(
     motions: Sequence[NDArray[np.float32]], skeleton: Skeleton, settings: FeatureExtractorSettings
 ) -> TrainingLoop[FeatureExtractor]:
-    """Train on motions (T_i, J, 3) float32, metres."""
+    """Build the training loop of an extractor on motions (T_i, J, 3) float32, metres."""
     random = torch.Generator().manual_seed(settings.random_seed)
     model = FeatureExtractor(skeleton, settings)
     initialise_weights(model, random)
-    seen = torch.stack([model.seen(motion) for motion in motions])
-    training = SupervisedTrainer(
-        model, len(seen), lambda rows: model.loss(seen[rows]), None, settings, random
+    inputs = torch.stack([model.resample(motion) for motion in motions])
+    trainer = SupervisedTrainer(
+        model, len(inputs), lambda rows: model.loss(inputs[rows]), None, settings, random
     )
-    return TrainingLoop(training, n_epochs=settings.n_epochs, validate_every=settings.n_epochs)
+    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.n_epochs)
 
 
 def fingerprint(model: FeatureExtractor) -> str:
-    """SHA-256 of the configuration and the weights, in hexadecimal: what the features are."""
-    facts: dict[str, Any] = {"skeleton": asdict(model.skeleton), **asdict(model.settings)}
-    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    """Hash configuration and weights by SHA-256, in hexadecimal, to identify the features."""
+    config: dict[str, Any] = {"skeleton": asdict(model.skeleton), **asdict(model.settings)}
+    digest = hashlib.sha256(json.dumps(config, sort_keys=True).encode())
     for name, tensor in sorted(model.state_dict().items()):
         digest.update(name.encode() + tensor.detach().cpu().contiguous().numpy().tobytes())
     return digest.hexdigest()

@@ -1,4 +1,12 @@
-"""What one body's change means to the other: the interaction mesh's pull, not solved for."""
+"""Forward kinematics of a skeleton, inverse kinematics (IK) of its limbs, and decoder outputs.
+
+A decoder's output (B, T, J, 3) becomes joint positions in one of two ways: ``DisplacementOutput``
+adds it to the template, as in the paper; ``KinematicOutput`` rotates bones of given lengths by
+forward kinematics and bends arms and legs by two-bone inverse kinematics.
+
+``mesh_residual_features`` and ``mesh_root_shift`` are what the InteractionMesh energy demands of
+one character when the other one changes, to first order: inputs of a network, not a solution.
+"""
 
 import numpy as np
 import torch
@@ -8,279 +16,226 @@ from pacmo_core.data.interaction import Motion, bone_lengths
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.autograd_functions import multiply_joints
 
-# Metres: added to distances so that joints that touch do not silence all others.
+# Joint indices of shoulder, elbow, wrist, or of hip, knee, ankle.
+Limb = tuple[int, int, int]
+
+# Metres: vectors shorter than this have no direction.
+MIN_LENGTH = 1e-6
+# Metres: height of a limb's end at which its stance weight has fallen to 1/e.
+STANCE_HEIGHT = 0.2
+# Below this share of the upper bone, the distance of the middle joint from the line between the
+# limb's ends has a bounded gradient.
+STRAIGHT_LIMB_SHARE = 0.05
+# Length below which the pole vector, of about unit length, is normalised with a bounded gradient;
+# and below which it has no direction.
+SHORT_POLE, MIN_POLE = 0.1, 1e-4
+# Cost of moving a limb's middle joint, relative to that of not following the partner.
+MIDDLE_JOINT_COST = 0.1
+# Share of the change of limb lengths that moves the trunk or the limb's end; bending the limb
+# absorbs the rest.
+ANGLE_SHARE = 0.3
+# Metres: added to distances, so that the weights of touching joints stay finite.
 DISTANCE_SOFTENING = 0.01
-# Metres: at which contact has fallen to 1/e, as the solver that made the variations has it.
+# Metres: distance at which the contact weight has fallen to 1/e, as in the InteractionMesh solver.
 CONTACT_DISTANCE = 0.15
 
 
-def mesh_residual_features(
-    own: Tensor, partner: Tensor, own_change: Tensor, partner_change: Tensor
-) -> Tensor:
-    """By how much a joint lags behind what the partner's change asks of it.
-
-    The weights are those of the complete interaction mesh between the bodies (Ho et al. 2010;
-    supplement, section 1): once inverse to distance, once of contact alone. Where both pulls are
-    zero the relations to the partner are those of the source.
-
-    Parameters
-    ----------
-    own, partner : (B, T, J, 3), metres, of the template
-    own_change, partner_change : (B, T, J, 3), metres, from it
-
-    Returns
-    -------
-    (B, T, J, 10): pull of all joints 3, of touching ones 3, how much is touched 1, way to the
-    partner 3
-    """
-    distances = _distances(own, partner)
-    far = _mesh_weights(distances)
-    touch = torch.exp(-((distances / CONTACT_DISTANCE) ** 2))
-    touched = touch.sum(dim=-1, keepdim=True)
-    asked = far @ torch.cat([partner_change, partner], dim=-1)
-    pull = asked[..., :3] - own_change
-    contact = touch @ partner_change - touched * own_change
-    return torch.cat([pull, contact, touched, asked[..., 3:] - own], dim=-1)
-
-
-def mesh_root_shift(own: Tensor, partner: Tensor, partner_change: Tensor) -> Tensor:
-    """By how much the partner's change asks a body as a whole to come along.
-
-    Where a body goes so far, and changes in no other way, the mesh between the two is on average
-    what it was.
-
-    Parameters
-    ----------
-    own, partner : (B, T, J, 3), metres, of the template
-    partner_change : (B, T, J, 3), metres, from it
-
-    Returns
-    -------
-    (B, T, 3), metres
-    """
-    return (_mesh_weights(_distances(own, partner)) @ partner_change).mean(dim=2)
-
-
-def _distances(own: Tensor, partner: Tensor) -> Tensor:
-    return torch.cdist(own, partner, compute_mode="use_mm_for_euclid_dist")
-
-
-def _mesh_weights(distances: Tensor) -> Tensor:
-    far = 1 / (distances + DISTANCE_SOFTENING)
-    return far / far.sum(dim=-1, keepdim=True)
-
-
-# FROM """Arms and legs: the first guess at a pose on another body, hands and feet where they were.
-# FROM
-# FROM Retargeting by hand does the same: two bones reach for a place by the law of cosines.
-# FROM """
-Limb = tuple[int, int, int]
-
-# Metres: height at which an end of a limb no longer counts as standing.
-STANCE_HEIGHT = 0.2
-# Share of its upper bone by which a limb's middle must stand aside for its bend to have a slope.
-STRAIGHT_LIMB_SHARE = 0.05
-# Likewise of the way to the side, whose unit is about 1; and below which that says nothing.
-SHORT_POLE, MIN_POLE = 0.1, 1e-4
-# What it costs to move the middle of a limb, of what it costs to leave a body where it was.
-MIDDLE_JOINT_COST = 0.1
-# Metres: shorter ways have no direction.
-MIN_DISTANCE = 1e-6
-
-
 def find_limbs(skeleton: Skeleton, motion: Motion) -> tuple[Limb, ...]:
-    """Find shoulder, elbow, wrist and hip, knee, ankle, whatever their names.
+    """Find the arms and legs of a skeleton, independent of joint names.
 
-    On each way from a leaf to the root, the two successive bones of mirror joints that are longest
-    together.
+    On each path from a leaf to the root these are the two successive bones between left-right
+    symmetric joints whose total length is largest.
 
     Parameters
     ----------
     motion : (T, J, 3) float32, metres
     """
-    mirrored = {joint for pair in skeleton.left_right for joint in pair}
+    symmetric = {joint for pair in skeleton.left_right for joint in pair}
     lengths = np.zeros(len(skeleton.joints))
     lengths[skeleton.bones[:, 1]] = bone_lengths(motion, skeleton).mean(axis=0)
-    found: set[Limb] = set()
+    result: set[Limb] = set()
     for leaf in set(range(len(skeleton.joints))) - set(skeleton.parents):
-        chain = _path_to_root(skeleton, leaf)
+        path = _path_to_root(skeleton, leaf)
         limbs = [
-            (chain[i + 2], chain[i + 1], chain[i])
-            for i in range(len(chain) - 2)
-            if {chain[i], chain[i + 1], chain[i + 2]} <= mirrored
+            (path[i + 2], path[i + 1], path[i])
+            for i in range(len(path) - 2)
+            if {path[i], path[i + 1], path[i + 2]} <= symmetric
         ]
         if limbs:
-            found.add(max(limbs, key=lambda limb: lengths[limb[1]] + lengths[limb[2]]))
-    return tuple(sorted(found))
+            result.add(max(limbs, key=lambda limb: lengths[limb[1]] + lengths[limb[2]]))
+    return tuple(sorted(result))
 
 
 def _path_to_root(skeleton: Skeleton, leaf: int) -> list[int]:
-    chain = [leaf]
-    while skeleton.parents[chain[-1]] >= 0:
-        chain.append(skeleton.parents[chain[-1]])
-    return chain
+    path = [leaf]
+    while skeleton.parents[path[-1]] >= 0:
+        path.append(skeleton.parents[path[-1]])
+    return path
 
 
-def shift_to_reach(start: Tensor, end: Tensor, reach: Tensor) -> Tensor:
-    """Move a body to where its standing limbs reach the ground on average: ``(..., 3)`` metres.
+def ancestor_matrix(skeleton: Skeleton) -> Tensor:
+    """Build ``(J, J)`` float32: row j is 1 at joint j and at its ancestors, the root included.
+
+    Forward kinematics is one product with this matrix, of the root's position and all other
+    joints' bone vectors.
+    """
+    matrix = np.zeros((len(skeleton.joints),) * 2)
+    for joint in skeleton.order:
+        parent = skeleton.parents[joint]
+        if parent >= 0:
+            matrix[joint] = matrix[parent]
+        matrix[joint, joint] = 1
+    return torch.tensor(matrix, dtype=torch.float32)
+
+
+def parent_indices(skeleton: Skeleton) -> Tensor:
+    """List each joint's parent, ``(J,)`` int64; the root is its own parent."""
+    return torch.tensor([i if p < 0 else p for i, p in enumerate(skeleton.parents)])
+
+
+def shift_to_reach(start: Tensor, end: Tensor, lengths: Tensor) -> Tensor:
+    """Compute the shift (..., 3), metres, that brings limbs in stance within reach of their ends.
 
     Parameters
     ----------
-    start, end : (..., L, 3), metres: where limbs start by now and where they should end
-    reach : (..., L), metres: how long they are
+    start, end : (..., L, 3), metres: first joint of each limb, and target of its last joint
+    lengths : (..., L), metres: of the stretched limbs
     """
-    way = end - start
-    distance = way.norm(dim=-1, keepdim=True).clamp_min(MIN_DISTANCE)
-    short = (distance - reach[..., None]).clamp_min(0)
-    return stance_weighted_mean(short * way / distance, end)
+    offset = end - start
+    distance = offset.norm(dim=-1, keepdim=True).clamp_min(MIN_LENGTH)
+    missing = (distance - lengths[..., None]).clamp_min(0)
+    return stance_weighted_mean(missing * offset / distance, end)
 
 
-def stance_weighted_mean(moves: Tensor, ends: Tensor) -> Tensor:
-    """``(..., L, 3)`` of limbs to ``(..., 3)``, of those whose ends stand; zero where none does."""
-    stands = stance_weight(ends)
-    mean: Tensor = (stands * moves).sum(dim=-2) / stands.sum(dim=-2).clamp_min(1)
+def stance_weighted_mean(shifts: Tensor, ends: Tensor) -> Tensor:
+    """Average limbs ``(..., L, 3)`` by stance weight: ``(..., 3)``; zero without stance."""
+    weights = stance_weight(ends)
+    mean: Tensor = (weights * shifts).sum(dim=-2) / weights.sum(dim=-2).clamp_min(1)
     return mean
 
 
-def limb_resistance(
-    start: Tensor, middle: Tensor, end: Tensor, *, asked: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Say which way a limb resists, ``(..., 3)`` unit length, and how much, ``(..., 1)`` 0 to 1.
+def stance_weight(ends: Tensor) -> Tensor:
+    """Weigh limb ends ``(..., L, 3)`` by height: ``(..., L, 1)``, 1 on the ground, 0 far above."""
+    return torch.exp(-((ends[..., 1:2].clamp_min(0) / STANCE_HEIGHT) ** 2))
 
-    To end nearer to where it starts, a limb must bend: of two bones alike, whose ends are L apart
-    and whose middle stands aside by a, the middle comes to stand aside by the root of
-    a^2 + d (L / 2 - d / 4) where the ends close by d. For each metre of d that is much where the
-    limb is straight and d small, and the less the further it bends. A limb opens no further than
-    straight.
+
+def limb_resistance(
+    start: Tensor, middle: Tensor, end: Tensor, *, shift: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Compute the resistance of a limb with a fixed end against a shift of its start.
+
+    A limb of two equal bones whose ends are a distance L apart and whose middle joint is at a
+    distance h from the line between them: when the ends close by d, that distance becomes
+    sqrt(h^2 + d (L / 2 - d / 4)). The change per metre of d is large for a nearly stretched limb
+    and small for a bent one. A limb extends no further than straight.
 
     Parameters
     ----------
     start, middle, end : (..., 3), metres
-    asked : (..., 3), metres: how far the start is asked to go, the end in its place
-    """
-    way = end - start
-    length = way.norm(dim=-1, keepdim=True).clamp_min(MIN_DISTANCE)
-    axis = way / length
-    aside = perpendicular_part(middle - start, axis).norm(dim=-1, keepdim=True)
-    straight = (length**2 + 4 * aside**2).sqrt()
-    closed = (asked * axis).sum(dim=-1, keepdim=True).clamp_max(length).maximum(length - straight)
-    further = length / 2 - closed / 4
-    then = (aside**2 + closed * further).clamp_min(0).sqrt()
-    resists = MIDDLE_JOINT_COST * (further / (aside + then).clamp_min(MIN_DISTANCE)) ** 2
-    return axis, resists / (1 + resists)
-
-
-def parallel_part(way: Tensor, axis: Tensor) -> Tensor:
-    """``(..., 3)``, and unit vectors: the part of a way along these."""
-    return (way * axis).sum(dim=-1, keepdim=True) * axis
-
-
-def perpendicular_part(way: Tensor, axis: Tensor) -> Tensor:
-    """``(..., 3)``, and unit vectors: the part of a way aside of these."""
-    return way - parallel_part(way, axis)
-
-
-def stance_weight(ends: Tensor) -> Tensor:
-    """``(..., L, 3)`` metres to ``(..., L, 1)``: how much ends of limbs stand, 1 on the ground."""
-    return torch.exp(-((ends[..., 1:2].clamp_min(0) / STANCE_HEIGHT) ** 2))
-
-
-def two_bone_ik(way: Tensor, upper: Tensor, lower: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:
-    """Bend two bones so that they end where they should, or as near as they come.
-
-    Parameters
-    ----------
-    way : (..., 3), metres: from where the limb starts to where it should end
-    upper, lower : (...), metres: lengths of the bones
-    side : (..., 3): towards where the middle joint points, of any length; where it says nothing,
-        the limb bends to any side
+    shift : (..., 3), metres: intended shift of the start
 
     Returns
     -------
-    two (..., 3), metres: the bones
+    axis : (..., 3), unit vector from start to end
+    resistance : (..., 1), from 0 to 1: share of the shift along the axis that is suppressed
     """
-    # Down, if there is no way at all: somewhere bones must point.
-    way = way + torch.tensor([0.0, -MIN_DISTANCE, 0.0], dtype=way.dtype, device=way.device)
-    reached = way.norm(dim=-1).clamp(min=(upper - lower).abs() + MIN_DISTANCE, max=upper + lower)
-    ahead = torch.nn.functional.normalize(way, dim=-1)
-    beside = _normalise_with_bounded_slope(_pole_direction(side, ahead))
-    forth = (upper**2 - lower**2 + reached**2) / (2 * reached)
-    aside = _sqrt_with_bounded_slope(upper**2 - forth**2, (STRAIGHT_LIMB_SHARE * upper) ** 2)
-    first = _with_length(forth[..., None] * ahead + aside[..., None] * beside, upper)
-    return first, _with_length(reached[..., None] * ahead - first, lower)
+    offset = end - start
+    length = offset.norm(dim=-1, keepdim=True).clamp_min(MIN_LENGTH)
+    axis = offset / length
+    height = perpendicular_part(middle - start, axis).norm(dim=-1, keepdim=True)
+    straight = (length**2 + 4 * height**2).sqrt()
+    closing = (shift * axis).sum(dim=-1, keepdim=True).clamp_max(length).maximum(length - straight)
+    slope = length / 2 - closing / 4
+    new_height = (height**2 + closing * slope).clamp_min(0).sqrt()
+    cost = MIDDLE_JOINT_COST * (slope / (height + new_height).clamp_min(MIN_LENGTH)) ** 2
+    return axis, cost / (1 + cost)
 
 
-def _pole_direction(side: Tensor, ahead: Tensor) -> Tensor:
-    """Take the part of a side across the way; of a straight limb, which has none, any."""
-    least = torch.nn.functional.one_hot(ahead.abs().argmin(dim=-1), 3).to(ahead)
-    beside = perpendicular_part(side, ahead)
-    known = beside.norm(dim=-1, keepdim=True) > MIN_POLE
-    return torch.where(known, beside, perpendicular_part(least, ahead))
+def parallel_part(vectors: Tensor, axis: Tensor) -> Tensor:
+    """Project vectors ``(..., 3)`` onto unit vectors ``(..., 3)``."""
+    return (vectors * axis).sum(dim=-1, keepdim=True) * axis
 
 
-def _sqrt_with_bounded_slope(square: Tensor, steep: Tensor) -> Tensor:
-    """Take the root; below ``steep``, where its slope goes to infinity, without a slope."""
-    gentle = square.clamp_min(0).maximum(steep).sqrt()
-    return gentle + (square.clamp_min(0).sqrt() - gentle).detach()
+def perpendicular_part(vectors: Tensor, axis: Tensor) -> Tensor:
+    """Reject vectors ``(..., 3)`` from unit vectors ``(..., 3)``: the perpendicular part."""
+    return vectors - parallel_part(vectors, axis)
 
 
-def _normalise_with_bounded_slope(way: Tensor) -> Tensor:
-    """Set to unit length; what is short, whose direction turns fast, has the slope of a longer."""
-    length = way.norm(dim=-1, keepdim=True)
-    gentle = way / length.clamp_min(SHORT_POLE).detach()
-    steep = way / length.clamp_min(MIN_DISTANCE)
-    return torch.where(length > SHORT_POLE, steep, gentle + (steep - gentle).detach())
+def two_bone_ik(
+    offset: Tensor, upper: Tensor, lower: Tensor, pole: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Solve two-bone inverse kinematics by the law of cosines.
 
+    A target out of reach is approached as far as the bones allow.
 
-def _with_length(bones: Tensor, lengths: Tensor) -> Tensor:
-    return torch.nn.functional.normalize(bones, dim=-1) * lengths[..., None]
+    Parameters
+    ----------
+    offset : (..., 3), metres: from the limb's start to the target of its end
+    upper, lower : (...), metres: lengths of the bones
+    pole : (..., 3): direction in which the middle joint points, of any length; without a direction
+        the limb bends in an arbitrary one
 
-
-# FROM """From what a network says to where joints are: plain offsets, or bones of the right length."""
-# Metres: below this a bone's direction is left to the network.
-MIN_BONE_LENGTH = 1e-6
-# Share of what limbs of other lengths would ask for, were they to keep their angles, that they get:
-# for the rest they bend.
-ANGLE_SHARE = 0.3
-
-
-def ancestor_matrix(skeleton: Skeleton) -> Tensor:
-    """``(J, J)`` float32: 1 where the bone into a column's joint leads to a row's joint.
-
-    The root's own column is 1 throughout: with the root's place there and bone vectors elsewhere,
-    one product of matrices places all joints.
+    Returns
+    -------
+    two (..., 3), metres: vectors of the upper and the lower bone
     """
-    between = np.zeros((len(skeleton.joints),) * 2)
-    for joint in skeleton.order:
-        parent = skeleton.parents[joint]
-        if parent >= 0:
-            between[joint] = between[parent]
-        between[joint, joint] = 1
-    return torch.tensor(between, dtype=torch.float32)
+    # Downwards if the offset is zero: the bones need some direction.
+    down = torch.tensor([0.0, -MIN_LENGTH, 0.0], dtype=offset.dtype, device=offset.device)
+    offset = offset + down
+    distance = offset.norm(dim=-1).clamp(min=(upper - lower).abs() + MIN_LENGTH, max=upper + lower)
+    axis = torch.nn.functional.normalize(offset, dim=-1)
+    bend = _normalise_with_bounded_slope(_pole_direction(pole, axis))
+    # Law of cosines: the middle joint's coordinates along the axis and along the bend direction.
+    along = (upper**2 - lower**2 + distance**2) / (2 * distance)
+    height = _sqrt_with_bounded_slope(upper**2 - along**2, (STRAIGHT_LIMB_SHARE * upper) ** 2)
+    first = _with_length(along[..., None] * axis + height[..., None] * bend, upper)
+    return first, _with_length(distance[..., None] * axis - first, lower)
 
 
-def parent_indices(skeleton: Skeleton) -> Tensor:
-    """``(J,)`` int64: each joint's parent, the root its own."""
-    return torch.tensor([i if p < 0 else p for i, p in enumerate(skeleton.parents)])
+def _pole_direction(pole: Tensor, axis: Tensor) -> Tensor:
+    """Take the pole's part perpendicular to the axis; without one, any perpendicular vector."""
+    least = torch.nn.functional.one_hot(axis.abs().argmin(dim=-1), 3).to(axis)
+    perpendicular = perpendicular_part(pole, axis)
+    defined = perpendicular.norm(dim=-1, keepdim=True) > MIN_POLE
+    return torch.where(defined, perpendicular, perpendicular_part(least, axis))
+
+
+def _sqrt_with_bounded_slope(square: Tensor, threshold: Tensor) -> Tensor:
+    """Take the root; its slope is zero below ``threshold``, where it would tend to infinity."""
+    bounded = square.clamp_min(0).maximum(threshold).sqrt()
+    return bounded + (square.clamp_min(0).sqrt() - bounded).detach()
+
+
+def _normalise_with_bounded_slope(vectors: Tensor) -> Tensor:
+    """Normalise; short vectors, whose direction varies fast, get the slope of longer ones."""
+    length = vectors.norm(dim=-1, keepdim=True)
+    bounded = vectors / length.clamp_min(SHORT_POLE).detach()
+    unit = vectors / length.clamp_min(MIN_LENGTH)
+    return torch.where(length > SHORT_POLE, unit, bounded + (unit - bounded).detach())
+
+
+def _with_length(vectors: Tensor, lengths: Tensor) -> Tensor:
+    return torch.nn.functional.normalize(vectors, dim=-1) * lengths[..., None]
 
 
 class DisplacementOutput(nn.Module):
-    """The paper's form: a joint stands where the template has it, and an offset from there."""
+    """Output layer of the paper: joint displacements from the template."""
 
-    def forward(self, field: Tensor, template: Tensor, scales: Tensor) -> Tensor:
-        """``(B, T, J, 3)`` offsets to ``(B, T, J, 3)`` places, metres."""
+    def forward(self, output: Tensor, template: Tensor, scales: Tensor) -> Tensor:
+        """Compute joint positions, (B, T, J, 3) metres, of displacements (B, T, J, 3)."""
         del scales
-        return template + field
+        return template + output
 
 
 class KinematicOutput(nn.Module):
-    """Our form: forward kinematics, so that every bone has its length exactly.
+    """Output layer with exact bone lengths: forward kinematics with IK of the limbs.
 
-    The field says, at the root and at the ends of limbs, by how many metres to stand elsewhere than
-    guessed; at other joints, what is added to the unit vector of the bone, or of the side to which
-    a limb bends, before it is set to unit length again. Limbs then reach for their ends, so a body
-    that moves keeps its feet where they stand. The guess is what no field gives: the template with
-    the trunk about its place, hands and feet in theirs, as far as limbs reach.
+    The decoder's output means, per joint: at the root and at the limbs' ends a displacement from
+    the initial estimate, in metres; at other joints a change of the unit vector of the bone into
+    the joint, or of the pole vector of a limb's middle joint, before normalisation. The limbs then
+    reach their ends by inverse kinematics, so feet in stance stay in place when the trunk moves.
+    The initial estimate (output zero) has the trunk, hands and feet where the template has them, as
+    far as the limbs reach.
 
     Parameters
     ----------
@@ -300,43 +255,42 @@ class KinematicOutput(nn.Module):
         self.register_buffer("ancestor_matrix", ancestor_matrix(skeleton), persistent=False)
         index = torch.tensor(limbs, dtype=torch.int64).reshape(-1, 3)
         self.register_buffer("limbs", index, persistent=False)
-        # The trunk: what no limb's two bones carry.
-        carried = self.ancestor_matrix[:, index[:, 1]].sum(dim=1) > 0
-        self.register_buffer("trunk", torch.nonzero(~carried)[:, 0], persistent=False)
+        # The trunk: all joints that are not descendants of a limb's upper bone.
+        in_limb = self.ancestor_matrix[:, index[:, 1]].sum(dim=1) > 0
+        self.register_buffer("trunk", torch.nonzero(~in_limb)[:, 0], persistent=False)
 
-    def forward(self, field: Tensor, template: Tensor, scales: Tensor) -> Tensor:
-        """``(B, T, J, 3)`` to ``(B, T, J, 3)`` places, metres.
+    def forward(self, output: Tensor, template: Tensor, scales: Tensor) -> Tensor:
+        """Compute joint positions, (B, T, J, 3) metres.
 
         Parameters
         ----------
-        field, template : (B, T, J, 3)
-        scales : (B, J)
+        output : (B, T, J, 3), of the decoder
+        template : (B, T, J, 3), metres
+        scales : (B, J), of the bone into each joint
         """
-        bones = self.bones(template) * scales[:, None, :, None]
-        root = template[:, :, self.root] + self._settled(bones, template) + field[:, :, self.root]
+        bones = self.bone_vectors(template) * scales[:, None, :, None]
+        shift = self._estimate_root_shift(bones, template)
+        root = template[:, :, self.root] + shift + output[:, :, self.root]
         lengths = bones.norm(dim=-1, keepdim=True)
-        bones = (
-            nn.functional.normalize(bones / lengths.clamp_min(MIN_BONE_LENGTH) + field, dim=-1)
-            * lengths
-        )
-        return self._placed(self._reaching(bones, root, field, template), root)
+        directions = bones / lengths.clamp_min(MIN_LENGTH) + output
+        bones = nn.functional.normalize(directions, dim=-1) * lengths
+        return self._joint_positions(self._solve_limbs(bones, root, output, template), root)
 
-    def guess(self, template: Tensor, scales: Tensor) -> Tensor:
-        """Place what a zero field places, (B, T, J, 3) metres; at scale 1 that is the template."""
+    def ik_retarget(self, template: Tensor, scales: Tensor) -> Tensor:
+        """Retarget by IK alone (output zero), (B, T, J, 3) metres; the template at scale 1."""
         return self.forward(torch.zeros_like(template), template, scales)
 
-    def starting_field(self, shift: Tensor, template: Tensor, scales: Tensor) -> Tensor:
-        """Give the field from which a network starts: what the mesh asks of a body as a whole.
+    def initial_output(self, shift: Tensor, template: Tensor, scales: Tensor) -> Tensor:
+        """Compute the output that a network adds to: the character follows its partner as a whole.
 
-        The trunk goes where the partner asks it to, but for what legs that stand resist, and some
-        of the way to where these would keep their angles: the more, the straighter they are; and no
-        further from the ground than they reach. An end that does not stand is tied to its own arm
-        as much as to the partner, so it goes half with each, and some of the way to where its arm
-        would keep its angles.
+        The trunk follows the partner's shift, except for the part that legs in stance resist, and
+        part of the shift with which these would keep their angles: the larger, the straighter they
+        are; and no further from the ground than they reach. A limb's end without stance follows
+        its own limb and the partner by half each, and the change of the limb's length in part.
 
         Parameters
         ----------
-        shift : (B, T, 3), metres: what the partner asks for
+        shift : (B, T, 3), metres: that the partner's change demands, ``mesh_root_shift``
         template : (B, T, J, 3), metres
         scales : (B, J)
 
@@ -345,63 +299,115 @@ class KinematicOutput(nn.Module):
         (B, T, J, 3)
         """
         starts, middles, ends = self.limbs.T
-        before = self.bones(template)
-        bones = before * scales[:, None, :, None]
-        root = template[:, :, self.root] + self._settled(bones, template)
-        raised = (self._placed(bones, root) - template)[:, :, starts]
-        longer = (bones - before)[:, :, middles] + (bones - before)[:, :, ends]
-        bent = raised + longer
+        template_bones = self.bone_vectors(template)
+        bones = template_bones * scales[:, None, :, None]
+        root = template[:, :, self.root] + self._estimate_root_shift(bones, template)
+        raised = (self._joint_positions(bones, root) - template)[:, :, starts]
+        growth = (bones - template_bones)[:, :, middles] + (bones - template_bones)[:, :, ends]
+        rigid_shift = raised + growth  # of the limb's end, were the limb to keep its angles
         limbs = (template[:, :, joints] for joints in (starts, middles, ends))
-        axis, stiff = limb_resistance(*limbs, asked=shift[:, :, None] + bent)
-        resisted = parallel_part(
-            (ANGLE_SHARE + (1 - ANGLE_SHARE) * stiff) * bent + stiff * shift[:, :, None], axis
-        )
-        gone = shift - stance_weighted_mean(resisted, template[:, :, ends])
-        hips = self._placed(bones, root + gone)[:, :, starts]
-        field = torch.zeros_like(template)
-        field[:, :, self.root] = gone + shift_to_reach(
-            hips, template[:, :, ends], self._reach(bones)
-        )
-        carried = (self.forward(field, template, scales) - template)[:, :, starts]
+        axis, resistance = limb_resistance(*limbs, shift=shift[:, :, None] + rigid_shift)
+        share = ANGLE_SHARE + (1 - ANGLE_SHARE) * resistance
+        resisted = parallel_part(share * rigid_shift + resistance * shift[:, :, None], axis)
+        trunk_shift = shift - stance_weighted_mean(resisted, template[:, :, ends])
+        hips = self._joint_positions(bones, root + trunk_shift)[:, :, starts]
+        within_reach = shift_to_reach(hips, template[:, :, ends], self._limb_lengths(bones))
+        output = torch.zeros_like(template)
+        output[:, :, self.root] = trunk_shift + within_reach
+        followed = (self.forward(output, template, scales) - template)[:, :, starts]
         free = 1 - stance_weight(template[:, :, ends])
-        field[:, :, ends] = free * ((shift[:, :, None] + carried) / 2 + ANGLE_SHARE * longer)
-        return field
+        end_shift = (shift[:, :, None] + followed) / 2 + ANGLE_SHARE * growth
+        output[:, :, ends] = free * end_shift
+        return output
 
-    def bones(self, motion: Tensor) -> Tensor:
-        """``(..., J, 3)`` vectors from each joint's parent; the root's is zero."""
+    def bone_vectors(self, motion: Tensor) -> Tensor:
+        """Compute the vectors ``(..., J, 3)`` from each joint's parent; zero at the root."""
         return motion - motion[..., self.parents, :]
 
-    def _settled(self, bones: Tensor, template: Tensor) -> Tensor:
-        """Guess how far the root moves, (B, T, 3) metres: the trunk about its place, legs on it."""
+    def _estimate_root_shift(self, bones: Tensor, template: Tensor) -> Tensor:
+        """Compute the root shift (B, T, 3), metres, that keeps trunk in place and legs in reach."""
         if not len(self.limbs):
             return torch.zeros_like(template[:, :, 0])
         starts, _, ends = self.limbs.T
-        placed = self._placed(bones, template[:, :, self.root])
-        centred = (template - placed)[:, :, self.trunk].mean(dim=2)
-        start = (placed + centred[:, :, None])[:, :, starts]
-        return centred + shift_to_reach(start, template[:, :, ends], self._reach(bones))
+        positions = self._joint_positions(bones, template[:, :, self.root])
+        trunk_shift = (template - positions)[:, :, self.trunk].mean(dim=2)
+        start = (positions + trunk_shift[:, :, None])[:, :, starts]
+        return trunk_shift + shift_to_reach(start, template[:, :, ends], self._limb_lengths(bones))
 
-    def _reaching(self, bones: Tensor, root: Tensor, field: Tensor, template: Tensor) -> Tensor:
-        """Let limbs reach for their ends: bones (B, T, J, 3) to the same, of their lengths."""
+    def _solve_limbs(self, bones: Tensor, root: Tensor, output: Tensor, template: Tensor) -> Tensor:
+        """Replace the limbs' bone vectors, of (B, T, J, 3), by the IK solution."""
         if not len(self.limbs):
             return bones
         starts, middles, ends = self.limbs.T
-        placed = self._placed(bones, root)
-        way = (template + field)[:, :, ends] - placed[:, :, starts]
-        side = template[:, :, middles] - (template[:, :, starts] + template[:, :, ends]) / 2
-        side = nn.functional.normalize(side, dim=-1) + field[:, :, middles]
+        positions = self._joint_positions(bones, root)
+        offset = (template + output)[:, :, ends] - positions[:, :, starts]
+        pole = template[:, :, middles] - (template[:, :, starts] + template[:, :, ends]) / 2
+        pole = nn.functional.normalize(pole, dim=-1) + output[:, :, middles]
         upper, lower = bones[:, :, middles].norm(dim=-1), bones[:, :, ends].norm(dim=-1)
-        first, second = two_bone_ik(way, upper, lower, side)
+        first, second = two_bone_ik(offset, upper, lower, pole)
         return bones.index_copy(2, middles, first).index_copy(2, ends, second)
 
-    def _reach(self, bones: Tensor) -> Tensor:
+    def _limb_lengths(self, bones: Tensor) -> Tensor:
         _, middles, ends = self.limbs.T
-        reach: Tensor = bones[:, :, middles].norm(dim=-1) + bones[:, :, ends].norm(dim=-1)
-        return reach
+        lengths: Tensor = bones[:, :, middles].norm(dim=-1) + bones[:, :, ends].norm(dim=-1)
+        return lengths
 
-    def _placed(self, bones: Tensor, root: Tensor) -> Tensor:
+    def _joint_positions(self, bones: Tensor, root: Tensor) -> Tensor:
+        """Apply forward kinematics to bone vectors (B, T, J, 3) and root positions (B, T, 3)."""
         at_root = torch.zeros_like(self.ancestor_matrix[0])
         at_root[self.root] = 1
-        return multiply_joints(
-            self.ancestor_matrix, bones + at_root[:, None] * (root[:, :, None] - bones)
-        )
+        vectors = bones + at_root[:, None] * (root[:, :, None] - bones)
+        return multiply_joints(self.ancestor_matrix, vectors)
+
+
+def mesh_residual_features(
+    own: Tensor, partner: Tensor, own_change: Tensor, partner_change: Tensor
+) -> Tensor:
+    """Compute the residuals of the interaction mesh between the characters, per joint.
+
+    The mesh connects each joint with all joints of the partner (Ho et al. 2010; supplement,
+    section 1), with weights inverse to the distance, or with contact weights. Both residuals are
+    zero where a joint's position relative to its weighted neighbours is that of the template.
+
+    Parameters
+    ----------
+    own, partner : (B, T, J, 3), metres, template positions
+    own_change, partner_change : (B, T, J, 3), metres, displacements from the template
+
+    Returns
+    -------
+    (B, T, J, 10): residual by inverse distance 3, residual by contact 3, sum of contact weights 1,
+    vector to the weighted mean of the partner's joints 3
+    """
+    distances = _distances(own, partner)
+    weights = _mesh_weights(distances)
+    contact = torch.exp(-((distances / CONTACT_DISTANCE) ** 2))
+    contact_sum = contact.sum(dim=-1, keepdim=True)
+    means = weights @ torch.cat([partner_change, partner], dim=-1)
+    residual = means[..., :3] - own_change
+    contact_residual = contact @ partner_change - contact_sum * own_change
+    return torch.cat([residual, contact_residual, contact_sum, means[..., 3:] - own], dim=-1)
+
+
+def mesh_root_shift(own: Tensor, partner: Tensor, partner_change: Tensor) -> Tensor:
+    """Compute the translation of a character that brings the mesh's mean residual to zero.
+
+    Parameters
+    ----------
+    own, partner : (B, T, J, 3), metres, template positions
+    partner_change : (B, T, J, 3), metres, displacements from the template
+
+    Returns
+    -------
+    (B, T, 3), metres
+    """
+    return (_mesh_weights(_distances(own, partner)) @ partner_change).mean(dim=2)
+
+
+def _distances(own: Tensor, partner: Tensor) -> Tensor:
+    return torch.cdist(own, partner, compute_mode="use_mm_for_euclid_dist")
+
+
+def _mesh_weights(distances: Tensor) -> Tensor:
+    weights = 1 / (distances + DISTANCE_SOFTENING)
+    return weights / weights.sum(dim=-1, keepdim=True)

@@ -1,7 +1,19 @@
-"""A skeleton as the graph that convolutions run on, and as the tree that places its joints."""
+"""Layers of the networks: ST-GCN, graph GRU, and convolutions over joints.
+
+Tensors of the graph layers are ``(T, J, B, C)``: time, joints, batch, channels. So a product over
+channels is one matrix product, a product over joints is one per frame, and each frame of a
+recurrence is contiguous. In mixed precision (``autograd_functions``) their results are bfloat16.
+
+The convolutions over joints of the CNN baselines take ``(B, T, J, C)``, joints in the skeleton's
+order.
+
+References
+----------
+Li et al. (2020), Dynamic multiscale graph neural networks for 3D skeleton based human motion
+prediction (DMGNN).
+"""
 
 import math
-from typing import Any
 
 import numpy as np
 import torch
@@ -10,138 +22,124 @@ from torch import Tensor, nn
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.autograd_functions import (
     GraphConvolutionFunction,
+    GraphGruFunction,
     LinearFunction,
     TemporalConvolutionFunction,
-    add_linear,
-    cast_factor,
-    linear,
     to_float32,
-    weight_gradient,
 )
 
+TEMPORAL_KERNEL, JOINT_KERNEL = 5, 3
+LEAKY_SLOPE = 0.1
+ENCODER_STRIDES = (1, 2, 2, 2, 1)
 
-def adjacency(skeleton: Skeleton) -> Tensor:
-    """``(J, J)`` float32: ``A D⁻¹`` of the bones and of each joint with itself; columns sum to 1.
 
-    Li et al. (2020), *Dynamic multiscale graph neural networks*, normalise so.
-    """
-    links = np.eye(len(skeleton.joints))
+def normalised_adjacency(skeleton: Skeleton) -> Tensor:
+    """Compute ``A D^-1`` (J, J) float32 of bones and self-loops: columns sum to 1, as in DMGNN."""
+    adjacency = np.eye(len(skeleton.joints))
     parent, child = skeleton.bones.T
-    links[parent, child] = links[child, parent] = 1
-    return torch.tensor(links / links.sum(axis=0), dtype=torch.float32)
+    adjacency[parent, child] = adjacency[child, parent] = 1
+    return torch.tensor(adjacency / adjacency.sum(axis=0), dtype=torch.float32)
 
 
 def off_diagonal_adjacency(skeleton: Skeleton) -> Tensor:
-    """``(J, J)`` float32: the part of ``adjacency`` off its diagonal: what comes along a bone."""
-    links = adjacency(skeleton)
-    return links - torch.diag(links.diagonal())
-
-
-# FROM """Graph convolution in space and time, and what else all networks are made of.
-# FROM
-# FROM Tensors are ``(T, J, B, C)``: time, joint, batch, channel. So channels are one product of matrices,
-# FROM joints one a frame, wide enough for the processor, and a recurrence finds each frame in one piece.
-# FROM
-# FROM Where factors are rounded (``products``), so is what layers of these give, until it is ``exact``.
-# FROM """
-TEMPORAL_KERNEL = 5
-LEAKY_SLOPE = 0.1
+    """Compute the normalised adjacency (J, J) float32 with a zero diagonal."""
+    adjacency = normalised_adjacency(skeleton)
+    return adjacency - torch.diag(adjacency.diagonal())
 
 
 class ConcatLinear(nn.Linear):
-    """A dense layer on channels, which may come in several parts."""
+    """A linear layer on the concatenated channels of several tensors."""
 
     def forward(self, *parts: Tensor) -> Tensor:
-        """``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``."""
+        """Map ``(..., C1)``, ``(..., C2)``, ... to ``(..., D)``."""
         out: Tensor = LinearFunction.apply(self.weight, self.bias, *parts)  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return out
+
+
+class ZeroInitLinear(nn.Linear):
+    """A linear layer whose weights and bias are zero before training."""
 
 
 class GraphConvolution(nn.Module):
     """``A X W + X U`` (supplement, equation 1, before its ReLU).
 
-    The links may be weighed and joined anew, as in Li et al. (2020): ``A * mask + added``.
+    As in DMGNN the adjacency is learnt: ``A * edge_mask + edge_offset``.
 
     Parameters
     ----------
-    links : (J, J), the part of the adjacency off its diagonal
+    adjacency : (J, J), with a zero diagonal
     in_channels, out_channels : int
     """
 
-    links: Tensor
+    adjacency: Tensor
 
-    def __init__(self, links: Tensor, in_channels: int, out_channels: int) -> None:
+    def __init__(self, adjacency: Tensor, in_channels: int, out_channels: int) -> None:
         super().__init__()
-        self.register_buffer("links", links, persistent=False)
-        self.mask = nn.Parameter(torch.ones_like(links))
-        self.added = nn.Parameter(torch.zeros_like(links))
-        self.along = nn.Linear(in_channels, out_channels, bias=False)
-        self.own = nn.Linear(in_channels, out_channels)
+        self.register_buffer("adjacency", adjacency, persistent=False)
+        self.edge_mask = nn.Parameter(torch.ones_like(adjacency))
+        self.edge_offset = nn.Parameter(torch.zeros_like(adjacency))
+        self.neighbour_linear = nn.Linear(in_channels, out_channels, bias=False)  # W
+        self.self_linear = nn.Linear(in_channels, out_channels)  # U
 
     def forward(self, x: Tensor) -> Tensor:
-        """``(T, J, ..., C)`` to the same with other channels."""
-        weights = self.links * self.mask + self.added
-        own = self.own
-        out: Tensor = GraphConvolutionFunction.apply(
-            x, weights, self.along.weight, own.weight, own.bias
-        )  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        """Map ``(T, J, ..., C)`` to ``(T, J, ..., C')``."""
+        adjacency = self.adjacency * self.edge_mask + self.edge_offset
+        neighbour, own = self.neighbour_linear.weight, self.self_linear
+        out: Tensor = GraphConvolutionFunction.apply(x, adjacency, neighbour, own.weight, own.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return out
 
 
 class TemporalConvolution(nn.Module):
-    """A convolution of five frames, centred; what is beyond the ends is zero.
+    """A convolution over five frames, centred, with zero padding.
 
     Parameters
     ----------
     in_channels, out_channels : int
-    stride : frames in to one out
+    stride : frames
     """
 
     def __init__(self, in_channels: int, out_channels: int, *, stride: int) -> None:
         super().__init__()
         self.stride = stride
-        self.weigh = nn.Linear(
-            TEMPORAL_KERNEL * in_channels, out_channels
-        )  # the frames one after another
+        # The weight's columns are the channels of the kernel's frames, one frame after another.
+        self.linear = nn.Linear(TEMPORAL_KERNEL * in_channels, out_channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        """``(T, J, B, C)`` to ``(ceil(T / stride), J, B, C')``."""
-        kernel = self.weigh.weight.view(-1, TEMPORAL_KERNEL, x.shape[-1])
-        out: Tensor = TemporalConvolutionFunction.apply(x, kernel, self.weigh.bias, self.stride)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        """Map ``(T, J, B, C)`` to ``(ceil(T / stride), J, B, C')``."""
+        kernel = self.linear.weight.view(-1, TEMPORAL_KERNEL, x.shape[-1])
+        out: Tensor = TemporalConvolutionFunction.apply(x, kernel, self.linear.bias, self.stride)  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return out
 
 
 class ChannelBatchNorm(nn.BatchNorm1d):
-    """Batch normalisation of the last axis over all others."""
+    """Batch normalisation of the last axis over all other axes."""
 
-    def forward(self, x: Tensor, *, active: bool = False) -> Tensor:
-        """``(..., C)`` to the same; ``active``: through a ReLU.
-
-        Done in place on a view, it would copy the whole gradient twice.
-        """
-        normed = super().forward(x.reshape(-1, x.shape[-1]))
-        return (normed.relu_() if active else normed).view(x.shape)
+    def forward(self, x: Tensor, *, relu: bool = False) -> Tensor:
+        """Map ``(..., C)`` to the same, optionally followed by a ReLU."""
+        normalised = super().forward(x.reshape(-1, x.shape[-1]))
+        # The ReLU precedes the view: in place on a view it would copy the gradient twice.
+        return (normalised.relu_() if relu else normalised).view(x.shape)
 
 
 class StGcnLayer(nn.Module):
-    """One ST-GCN layer: graph, ReLU, norm, ReLU, time, norm, dropout, residual, ReLU.
+    """Spatio-temporal graph convolution (ST-GCN): one layer (supplement, 3.1).
 
-    The order of the supplement, 3.1; residual and last ReLU of Li et al. (2020), on whose layer it
-    says it is built: through a convolution of one frame where the shape changes, none in a first
-    layer.
+    Graph convolution, ReLU, batch norm, ReLU, temporal convolution, batch norm, dropout; residual
+    connection and ReLU as in DMGNN, on which the supplement's layer is based. Where the shape
+    changes, the residual is a 1 x 1 convolution; the first layer of a network has none.
 
     Parameters
     ----------
-    links : (J, J)
+    adjacency : (J, J), with a zero diagonal
     in_channels, out_channels : int
-    stride : frames in to one out
-    dropout : share
-    residual : whether the input is added
+    stride : frames
+    dropout : probability
+    residual : whether there is a residual connection
     """
 
     def __init__(
         self,
-        links: Tensor,
+        adjacency: Tensor,
         in_channels: int,
         out_channels: int,
         *,
@@ -150,191 +148,91 @@ class StGcnLayer(nn.Module):
         residual: bool,
     ) -> None:
         super().__init__()
-        self.graph = GraphConvolution(links, in_channels, out_channels)
+        self.graph_conv = GraphConvolution(adjacency, in_channels, out_channels)
         self.norms = nn.ModuleList([ChannelBatchNorm(out_channels) for _ in range(2)])
-        self.time = TemporalConvolution(out_channels, out_channels, stride=stride)
+        self.temporal_conv = TemporalConvolution(out_channels, out_channels, stride=stride)
         self.stride, self.dropout, self.residual = stride, dropout, residual
-        self.active = True  # whether the last ReLU is there
-        same = in_channels == out_channels and stride == 1
+        self.final_relu = True
+        same_shape = in_channels == out_channels and stride == 1
         self.shortcut: nn.Module = nn.Identity()
-        if residual and not same:
+        if residual and not same_shape:
             self.shortcut = nn.Sequential(
                 ConcatLinear(in_channels, out_channels), ChannelBatchNorm(out_channels)
             )
 
     def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
-        """``(T, J, B, C)`` to ``(ceil(T / stride), J, B, C')``.
+        """Map ``(T, J, B, C)`` to ``(ceil(T / stride), J, B, C')``.
 
         Parameters
         ----------
-        random : draws what is dropped; none, nothing is
+        random : samples the dropout; without it there is none
         """
-        # In place where torch allows: these are the largest tensors of all.
-        spatial = self.norms[0](self.graph(x).relu(), active=True)
-        active = self.active and not self.residual
-        out: Tensor = self.norms[1](self.time(spatial), active=active)
+        # In place where torch allows it: these are the largest tensors of the network.
+        spatial = self.norms[0](self.graph_conv(x).relu(), relu=True)
+        relu = self.final_relu and not self.residual
+        out: Tensor = self.norms[1](self.temporal_conv(spatial), relu=relu)
         out = dropout(out, self.dropout, random)
         if not self.residual:
             return out
-        # A slice of everything would cost its gradient two passes over memory.
+        # The gradient of a slice of the whole tensor would take two passes over memory.
         out = out + self.shortcut(x if self.stride == 1 else x[:: self.stride])
-        return out.relu_() if self.active else out
+        return out.relu_() if self.final_relu else out
 
 
-class ZeroInitLinear(nn.Linear):
-    """A dense layer that says nothing before it has learnt: its weights begin at zero."""
+def encoder_channels(hidden: int) -> tuple[int, ...]:
+    """List the channels of the encoder's layers: 32, 64, 128, 256, 256 for ``hidden`` 256."""
+    return (hidden // 8, hidden // 4, hidden // 2, hidden, hidden)
 
 
-class OutputHead(nn.Module):
-    """Three dense layers with leaky ReLU between them (supplement, tables 12 and 16).
+class StGcnEncoder(nn.Module):
+    """ST-GCN1, 2 and 3: five layers, three of them of stride 2, and the mean over time.
+
+    Supplement, tables 11, 13 and 14.
 
     Parameters
     ----------
-    hidden, out_channels : int
-    last : the kind of the last layer
+    adjacency : (J, J), with a zero diagonal
+    in_channels : int
+    channels : of the five layers
+    dropout : probability
     """
 
-    def __init__(self, hidden: int, out_channels: int, last: type[nn.Linear] = nn.Linear) -> None:
+    def __init__(
+        self, adjacency: Tensor, in_channels: int, channels: tuple[int, ...], *, dropout: float
+    ) -> None:
         super().__init__()
+        sizes = zip((in_channels, *channels[:-1]), channels, ENCODER_STRIDES, strict=True)
         self.layers = nn.ModuleList(
-            [ConcatLinear(hidden, hidden), ConcatLinear(hidden, hidden), last(hidden, out_channels)]
+            [
+                StGcnLayer(adjacency, a, b, stride=stride, dropout=dropout, residual=number > 0)
+                for number, (a, b, stride) in enumerate(sizes)
+            ]
         )
 
-    def forward(self, *parts: Tensor) -> Tensor:
-        """``(..., h)``, in one part or several, to ``(..., C)``."""
-        first, second, last = self.layers
-        x = second(nn.functional.leaky_relu(first(*parts), LEAKY_SLOPE))
-        out: Tensor = last(to_float32(nn.functional.leaky_relu(x, LEAKY_SLOPE)))
-        return out
+    def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
+        """Map ``(B, T, J, C)`` to ``(B, J, C')``."""
+        x = frames_first(x)
+        for layer in self.layers:
+            x = layer(x, random)
+        return to_float32(x).mean(dim=0).transpose(0, 1)
 
 
-def frames_first(x: Tensor) -> Tensor:
-    """``(B, T, J, C)`` to ``(T, J, B, C)``, as the layers take it."""
-    return x.permute(1, 2, 0, 3).contiguous()
-
-
-def batch_first(x: Tensor) -> Tensor:
-    """``(T, J, B, C)`` back to ``(B, T, J, C)``."""
-    return x.permute(2, 0, 1, 3)
-
-
-def dropout(x: Tensor, share: float, random: torch.Generator | None) -> Tensor:
-    """Set a share of the values to zero and raise the others, by an explicit generator."""
-    if random is None or not share:
-        return x
-    kept = torch.empty(x.shape, device="cpu").bernoulli_(1 - share, generator=random)
-    return x * (kept.to(x.device) / (1 - share))
-
-
-# FROM """Convolutions over joints in a row, as if a body were a line: parts of the CNN baselines."""
-JOINT_KERNEL = 3
-
-
-class JointConvolution(nn.Module):
-    """A convolution over three joints in their order, and ReLU; products of matrices, as in layers.
-
-    Parameters
-    ----------
-    in_channels, out_channels : int
-    """
-
-    def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__()
-        self.weigh = ConcatLinear(JOINT_KERNEL * in_channels, out_channels)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """``(..., J, C)`` to the same with other channels."""
-        padded = nn.functional.pad(x, (0, 0, 1, 1))
-        n = x.shape[-2]
-        around = torch.cat([padded[..., i : i + n, :] for i in range(3)], dim=-1)
-        out: Tensor = to_float32(self.weigh(around))
-        return out.relu()
-
-
-class JointTransposedConvolution(nn.Module):
-    """A transposed convolution of kernel 3, stride 2 and padding 1, and ReLU: J to 2 J - 1 joints.
-
-    An odd joint is the even kernel's; an even one takes the outer two of its neighbours.
-
-    Parameters
-    ----------
-    in_channels, out_channels : int
-    """
-
-    def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__()
-        self.weigh = ConcatLinear(JOINT_KERNEL * in_channels, out_channels)
-
-    def forward(self, x: Tensor, n_joints: int) -> Tensor:
-        """``(..., J, C)`` to ``(..., n_joints, C')``: 2 J - 1, or with the last one twice 2 J."""
-        spread = x.new_zeros(*x.shape[:-2], 2 * x.shape[-2] + 1, x.shape[-1])
-        spread[..., 1:-1:2, :] = x
-        n = 2 * x.shape[-2] - 1
-        around = torch.cat([spread[..., i : i + n, :] for i in range(3)], dim=-1)
-        out: Tensor = to_float32(self.weigh(around)).relu()
-        if n_joints > n:
-            out = torch.cat([out, out[..., -1:, :]], dim=-2)
-        return out
-
-
-class FrameJointConvolution(nn.Module):
-    """A convolution over three frames and three joints in their order.
-
-    With stride 1 a transposed convolution is one too.
-
-    Parameters
-    ----------
-    in_channels, out_channels : int
-    """
-
-    def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__()
-        self.weigh = ConcatLinear(JOINT_KERNEL * JOINT_KERNEL * in_channels, out_channels)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """``(B, T, J, C)`` to the same with other channels."""
-        n_frames, n_joints = x.shape[1:3]
-        padded = nn.functional.pad(x, (0, 0, 1, 1, 1, 1))
-        around = [
-            padded[:, frame : frame + n_frames, joint : joint + n_joints]
-            for frame in range(JOINT_KERNEL)
-            for joint in range(JOINT_KERNEL)
-        ]
-        out: Tensor = to_float32(self.weigh(torch.cat(around, dim=-1)))
-        return out
-
-
-def max_pool_frames(x: Tensor) -> Tensor:
-    """Pool ``(B, T, J, C)`` over three frames with stride 1: the most of them."""
-    padded = torch.cat([x[:, :1], x, x[:, -1:]], dim=1)
-    return torch.maximum(torch.maximum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
-
-
-def pool_joint_pairs(x: Tensor, *, most: bool) -> Tensor:
-    """Halve the joints ``(..., J, C)``, the larger half: the most of two, or their mean."""
-    if x.shape[-2] % 2:
-        x = torch.cat([x, x[..., -1:, :]], dim=-2)
-    pairs = x.reshape(*x.shape[:-2], -1, 2, x.shape[-1])
-    return pairs.amax(dim=-2) if most else pairs.mean(dim=-2)
-
-
-# FROM """The graph gated recurrent unit: over a sequence that is all known, or step by step."""
 class GraphGru(nn.Module):
-    """The graph gated recurrent unit over whole sequences.
+    """The graph gated recurrent unit (G-GRU).
 
     With the message ``M = A H W``::
 
-        r  = s(r_in(x) + r_hid(M))
-        u  = s(u_in(x) + u_hid(M))
+        r  = sigmoid(r_in(x) + r_hid(M))
+        u  = sigmoid(u_in(x) + u_hid(M))
         c  = tanh(c_in(x) + r * c_hid(M))
         H' = u * H + (1 - u) * c
 
-    Unlike the supplement's equation 2, the gates' sums stand inside the sigmoid, without which
-    they are no gates, and all products are elementwise. One message serves all gates.
+    Unlike the supplement's equation 2, the sums are inside the sigmoid, as in DMGNN, and all
+    products are elementwise. One message serves all gates.
 
     Parameters
     ----------
-    adjacency : (J, J), each joint with itself among them
+    adjacency : (J, J), including self-loops
     in_channels, hidden : int
     """
 
@@ -344,39 +242,43 @@ class GraphGru(nn.Module):
         super().__init__()
         self.register_buffer("adjacency", adjacency)
         self.hidden = hidden
-        self.mask = nn.Parameter(torch.ones_like(adjacency))
-        self.added = nn.Parameter(torch.zeros_like(adjacency))
+        self.edge_mask = nn.Parameter(torch.ones_like(adjacency))
+        self.edge_offset = nn.Parameter(torch.zeros_like(adjacency))
         self.message = nn.Linear(hidden, hidden, bias=False)
         self.gates_in = nn.Linear(in_channels, 3 * hidden)  # reset, update, candidate
         self.gates_hidden = nn.Linear(hidden, 3 * hidden, bias=False)
 
-    def weights(self) -> tuple[Tensor, Tensor]:
-        """Fold what is constant over a sequence: links (J, J), message with gates (h, 3h)."""
-        folded = self.message.weight.T @ self.gates_hidden.weight.T
-        return self.adjacency * self.mask + self.added, folded
+    def folded_weights(self) -> tuple[Tensor, Tensor]:
+        """Compute the learnt adjacency (J, J), and message times gate weights (h, 3h)."""
+        message_weight = self.message.weight.T @ self.gates_hidden.weight.T
+        return self.adjacency * self.edge_mask + self.edge_offset, message_weight
 
-    def step(self, weights: tuple[Tensor, Tensor], given: Tensor, state: Tensor) -> Tensor:
-        """Go one frame on, joints first, so that both products are of two plain matrices.
+    def step(self, weights: tuple[Tensor, Tensor], inputs: Tensor, state: Tensor) -> Tensor:
+        """Advance the state by one frame, joints first.
 
         Parameters
         ----------
-        weights : as ``weights`` folds them
-        given : (J, B, 3h), the input through ``gates_in``
+        weights : of ``folded_weights``
+        inputs : (J, B, 3h), the input after ``gates_in``
         state : (J, B, h)
+
+        Returns
+        -------
+        (J, B, h)
         """
-        links, folded = weights
+        adjacency, message_weight = weights
         n_joints, n_rows, hidden = state.shape
-        mixed = links @ state.reshape(n_joints, -1)
-        gates = (mixed.view(-1, hidden) @ folded).view(n_joints, n_rows, 3 * hidden)
-        both = torch.sigmoid(given[..., : 2 * hidden] + gates[..., : 2 * hidden])
-        reset, update = both[..., :hidden], both[..., hidden:]
+        mixed = adjacency @ state.reshape(n_joints, -1)
+        message = (mixed.view(-1, hidden) @ message_weight).view(n_joints, n_rows, 3 * hidden)
+        gates = torch.sigmoid(inputs[..., : 2 * hidden] + message[..., : 2 * hidden])
+        reset, update = gates[..., :hidden], gates[..., hidden:]
         candidate = torch.tanh(
-            torch.addcmul(given[..., 2 * hidden :], reset, gates[..., 2 * hidden :])
+            torch.addcmul(inputs[..., 2 * hidden :], reset, message[..., 2 * hidden :])
         )
         return torch.lerp(candidate, state, update)
 
     def forward(self, x: Tensor, state: Tensor) -> Tensor:
-        """Run over an input that is all known: its projections are one product over all time.
+        """Run over a known input sequence.
 
         Parameters
         ----------
@@ -385,171 +287,163 @@ class GraphGru(nn.Module):
 
         Returns
         -------
-        (T, J, B, h), the states after each frame
+        (T, J, B, h), the state after each frame
         """
-        links, folded = self.weights()
-        into = self.gates_in
-        keeps = torch.is_grad_enabled()  # which a Function is not told
-        states: Tensor = GraphGruFunction.apply(
-            x, state, links, folded, into.weight, into.bias, keeps
-        )  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        gates_in, needs_gradients = self.gates_in, torch.is_grad_enabled()
+        inputs = gates_in.weight, gates_in.bias, needs_gradients
+        states: Tensor = GraphGruFunction.apply(x, state, *self.folded_weights(), *inputs)  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return states
 
 
-class GraphGruFunction(torch.autograd.Function):
-    """All steps of a ``GraphGru``, and their gradients in one loop backwards.
-
-    What a frame needs is made, used and summed up while it is in the processor's cache: to fetch
-    tensors of all frames from memory, one for each gate, would take longer than to multiply them.
-    """
-
-    @staticmethod
-    def forward(  # noqa: PLR0913  # autograd wants its tensors one by one
-        ctx: Any,
-        x: Tensor,
-        start: Tensor,
-        links: Tensor,
-        folded: Tensor,
-        told: Tensor,
-        bias: Tensor,
-        keeps: bool,
-    ) -> Tensor:
-        """Run from a state: ``(T, J, B, C)`` and ``(J, B, h)`` to states ``(T, J, B, h)``.
-
-        Parameters
-        ----------
-        links, folded : as ``GraphGru.weights`` has them
-        told, bias : (3h, C) and (3h,), of what comes in
-        keeps : whether to keep of each frame what gradients need
-        """
-        x = cast_factor(x)
-        n_frames, n_joints, n_rows, hidden = len(x), *start.shape
-        states = start.new_empty(n_frames + 1, n_joints, n_rows, hidden)
-        states[0] = start
-        mixed = torch.empty_like(start)
-        parts = torch.split(folded.T, [2 * hidden, hidden])
-        to_gates, to_candidate = (part.contiguous() for part in parts)
-        # Of each frame: reset, update and candidate; what the candidate hears through the reset.
-        all_opened, all_heard = [], []
-        for frame in range(n_frames):
-            state = states[frame]
-            torch.mm(links, state.flatten(1), out=mixed.flatten(1))
-            message = mixed.to(x.dtype)
-            opened, heard = linear(x[frame], told, bias), linear(message, to_candidate)
-            both, candidate = opened[..., : 2 * hidden], opened[..., 2 * hidden :]
-            add_linear(both, message, to_gates)
-            both.sigmoid_()
-            candidate.addcmul_(both[..., :hidden], heard)
-            # tanh x = 2 s(2x) - 1: torch's own takes six times as long.
-            candidate.mul_(2).sigmoid_().mul_(2).sub_(1)
-            torch.lerp(candidate, state, both[..., hidden:], out=states[frame + 1])
-            if keeps:
-                all_opened.append(opened)
-                all_heard.append(heard)
-        ctx.save_for_backward(x, links, folded, told, states, *all_opened, *all_heard)
-        return states[1:]
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        """Give the gradients of all six tensors."""
-        x, links, folded, told, states, *kept = ctx.saved_tensors
-        all_opened, all_heard = kept[: len(x)], kept[len(x) :]
-        gradient, hidden = gradients[0].contiguous(), states.shape[-1]
-        d_x, carried = torch.empty_like(x), torch.zeros_like(states[0])
-        weights = links, folded, told, told[:, 0]
-        d_links, d_folded, d_told, d_bias = (torch.zeros_like(each) for each in weights)
-        # Of what comes in, and of what is heard: but for the candidate's part the same.
-        d_in, d_heard, mixed = (torch.empty_like(each) for each in (kept[0], kept[0], carried))
-        for frame in reversed(range(len(gradient))):
-            state, opened, heard = states[frame], all_opened[frame], all_heard[frame]
-            both, candidate = opened[..., : 2 * hidden], opened[..., 2 * hidden :]
-            reset, update = both[..., :hidden], both[..., hidden:]
-            total = carried.add_(gradient[frame])
-            through = torch.addcmul(total, total, update, value=-1)
-            d_candidate = torch.ops.aten.tanh_backward(through, candidate)
-            torch.mul(d_candidate, heard, out=d_in[..., :hidden])
-            torch.mul(total, state - candidate, out=d_in[..., hidden : 2 * hidden])
-            d_both = d_in[..., : 2 * hidden]
-            torch.ops.aten.sigmoid_backward.grad_input(d_both, both, grad_input=d_both)
-            d_heard[..., : 2 * hidden] = d_both
-            torch.mul(d_candidate, reset, out=d_heard[..., 2 * hidden :])
-            d_in[..., 2 * hidden :] = d_candidate
-            in_factor, heard_factor = d_in.to(x.dtype), d_heard.to(x.dtype)
-            d_x[frame] = linear(in_factor, told.T)
-            d_told += weight_gradient(in_factor, x[frame])
-            d_bias += d_in.sum(dim=(0, 1))
-            torch.mm(links, state.flatten(1), out=mixed.flatten(1))
-            d_folded += weight_gradient(mixed, heard_factor)
-            d_mixed = linear(heard_factor, folded).flatten(1)
-            d_links.addmm_(d_mixed, state.flatten(1).T)
-            carried.mul_(update).flatten(1).addmm_(links.T, d_mixed)
-        return d_x, carried, d_links, d_folded, d_told, d_bias, None
-
-
-# FROM """ST-GCN1, 2 and 3: a motion as one code a joint (supplement, tables 11, 13, 14 and 15)."""
-ENCODER_STRIDES = (1, 2, 2, 2, 1)
-
-
-def encoder_channels(hidden: int) -> tuple[int, ...]:
-    """Channels of the five layers, 32 to 256 in the paper's size; the last two are alike."""
-    return (hidden // 8, hidden // 4, hidden // 2, hidden, hidden)
-
-
-class StGcnEncoder(nn.Module):
-    """Five ST-GCN layers, three of which halve the frames, then the mean over time.
+class OutputHead(nn.Module):
+    """Three linear layers with leaky ReLU between them (supplement, tables 12 and 16).
 
     Parameters
     ----------
-    links : (J, J)
-    in_channels : int
-    channels : of the five layers
-    dropout : share
+    hidden, out_channels : int
+    last : class of the last layer
     """
 
-    def __init__(
-        self, links: Tensor, in_channels: int, channels: tuple[int, ...], *, dropout: float
-    ) -> None:
+    def __init__(self, hidden: int, out_channels: int, last: type[nn.Linear] = nn.Linear) -> None:
         super().__init__()
-        pairs = zip((in_channels, *channels[:-1]), channels, ENCODER_STRIDES, strict=True)
         self.layers = nn.ModuleList(
-            [
-                StGcnLayer(
-                    links, before, after, stride=stride, dropout=dropout, residual=number > 0
-                )
-                for number, (before, after, stride) in enumerate(pairs)
-            ]
+            [ConcatLinear(hidden, hidden), ConcatLinear(hidden, hidden), last(hidden, out_channels)]
         )
 
-    def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
-        """``(B, T, J, C)`` to ``(B, J, C')``."""
-        x = frames_first(x)
-        for layer in self.layers:
-            x = layer(x, random)
-        return to_float32(x).mean(dim=0).transpose(0, 1)
+    def forward(self, *parts: Tensor) -> Tensor:
+        """Map ``(..., h)``, in one or several tensors side by side, to ``(..., C)``."""
+        first, second, last = self.layers
+        x = second(nn.functional.leaky_relu(first(*parts), LEAKY_SLOPE))
+        out: Tensor = last(to_float32(nn.functional.leaky_relu(x, LEAKY_SLOPE)))
+        return out
 
 
-def end_poses(template: Tensor) -> Tensor:
-    """``(B, J, 6)``: the first and the last pose of a template, metres."""
-    return torch.cat([template[:, 0], template[:, -1]], dim=-1)
+class JointConvolution(nn.Module):
+    """A convolution over three consecutive joints, and ReLU.
+
+    Parameters
+    ----------
+    in_channels, out_channels : int
+    """
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__()
+        self.linear = ConcatLinear(JOINT_KERNEL * in_channels, out_channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map ``(..., J, C)`` to ``(..., J, C')``."""
+        padded = nn.functional.pad(x, (0, 0, 1, 1))
+        n = x.shape[-2]
+        neighbours = torch.cat([padded[..., i : i + n, :] for i in range(JOINT_KERNEL)], dim=-1)
+        out: Tensor = to_float32(self.linear(neighbours))
+        return out.relu()
 
 
-def scale_offsets(scales: Tensor, n_frames: int) -> Tensor:
-    """``(B, J)`` to ``(B, T, J, 1)``, less 1: how much each bone grows."""
-    return (scales - 1)[:, None, :, None].expand(-1, n_frames, -1, -1)
+class JointTransposedConvolution(nn.Module):
+    """A transposed convolution of kernel 3, stride 2 and padding 1, and ReLU: J to 2 J - 1 joints.
+
+    Parameters
+    ----------
+    in_channels, out_channels : int
+    """
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__()
+        self.linear = ConcatLinear(JOINT_KERNEL * in_channels, out_channels)
+
+    def forward(self, x: Tensor, n_joints: int) -> Tensor:
+        """Map ``(..., J, C)`` to 2 J - 1 joints, or 2 J with the last one repeated."""
+        upsampled = x.new_zeros(*x.shape[:-2], 2 * x.shape[-2] + 1, x.shape[-1])
+        upsampled[..., 1:-1:2, :] = x
+        n = 2 * x.shape[-2] - 1
+        neighbours = torch.cat([upsampled[..., i : i + n, :] for i in range(JOINT_KERNEL)], dim=-1)
+        out: Tensor = to_float32(self.linear(neighbours)).relu()
+        if n_joints > n:
+            out = torch.cat([out, out[..., -1:, :]], dim=-2)
+        return out
 
 
-# FROM """Fresh weights from an explicit generator: torch's own constructors draw from a global one."""
-# Weights that start where their constructor puts them: at the identity.
-IDENTITY_INITIALISED = (GraphConvolution, GraphGru, nn.BatchNorm1d)
+class FrameJointConvolution(nn.Module):
+    """A convolution over three frames and three consecutive joints.
+
+    At stride 1 it is a transposed convolution too.
+
+    Parameters
+    ----------
+    in_channels, out_channels : int
+    """
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__()
+        self.linear = ConcatLinear(JOINT_KERNEL * JOINT_KERNEL * in_channels, out_channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map ``(B, T, J, C)`` to ``(B, T, J, C')``."""
+        n_frames, n_joints = x.shape[1:3]
+        padded = nn.functional.pad(x, (0, 0, 1, 1, 1, 1))
+        neighbours = [
+            padded[:, frame : frame + n_frames, joint : joint + n_joints]
+            for frame in range(JOINT_KERNEL)
+            for joint in range(JOINT_KERNEL)
+        ]
+        out: Tensor = to_float32(self.linear(torch.cat(neighbours, dim=-1)))
+        return out
+
+
+def max_pool_frames(x: Tensor) -> Tensor:
+    """Max-pool ``(B, T, J, C)`` over three frames with stride 1."""
+    padded = torch.cat([x[:, :1], x, x[:, -1:]], dim=1)
+    return torch.maximum(torch.maximum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
+
+
+def max_pool_joints(x: Tensor) -> Tensor:
+    """Max-pool pairs of joints ``(..., J, C)``: to ``(..., ceil(J / 2), C)``."""
+    return _joint_pairs(x).amax(dim=-2)
+
+
+def mean_pool_joints(x: Tensor) -> Tensor:
+    """Average pairs of joints ``(..., J, C)``: to ``(..., ceil(J / 2), C)``."""
+    return _joint_pairs(x).mean(dim=-2)
+
+
+def _joint_pairs(x: Tensor) -> Tensor:
+    if x.shape[-2] % 2:
+        x = torch.cat([x, x[..., -1:, :]], dim=-2)
+    return x.reshape(*x.shape[:-2], -1, 2, x.shape[-1])
+
+
+def frames_first(x: Tensor) -> Tensor:
+    """Map ``(B, T, J, C)`` to ``(T, J, B, C)``, contiguous."""
+    return x.permute(1, 2, 0, 3).contiguous()
+
+
+def batch_first(x: Tensor) -> Tensor:
+    """Map ``(T, J, B, C)`` to ``(B, T, J, C)``."""
+    return x.permute(2, 0, 1, 3)
+
+
+def dropout(x: Tensor, probability: float, random: torch.Generator | None) -> Tensor:
+    """Apply dropout with an explicit generator; none without a generator."""
+    if random is None or not probability:
+        return x
+    mask = torch.empty(x.shape, device="cpu").bernoulli_(1 - probability, generator=random)
+    return x * (mask.to(x.device) / (1 - probability))
+
+
+# Layers whose own parameters keep the constructor's values: ones and zeros.
+CONSTANT_INITIALISED = (GraphConvolution, GraphGru, nn.BatchNorm1d)
 
 
 def initialise_weights(module: nn.Module, random: torch.Generator) -> None:
-    """Draw anew, in order, all weights below ``module``, by the laws that torch's layers use.
+    """Initialise all weights of a module, in order, from an explicit generator.
+
+    Linear layers are uniform within +-1 / sqrt(fan-in), as torch initialises them from its global
+    generator.
 
     Raises
     ------
     ValueError
-        If a layer with weights of its own is of a kind that this function does not know.
+        If a layer is of an unknown class.
     """
     for layer in module.modules():
         if isinstance(layer, ZeroInitLinear):
@@ -559,9 +453,9 @@ def initialise_weights(module: nn.Module, random: torch.Generator) -> None:
             bound = 1 / math.sqrt(math.prod(layer.weight.shape[1:]))
             with torch.no_grad():
                 for weight in layer.parameters(recurse=False):
-                    drawn = torch.empty(weight.shape).uniform_(-bound, bound, generator=random)
-                    weight.copy_(drawn)
-        elif isinstance(layer, IDENTITY_INITIALISED):
+                    values = torch.empty(weight.shape).uniform_(-bound, bound, generator=random)
+                    weight.copy_(values)
+        elif isinstance(layer, CONSTANT_INITIALISED):
             continue
         elif next(layer.parameters(recurse=False), None) is not None:
-            raise ValueError(f"no law for the weights of {type(layer).__name__}")
+            raise ValueError(f"no initialisation for layers of class {type(layer).__name__}")

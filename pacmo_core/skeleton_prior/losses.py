@@ -1,4 +1,4 @@
-"""What all models descend, ours and the baselines alike."""
+"""Loss of a skeleton prior: evidence lower bound with smooth L1 reconstruction terms."""
 
 from collections.abc import Mapping
 
@@ -11,41 +11,47 @@ from pacmo_core.skeleton_prior.vae import Reconstruction
 
 
 def loss_terms(
-    answer: Reconstruction, varied: Tensor, template: Tensor, parents: Tensor, unit: Tensor
+    reconstruction: Reconstruction,
+    variation: Tensor,
+    template: Tensor,
+    parents: Tensor,
+    displacement_scale: Tensor,
 ) -> dict[str, Tensor]:
-    """Take every term.
+    """Compute all terms of the loss, unweighted.
 
     Parameters
     ----------
-    varied, template : (B, T, 2, J, 3), metres
+    variation, template : (B, T, 2, J, 3), metres
     parents : (J,)
-    unit : metres, the size of changes in the data
+    displacement_scale : metres, root mean square of displacements in the training data
     """
-    error = (answer.motions - varied) / unit
-    bones = _bone_lengths(answer.motions, parents) - _bone_lengths(varied, parents)
+    motions = reconstruction.motions
+    error = (motions - variation) / displacement_scale
+    bones = _bone_lengths(motions, parents) - _bone_lengths(variation, parents)
+    first, second = reconstruction.posteriors
     return {
-        "places": _smooth_l1(error),
-        "divergence": (answer.codes[0].divergence() + answer.codes[1].divergence()) / 2,
-        "bones": _smooth_l1(bones / unit),
-        **_distance_terms(answer.motions, varied, template, unit),
+        "position": _smooth_l1(error),
+        "kl_divergence": (first.kl_divergence() + second.kl_divergence()) / 2,
+        "bone_length": _smooth_l1(bones / displacement_scale),
+        **_distance_terms(motions, variation, template, displacement_scale),
         "acceleration": _smooth_l1(error[:, 2:] - 2 * error[:, 1:-1] + error[:, :-2]),
     }
 
 
-def total_loss(found: Mapping[str, Tensor], weights: LossWeights, warm: float) -> Tensor:
-    """Add up.
+def total_loss(terms: Mapping[str, Tensor], weights: LossWeights, kl_warmup: float) -> Tensor:
+    """Sum the weighted terms.
 
     Parameters
     ----------
-    warm : 0 to 1, the share of the divergence's weight that is in force
+    kl_warmup : from 0 to 1, factor of the weight of the KL divergence
     """
     return (
-        found["places"]
-        + weights.bones * found["bones"]
-        + weights.pairs * found["pairs"]
-        + weights.distances * found["distances"]
-        + weights.acceleration * found["acceleration"]
-        + warm * weights.divergence * found["divergence"]
+        terms["position"]
+        + weights.bone_length * terms["bone_length"]
+        + weights.contact_distance * terms["contact_distance"]
+        + weights.joint_distance * terms["joint_distance"]
+        + weights.acceleration * terms["acceleration"]
+        + kl_warmup * weights.kl_divergence * terms["kl_divergence"]
     )
 
 
@@ -55,25 +61,25 @@ def _smooth_l1(error: Tensor) -> Tensor:
 
 
 def _bone_lengths(motion: Tensor, parents: Tensor) -> Tensor:
-    # The root of zero has no slope.
+    # The square root has no gradient at zero, which is the root's length.
     return ((motion - motion[..., parents, :]).square().sum(dim=-1) + 1e-12).sqrt()
 
 
 def _distance_terms(
-    motions: Tensor, varied: Tensor, template: Tensor, unit: Tensor
+    motions: Tensor, variation: Tensor, template: Tensor, displacement_scale: Tensor
 ) -> dict[str, Tensor]:
-    """Take the error of distances, once weighed by how near the template has the two joints."""
-    near = torch.exp(-((_pair_distances(template) / CONTACT_DISTANCE) ** 2))
-    error = (_pair_distances(motions) - _pair_distances(varied)) / unit
+    """Compute the error of inter-character distances, weighted by proximity and unweighted."""
+    proximity = torch.exp(-((_pair_distances(template) / CONTACT_DISTANCE) ** 2))
+    error = (_pair_distances(motions) - _pair_distances(variation)) / displacement_scale
     loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
     return {
-        "pairs": (near * loss).sum() / near.sum().clamp_min(1),
-        "distances": loss.mean(),
+        "contact_distance": (proximity * loss).sum() / proximity.sum().clamp_min(1),
+        "joint_distance": loss.mean(),
     }
 
 
 def _pair_distances(motions: Tensor) -> Tensor:
-    """``(B, T, 2, J, 3)`` to ``(B, T, J, J)``, metres."""
+    """Compute distances between the characters' joints, (B, T, J, J), metres."""
     a, b = motions.unbind(dim=2)
     squares = a.square().sum(-1)[..., :, None] + b.square().sum(-1)[..., None, :]
     return (squares - 2 * a @ b.transpose(-1, -2)).clamp_min(1e-6).sqrt()

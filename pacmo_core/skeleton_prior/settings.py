@@ -1,4 +1,4 @@
-"""What ``params.yaml`` says about training a skeleton prior."""
+"""Settings of the training, and the configuration that is stored beside a model's weights."""
 
 from dataclasses import dataclass
 
@@ -8,81 +8,82 @@ from pacmo_core.skeleton_prior.kinematics import Limb
 
 @dataclass(frozen=True)
 class PriorConfig:
-    """Which networks, and of what size.
+    """Architecture of a skeleton prior.
 
     Parameters
     ----------
     skeleton : of both characters
-    limbs : of the skeleton
-    model : the name of a skeleton prior in ``pacmo_core.models``
-    hidden : channels of the widest layers; of our form a part of them
-    stride : frames from one that the networks see to the next
-    fps : of the motions learnt from; of others the networks see frames as far apart in time
-    dropout : share
+    limbs : arms and legs of the skeleton, as joint indices
+    model : a skeleton prior of ``pacmo_core.models``
+    hidden : channels of the widest layers; ``kinematic`` uses a quarter of them
+    frame_stride : frames between keyframes; the networks see keyframes only
+    fps : of the training motions; keyframes of other motions are as far apart in time
+    dropout : probability
     """
 
     skeleton: Skeleton
     limbs: tuple[Limb, ...]
     model: str
     hidden: int
-    stride: int
+    frame_stride: int
     fps: float
     dropout: float
 
 
 @dataclass(frozen=True)
 class LossWeights:
-    """What each term weighs; the error of joints' places weighs 1.
+    """Weights of the loss terms; the position error weighs 1.
 
-    The supplement states no loss; these terms are inferred from what it measures.
+    The supplement states no loss. The terms follow from the metrics that it reports.
 
     Parameters
     ----------
-    divergence : of the latents, a mean element
-    bones : of the error of bones' lengths
-    pairs : of the error of distances between the bodies, near ones first
-    distances : of the same, all alike
-    acceleration : of the error's second difference
+    kl_divergence : of the posteriors from N(0, I), mean over latent elements
+    bone_length : error of bone lengths
+    contact_distance : error of distances between the two people's joints, weighted by proximity
+    joint_distance : the same error, unweighted
+    acceleration : second difference of the position error over time
     """
 
-    divergence: float
-    bones: float
-    pairs: float
-    distances: float
+    kl_divergence: float
+    bone_length: float
+    contact_distance: float
+    joint_distance: float
     acceleration: float
 
 
 @dataclass(frozen=True)
 class SkeletonPriorSettings:
-    """The ``train_skeleton_prior`` section, and the name of the model."""
+    """The ``train_skeleton_prior`` section of ``params.yaml``, and the name of the model."""
 
     random_seed: int
     device: str  # cpu, cuda or auto: cuda where there is one
-    mixed_precision: bool  # factors of products in bfloat16 while learning, where the device has it
-    model: str  # name of a skeleton prior in pacmo_core.models
-    hidden: int  # channels of the widest layers; 256 in the paper's size
-    stride: int  # frames from one that the networks see to the next; the change is smooth
-    window: int  # frames, so far apart, of a row in a batch
-    dropout: float
-    weights: LossWeights
-    body_steps: int  # in which the prior of bodies learns, before all else
-    warmup_epochs: int  # in which the divergence's weight rises to its own
-    turn: bool  # show each row from any side
-    swap: bool  # let the characters swap roles, where the model knows both bodies
-    learning_rate: float
+    mixed_precision: bool  # matrix products in bfloat16 where the device supports it
+    model: str  # a skeleton prior of pacmo_core.models
+    hidden: int  # channels of the widest layers; 256 in the paper
+    frame_stride: int  # frames between keyframes; displacements are smooth in time
+    window_frames: int  # keyframes of a training window
+    dropout: float  # probability
+    loss_weights: LossWeights
+    skeleton_vae_steps: int  # training steps of the skeleton VAE, before the motion VAEs
+    kl_warmup_epochs: int  # in which the weight of the KL divergence rises to its full value
+    random_rotation: bool  # rotate each window about the vertical
+    swap_characters: bool  # swap the characters at random, in models that take both skeletons
+    learning_rate: float  # of Adam
     halve_learning_rate_every: int  # epochs
-    batch_size: int
+    batch_size: int  # windows
     n_epochs: int
-    validate_every: int  # epochs; the weights that score best are handed over
+    validate_every: int  # epochs; the weights of the lowest validation error are selected
     checkpoint_every: int  # epochs
 
     def __post_init__(self) -> None:
-        if min(self.stride, self.body_steps, self.warmup_epochs) < 1:
+        if min(self.frame_stride, self.skeleton_vae_steps, self.kl_warmup_epochs) < 1:
             raise ValueError(
-                "stride, body_steps and warmup_epochs must be at least 1; got "
-                f"{self.stride}, {self.body_steps}, {self.warmup_epochs}"
+                "frame_stride, skeleton_vae_steps and kl_warmup_epochs must be at least 1; got "
+                f"{self.frame_stride}, {self.skeleton_vae_steps}, {self.kl_warmup_epochs}"
             )
-        if self.window < 3:
+        if self.window_frames < 3:
             raise ValueError(
-                f"window must be at least 3, for a second difference; got {self.window}"
+                f"window_frames must be at least 3, for a second difference over time; got "
+                f"{self.window_frames}"
             )

@@ -1,8 +1,8 @@
-"""The four splits of the evaluation, and fewer training samples, by what is known of a variation.
+"""The four train/validation/test splits of the evaluation, and splits of fewer training samples.
 
-The supplement states the hardest one alone (2.4): test on scales [0.75, 0.85] and [1.15, 1.25] of
-one motion, train on [0.95, 1.05] of others of its skeleton. The others follow from their names.
-0.90 and 1.10, which it uses nowhere, choose weights.
+The supplement (2.4) defines only the cross-scale-interaction split: test on scales [0.75, 0.85] and
+[1.15, 1.25] of one motion, train on [0.95, 1.05] of other motions of the same skeleton. The other
+splits follow from their names. Scales 0.90 and 1.10, which it does not use, are for validation.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,46 +12,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 SPLITS = ("train", "validation", "test", "dropped")
-# Departures from scale 1: up to the one is near, from the other on far; half a step of the scales.
+# Deviations from scale 1: near up to the first, far beyond the second; scales are 0.05 apart.
 NEAR, FAR = 0.075, 0.125
 
 
 @dataclass(frozen=True)
 class VariationScales:
-    """What a split knows of a variation.
+    """The properties of a variation that determine its split.
 
     Parameters
     ----------
-    source : name of the motion that it varies
-    scales : (2, E) of both bodies' bones
+    source : name of the source clip
+    scales : (2, E), of both people's bones
     """
 
     source: str
     scales: NDArray[np.float64]
 
     @property
-    def departure(self) -> float:
-        """The largest difference of a scale from 1."""
+    def max_deviation(self) -> float:
+        """Largest deviation of a scale from 1."""
         return float(np.abs(self.scales - 1).max())
 
     @property
-    def reach(self) -> str:
-        """Near, middle or far from the template."""
-        if self.departure < NEAR:
+    def scale_group(self) -> str:
+        """``near``, ``middle`` or ``far``, by the largest deviation from scale 1."""
+        if self.max_deviation < NEAR:
             return "near"
-        return "far" if self.departure > FAR else "middle"
+        return "far" if self.max_deviation > FAR else "middle"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SplitSettings:
-    """The numbers of the splits.
+    """Settings of all splits.
 
     Parameters
     ----------
-    held_out : the sources that the splits across interactions test
+    held_out : the sources that the cross-interaction splits test
     test_share : of variations, in the random split
-    validation_share : of those that are left, in splits that do not part scales
-    random_seed : for the random parts
+    validation_share : of the training variations, in splits that do not select validation by scale
+    random_seed : int
     """
 
     held_out: frozenset[str]
@@ -68,80 +68,82 @@ class SplitSettings:
 
 
 def assign_splits(
-    kind: str, facts: Sequence[VariationScales], settings: SplitSettings
+    method: str, variations: Sequence[VariationScales], settings: SplitSettings
 ) -> list[str]:
-    """Say on which side each variation stands.
+    """Assign each variation to ``train``, ``validation``, ``test`` or ``dropped``.
 
     Raises
     ------
     ValueError
-        If there is no such split, a held-out source is not there, or a side to train or test on
+        If there is no such method, a held-out source does not exist, or the training or test split
         is empty.
     """
-    if kind not in SPLIT_METHODS:
-        raise ValueError(f"split must be one of {', '.join(SPLIT_METHODS)}; got {kind!r}")
-    unknown = sorted(settings.held_out - {fact.source for fact in facts})
+    if method not in SPLIT_METHODS:
+        raise ValueError(f"split must be one of {', '.join(SPLIT_METHODS)}; got {method!r}")
+    unknown = sorted(settings.held_out - {variation.source for variation in variations})
     if unknown:
         raise ValueError(f"held_out must be sources; {unknown} are not")
-    sides = SPLIT_METHODS[kind](facts, settings)
-    for side in ("train", "test"):
-        if side not in sides:
-            raise ValueError(f"split {kind}: nothing to {side} on among {len(facts)} variations")
-    return sides
+    splits = SPLIT_METHODS[method](variations, settings)
+    for split in ("train", "test"):
+        if split not in splits:
+            raise ValueError(f"split {method}: nothing to {split} on among {len(variations)}")
+    return splits
 
 
-def limit_training_samples(sides: Sequence[str], n: int, *, random_seed: int) -> list[str]:
-    """Keep n of the variations to train on, drawn at random, and drop the others.
-
-    Of two numbers the smaller one's are among the larger one's.
+def limit_training_samples(splits: Sequence[str], n: int, *, random_seed: int) -> list[str]:
+    """Select n training variations at random and drop the others; selections are nested in n.
 
     Raises
     ------
     ValueError
-        If there are not so many.
+        If there are fewer training variations.
     """
-    rows = [row for row, side in enumerate(sides) if side == "train"]
+    rows = [row for row, split in enumerate(splits) if split == "train"]
     if not 0 < n <= len(rows):
-        raise ValueError(f"wanted 1 to {len(rows)} training samples; got {n}")
-    kept = {rows[i] for i in np.random.default_rng(random_seed).permutation(len(rows))[:n]}
+        raise ValueError(f"training samples must be 1 to {len(rows)}; got {n}")
+    selected = {rows[i] for i in np.random.default_rng(random_seed).permutation(len(rows))[:n]}
     return [
-        "dropped" if side == "train" and row not in kept else side for row, side in enumerate(sides)
+        "dropped" if split == "train" and row not in selected else split
+        for row, split in enumerate(splits)
     ]
 
 
-def _random_split(facts: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
-    order = np.random.default_rng(settings.random_seed).permutation(len(facts))
-    n_test = max(1, round(settings.test_share * len(facts)))
-    sides = np.full(len(facts), "train", dtype=object)
-    sides[order[:n_test]] = "test"
-    return _add_validation(sides.tolist(), settings)
+def _random_split(variations: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
+    order = np.random.default_rng(settings.random_seed).permutation(len(variations))
+    n_test = max(1, round(settings.test_share * len(variations)))
+    splits = np.full(len(variations), "train", dtype=object)
+    splits[order[:n_test]] = "test"
+    return _add_validation(splits.tolist(), settings)
 
 
-def _cross_scale(facts: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
+def _cross_scale(variations: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
     del settings
-    by_reach = {"near": "train", "middle": "validation", "far": "test"}
-    return [by_reach[fact.reach] for fact in facts]
+    splits = {"near": "train", "middle": "validation", "far": "test"}
+    return [splits[variation.scale_group] for variation in variations]
 
 
-def _cross_interaction(facts: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
-    held = settings.held_out
-    return _add_validation(["test" if f.source in held else "train" for f in facts], settings)
+def _cross_interaction(variations: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
+    splits = ["test" if v.source in settings.held_out else "train" for v in variations]
+    return _add_validation(splits, settings)
 
 
 def _cross_scale_interaction(
-    facts: Sequence[VariationScales], settings: SplitSettings
+    variations: Sequence[VariationScales], settings: SplitSettings
 ) -> list[str]:
     others = {"near": "train", "middle": "validation", "far": "dropped"}
-    held = {"near": "dropped", "middle": "dropped", "far": "test"}
-    return [(held if f.source in settings.held_out else others)[f.reach] for f in facts]
+    held_out = {"near": "dropped", "middle": "dropped", "far": "test"}
+    return [
+        (held_out if variation.source in settings.held_out else others)[variation.scale_group]
+        for variation in variations
+    ]
 
 
-def _add_validation(sides: list[str], settings: SplitSettings) -> list[str]:
-    rows = [row for row, side in enumerate(sides) if side == "train"]
+def _add_validation(splits: list[str], settings: SplitSettings) -> list[str]:
+    rows = [row for row, split in enumerate(splits) if split == "train"]
     order = np.random.default_rng(settings.random_seed + 1).permutation(len(rows))
     for i in order[: round(settings.validation_share * len(rows))]:
-        sides[rows[i]] = "validation"
-    return sides
+        splits[rows[i]] = "validation"
+    return splits
 
 
 SPLIT_METHODS: dict[str, Callable[[Sequence[VariationScales], SplitSettings], list[str]]] = {

@@ -1,8 +1,7 @@
-"""Training of a skeleton prior, ours or a baseline: same losses, same batches, same budget."""
+"""Training of skeleton priors: every model has the same losses, batches and number of steps."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -21,22 +20,22 @@ from pacmo_core.skeleton_prior.vae import SkeletonPrior, fit_skeleton_vae
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer
 
-# Variations that are scored at once.
-SCORE_BATCH_SIZE = 16
+# Variations per batch of the validation.
+VALIDATION_BATCH_SIZE = 16
 
 
 class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
-    """A descent that raises the weight of the divergence over its first epochs.
+    """Trains both motion VAEs; the weight of the KL divergence rises over the first epochs.
 
-    Every step draws one number from the order's generator and all else from that: batches, windows
-    and turns are the same for every model.
+    A step draws one number from the generator of the batch order, which seeds everything else: so
+    batches, windows and rotations are the same for every model.
 
     Parameters
     ----------
     model : trained in place
-    examples : to learn from
-    validation : to choose weights on; may be empty
-    settings : PriorSettings
+    examples : training data
+    validation : data on which weights are selected, if any
+    settings : SkeletonPriorSettings
     random : CPU generator
     """
 
@@ -48,58 +47,63 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         settings: SkeletonPriorSettings,
         random: torch.Generator,
     ) -> None:
-        self.examples, self.prior_settings, self.warm = examples, settings, 0.0
+        self.examples, self.prior_settings, self.kl_warmup = examples, settings, 0.0
         held_out = None if validation is None else lambda: mean_position_error(model, validation)
         super().__init__(model, len(examples), self._loss, held_out, settings, random)
 
     def train_epoch(self, number: int) -> dict[str, float]:
-        """See every row once."""
+        """Train on every example once."""
         self.model.train()
-        self.warm = min(1.0, (number + 1) / self.prior_settings.warmup_epochs)
-        found = super().train_epoch(number)
+        self.kl_warmup = min(1.0, (number + 1) / self.prior_settings.kl_warmup_epochs)
+        terms = super().train_epoch(number)
         self.model.eval()
-        return found
+        return terms
 
     def _loss(self, rows: Tensor) -> Tensor:
         settings = self.prior_settings
-        own = torch.Generator().manual_seed(int(torch.randint(2**62, (), generator=self.random)))
-        pairs = self._batch(rows, own)
+        seed = int(torch.randint(2**62, (), generator=self.random))
+        step_random = torch.Generator().manual_seed(seed)
+        batch = self._batch(rows, step_random)
         with bfloat16_products(settings.mixed_precision):
-            return reconstruction_loss(self.model, pairs, settings, self.warm, own)
+            return batch_loss(self.model, batch, settings, self.kl_warmup, step_random)
 
-    def _batch(self, rows: Tensor, own: torch.Generator) -> ExampleBatch:
+    def _batch(self, rows: Tensor, random: torch.Generator) -> ExampleBatch:
         settings = self.prior_settings
-        pairs = self.examples.windows(rows, settings.stride, settings.window, own)
-        turns = torch.rand(len(rows), generator=own) * 2 * math.pi
-        swaps = torch.rand(len(rows), generator=own) < 0.5
-        if settings.turn:
-            pairs = pairs.turned(turns.to(pairs.template.device))
-        if settings.swap and self.model.both_roles:
-            pairs = pairs.swapped(swaps.to(pairs.template.device))
-        return pairs
+        batch = self.examples.random_windows(
+            rows, settings.frame_stride, settings.window_frames, random
+        )
+        # Sampled whether or not they are used, so that every model has the same sequence.
+        angles = torch.rand(len(rows), generator=random) * 2 * math.pi
+        swapped = torch.rand(len(rows), generator=random) < 0.5
+        if settings.random_rotation:
+            batch = batch.rotated(angles.to(batch.template.device))
+        if settings.swap_characters and self.model.symmetric:
+            batch = batch.swapped(swapped.to(batch.template.device))
+        return batch
 
 
-def reconstruction_loss(
+def batch_loss(
     model: SkeletonPrior,
-    pairs: ExampleBatch,
+    batch: ExampleBatch,
     settings: SkeletonPriorSettings,
-    warm: float,
+    kl_warmup: float,
     random: torch.Generator,
 ) -> Tensor:
-    """Take the loss of both characters' VAEs."""
-    answer = model.reconstruct(pairs.template, pairs.scales, pairs.varied, random)
-    found = loss_terms(answer, pairs.varied, pairs.template, model.tree.parents, model.unit)
-    return total_loss(found, settings.weights, warm)
+    """Compute the loss of both characters' VAEs on a batch."""
+    result = model.reconstruct(batch.template, batch.scales, batch.variation, random)
+    parents, displacement_scale = model.kinematics.parents, model.displacement_scale
+    terms = loss_terms(result, batch.variation, batch.template, parents, displacement_scale)
+    return total_loss(terms, settings.loss_weights, kl_warmup)
 
 
 def mean_position_error(model: SkeletonPrior, examples: ExampleDataset) -> Tensor:
-    """Take the mean error of joints' places, metres, bodies given and latents at their mean."""
+    """Compute the mean position error of retargeting, metres, with latents at the prior's mean."""
     errors = []
-    for pairs in examples.wholes(model.config.stride, SCORE_BATCH_SIZE):
-        latents = model.latents(pairs.template, pairs.scales, None)
-        fields = model.fields(pairs.template, pairs.scales, latents)
-        placed = model.place(fields, pairs.template, pairs.scales)
-        errors.append((placed - pairs.varied).norm(dim=-1).mean(dim=(1, 2, 3)))
+    for batch in examples.full_length_batches(model.config.frame_stride, VALIDATION_BATCH_SIZE):
+        latents = model.sample_latents(batch.template, batch.scales, None)
+        outputs = model.decode(batch.template, batch.scales, latents)
+        positions = model.joint_positions(outputs, batch.template, batch.scales)
+        errors.append((positions - batch.variation).norm(dim=-1).mean(dim=(1, 2, 3)))
     return torch.cat(errors).mean()
 
 
@@ -110,10 +114,13 @@ def build_training(
     validation: Sequence[Example] = (),
     device: str = "cpu",
 ) -> TrainingLoop[SkeletonPrior]:
-    """Train a model; an epoch yields ``loss``."""
+    """Train the skeleton VAE, and build the loop that trains the motion VAEs.
+
+    An epoch yields ``loss``.
+    """
     random = torch.Generator().manual_seed(settings.random_seed)
-    learnt = encode_examples(examples).to(device)
-    held_out = encode_examples(validation).to(device) if validation else None
+    training_data = encode_examples(examples).to(device)
+    validation_data = encode_examples(validation).to(device) if validation else None
     template = examples[0].template
     model = build_skeleton_prior(
         PriorConfig(
@@ -121,44 +128,37 @@ def build_training(
             limbs=find_limbs(template.skeleton, template.person_a),
             model=settings.model,
             hidden=settings.hidden,
-            stride=settings.stride,
+            frame_stride=settings.frame_stride,
             fps=float(np.median([example.template.fps for example in examples])),
             dropout=settings.dropout,
         )
     )
-    initialise_weights(model.bodies, random)
+    initialise_weights(model.skeleton_vae, random)
     fit_skeleton_vae(
-        model.bodies,
-        learnt.scales[:, 0].cpu(),  # the first body is the one that changes
-        n_steps=settings.body_steps,
+        model.skeleton_vae,
+        training_data.scales[:, 0].cpu(),  # only the first character's scales differ from 1
+        n_steps=settings.skeleton_vae_steps,
         random=random,
     )
     initialise_weights(model.first, random)
     initialise_weights(model.second, random)
-    model.measure(learnt)
-    training = SkeletonPriorTrainer(
+    model.fit_displacement_scale(training_data)
+    trainer = SkeletonPriorTrainer(
         model.to(device),
-        learnt,
-        held_out,
+        training_data,
+        validation_data,
         settings,
         torch.Generator().manual_seed(settings.random_seed + 1),
     )
-    return TrainingLoop(
-        training, n_epochs=settings.n_epochs, validate_every=settings.validate_every
-    )
-
-
-def model_config(model: SkeletonPrior) -> dict[str, Any]:
-    """Describe a model in JSON's terms."""
-    return asdict(model.config)
+    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
 
 
 def prior_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
-    """Rebuild a model from what ``config`` and ``fit.state`` gave."""
-    own = {
+    """Rebuild a trained model from its configuration and weights, frozen, in evaluation mode."""
+    parsed = {
         "skeleton": Skeleton.from_dict(config["skeleton"]),
         "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
     }
-    model = build_skeleton_prior(PriorConfig(**{**config, **own}))
+    model = build_skeleton_prior(PriorConfig(**{**config, **parsed}))
     model.load_state_dict(dict(state))
     return model.eval().requires_grad_(False)

@@ -56,7 +56,7 @@ def test_the_field_repeats_after_its_period() -> None:
     assert torch.allclose(draws(2, torch.tensor([0.1])), draws(2, torch.tensor([1.35])), atol=1e-5)
 
 
-def test_a_smoother_law_has_less_power_in_high_modes() -> None:
+def test_a_smoother_field_has_less_power_in_high_modes() -> None:
     rough = GaussianRandomField(alpha=1.0, tau=5.0, n_modes=32, period=1.25)
     assert FIELD.power()[8:].sum() < rough.power()[8:].sum()
     assert FIELD.power().sum().item() == pytest.approx(1)

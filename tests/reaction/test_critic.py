@@ -55,12 +55,12 @@ def test_the_norm_itself_has_a_gradient() -> None:
     assert found.item() == pytest.approx(math.sqrt(2), rel=1e-5)
 
 
-def test_the_ends_of_a_body_are_its_root_head_hands_and_feet() -> None:
+def test_the_end_effectors_are_root_head_hands_and_feet() -> None:
     names = [SBU15.joints[joint] for joint in end_effectors(SBU15)]
     assert names == ["torso", "head", "left_hand", "right_hand", "left_foot", "right_foot"]
 
 
-def test_the_critic_is_shown_the_metres_between_the_ends_of_the_bodies() -> None:
+def test_the_critic_takes_in_distances_between_end_effectors() -> None:
     critic = wgan.build_training(clips(4), PACMO).trainer.critic
     norm = critic.normalisation
     metres = torch.randn(2, 1, 17, 45, generator=torch.Generator().manual_seed(0))

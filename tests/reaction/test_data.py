@@ -47,7 +47,7 @@ def test_functions_do_not_change_when_the_world_turns() -> None:
     torch.testing.assert_close(there.partner, here.partner, atol=1e-5, rtol=0)
 
 
-def test_both_sides_hold_each_interaction_and_its_exchange() -> None:
+def test_both_directions_are_listed_for_each_interaction() -> None:
     some = clips(3)
     sides = expand_directions(some, both=True)
     assert len(sides) == 6
@@ -107,12 +107,12 @@ def test_where_the_world_stands_does_not_matter():
     )
 
 
-def test_dealing_a_reaction_to_its_own_partner_changes_nothing():
+def test_pairing_a_reaction_with_its_own_partner_changes_nothing():
     own = random_clip(4)
     np.testing.assert_allclose(replace_reaction(own, own).person_b, own.person_b, atol=1e-5)
 
 
-def test_a_dealt_reaction_is_played_over_the_other_partners_duration():
+def test_a_permuted_reaction_is_resampled_to_the_other_partners_duration():
     partner, other = random_clip(5, n_frames=40, fps=15), random_clip(6, n_frames=20)
     dealt = replace_reaction(partner, other)
     assert dealt.person_a is partner.person_a
@@ -155,7 +155,7 @@ def test_a_mirror_image_has_left_and_right_exchanged_and_mirrored_again_is_the_o
     torch.testing.assert_close(twice.partner, PAIRS.partner)
 
 
-def test_a_turn_keeps_heights_and_all_distances_between_the_bodies() -> None:
+def test_a_rotation_keeps_heights_and_all_distances_between_the_bodies() -> None:
     found = augmented(replace(PLAIN, rotation_spread=1.0))
     assert (found.partner - PAIRS.partner).abs().max() > 0.1
     torch.testing.assert_close(as_joints(found.partner)[..., 1], as_joints(PAIRS.partner)[..., 1])
@@ -169,7 +169,7 @@ def test_a_size_scales_both_people_alike() -> None:
     assert ratio[:, 0].std() > 0.05
 
 
-def test_turns_turn_and_do_not_mirror() -> None:
+def test_transforms_are_proper_rotations() -> None:
     place = random_transforms(
         5, replace(PLAIN, rotation_spread=1.0), torch.Generator().manual_seed(0)
     )

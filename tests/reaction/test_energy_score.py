@@ -41,7 +41,7 @@ def test_it_is_its_definition_written_out(n_samples, seed):
         assert float(found) == pytest.approx(expected, rel=1e-4, abs=1e-5)
 
 
-def test_samples_of_the_true_law_score_what_the_closed_form_says():
+def test_samples_of_the_true_distribution_score_what_the_closed_form_says():
     # E|X - u| = 2 / sqrt(pi) for two standard normals; less half of it.
     random = torch.Generator().manual_seed(0)
     samples, truth = (torch.randn(n, 20000, generator=random) for n in (4, 1))
@@ -50,7 +50,7 @@ def test_samples_of_the_true_law_score_what_the_closed_form_says():
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.5, 2.0])
-def test_the_true_law_scores_better_than_one_too_narrow_or_too_wide(spread):
+def test_the_true_distribution_scores_better_than_one_too_narrow_or_too_wide(spread):
     random = torch.Generator().manual_seed(1)
     samples, truth = (torch.randn(n, 20000, generator=random) for n in (4, 1))
     right, wrong = (

@@ -40,7 +40,7 @@ def stepping(forwards: bool) -> Interaction:
 
 
 @pytest.mark.slow
-def test_the_generator_learns_what_only_the_label_tells() -> None:
+def test_the_generator_learns_what_depends_on_the_label_alone() -> None:
     clips = [stepping(i % 2 == 0) for i in range(16)]
     labels = ["forward", "back"] * 8
     model = wgan.build_training(clips, LABELLED, actions=labels).finish()

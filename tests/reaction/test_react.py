@@ -66,7 +66,7 @@ def test_the_reaction_at_30_and_at_120_frames_a_second_is_one_function(trained: 
     assert fast.dtype == np.float32
 
 
-def test_partners_of_any_lengths_in_one_batch_are_answered_as_if_alone(trained: Generator) -> None:
+def test_partners_of_any_lengths_in_one_batch_react_as_if_alone(trained: Generator) -> None:
     partners = [PartnerMotion(c.person_a, c.times, c.times) for c in clips(5, first_seed=20)]
     together = react_all(trained, partners, n_samples=2, random=torch.Generator().manual_seed(0))
     random = torch.Generator().manual_seed(0)

@@ -27,7 +27,7 @@ def streamed(model: Generator, n_frames: int, began: float = 0.0) -> np.ndarray:
     return np.stack([live.react(pose, began + float(time)) for pose, time in pairs], axis=1)
 
 
-def test_a_frame_is_answered_as_the_last_window_would_be(
+def test_a_streamed_reaction_is_that_of_the_last_window(
     model: Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pacmo_core.reaction.stream.FRAME_SMOOTHING", 0.0)
@@ -46,14 +46,14 @@ def test_a_frame_is_answered_as_the_last_window_would_be(
     np.testing.assert_allclose(last, at_end[:, 0], atol=1e-3)
 
 
-def test_answers_do_not_jump_and_go_on_after_the_window_is_full(model: Generator) -> None:
-    answers = streamed(model, 150)
-    assert answers.shape == (2, 150, 15, 3)
-    steps = np.linalg.norm(np.diff(answers, axis=1), axis=-1).max(axis=-1)[:, 1:]
+def test_reactions_do_not_jump_and_go_on_after_the_window_is_full(model: Generator) -> None:
+    reactions = streamed(model, 150)
+    assert reactions.shape == (2, 150, 15, 3)
+    steps = np.linalg.norm(np.diff(reactions, axis=1), axis=-1).max(axis=-1)[:, 1:]
     assert steps.max() < 8 * np.median(steps)
 
 
-def test_answers_do_not_depend_on_when_the_clock_began(model: Generator) -> None:
+def test_reactions_do_not_depend_on_when_the_clock_began(model: Generator) -> None:
     np.testing.assert_allclose(streamed(model, 70, began=1e6), streamed(model, 70), atol=1e-3)
 
 
@@ -84,7 +84,7 @@ def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Ge
         live.react(pose, 1.0)
 
 
-def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generator) -> None:
+def test_noise_in_the_partners_heading_hardly_changes_the_reactions(model: Generator) -> None:
     clip = delayed_mirror(5, np.arange(150) / 30)
     random = np.random.default_rng(0)
     # Shoulders and hips that tremble to and fro: no joint moves far, the heading of a pose does.
@@ -93,7 +93,7 @@ def test_noise_in_the_partners_heading_does_not_shake_the_answers(model: Generat
     for motion in (clip.person_a, noisy.astype(np.float32)):
         live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
         pairs = zip(motion, clip.times.tolist(), strict=True)
-        answers = np.stack([live.react(pose, time)[0] for pose, time in pairs])
-        steps.append(np.diff(answers[75:], 2, axis=0))
+        reactions = np.stack([live.react(pose, time)[0] for pose, time in pairs])
+        steps.append(np.diff(reactions[75:], 2, axis=0))
     shaken = np.sqrt(np.square(steps[1] - steps[0]).sum(axis=-1).mean())
     assert shaken < 0.03

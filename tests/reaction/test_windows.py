@@ -83,7 +83,9 @@ def test_a_shifted_field_is_the_field_at_later_instants() -> None:
     )
 
 
-def test_noise_has_one_law_in_every_window_and_is_one_function_where_they_overlap() -> None:
+def test_noise_has_one_distribution_in_every_window_and_is_one_function_where_they_overlap() -> (
+    None
+):
     n = 20_000
     random = torch.Generator().manual_seed(0)
     noise = ContinuousNoise(FIELD, lambda: FIELD.sample(n, random=random))
@@ -115,7 +117,7 @@ def test_a_long_reaction_is_smooth_across_windows_and_linear_in_its_parts(
     assert speed.max() < 12 * np.median(speed)
 
 
-def test_long_and_short_partners_in_one_batch_are_answered_as_if_alone(model: Generator) -> None:
+def test_long_and_short_partners_in_one_batch_react_as_if_alone(model: Generator) -> None:
     partners = [PartnerMotion(*sway(n), sway(n)[1]) for n in (300, 20, 90)]
     together = react_all(model, partners, n_samples=3, random=torch.Generator().manual_seed(0))
     random = torch.Generator().manual_seed(0)

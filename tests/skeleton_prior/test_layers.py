@@ -15,20 +15,20 @@ from pacmo_core.skeleton_prior.layers import (
     OutputHead,
     StGcnLayer,
     TemporalConvolution,
-    adjacency,
     batch_first,
     dropout,
     frames_first,
     initialise_weights,
+    normalised_adjacency,
     off_diagonal_adjacency,
 )
-from tests.skeleton_prior import plain
-from tests.skeleton_prior.bodies import examples, generator, settings, shaken
+from tests.skeleton_prior import reference
+from tests.skeleton_prior.examples import examples, generator, settings, shaken
 
 
 @pytest.mark.parametrize("skeleton", [NTU25, DUET15, SBU15, EXPI18], ids=lambda s: s.name)
 def test_the_adjacency_links_each_joint_with_itself_and_its_bones(skeleton):
-    links = adjacency(skeleton)
+    links = normalised_adjacency(skeleton)
     bones = {frozenset(bone) for bone in skeleton.bones.tolist()}
     for i in range(len(links)):
         for j in range(len(links)):
@@ -54,10 +54,10 @@ def test_a_graph_convolution_is_the_sum_over_links(into, out):
     layer = shaken(GraphConvolution(off_diagonal_adjacency(SBU15), into, out))
     x = torch.randn(2, 5, 15, into, generator=generator())
     wanted = torch.stack(
-        [torch.stack([plain.graph_convolution(layer, frame) for frame in row]) for row in x]
+        [torch.stack([reference.graph_convolution(layer, frame) for frame in row]) for row in x]
     )
     torch.testing.assert_close(batch_first(layer(frames_first(x))), wanted)
-    torch.testing.assert_close(plain.PlainConvolution(layer)(x), wanted)
+    torch.testing.assert_close(reference.ReferenceConvolution(layer)(x), wanted)
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -70,7 +70,7 @@ def test_an_st_gcn_layer_is_what_the_loops_say(stride, n_frames, into, out, resi
     got = batch_first(layer(frames_first(x), None))
     assert got.shape == (2, -(-n_frames // stride), 15, out)
     torch.testing.assert_close(
-        got, torch.stack([plain.st_gcn(layer, row) for row in x]), atol=1e-5, rtol=1e-5
+        got, torch.stack([reference.st_gcn(layer, row) for row in x]), atol=1e-5, rtol=1e-5
     )
 
 
@@ -113,7 +113,7 @@ def test_a_time_convolution_is_the_plain_one(n_frames, stride):
     layer = shaken(TemporalConvolution(4, 6, stride=stride))
     x = torch.randn(3, n_frames, 5, 4, generator=generator())
     got = batch_first(layer(frames_first(x)))
-    torch.testing.assert_close(got, plain.PlainTime(layer)(x), atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(got, reference.ReferenceTime(layer)(x), atol=1e-5, rtol=1e-5)
 
 
 def test_a_heads_gradients_are_its_slopes():
@@ -121,12 +121,12 @@ def test_a_heads_gradients_are_its_slopes():
 
 
 def test_the_graph_grus_gradients_are_its_slopes():
-    layer = shaken(GraphGru(adjacency(SBU15), 2, 3).double())
+    layer = shaken(GraphGru(normalised_adjacency(SBU15), 2, 3).double())
     assert slopes_hold(layer, (3, 15, 2, 2), (15, 2, 3))
 
 
 def test_the_graph_gru_gives_its_gradient_to_an_input_laid_out_otherwise():
-    layer = shaken(GraphGru(adjacency(SBU15), 2, 3))
+    layer = shaken(GraphGru(normalised_adjacency(SBU15), 2, 3))
     state = torch.zeros(15, 4, 3)
     rows = torch.randn(4, 6, 15, 2, generator=generator())
     found = []
@@ -139,10 +139,10 @@ def test_the_graph_gru_gives_its_gradient_to_an_input_laid_out_otherwise():
 
 
 def test_the_graph_gru_is_its_corrected_equation():
-    fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
+    fused = shaken(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = torch.randn(3, 7, 15, 5, generator=generator())
     state = torch.randn(3, 15, 8, generator=generator(1))
-    wanted = plain.PlainGru(fused)(x, state)
+    wanted = reference.ReferenceGru(fused)(x, state)
     given = frames_first(x), state.transpose(0, 1).contiguous()
     torch.testing.assert_close(batch_first(fused(*given)), wanted)
     with torch.no_grad():  # where nothing is kept for gradients
@@ -150,14 +150,14 @@ def test_the_graph_gru_is_its_corrected_equation():
 
 
 def test_the_graph_grus_gates_keep_its_state_between_what_it_was_and_one():
-    fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
+    fused = shaken(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = 100 * torch.randn(50, 15, 2, 5, generator=generator())
     states = fused(x, torch.zeros(15, 2, 8))
     assert states.abs().max() <= 1  # with sums outside the sigmoid they leave these bounds
 
 
 def test_the_graph_gru_looks_at_no_later_frame():
-    fused = shaken(GraphGru(adjacency(SBU15), 5, 8))
+    fused = shaken(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = torch.randn(9, 15, 2, 5, generator=generator())
     other = x.clone()
     other[6:] = 0
@@ -171,7 +171,7 @@ def test_a_head_is_dense_layers_with_leaky_relus():
     a, b, c = head.layers
     leak = torch.nn.LeakyReLU(0.1)
     torch.testing.assert_close(head(x), c(leak(b(leak(a(x))))))
-    torch.testing.assert_close(plain.PlainHead(head)(x), head(x))
+    torch.testing.assert_close(reference.ReferenceHead(head)(x), head(x))
 
 
 def test_dropping_keeps_the_mean_and_draws_from_the_generator_alone():
@@ -184,22 +184,22 @@ def test_dropping_keeps_the_mean_and_draws_from_the_generator_alone():
 
 
 def test_a_layer_of_an_unknown_kind_has_no_law():
-    with pytest.raises(ValueError, match="no law for the weights of Bilinear"):
+    with pytest.raises(ValueError, match="no initialisation for layers of class Bilinear"):
         initialise_weights(torch.nn.Bilinear(2, 2, 2), generator())
 
 
 def test_our_form_is_the_same_network_written_plainly():
     model = training.build_training(examples(), settings(n_epochs=1, dropout=0.0)).finish()
-    (pairs, *_) = encode_examples(examples()).wholes(model.config.stride, 4)
-    given = [each.double() for each in (pairs.template, pairs.scales, pairs.varied)]
+    (pairs, *_) = encode_examples(examples()).full_length_batches(model.config.frame_stride, 4)
+    given = [each.double() for each in (pairs.template, pairs.scales, pairs.variation)]
 
     def motions_and_slope(of):
         motions = of.train().requires_grad_().reconstruct(*given, generator()).motions
         (motions - given[-1]).square().mean().backward()
-        return motions.detach(), of.first.code.mean.weight.grad
+        return motions.detach(), of.first.posterior.mean.weight.grad
 
     got, slope = motions_and_slope(copy.deepcopy(model).double())
-    wanted, plain_slope = motions_and_slope(plain.made_plain(copy.deepcopy(model)).double())
+    wanted, plain_slope = motions_and_slope(reference.make_reference(copy.deepcopy(model)).double())
     assert slope.abs().max() > 0
     torch.testing.assert_close(got, wanted)
     torch.testing.assert_close(slope, plain_slope)

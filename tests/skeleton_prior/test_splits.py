@@ -102,10 +102,10 @@ def test_faults_are_named():
     )
     with pytest.raises(ValueError, match=r"held_out must be sources; \['m9'\]"):
         assign_splits("cross_interaction", FACTS, absent)
-    far = [f for f in FACTS if f.reach == "far" and f.source == "m2"][:4]
+    far = [f for f in FACTS if f.scale_group == "far" and f.source == "m2"][:4]
     with pytest.raises(ValueError, match="nothing to train on among 4"):
         assign_splits("cross_scale", far, SETTINGS)
-    with pytest.raises(ValueError, match="wanted 1 to"):
+    with pytest.raises(ValueError, match="training samples must be 1 to"):
         limit_training_samples(["train", "test"], 2, random_seed=0)
     with pytest.raises(ValueError, match=r"test_share must lie in \(0, 1\)"):
         SplitSettings(held_out=frozenset(), test_share=1, validation_share=0, random_seed=0)

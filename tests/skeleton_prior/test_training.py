@@ -10,8 +10,8 @@ from pacmo_core.skeleton_prior.data import Example, ExampleBatch, encode_example
 from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.splits import VariationScales
 from pacmo_core.skeleton_prior.vae import SkeletonVae, fit_skeleton_vae
-from pacmo_core.training.state import model_state
-from tests.skeleton_prior.bodies import SMALL, examples, generator, settings
+from pacmo_core.training.state import model_config, model_state
+from tests.skeleton_prior.examples import SMALL, examples, generator, settings
 
 
 def same(one, other) -> bool:
@@ -42,7 +42,7 @@ def test_rounded_factors_lead_as_far():
     found = []
     for mixed in (False, True):
         fitting = training.build_training(
-            examples(1, 8), settings(n_epochs=15, warmup_epochs=1, mixed_precision=mixed)
+            examples(1, 8), settings(n_epochs=15, kl_warmup_epochs=1, mixed_precision=mixed)
         )
         fitting.finish()
         found.append([terms["loss"] for terms in fitting.curve])
@@ -70,7 +70,12 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_bytes(name):
 @pytest.mark.slow
 def test_training_lowers_the_loss():
     chosen = settings(
-        n_epochs=40, warmup_epochs=1, window=11, turn=False, swap=False, learning_rate=1e-2
+        n_epochs=40,
+        kl_warmup_epochs=1,
+        window_frames=11,
+        random_rotation=False,
+        swap_characters=False,
+        learning_rate=1e-2,
     )
     fitting = training.build_training(examples(1, 4), chosen)
     fitting.finish()
@@ -80,14 +85,14 @@ def test_training_lowers_the_loss():
 
 def test_our_network_begins_with_what_it_starts_from_and_says_more_after_a_step():
     fitting = training.build_training(examples(1, 4), settings(n_epochs=1))
-    pairs = next(encode_examples(examples()).wholes(3, 1))
+    pairs = next(encode_examples(examples()).full_length_batches(3, 1))
     said = []
     for _ in range(2):
-        given = fitting.model.given_first(pairs.template, pairs.scales)
-        latents = fitting.model.latents(pairs.template, pairs.scales, generator())
+        given = fitting.model.first_inputs(pairs.template, pairs.scales)
+        latents = fitting.model.sample_latents(pairs.template, pairs.scales, generator())
         with torch.no_grad():
-            field, _ = fitting.model.fields(pairs.template, pairs.scales, latents)
-        said.append(field - given.starting_field)
+            field, _ = fitting.model.decode(pairs.template, pairs.scales, latents)
+        said.append(field - given.initial_output)
         fitting.finish()
     assert not said[0].any() and said[1].any()
 
@@ -97,7 +102,7 @@ def test_bodies_are_the_same_beside_every_model():
         training.build_training(examples(1, 4), settings(model=name)).finish()
         for name in ("f_gcn", "kinematic")
     )
-    assert same(model_state(one.bodies), model_state(other.bodies))
+    assert same(model_state(one.skeleton_vae), model_state(other.skeleton_vae))
 
 
 @pytest.mark.parametrize("n", [6, 100])
@@ -126,8 +131,8 @@ def test_bodies_further_from_the_template_than_usual_can_be_drawn():
 
 
 def test_a_window_that_has_no_second_difference_is_refused():
-    with pytest.raises(ValueError, match="window must be at least 3.*got 2"):
-        settings(window=2)
+    with pytest.raises(ValueError, match="window_frames must be at least 3.*got 2"):
+        settings(window_frames=2)
 
 
 def spread(scales: torch.Tensor) -> float:
@@ -136,12 +141,14 @@ def spread(scales: torch.Tensor) -> float:
 
 def test_a_model_comes_back_from_its_state():
     model = training.build_training(examples(1, 4), settings(n_epochs=1)).finish()
-    again = training.prior_from_state(training.model_config(model), model_state(model))
-    pairs = next(encode_examples(examples()).wholes(3, 1))
-    latents = model.latents(pairs.template, pairs.scales, None)
+    again = training.prior_from_state(model_config(model), model_state(model))
+    pairs = next(encode_examples(examples()).full_length_batches(3, 1))
+    latents = model.sample_latents(pairs.template, pairs.scales, None)
     with torch.no_grad():
         one, other = (
-            m.place(m.fields(pairs.template, pairs.scales, latents), pairs.template, pairs.scales)
+            m.joint_positions(
+                m.decode(pairs.template, pairs.scales, latents), pairs.template, pairs.scales
+            )
             for m in (model.eval(), again)
         )
     assert torch.equal(one, other)
@@ -153,7 +160,7 @@ def test_the_changed_body_comes_first():
         own = encoded.scales[0]
         assert (own[0] != 1).any() and (own[1] == 1).all()
         bones = torch.from_numpy(SMALL.bones)
-        motion = encoded.varied[0]
+        motion = encoded.variations[0]
         lengths = (motion[:, :, bones[:, 1]] - motion[:, :, bones[:, 0]]).norm(dim=-1)
         template = encoded.templates[0]
         wanted = (template[:, :, bones[:, 1]] - template[:, :, bones[:, 0]]).norm(dim=-1)
@@ -162,24 +169,24 @@ def test_the_changed_body_comes_first():
 
 def test_turning_and_swapping_change_no_distance_and_no_bone():
     encoded = encode_examples(examples())
-    pairs = encoded.windows(torch.arange(len(encoded)), 2, 7, generator())
-    turned = pairs.turned(torch.linspace(0, 6, len(encoded)))
-    assert not torch.allclose(turned.varied, pairs.varied, atol=0.1)
-    torch.testing.assert_close(turned.varied[..., 1], pairs.varied[..., 1])
-    gaps = [torch.cdist(p.varied[:, :, 0], p.varied[:, :, 1]) for p in (pairs, turned)]
+    pairs = encoded.random_windows(torch.arange(len(encoded)), 2, 7, generator())
+    turned = pairs.rotated(torch.linspace(0, 6, len(encoded)))
+    assert not torch.allclose(turned.variation, pairs.variation, atol=0.1)
+    torch.testing.assert_close(turned.variation[..., 1], pairs.variation[..., 1])
+    gaps = [torch.cdist(p.variation[:, :, 0], p.variation[:, :, 1]) for p in (pairs, turned)]
     torch.testing.assert_close(gaps[0], gaps[1], atol=1e-4, rtol=1e-4)
     every = torch.ones(len(encoded), dtype=torch.bool)
     back = pairs.swapped(every).swapped(every)
-    assert isinstance(back, ExampleBatch) and torch.equal(back.varied, pairs.varied)
+    assert isinstance(back, ExampleBatch) and torch.equal(back.variation, pairs.variation)
     assert torch.equal(pairs.swapped(every).scales[:, 0], pairs.scales[:, 1])
     assert torch.equal(pairs.swapped(~every).template, pairs.template)
 
 
 def test_wholes_are_all_rows_by_source_and_their_score_does_not_depend_on_the_batches():
     encoded = encode_examples(examples())
-    alone, together = (list(encoded.wholes(3, most)) for most in (1, 100))
+    alone, together = (list(encoded.full_length_batches(3, most)) for most in (1, 100))
     assert len(alone) == len(encoded) and len(together) == len(encoded.templates)
-    for name in ("template", "varied", "scales"):
+    for name in ("template", "variation", "scales"):
         assert torch.equal(
             torch.cat([getattr(pairs, name)[:, :1] for pairs in alone]),
             torch.cat([getattr(pairs, name)[:, :1] for pairs in together]),
@@ -188,20 +195,20 @@ def test_wholes_are_all_rows_by_source_and_their_score_does_not_depend_on_the_ba
 
 def test_windows_are_frames_of_their_rows_and_short_ones_hold_the_last():
     encoded = encode_examples(examples())
-    pairs = encoded.windows(torch.tensor([3, 0]), 3, 20, generator())
-    assert pairs.varied.shape[:2] == (2, 20)
-    assert torch.equal(pairs.varied[0, -1], encoded.varied[3][-1])
-    assert torch.equal(pairs.varied[0, 0], encoded.varied[3][0])
-    short = encoded.windows(torch.tensor([3]), 3, 4, generator())
-    frames = encoded.varied[3]
-    at = int((frames - short.varied[0, 0]).abs().sum(dim=(1, 2, 3)).argmin())
-    assert torch.equal(short.varied[0], frames[at : at + 12 : 3])
+    pairs = encoded.random_windows(torch.tensor([3, 0]), 3, 20, generator())
+    assert pairs.variation.shape[:2] == (2, 20)
+    assert torch.equal(pairs.variation[0, -1], encoded.variations[3][-1])
+    assert torch.equal(pairs.variation[0, 0], encoded.variations[3][0])
+    short = encoded.random_windows(torch.tensor([3]), 3, 4, generator())
+    frames = encoded.variations[3]
+    at = int((frames - short.variation[0, 0]).abs().sum(dim=(1, 2, 3)).argmin())
+    assert torch.equal(short.variation[0], frames[at : at + 12 : 3])
 
 
 def test_examples_of_the_wrong_shape_are_refused():
     good = examples()[0]
     with pytest.raises(ValueError, match=r"scales must be \(2, 13\)"):
-        Example("x", good.template, good.scales[:, :5], good.varied)
-    with pytest.raises(ValueError, match="wanted a variation"):
-        Example("x", good.template, good.scales, good.varied.frames(0, 10))
-    assert VariationScales("x", good.scales).departure > 0
+        Example("x", good.template, good.scales[:, :5], good.variation)
+    with pytest.raises(ValueError, match="variation must be"):
+        Example("x", good.template, good.scales, good.variation.frames(0, 10))
+    assert VariationScales("x", good.scales).max_deviation > 0

@@ -91,7 +91,7 @@ def test_a_snapshot_does_not_move_with_the_training_that_goes_on():
     assert len(snapshot.facts["curve"]) == 2
 
 
-def test_the_weights_that_score_best_are_handed_over_not_the_last():
+def test_the_weights_of_the_best_score_are_selected_not_the_last():
     fit = loop_of([3.0, 1.0, 1.0, 2.0], 4)
     terms = list(fit)
     assert fit.model.weight.item() == 2.0
@@ -99,19 +99,19 @@ def test_the_weights_that_score_best_are_handed_over_not_the_last():
     assert [term["validation"] for term in terms] == [3.0, 1.0, 1.0, 2.0]
 
 
-def test_the_last_epoch_is_looked_at_whatever_the_interval():
+def test_the_last_epoch_is_validated_at_any_interval():
     fit = loop_of([9.0, 0.0, 9.0, 9.0, 1.0], 5, validate_every=3)
     assert [("validation" in term) for term in fit] == [False, False, True, False, True]
     assert fit.selection()["epoch"] == 5
 
 
-def test_without_held_out_clips_the_last_weights_are_handed_over_and_it_says_so():
+def test_without_held_out_clips_the_last_weights_are_selected():
     fit = loop_of([], 3)
     assert fit.finish().weight.item() == 3.0
     assert fit.selection() == {"by": "last epoch", "epoch": 3}
 
 
-def test_a_score_that_is_no_number_is_refused_by_name():
+def test_a_score_that_is_not_finite_is_refused_by_name():
     with pytest.raises(FloatingPointError, match="epoch 2: validation not finite"):
         loop_of([1.0, float("nan")], 2).finish()
 

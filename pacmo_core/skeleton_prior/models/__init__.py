@@ -1,1 +1,1 @@
-"""One module per skeleton-prior model; ``pacmo_core.models`` lists them by name."""
+"""Motion VAEs, one module per model; ``pacmo_core.models`` lists them by name."""

@@ -1,9 +1,11 @@
-"""F-CNN and F-GCN: baselines that see one frame at a time (supplement, tables 17 and 18).
+"""F-CNN: a baseline of convolutions over the joints of one frame (supplement, table 17).
 
-The tables halve the joints and leave open how an odd number is halved: here with the larger half,
-25 to 13, 7 and 4, and up again by transposed convolutions of kernel 3, stride 2 and padding 1,
-which go back exactly. What is joined at an eighth of the joints is averaged over the same joints.
+The table halves the number of joints and does not define how odd numbers are halved. Here pooling
+rounds up, 25 to 13, 7 and 4, and transposed convolutions of kernel 3, stride 2 and padding 1 invert
+it exactly. Conditions joined at an eighth of the joints are averaged over the same joints.
 """
+
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -13,10 +15,9 @@ from pacmo_core.skeleton_prior.kinematics import DisplacementOutput
 from pacmo_core.skeleton_prior.layers import (
     JointConvolution,
     JointTransposedConvolution,
-    pool_joint_pairs,
-    scale_offsets,
+    max_pool_joints,
+    mean_pool_joints,
 )
-from pacmo_core.skeleton_prior.models.paper import partner_features
 from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.skeleton_prior.vae import (
     CharacterInputs,
@@ -28,72 +29,65 @@ from pacmo_core.skeleton_prior.vae import (
 
 
 class FCnnVae(CharacterVae):
-    """F-CNN of a character: convolutions along the joints in their order.
+    """F-CNN of one character.
 
     Parameters
     ----------
     skeleton : Skeleton
-    hidden : 256 in the paper's size
-    first : whether it is told its body, or its partner
+    hidden : 256 in the paper
+    first : whether the condition is the character's skeleton, as the first's, or its partner
     """
 
     def __init__(self, skeleton: Skeleton, *, hidden: int, first: bool) -> None:
         super().__init__()
-        self.place, self.first, self.hidden = DisplacementOutput(), first, hidden
+        self.output_layer, self.first, self.hidden = DisplacementOutput(), first, hidden
         sizes = [len(skeleton.joints)]
         for _ in range(3):
             sizes.append((sizes[-1] + 1) // 2)
         self.sizes = sizes
-        down = (hidden // 8, hidden // 4, hidden // 2, hidden)
-        # The first character's decoder is not the encoder's mirror; the tables have it so.
+        down = (3, hidden // 8, hidden // 4, hidden // 2, hidden)
+        # The first character's decoder does not mirror its encoder, in the table too.
         up = (
-            (hidden, hidden // 2, hidden // 8) if first else (hidden // 2, hidden // 4, hidden // 8)
+            (hidden, hidden, hidden // 2, hidden // 8)
+            if first
+            else (hidden, hidden // 2, hidden // 4, hidden // 8)
         )
-        told = 4 if first else 8
-        self.down = nn.ModuleList(
-            [JointConvolution(a, b) for a, b in zip((3, *down), down, strict=False)]
-        )
-        self.code = GaussianHead(hidden + told, hidden)
-        self.lifting = nn.Linear(hidden + told, hidden)
-        self.up = nn.ModuleList(
-            [JointTransposedConvolution(a, b) for a, b in zip((hidden, *up), up, strict=False)]
-        )
-        self.out = nn.Linear(up[-1], 3)
+        condition = 4 if first else 8
+        self.encoder = nn.ModuleList([JointConvolution(a, b) for a, b in pairwise(down)])
+        self.posterior = GaussianHead(hidden + condition, hidden)
+        self.decoder_linear = nn.Linear(hidden + condition, hidden)
+        self.decoder = nn.ModuleList([JointTransposedConvolution(a, b) for a, b in pairwise(up)])
+        self.output_linear = nn.Linear(up[-1], 3)
 
-    def latent_shape(self, given: CharacterInputs) -> tuple[int, ...]:
-        """One code a frame and eighth of the joints."""
-        return (*given.template.shape[:2], self.sizes[-1], self.hidden)
+    def latent_shape(self, inputs: CharacterInputs) -> tuple[int, ...]:
+        """Return the shape of one latent per frame and eighth of the joints."""
+        return (*inputs.template.shape[:2], self.sizes[-1], self.hidden)
 
     def encode(
-        self, motion: Tensor, given: CharacterInputs, random: torch.Generator | None
+        self, motion: Tensor, inputs: CharacterInputs, random: torch.Generator | None
     ) -> DiagonalGaussian:
-        """Encode each frame's offsets."""
-        del random  # nothing is dropped
-        x = self.down[0]((motion - given.template) / given.unit)
-        for layer in self.down[1:]:
-            x = pool_joint_pairs(layer(x), most=True)
-        code: DiagonalGaussian = self.code(torch.cat([x, self._told(given)], dim=-1))
-        return code
+        """Encode each frame's displacements."""
+        del random  # there is no dropout
+        x = self.encoder[0](inputs.displacements(motion))
+        for layer in self.encoder[1:]:
+            x = max_pool_joints(layer(x))
+        x = torch.cat([x, self._condition(inputs)], dim=-1)
+        posterior: DiagonalGaussian = self.posterior(x)
+        return posterior
 
-    def decode(self, latent: Tensor, given: CharacterInputs) -> Tensor:
-        """Decode each frame."""
-        x = self.lifting(torch.cat([latent, self._told(given)], dim=-1)).relu()
-        for layer, size in zip(self.up, self.sizes[2::-1], strict=True):
+    def decode(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
+        """Decode the displacements of each frame."""
+        x = self.decoder_linear(torch.cat([latent, self._condition(inputs)], dim=-1)).relu()
+        for layer, size in zip(self.decoder, self.sizes[2::-1], strict=True):
             x = layer(x, size)
-        field: Tensor = self.out(x)
-        return field * given.unit
+        output: Tensor = self.output_linear(x)
+        return output * inputs.displacement_scale
 
-    def _told(self, given: CharacterInputs) -> Tensor:
-        told = template_features(given) if self.first else partner_features(given)
+    def _condition(self, inputs: CharacterInputs) -> Tensor:
+        condition = inputs.template_features if self.first else inputs.partner_features
         for _ in range(3):
-            told = pool_joint_pairs(told, most=False)
-        return told
-
-
-def template_features(given: CharacterInputs) -> Tensor:
-    """``(B, T, J, 4)``: the own template and the own body."""
-    grown = scale_offsets(given.scales, given.template.shape[1])
-    return torch.cat([given.template, grown], dim=-1)
+            condition = mean_pool_joints(condition)
+        return condition
 
 
 def build(config: PriorConfig) -> SkeletonPrior:
@@ -101,4 +95,4 @@ def build(config: PriorConfig) -> SkeletonPrior:
     first, second = (
         FCnnVae(config.skeleton, hidden=config.hidden, first=first) for first in (True, False)
     )
-    return SkeletonPrior(config, (first, second), both_roles=False)
+    return SkeletonPrior(config, (first, second), symmetric=False)

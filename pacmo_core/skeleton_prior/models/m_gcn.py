@@ -1,4 +1,4 @@
-"""M-GCN: ST-GCN layers over whole motions (supplement, table 20)."""
+"""M-GCN: a baseline of ST-GCN layers without strides over a whole motion (supplement, table 20)."""
 
 from itertools import pairwise
 
@@ -13,7 +13,6 @@ from pacmo_core.skeleton_prior.layers import (
     batch_first,
     frames_first,
     off_diagonal_adjacency,
-    scale_offsets,
 )
 from pacmo_core.skeleton_prior.models.paper import PARTNER_CHANNELS
 from pacmo_core.skeleton_prior.settings import PriorConfig
@@ -27,80 +26,88 @@ from pacmo_core.skeleton_prior.vae import (
 
 
 class MGcnVae(CharacterVae):
-    """M-GCN of a character: the encoder's ST-GCN layers without strides, and their mirror.
+    """M-GCN of one character.
 
-    Unlike table 20 the last layer of the first character's has no ReLU: an offset has either sign.
+    Unlike in table 20, the last layer of the first character's decoder has no ReLU: displacements
+    are of either sign.
 
     Parameters
     ----------
     skeleton : Skeleton
-    hidden : 256 in the paper's size, in which no layer here is wider than 128
-    dropout : share, of the encoder
-    first : whether it is told its body, or its partner
+    hidden : 256 in the paper, where no layer of this model is wider than 128
+    dropout : probability, in the encoder
+    first : whether the condition is the character's skeleton, as the first's, or its partner
     """
 
     def __init__(self, skeleton: Skeleton, *, hidden: int, dropout: float, first: bool) -> None:
         super().__init__()
-        self.place, self.first, self.width = DisplacementOutput(), first, hidden // 2
-        links = off_diagonal_adjacency(skeleton)
+        self.output_layer, self.first, self.width = DisplacementOutput(), first, hidden // 2
+        adjacency = off_diagonal_adjacency(skeleton)
         wide, half, quarter = hidden // 2, hidden // 4, hidden // 8
-        told = 1 if first else PARTNER_CHANNELS
-        self.telling = nn.Identity() if first else nn.Linear(6, PARTNER_CHANNELS)
-        into = (4 if first else 3, quarter, half, wide)
-        self.encoder = _st_gcn_stack(links, into, dropout, first=True)
-        self.code = GaussianHead(wide + (0 if first else told), wide)
-        out = (wide + told, wide, half, quarter, *((hidden // 16, 3) if first else ()))
-        self.decoder = _st_gcn_stack(links, out, 0.0, first=False, active=not first)
-        self.out = nn.Identity() if first else nn.Linear(quarter, 3)
+        condition = 1 if first else PARTNER_CHANNELS
+        self.condition_linear = nn.Identity() if first else nn.Linear(6, PARTNER_CHANNELS)
+        encoder = (4 if first else 3, quarter, half, wide)
+        self.encoder = _st_gcn_layers(
+            adjacency, encoder, dropout, first_residual=False, final_relu=True
+        )
+        self.posterior = GaussianHead(wide + (0 if first else condition), wide)
+        decoder = (wide + condition, wide, half, quarter, *((hidden // 16, 3) if first else ()))
+        self.decoder = _st_gcn_layers(
+            adjacency, decoder, 0.0, first_residual=True, final_relu=not first
+        )
+        self.output_linear = nn.Identity() if first else nn.Linear(quarter, 3)
 
-    def latent_shape(self, given: CharacterInputs) -> tuple[int, ...]:
-        """One code a frame and joint."""
-        return (*given.template.shape[:3], self.width)
+    def latent_shape(self, inputs: CharacterInputs) -> tuple[int, ...]:
+        """Return the shape of one latent per frame and joint."""
+        return (*inputs.template.shape[:3], self.width)
 
     def encode(
-        self, motion: Tensor, given: CharacterInputs, random: torch.Generator | None
+        self, motion: Tensor, inputs: CharacterInputs, random: torch.Generator | None
     ) -> DiagonalGaussian:
-        """Encode the offsets with the body, or with the partner."""
-        x = (motion - given.template) / given.unit
+        """Encode displacements and condition."""
+        x = inputs.displacements(motion)
         if self.first:
-            x = torch.cat([x, self._told(given)], dim=-1)
+            x = torch.cat([x, self._condition(inputs)], dim=-1)
         x = frames_first(x)
         for layer in self.encoder:
             x = layer(x, random)
         x = batch_first(to_float32(x))
-        code: DiagonalGaussian = self.code(
-            x if self.first else torch.cat([x, self._told(given)], dim=-1)
-        )
-        return code
+        if not self.first:
+            x = torch.cat([x, self._condition(inputs)], dim=-1)
+        posterior: DiagonalGaussian = self.posterior(x)
+        return posterior
 
-    def decode(self, latent: Tensor, given: CharacterInputs) -> Tensor:
-        """Decode the whole motion."""
-        x = frames_first(torch.cat([latent, self._told(given)], dim=-1))
+    def decode(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
+        """Decode the displacements of the whole motion."""
+        x = frames_first(torch.cat([latent, self._condition(inputs)], dim=-1))
         for layer in self.decoder:
             x = layer(x, None)
-        field: Tensor = self.out(batch_first(to_float32(x)))
-        return field * given.unit
+        output: Tensor = self.output_linear(batch_first(to_float32(x)))
+        return output * inputs.displacement_scale
 
-    def _told(self, given: CharacterInputs) -> Tensor:
+    def _condition(self, inputs: CharacterInputs) -> Tensor:
         if self.first:
-            return scale_offsets(given.scales, given.template.shape[1])
-        told: Tensor = self.telling(torch.cat([given.partner, given.template], dim=-1))
-        return told
+            return inputs.scale_offsets
+        partner = torch.cat([inputs.partner, inputs.template], dim=-1)
+        condition: Tensor = self.condition_linear(partner)
+        return condition
 
 
-def _st_gcn_stack(
-    links: Tensor,
+def _st_gcn_layers(
+    adjacency: Tensor,
     channels: tuple[int, ...],
     dropout: float,
     *,
-    first: bool,
-    active: bool = True,
+    first_residual: bool,
+    final_relu: bool,
 ) -> nn.ModuleList:
     layers = [
-        StGcnLayer(links, a, b, stride=1, dropout=dropout, residual=not (first and number == 0))
+        StGcnLayer(
+            adjacency, a, b, stride=1, dropout=dropout, residual=number > 0 or first_residual
+        )
         for number, (a, b) in enumerate(pairwise(channels))
     ]
-    layers[-1].active = active
+    layers[-1].final_relu = final_relu
     return nn.ModuleList(layers)
 
 
@@ -110,4 +117,4 @@ def build(config: PriorConfig) -> SkeletonPrior:
         MGcnVae(config.skeleton, hidden=config.hidden, dropout=config.dropout, first=first)
         for first in (True, False)
     )
-    return SkeletonPrior(config, (first, second), both_roles=False)
+    return SkeletonPrior(config, (first, second), symmetric=False)
