@@ -14,7 +14,6 @@ from prefect.server.schemas.schedules import CronSchedule
 from prefect.states import Completed
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from apps.whole_page import write_whole
 from flows.dvc_commands import push
 from flows.inbox import take_captures
 from flows.prune import remove_corrupt_objects
@@ -27,6 +26,7 @@ from flows.reproduce import (
     run_step,
     switch_experiment,
 )
+from pacmo_core.commands.report import write_report_with_history
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.promote import decide_promotion
 from pacmo_core.project.records import (
@@ -40,9 +40,9 @@ from pacmo_core.project.records import (
 )
 from pacmo_core.project.stages import readable_dvc_lock, upstream_stages
 from pacmo_core.project.workspace import (
+    DETAILS,
     HISTORY_PAGE,
     LOCK,
-    METRICS,
     REPORT,
     REPORT_WITH_HISTORY,
     RUNS,
@@ -154,11 +154,11 @@ def compare_and_promote(gate: Gate, run: RunRecord) -> None:
     run.outcome = REJECTED if decision.verdict == MODEL_REJECTED else DONE
     run.reason = "; ".join((decision.verdict, *decision.reasons))
     run.facts |= {"decision": decision.number, "verdict": decision.verdict}
-    publish_metrics(METRICS)
+    publish_metrics(DETAILS)
     rows = [{"metric": name, **cell} for name, cell in decision.metrics.items()]
     publish_table("decision", rows, f"{decision.verdict}: {'; '.join(decision.reasons)}")
     if REPORT.exists():
-        write_whole()
+        write_report_with_history()
     publish_link(HISTORY_PAGE, "history")
     publish_link(REPORT_WITH_HISTORY, "report-and-history")
 

@@ -23,8 +23,8 @@ from prefect.context import FlowRunContext
 from prefect.futures import PrefectFuture
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from apps.whole_page import write_whole
 from flows.dvc_commands import RAN, RESTORED, reproduce_stage
+from pacmo_core.commands.report import write_report_with_history
 from pacmo_core.figures.columns import MAIN_COLUMNS
 from pacmo_core.figures.tables import markdown_table
 from pacmo_core.project.experiments import use_experiment
@@ -32,8 +32,8 @@ from pacmo_core.project.lock import remove_dead_dvc_locks, remove_partial_files,
 from pacmo_core.project.records import record_run
 from pacmo_core.project.stages import is_target, readable_dvc_lock, upstream_and_stale
 from pacmo_core.project.workspace import (
+    DETAILS,
     LOCK,
-    METRICS,
     PARAMS,
     REPORT,
     RUNS,
@@ -69,8 +69,8 @@ def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> 
         stages = run_stale_stages(targets, force=force, limit_s=STAGE_LIMIT_S)
         run.facts["stages"] = stages
         if stages and not targets and REPORT.exists():
-            write_whole()
-    publish_metrics(METRICS)
+            write_report_with_history()
+    publish_metrics(DETAILS)
     return stages
 
 
@@ -145,17 +145,13 @@ def run_step(
 
 
 def publish_metrics(path: Path) -> None:
-    """Put the tables of ``reports/metrics.json`` and a link to the report on Prefect's page."""
+    """Put the table of ``reports/details.json`` and a link to the report on Prefect's page."""
     if FlowRunContext.get() is None or not path.exists():
         return
     facts = json.loads(path.read_text(encoding="utf-8"))
-    tables = [
-        f"## {section}\n\n{markdown_table(_main_columns(rows))}"
-        for section, rows in facts.items()
-        if section not in ("experiment", "data")
-    ]
-    text = f"# {facts['experiment']}\n\n" + "\n\n".join(tables)
-    create_markdown_artifact(text, key="metrics", description="Metrics")
+    table = markdown_table(_main_columns(facts["pacmo"]["rows"]))
+    text = f"# {facts['experiment']}\n\n## Reactions\n\n{table}"
+    create_markdown_artifact(text, key="metrics", description="Metrics of every row of the table")
     publish_link(REPORT, "report")
 
 

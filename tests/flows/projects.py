@@ -29,7 +29,7 @@ stages:
   report:
     cmd: python make.py report
     deps: [models/1/pacmo/1, make.py]
-    outs: [reports/metrics.json]
+    outs: [reports/details.json, reports/metrics.json]
 """
 MAKE = """\
 import json, sys
@@ -47,8 +47,9 @@ else:
     row = {k: {"mean": x, "low": x - 0.1, "high": x + 0.1}
            for k, x in (("f2id", f2id), ("f2id_floor", 0.5))}
     Path("reports").mkdir(exist_ok=True)
-    facts = {"experiment": "lab", "data": {}, "pacmo": {"pacmo": row}}
-    Path("reports/metrics.json").write_text(json.dumps(facts))
+    facts = {"experiment": "lab", "data": {}, "pacmo": {"rows": {"pacmo": row}}}
+    Path("reports/details.json").write_text(json.dumps(facts))
+    Path("reports/metrics.json").write_text("{}")
 """
 PARAMS = """\
 experiment: lab

@@ -81,7 +81,7 @@ def set_lab(**training):
     """Write the experiment and use it."""
     facts = {**LAB, "train_pacmo": {**LAB["train_pacmo"], **training}}
     YAML(typ="safe").dump(facts, Path("experiments/lab.yaml"))
-    command = [sys.executable, "-m", "apps.cli", "use", "lab"]
+    command = [sys.executable, "-m", "pacmo_core.commands.cli", "use", "lab"]
     subprocess.run(command, env=here(), check=True, capture_output=True)
 
 
