@@ -47,13 +47,13 @@ def _solve_frame(
 ) -> NDArray[np.float64]:
     cp = importlib.import_module("cvxpy")
     parent, child = scene.bones.T
-    lengths = np.linalg.norm(scene.vectors[frame], axis=-1) * scales
-    ties = energy.ties[frame]
+    lengths = np.linalg.norm(scene.bone_vectors[frame], axis=-1) * scales
+    ties = energy.contact_weights[frame]
     root = np.linalg.cholesky(np.diag(ties.sum(axis=1) + energy.regularisation) - ties)
     now = done[-1].copy()
     for _ in range(N_PROGRAMS):
         change = cp.Variable(now.shape)
-        vectors = scene.vectors[frame] + now[child] - now[parent]
+        vectors = scene.bone_vectors[frame] + now[child] - now[parent]
         now_long = np.linalg.norm(vectors, axis=1)
         along = vectors / now_long[:, None]
         turned = change[child] - change[parent] - (now[child] - now[parent])

@@ -69,7 +69,7 @@ def bone_miss(scene: Scene, change: Array, scales: Array) -> float:
     """Share of its length by which a bone misses it, at worst, after a change (T, N, 3)."""
     points, (parent, child) = scene.points + change, scene.bones.T
     lengths = np.linalg.norm(points[:, child] - points[:, parent], axis=-1)
-    return float(np.abs(lengths / (scales * np.linalg.norm(scene.vectors, axis=-1)) - 1).max())
+    return float(np.abs(lengths / (scales * np.linalg.norm(scene.bone_vectors, axis=-1)) - 1).max())
 
 
 def shortened(task: Task) -> Task:

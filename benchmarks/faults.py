@@ -2,9 +2,9 @@
 
 Usage: python -m benchmarks.faults --kills N [--seed S] [--experiment NAME] [--json] [STAGE ...]
 
-A run is ``python -m flows.reproduce STAGE ...`` in a clone of the last commit. For each kill it
-begins with nothing made, and after a random share of an undisturbed run's time one of its
-processes is killed -9: the flow, DVC or a stage's own, or all of them. Then the flow is run again.
+A run is ``python -m flows.run reproduce STAGE ...`` in a clone of the last commit. For each kill it
+starts with no output, and after a random share of an undisturbed run's time one process is
+killed -9: the supervisor, the Prefect server, the flow, DVC or a stage, or all. Then it is run again.
 As many clones as the machine has processors are killed side by side; each kill has its own seed.
 ``recovered``: how many of these ended well. ``identical``: after how many every file under data,
 models and reports has the undisturbed run's bytes, no file being there beside them.
@@ -34,8 +34,8 @@ LIMIT_S = 900.0
 
 
 def begin(folder: Path, stages: list[str]) -> "subprocess.Popen[bytes]":
-    """Start the flow, by hand and in a session of its own."""
-    command = [sys.executable, "-m", "flows.reproduce", *stages]
+    """Start the run in a session of its own."""
+    command = [sys.executable, "-m", "flows.run", "reproduce", *stages]
     environment = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
     with (folder / "flow.log").open("ab") as log:
         return subprocess.Popen(

@@ -7,8 +7,8 @@ Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 the share is less, and a clean run takes half an hour), as a share of their clean run; both are the
 stages' own commands in this run. ``same_bytes``: whether what they then leave is what a clean run
 of all leaves, of a tenth of the captures.
-``flow_noop_extra_s``: what ``python -m flows.reproduce`` takes more than ``dvc repro`` where
-nothing is stale, by hand; ``served_noop_extra_s``: with a server. ``dask_speedup``: two Dask
+``flow_noop_extra_s``: what ``python -m flows.run reproduce`` takes more than ``dvc repro`` where
+nothing is stale. ``dask_speedup``: two Dask
 workers beside one process, on variations (wants the extra ``dask``). ``..._processor_...``: the
 same in processor seconds, which others' load on the machine does not change.
 """
@@ -29,13 +29,11 @@ from benchmarks._figures import arguments, show
 from benchmarks._spread import spread
 from benchmarks.faults import hashes
 from benchmarks.pipeline import PATH, call, clone, plain_commands, spent
-from flows.server import a_server
 
 MEASURED = ("ingest", "cut", "split", "augment")
 ACTS, REPLICATIONS = 10, 2
 REPEATS = 3
 FEWEST = 40  # of fewer, no clip may be left to test on
-PORT = 4297
 
 
 def set_captures(folder: Path, n_captures: int) -> Path:
@@ -108,17 +106,13 @@ def cost(folder: Path, command: list[str], **environment: str) -> tuple[float, f
 def noop(folder: Path) -> dict[str, float]:
     """Measure what a flow adds where nothing is stale."""
     dvc = [sys.executable, "-m", "dvc", "repro", "split@1"]
-    flow = [sys.executable, "-m", "flows.reproduce", "split"]
+    flow = [sys.executable, "-m", "flows.run", "reproduce", "split"]
     call(folder, *dvc)
-    (plain, plain_work), (by_hand, work) = cost(folder, dvc), cost(folder, flow)
-    os.environ["PREFECT_HOME"] = str(folder / ".prefect")
-    with a_server(PORT) as address:
-        served, _ = cost(folder, flow, PREFECT_API_URL=address)
+    (plain, plain_work), (flow_s, work) = cost(folder, dvc), cost(folder, flow)
     return {
         "noop_dvc_s": plain,
-        "flow_noop_extra_s": by_hand - plain,
+        "flow_noop_extra_s": flow_s - plain,
         "flow_noop_extra_processor_s": work - plain_work,
-        "served_noop_extra_s": served - plain,
     }
 
 

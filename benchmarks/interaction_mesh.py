@@ -112,7 +112,7 @@ def bone_error(task: Task, points: Array, scales: Array) -> float:
     parent, child = task.scene.bones.T
     lengths = np.linalg.norm(points[:, :, child] - points[:, :, parent], axis=-1)
     return float(
-        np.abs(lengths - scales[:, None] * np.linalg.norm(task.scene.vectors, axis=-1)).max()
+        np.abs(lengths - scales[:, None] * np.linalg.norm(task.scene.bone_vectors, axis=-1)).max()
     )
 
 

@@ -54,7 +54,7 @@ def spent() -> float:
 def clone(folder: Path, experiment: str) -> Path:
     """Clone the project's last commit and set an experiment."""
     subprocess.run(["git", "clone", "-q", str(ROOT), str(folder)], check=True)
-    call(folder, sys.executable, "-m", "apps.cli", "use", experiment)
+    call(folder, sys.executable, "-m", "pacmo_core.commands.cli", "use", experiment)
     return folder
 
 

@@ -1,1 +1,1 @@
-"""When: Prefect flows that run the stages."""
+"""Prefect flows that run the DVC stages, and the supervisor that starts them."""

@@ -1,8 +1,14 @@
-"""Move captures out of the inbox, so that a kill at any moment loses none and halves none.
+"""Take new captures from the inbox: usable ones to the experiment's captures, others to quarantine.
 
-What is to be done is first written down whole, as a plan. Then every file is copied to its place,
-and only when all are there are they removed from the inbox. A plan that a killed run left is
-carried out again from its begin: each step may be done twice.
+    python -m flows.inbox
+
+A capture lies in the inbox under the path that it gets in the folder of captures. It is taken once
+it no longer changes, and read as the stage ``ingest`` would read it. A usable one goes to the
+captures, another to the quarantine, with the reason beside it. Files that are no capture of the
+experiment's format stay.
+
+All moves are first written to a plan. Every file is copied, and only then are they removed from the
+inbox. The plan of a killed run is carried out again from its start: each step may be repeated.
 """
 
 import json
@@ -12,26 +18,24 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from dvc.repo import Repo
-
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import read_sequences
 from pacmo_core.project.lock import writer_lock
+from pacmo_core.project.processes import end_on_signal
 from pacmo_core.project.records import record_run, utc_now
-from pacmo_core.project.stages import readable_dvc_lock
+from pacmo_core.project.stages import readable_dvc_lock, stage_outputs
 from pacmo_core.project.workspace import (
-    HISTORY,
     INBOX,
     INTAKE_PLAN,
     LOCK,
-    LOG,
     QUARANTINE,
     REASON_FILE,
     RUNS,
     CommandError,
     configure_logging,
+    errors_in_one_line,
     log_event,
 )
 from pacmo_core.store.files import atomic_file, write_text
@@ -44,15 +48,15 @@ from stages.ingest import Params, ingestion_settings, is_included
 
 @dataclass(frozen=True)
 class Move:
-    """One capture's way out of the inbox.
+    """Where one capture of the inbox goes.
 
     Parameters
     ----------
     name : of the sequence
     files : its paths relative to the inbox
     to : the folder that they go to, under the same relative paths
-    reason : why it was put aside; empty if it is taken in
-    line : of the file at fault, 0 where there is none to name
+    reason : why it goes to quarantine; empty if it is taken
+    line : of the file, where the error is; 0 if it has none
     """
 
     name: str
@@ -63,19 +67,19 @@ class Move:
 
 
 def move_captures(inbox: Path, moves: Sequence[Move], plan: Path) -> None:
-    """Move captures as planned.
+    """Write the plan and carry it out.
 
     Raises
     ------
     FileExistsError
-        If a place is taken by a file of other content: nothing is ever overwritten.
+        If a file of other content exists at a target: nothing is overwritten.
     """
     write_text(plan, json.dumps([asdict(move) for move in moves], indent=1) + "\n")
     finish_moves(inbox, plan)
 
 
 def finish_moves(inbox: Path, plan: Path) -> list[Move]:
-    """Carry out a plan that stands there, from its begin; none is no work."""
+    """Carry out the plan, if there is one, from its start; return its moves."""
     if not plan.exists():
         return []
     facts = json.loads(plan.read_text(encoding="utf-8"))
@@ -95,10 +99,10 @@ def finish_moves(inbox: Path, plan: Path) -> list[Move]:
 
 def _copy(source: Path, target: Path) -> None:
     if not source.exists() and target.exists():
-        return  # an earlier run, killed while it removed, came so far
+        return  # moved by an earlier run that was killed while it removed files
     if target.exists():
         if target.read_bytes() != source.read_bytes():
-            raise FileExistsError(f"{target} is there already, with other content than {source}")
+            raise FileExistsError(f"{target} exists, with other content than {source}")
         return
     with atomic_file(target) as partial:
         shutil.copyfile(source, partial)
@@ -110,55 +114,58 @@ def _remove_empty(folder: Path, root: Path) -> None:
         folder = folder.parent
 
 
-# FROM """Take new captures from the inbox: good ones to the experiment's captures, others aside.
-# FROM
-# FROM     python -m flows.inbox
-# FROM
-# FROM A capture lies in the inbox as it would in the folder of captures. It is taken once it has stopped
-# FROM changing, read as ``ingest`` would read it, and goes to the captures if it is usable; else to the
-# FROM quarantine, with the reason beside it. Files that are no capture of the format stay.
-# FROM """
 SEQUENCES = Path("data/sequences")
 SETTLE_S = 5.0  # a file that is still being copied changes within this
 
 
 @dataclass(frozen=True)
 class IntakeResult:
-    """What came of looking into the inbox."""
+    """Result of taking captures in.
+
+    Parameters
+    ----------
+    taken : names of the captures taken
+    quarantined : reason by name
+    waiting : files that still change, or are no capture of the format
+    """
 
     taken: tuple[str, ...]
-    aside: dict[str, str]  # the reason by name
-    waiting: tuple[str, ...]  # still changing, or no capture of the format
+    quarantined: dict[str, str]
+    waiting: tuple[str, ...]
 
 
 def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
-    """Empty the inbox of what can be judged; the caller holds the writers' lock.
+    """Move complete captures out of the inbox; the caller holds the writer lock.
+
+    Parameters
+    ----------
+    settle_s : seconds for which a file must not change
 
     Raises
     ------
     CommandError
-        If the experiment's captures are what a stage makes: nobody can add to them.
+        If the experiment's captures are the output of a stage, so that none can be added.
     """
     params = read_params("ingest", Params)
     raw = Path(params.raw)
     if _is_stage_output(raw):
         raise CommandError(
-            f"{raw} is what a stage makes, so {INBOX} cannot add to it; use an experiment that "
-            "reads captures (docs/running.md)"
+            f"{raw} is the output of a stage, so no captures of {INBOX} can be added; use an "
+            "experiment that reads captures (docs/running.md)"
         )
     for move in finish_moves(INBOX, INTAKE_PLAN):
-        log_event("moved what a killed run had planned", capture=move.name, to=move.to)
+        log_event(f"moved {move.name}, as a killed run had planned", to=move.to)
     if not INBOX.exists():
         return IntakeResult((), {}, ())
     settled = _settled(settle_s)
-    found = open_format(params.format, params.settings).find(INBOX)
+    sequences = open_format(params.format, params.settings).find(INBOX)
     ready = sorted(
-        (s for s in found if all(file in settled for file in s.files)), key=lambda s: s.name
+        (s for s in sequences if all(file in settled for file in s.files)), key=lambda s: s.name
     )
     moves = _check_captures(ready, params, raw) if ready else []
     move_captures(INBOX, moves, INTAKE_PLAN)
     for move in moves:
-        verdict = "put aside" if move.reason else "taken in"
+        verdict = "quarantined" if move.reason else "taken"
         log_event(f"{verdict}: {move.name}", reason=move.reason, line=move.line)
     return IntakeResult(
         tuple(move.name for move in moves if not move.reason),
@@ -170,7 +177,7 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
     recipe = ingestion_settings(params, INBOX)
     known = _known_contents()
-    stamp = utc_now().replace(":", "")
+    time_stamp = utc_now().replace(":", "")
     moves = []
     for sequence, outcome in zip(ready, read_sequences(recipe, ready), strict=True):
         if isinstance(outcome, QuarantineRecord):
@@ -181,7 +188,7 @@ def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list
             reason = reason or _conflict(sequence, facts.sha256, known, params)
             line = 0
         files = tuple(file.relative_to(INBOX).as_posix() for file in sequence.files)
-        to = QUARANTINE / f"{sequence.name.replace('/', '_')}.{stamp}" if reason else raw
+        to = QUARANTINE / f"{sequence.name.replace('/', '_')}.{time_stamp}" if reason else raw
         moves.append(Move(sequence.name, files, to.as_posix(), reason, line))
     return moves
 
@@ -189,17 +196,18 @@ def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list
 def _conflict(sequence: RawSequence, digest: str, known: dict[str, str], params: Params) -> str:
     if not is_included(sequence, INBOX, params.include):
         return f"none of the patterns {', '.join(params.include)} includes it"
-    taken = [Path(params.raw) / file.relative_to(INBOX) for file in sequence.files]
-    for file, place in zip(sequence.files, taken, strict=True):
-        if place.exists() and place.read_bytes() != file.read_bytes():
-            return f"{place} is there already, with other content"
+    targets = [Path(params.raw) / file.relative_to(INBOX) for file in sequence.files]
+    for file, target in zip(sequence.files, targets, strict=True):
+        if target.exists() and target.read_bytes() != file.read_bytes():
+            return f"{target} exists, with other content"
     if digest in known and known[digest] != sequence.name:
         return f"the same content as {known[digest]}"
     return ""
 
 
 def _skeleton_mismatch(skeleton: Skeleton) -> str:
-    # A set has one skeleton, its first capture's: one that comes to stand first must not change it.
+    # A dataset has the skeleton of its first capture, in the order of names; a new capture that
+    # comes first must not change it.
     motions = SEQUENCES / MOTIONS
     known = read_skeleton(motions) if motions.exists() else skeleton
     if skeleton == known:
@@ -211,7 +219,7 @@ def _skeleton_mismatch(skeleton: Skeleton) -> str:
 
 
 def _known_contents() -> dict[str, str]:
-    """Name the captures that are in by their content."""
+    """Return the names of existing captures by the hash of their content."""
     table = SEQUENCES / CLIPS
     if not table.exists():
         return {}
@@ -219,11 +227,11 @@ def _known_contents() -> dict[str, str]:
 
 
 def _settled(settle_s: float) -> set[Path]:
-    """List the files that do not change for a while; no clock is asked, as clocks jump."""
+    """List the files that do not change for a while, whatever the clock says."""
     first = {path: _signature(path) for path in _inbox_files()}
     if first:
         time.sleep(settle_s)
-    return {path for path, was in first.items() if path.exists() and _signature(path) == was}
+    return {path for path, old in first.items() if path.exists() and _signature(path) == old}
 
 
 def _signature(path: Path) -> tuple[int, int]:
@@ -236,21 +244,19 @@ def _inbox_files() -> list[Path]:
 
 
 def _is_stage_output(raw: Path) -> bool:
-    return raw.as_posix() in readable_dvc_lock(_stage_outputs)
-
-
-def _stage_outputs() -> set[str]:
-    with Repo() as repo:
-        return {out.def_path for out in repo.index.outs}
+    return raw.as_posix() in readable_dvc_lock(stage_outputs)
 
 
 def main() -> None:
-    """Do it once, by hand."""
-    configure_logging(LOG)
-    HISTORY.mkdir(exist_ok=True)
-    with writer_lock("intake", LOCK), record_run("intake", RUNS) as run:
-        intake = take_captures()
-        run.facts = vars(intake)
+    """Take captures in."""
+    with (
+        end_on_signal(lambda: "interrupted; the next run goes on"),
+        errors_in_one_line(),
+        writer_lock("intake", LOCK),
+        record_run("intake", RUNS) as run,
+    ):
+        configure_logging()
+        run.facts = vars(take_captures())
 
 
 if __name__ == "__main__":

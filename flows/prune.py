@@ -1,11 +1,9 @@
-"""Remove what is old and not needed.
+"""Remove what is old and not needed; find and remove corrupt objects of DVC's cache.
 
-    python -m flows.prune
-
-The rule, its numbers in the section ``prune`` of ``params.yaml``: of DVC's cache goes what is
-older than ``cache_days`` and named by neither the workspace's ``dvc.lock`` nor that of a model on
-the shelf; of the shelf what is not among its last ``promoted`` nor current; of the records of runs
-all but the last ``runs``. Decisions are never removed, nor what was put aside from the inbox.
+The rule, with its numbers in the section ``prune`` of ``params.yaml``: DVC's cache loses what is
+older than ``max_cache_days`` and is named neither in ``dvc.lock`` nor in that of a promoted model;
+the folder of promoted models all but the last ``n_promoted`` and the current one; the records of
+runs all but the last ``n_runs``. Decisions and quarantined captures are never removed.
 """
 
 import hashlib
@@ -20,9 +18,7 @@ from pathlib import Path
 from prefect import flow
 from ruamel.yaml import YAML
 
-from flows.artifacts import put_table
-from flows.ending import by_hand_or_flow
-from flows.way import ByHand, ByPrefect, Way
+from flows.reproduce import publish_table, run_step
 from pacmo_core import promotion
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.records import RunRecord, record_run
@@ -30,7 +26,6 @@ from pacmo_core.project.workspace import (
     DVC_CACHE,
     DVC_LOCK,
     LOCK,
-    LOG,
     PROMOTED_MODELS,
     RUNS,
     configure_logging,
@@ -38,127 +33,116 @@ from pacmo_core.project.workspace import (
 )
 from stages.common.params import read_params
 
+OBJECTS = DVC_CACHE / "files" / "md5"
+RUN_CACHE = DVC_CACHE / "runs"
+_HASH = re.compile(r"\b[0-9a-f]{32}(?:\.dir)?\b")
+_DAY_S = 86400.0
+
 
 @dataclass(frozen=True)
 class Params:
-    """The ``prune`` section of ``params.yaml``."""
+    """The ``prune`` section of ``params.yaml``.
 
-    cache_days: float
-    runs: int
-    promoted: int
+    Parameters
+    ----------
+    max_cache_days : age from which objects of DVC's cache are removed
+    n_runs, n_promoted : records of runs and promoted models that stay
+    """
 
-
-def run_prune(way: Way) -> RunRecord:
-    """Prune as the only writer."""
-    configure_logging(LOG)
-    with writer_lock("prune", LOCK), record_run("prune", RUNS) as run:
-        params = read_params("prune", Params)
-        run.facts["promoted"] = way.step(remove_models, params.promoted)
-        locks = [Path(DVC_LOCK), *sorted(PROMOTED_MODELS.glob(f"[0-9]*/{DVC_LOCK}"))]
-        objects, size = way.step(remove_old_objects, params.cache_days, locks)
-        run.facts |= {"objects": objects, "bytes": size}
-        run.facts["runs"] = way.step(remove_records, params.runs)
-        put_table("prune", [run.facts], "What was removed")
-        log_event(f"pruned {objects} objects, {size / 1e6:.0f} MB", **run.facts)
-    return run
-
-
-def remove_models(keep: int) -> list[int]:
-    """Remove promoted models but for the last and the current one."""
-    now_current = promotion.current_model(PROMOTED_MODELS)
-    old = [
-        number for number in promotion.list_models(PROMOTED_MODELS)[:-keep] if number != now_current
-    ]
-    for number in old:
-        promotion.remove_model(PROMOTED_MODELS, number)
-    return old
-
-
-def remove_records(keep: int) -> int:
-    """Remove records of runs but for the last."""
-    old = sorted(RUNS.glob("[0-9]*.json"))[:-keep]
-    for path in old:
-        path.unlink()
-    return len(old)
+    max_cache_days: float
+    n_runs: int
+    n_promoted: int
 
 
 @flow(persist_result=False)
 def prune() -> None:
     """Remove what is old and not needed."""
-    run_prune(ByPrefect())
+    run_prune()
 
 
-def main() -> int:
-    """Prune."""
-    return by_hand_or_flow(prune, lambda: run_prune(ByHand(workers=1)))
+def run_prune() -> RunRecord:
+    """Prune, within a flow, as the only writer."""
+    configure_logging()
+    with writer_lock("prune", LOCK), record_run("prune", RUNS) as run:
+        params = read_params("prune", Params)
+        run.facts["promoted"] = run_step(remove_models, params.n_promoted)
+        locks = [DVC_LOCK, *sorted(PROMOTED_MODELS.glob(f"[0-9]*/{DVC_LOCK}"))]
+        n_objects, n_bytes = run_step(remove_old_objects, params.max_cache_days, locks)
+        run.facts |= {"objects": n_objects, "bytes": n_bytes}
+        run.facts["runs"] = run_step(remove_records, params.n_runs)
+        publish_table("prune", [run.facts], "What was removed")
+        log_event(f"removed {n_objects} objects, {n_bytes / 1e6:.0f} MB", **run.facts)
+    return run
 
 
-if __name__ == "__main__":
-    raise SystemExit(main())
+def remove_models(n_last: int) -> list[int]:
+    """Remove promoted models except the last and the current one; return their numbers."""
+    current = promotion.current_model(PROMOTED_MODELS)
+    numbers = promotion.list_models(PROMOTED_MODELS)[:-n_last]
+    removed = [number for number in numbers if number != current]
+    for number in removed:
+        promotion.remove_model(PROMOTED_MODELS, number)
+    return removed
 
 
-# FROM """DVC's cache: find objects that are no longer what their names say, and remove old ones.
-# FROM
-# FROM DVC trusts an object that is write-protected and does not hash it again, so that one which a disk
-# FROM has spoilt would be handed out for ever.
-# FROM """
-OBJECTS = DVC_CACHE / "files" / "md5"
-RUN_CACHE = DVC_CACHE / "runs"
-_HASH = re.compile(r"\b[0-9a-f]{32}(?:\.dir)?\b")
-_DAY = 86400.0
+def remove_records(n_last: int) -> int:
+    """Remove records of runs except the last; return how many."""
+    removed = sorted(RUNS.glob("[0-9]*.json"))[:-n_last]
+    for path in removed:
+        path.unlink()
+    return len(removed)
 
 
 def corrupt_objects() -> list[Path]:
-    """List the objects whose content is not that of their name."""
-    return [path for path in _objects() if _md5(path) != _name_of(path).removesuffix(".dir")]
+    """List the objects of DVC's cache whose content does not have the hash in their name.
+
+    DVC does not hash a write-protected object again, so that it would restore a corrupt one.
+    """
+    return [path for path in _objects() if _md5(path) != _hash_in_name(path).removesuffix(".dir")]
 
 
 def remove_corrupt_objects() -> list[str]:
-    """Remove spoilt objects, and have DVC look again at the files of the workspace that they are.
+    """Remove corrupt objects, so that DVC makes them again; return their hashes.
 
-    Those are links to the same content, with the size and time that DVC remembers: a new time
-    makes it hash them, and make them anew.
-
-    Returns
-    -------
-    their names
+    Files of the workspace may be links to the same content, with the size and time that DVC has
+    stored. A new modification time makes DVC hash them.
     """
-    found = corrupt_objects()
-    for path in found:
+    corrupt = corrupt_objects()
+    for path in corrupt:
         os.utime(path)
         path.unlink()
-    return [_name_of(path) for path in found]
+    return [_hash_in_name(path) for path in corrupt]
 
 
-def remove_old_objects(days: float, locks: list[Path]) -> tuple[int, int]:
-    """Remove objects and remembered runs that are older and that no lock file names.
+def remove_old_objects(max_days: float, locks: list[Path]) -> tuple[int, int]:
+    """Remove old objects, and entries of the run cache, that no lock file names.
 
     Parameters
     ----------
-    days : age from which they go
+    max_days : age from which they are removed
     locks : ``dvc.lock`` files; what they name stays, whatever its age
 
     Returns
     -------
-    how many objects, and how many bytes
+    number of objects, and of bytes
     """
-    kept = {name for lock in locks if lock.exists() for name in _names_in(lock)}
-    kept |= {name for folder in kept if folder.endswith(".dir") for name in _members(folder)}
-    old = [path for path in _objects() if _is_old(path, days) and _name_of(path) not in kept]
-    size = sum(path.stat().st_size for path in old)
+    named = {name for lock in locks if lock.exists() for name in _hashes_in(lock)}
+    named |= {name for folder in named if folder.endswith(".dir") for name in _members(folder)}
+    old = [p for p in _objects() if _is_old(p, max_days) and _hash_in_name(p) not in named]
+    n_bytes = sum(path.stat().st_size for path in old)
     for path in old:
         path.unlink()
     for path in RUN_CACHE.glob("*/*/*"):
-        if path.is_file() and _is_old(path, days):
+        if path.is_file() and _is_old(path, max_days):
             path.unlink()
-    return len(old), size
+    return len(old), n_bytes
 
 
 def _objects() -> Iterator[Path]:
     return (path for path in sorted(OBJECTS.glob("[0-9a-f][0-9a-f]/*")) if path.is_file())
 
 
-def _name_of(path: Path) -> str:
+def _hash_in_name(path: Path) -> str:
     return path.parent.name + path.name
 
 
@@ -167,12 +151,12 @@ def _md5(path: Path) -> str:
         return hashlib.file_digest(file, "md5").hexdigest()
 
 
-def _is_old(path: Path, days: float) -> bool:
-    # A time to come, which a clock that jumped has left, counts as young.
-    return time.time() - path.stat().st_mtime > days * _DAY
+def _is_old(path: Path, max_days: float) -> bool:
+    # A modification time in the future, of a clock that was set back, counts as recent.
+    return time.time() - path.stat().st_mtime > max_days * _DAY_S
 
 
-def _names_in(lock: Path) -> set[str]:
+def _hashes_in(lock: Path) -> set[str]:
     stages = YAML(typ="safe").load(lock)
     return set(_HASH.findall(json.dumps(stages)))
 

@@ -1,39 +1,93 @@
-"""Bring targets up to date, each stale DVC stage as one task.
+"""Reproduce targets: each stale DVC stage is a Prefect task.
 
-    python -m flows.reproduce [--experiment NAME] [--force] [STAGE ...]
-
-Which stage rests on which is written once, in ``dvc.yaml``; this flow only reads it. DVC decides
-whether a stage runs, Prefect when and beside what. No retries: a stage that fails once fails
-twice. With a Prefect server (``PREFECT_API_URL``) the run and the metrics stand on its page;
-without one the same function runs here.
+Which stage depends on which is written in ``dvc.yaml`` alone. DVC decides whether a stage runs,
+Prefect when, and beside which others. Stages are not retried: their result is deterministic, and
+so is their failure.
 """
 
-import argparse
+import json
+import time
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
-from prefect import flow
+from prefect import flow, task
+from prefect.artifacts import (
+    create_link_artifact,
+    create_markdown_artifact,
+    create_table_artifact,
+)
+from prefect.cache_policies import NO_CACHE
+from prefect.context import FlowRunContext
+from prefect.futures import PrefectFuture
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from flows.artifacts import publish
-from flows.ending import by_hand_or_flow
-from flows.run_dvc import run_dvc
-from flows.way import ByHand, ByPrefect, Way
+from flows.dvc_commands import RAN, RESTORED, reproduce_stage
+from pacmo_core.commands.report import write_report_with_history
+from pacmo_core.figures.columns import MAIN_COLUMNS
+from pacmo_core.figures.tables import markdown_table
 from pacmo_core.project.experiments import use_experiment
 from pacmo_core.project.lock import remove_dead_dvc_locks, remove_partial_files, writer_lock
 from pacmo_core.project.records import record_run
-from pacmo_core.project.stages import readable_dvc_lock, upstream_and_stale
-from pacmo_core.project.workspace import LOCK, LOG, METRICS, RUNS, configure_logging, log_event
+from pacmo_core.project.stages import is_target, readable_dvc_lock, upstream_and_stale
+from pacmo_core.project.workspace import (
+    DETAILS,
+    LOCK,
+    PARAMS,
+    REPORT,
+    RUNS,
+    configure_logging,
+    log_event,
+)
 
-WORKERS = 2
+N_WORKERS = 2
 STAGE_LIMIT_S = 12 * 3600.0
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 
-def bring_up(way: Way, targets: list[str], *, force: bool, limit_s: float) -> list[str]:
-    """Run the stale stages among ``targets`` and all they rest on; the caller holds the lock.
+
+@flow(task_runner=ThreadPoolTaskRunner(max_workers=N_WORKERS), persist_result=False)
+def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> list[str]:
+    """Reproduce ``targets`` (none: everything), two stages at a time where the graph allows.
 
     Parameters
     ----------
-    targets : stages by address; none means every stage
-    force : run the targets themselves even if nothing they read has changed
+    targets : stages by address or name
+    force : run the targets themselves even if nothing that they depend on has changed
+    experiment : whose parameters to use; empty for those in ``params.yaml``
+
+    Returns
+    -------
+    the stages that were stale, in running order
+    """
+    configure_logging()
+    with writer_lock("reproduce", LOCK), record_run("reproduce", RUNS) as run:
+        if experiment:
+            switch_experiment(experiment)
+        stages = run_stale_stages(targets, force=force, limit_s=STAGE_LIMIT_S)
+        run.facts["stages"] = stages
+        if stages and not targets and REPORT.exists():
+            write_report_with_history()
+    publish_metrics(DETAILS)
+    return stages
+
+
+def switch_experiment(experiment: str) -> None:
+    """Use an experiment, and log where edited parameters were saved."""
+    saved = use_experiment(experiment)
+    if saved:
+        log_event(f"the edited {PARAMS} is saved as {saved}", path=saved)
+
+
+def run_stale_stages(targets: list[str], *, force: bool, limit_s: float) -> list[str]:
+    """Run the stale stages among ``targets`` and all they depend on; the caller holds the lock.
+
+    Parameters
+    ----------
+    targets : stages by address or name; none means every stage
+    force : run the targets themselves even if nothing that they depend on has changed
     limit_s : seconds a stage
 
     Returns
@@ -42,67 +96,76 @@ def bring_up(way: Way, targets: list[str], *, force: bool, limit_s: float) -> li
     """
     remove_dead_dvc_locks()
     for path in remove_partial_files():
-        log_event("removed what a killed run had half written", path=path)
-    below, stale = readable_dvc_lock(lambda: upstream_and_stale(targets))
-    forced = {name for name in below if force and _is_target(name, targets)}
-    wanted = stale | forced
-    # What rests on a forced stage is looked at again after it.
-    for name, upstream in below.items():
-        if wanted & set(upstream):
-            wanted.add(name)
-    order = {name: upstream for name, upstream in below.items() if name in wanted}
-
-    def reproduce_stage(stage: str) -> None:
-        options = ["--force"] if stage in forced else []
-        run_dvc(stage, ["repro", "--single-item", *options, stage], limit_s)
-        log_event(f"up to date: {stage}", stage=stage)
-
+        log_event(f"removed {path}, which a killed run had not finished writing")
+    upstream, stale = readable_dvc_lock(lambda: upstream_and_stale(targets))
+    forced = {name for name in upstream if force and (not targets or is_target(name, targets))}
+    selected = stale | forced
+    # What depends on a forced stage is checked again after it.
+    for name, names in upstream.items():
+        if selected & set(names):
+            selected.add(name)
+    order = {name: names for name, names in upstream.items() if name in selected}
     if order:
-        way.stages(reproduce_stage, order)
+        log_event(f"{len(order)} of {len(upstream)} stages are stale", n_stages=len(order))
+    _run_tasks(order, forced, limit_s)
     return list(order)
 
 
-def reproduce_here(
-    way: Way, targets: list[str], *, force: bool = False, experiment: str = ""
-) -> list[str]:
-    """Reproduce as the only writer, with a record of the run."""
-    configure_logging(LOG)
-    with writer_lock("reproduce", LOCK), record_run("reproduce", RUNS) as run:
-        if experiment:
-            use_experiment(experiment)
-        run.facts["stages"] = bring_up(way, targets, force=force, limit_s=STAGE_LIMIT_S)
-        stages: list[str] = run.facts["stages"]
-        return stages
+def _run_tasks(order: dict[str, list[str]], forced: set[str], limit_s: float) -> None:
+    numbers = count(1)
+
+    def run(stage: str) -> None:
+        log_event(f"start {stage}", stage=stage, state="start")
+        start = time.monotonic()
+        outcome = reproduce_stage(stage, force=stage in forced, limit_s=limit_s)
+        seconds = round(time.monotonic() - start, 1)
+        position = f"{next(numbers)} of {len(order)}"
+        text = {
+            RAN: f"done {stage} in {seconds:.0f} s, {position}",
+            RESTORED: f"restored {stage} from the cache in {seconds:.0f} s, {position}",
+        }.get(outcome, f"up to date {stage}, {position}")
+        log_event(text, stage=stage, state="end", outcome=outcome, seconds=seconds)
+
+    futures: dict[str, PrefectFuture[None]] = {}
+    for stage, upstream in order.items():
+        stage_task = task(run, name=stage, cache_policy=NO_CACHE, persist_result=False)
+        waits = [futures[name] for name in upstream if name in futures]
+        futures[stage] = stage_task.submit(stage, wait_for=waits)
+    for future in futures.values():
+        future.result()  # wait() alone would leave the flow Completed though every task failed
 
 
-@flow(task_runner=ThreadPoolTaskRunner(max_workers=WORKERS), persist_result=False)
-def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> list[str]:
-    """Reproduce ``targets`` (none: everything), side by side where the graph allows.
-
-    Returns
-    -------
-    the stages that were stale, in running order
-    """
-    stages = reproduce_here(ByPrefect(), targets, force=force, experiment=experiment)
-    publish(METRICS)
-    return stages
+def run_step(
+    function: Callable[Arguments, Result], *args: Arguments.args, **kwargs: Arguments.kwargs
+) -> Result:
+    """Call a function as a Prefect task, so that it has a state and a time on Prefect's page."""
+    step = task(function, name=function.__name__, cache_policy=NO_CACHE, persist_result=False)
+    result: Result = step(*args, **kwargs)
+    return result
 
 
-def _is_target(name: str, targets: list[str]) -> bool:
-    return not targets or name in targets or name.partition("@")[0] in targets
+def publish_metrics(path: Path) -> None:
+    """Put the table of ``reports/details.json`` and a link to the report on Prefect's page."""
+    if FlowRunContext.get() is None or not path.exists():
+        return
+    facts = json.loads(path.read_text(encoding="utf-8"))
+    table = markdown_table(_main_columns(facts["pacmo"]["rows"]))
+    text = f"# {facts['experiment']}\n\n## Reactions\n\n{table}"
+    create_markdown_artifact(text, key="metrics", description="Metrics of every row of the table")
+    publish_link(REPORT, "report")
 
 
-def main() -> int:
-    """Read the command line."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("targets", nargs="*", metavar="STAGE")
-    parser.add_argument("--experiment", default="")
-    parser.add_argument("--force", action="store_true")
-    given = vars(parser.parse_args())
-    return by_hand_or_flow(
-        lambda: reproduce(**given), lambda: reproduce_here(ByHand(workers=WORKERS), **given)
-    )
+def publish_table(key: str, rows: list[dict[str, Any]], description: str) -> None:
+    """Put a table on Prefect's page."""
+    if FlowRunContext.get() is not None:
+        create_table_artifact(rows, key=key, description=description)
 
 
-if __name__ == "__main__":
-    raise SystemExit(main())
+def publish_link(page: Path, key: str) -> None:
+    """Put a link to one of the project's pages on Prefect's page."""
+    if FlowRunContext.get() is not None and page.exists():
+        create_link_artifact(page.resolve().as_uri(), key=key, link_text=page.as_posix())
+
+
+def _main_columns(rows: dict[str, Any]) -> dict[str, Any]:
+    return {row: {c: cells[c] for c in MAIN_COLUMNS if c in cells} for row, cells in rows.items()}

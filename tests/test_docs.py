@@ -12,12 +12,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from apps import cli_view
-from apps.cli import app
+from pacmo_core.commands import view
+from pacmo_core.commands.cli import app
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
-from tests.apps.test_augment import standing
+from tests.commands.test_augment import standing
 from tests.docs import PAGES, ROOT, blocks, commands
 
 PACMO = typer.main.get_command(app)
@@ -42,8 +42,9 @@ def test_a_command_in_the_documentation_is_one_that_pacmo_takes(
 ) -> None:
     end = next((k for k, word in enumerate(words) if REDIRECTED.match(word)), len(words))
     group, rest = PACMO, words[1:end]
-    while hasattr(group, "commands") and rest and not rest[0].startswith("-"):
-        group, rest = group.commands[rest[0]], rest[1:]
+    while hasattr(group, "get_command") and rest and not rest[0].startswith("-"):
+        group, rest = group.get_command(None, rest[0]), rest[1:]
+        assert group is not None, f"{page}: no command {' '.join(words)}"
     # Parses and checks every option; runs nothing.
     group.make_context(" ".join(words), rest) if rest else None
 
@@ -84,7 +85,7 @@ def test_the_guide_goes_from_two_bvh_files_to_a_varied_exported_clip(
     captures: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(captures)
-    monkeypatch.setattr(cli_view.webbrowser, "open", lambda _: True)
+    monkeypatch.setattr(view.webbrowser, "open", lambda _: True)
     Path("params.yaml").write_text((ROOT / "params.yaml").read_text())
     name = next(commands(GUIDE, "sh"))[2]
     with write_motions(Path("data/clips/motions.parquet"), SBU15) as writer:
@@ -97,7 +98,9 @@ def test_the_guide_goes_from_two_bvh_files_to_a_varied_exported_clip(
 
 def run(folder: Path, words: list[str]) -> str:
     """Run a command as ``./run`` would, which is set up already."""
-    program = {"pacmo": ["-m", "apps.cli"], "dvc": ["-m", "dvc"], "python": []}[words[0]]
+    program = {"pacmo": ["-m", "pacmo_core.commands.cli"], "dvc": ["-m", "dvc"], "python": []}[
+        words[0]
+    ]
     environment = {
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",

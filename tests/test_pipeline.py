@@ -36,7 +36,7 @@ def reproduce(folder: Path) -> Path:
         if (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes((ROOT / name).read_bytes())
-    run(folder, sys.executable, "-m", "apps.cli", "use", "smallest")
+    run(folder, sys.executable, "-m", "pacmo_core.commands.cli", "use", "smallest")
     run(folder, sys.executable, "-m", "dvc", "repro")
     return folder
 
@@ -69,18 +69,18 @@ def test_there_is_then_nothing_to_do(twins):
 
 @pytest.mark.slow
 def test_the_metrics_hold_every_row_with_intervals(twins):
-    metrics = json.loads((twins[0] / "reports" / "metrics.json").read_text())
+    metrics = json.loads((twins[0] / "reports" / "details.json").read_text())
     assert metrics["data"]["usable"] == 40
-    assert metrics["pacmo"].keys() >= {
+    assert metrics["pacmo"]["rows"].keys() >= {
         *("real", "oracle", "pacmo", "pacmo_paper", "gru", "wrong_partner", "pacmo_permuted"),
         "pacmo_augmented",
     }
-    gained = metrics["pacmo_augmentation"]
+    gained = metrics["pacmo"]["augmentation"]
     assert len(gained["each"]["f2id"]) == 1  # a fold
     assert set(gained["clips"]["f2id"]) == {"mean", "low", "high"}
     assert gained["folds"] == {}  # one fold has no interval
     assert "Does augmentation pay?" in (twins[0] / "reports" / "report.html").read_text()
-    for row in metrics["pacmo"].values():
+    for row in metrics["pacmo"]["rows"].values():
         for name in ("f2id", "f2id_excess", "mmd_a", "mmd_s", "diversity", "matching", "ape"):
             assert set(row[name]) == {"mean", "low", "high"}
             assert row[name]["low"] <= row[name]["mean"] <= row[name]["high"]
@@ -88,7 +88,7 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
 
 @pytest.mark.slow
 def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(twins):
-    found = json.loads((twins[0] / "reports" / "metrics.json").read_text())["skeleton_prior"]
+    found = json.loads((twins[0] / "reports" / "details.json").read_text())["skeleton_prior"]
     for task in ("retargeting", "generation"):
         models = found[task]["default"]["random"]
         assert models.keys() == {"kinematic", "f_cnn"}

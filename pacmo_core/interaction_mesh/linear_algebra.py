@@ -1,51 +1,69 @@
-"""Products whose columns round alike, whatever stands beside them.
+"""Matrix products whose columns round alike, on one BLAS thread; the solver's block layout.
 
-A BLAS may sum otherwise at the edges of a matrix than within it: OpenBLAS does where a processor
-has AVX2 and no more (float32: the first and last eight columns of 32). A variation must not depend
-on its company, so bodies stand in columns side by side and are multiplied ``WIDTH`` at a time, all
-in products of the same shape.
+A BLAS may sum in another order at the edges of a matrix than within it. OpenBLAS does on
+processors with AVX2 but without AVX-512 (float32: the first and last eight columns of 32). A
+variation must not depend on the others of its batch. Bodies are therefore columns side by side and
+are multiplied ``COLUMN_WIDTH`` at a time, all in products of the same shape.
 """
 
 from contextlib import AbstractContextManager
+from typing import TypeVar
 
 import numpy as np
-import scipy.linalg  # noqa: F401  # brings its BLAS, which the controller must find
+import scipy.linalg  # noqa: F401  # loads SciPy's BLAS, which the controller must find
+from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from pacmo_core.interaction_mesh.scene import Real
+from pacmo_core.interaction_mesh.scene import Array, Real, Single
+
+Values = TypeVar("Values", Array, Single, NDArray[np.intp])
 
 COLUMN_WIDTH = 16
+# Order of x, y, z in the solver: the two horizontal axes, which share a factorisation, are
+# adjacent. The permutation is its own inverse.
+AXIS_ORDER = [0, 2, 1]
 
-
-def padded_width(n_columns: int) -> int:
-    """Round up to full width."""
-    return -(-n_columns // COLUMN_WIDTH) * COLUMN_WIDTH
-
-
-def batched_product(matrices: Real, columns: Real) -> Real:
-    """Multiply ``(R, N)`` or ``(..., R, N)`` and ``(..., N, C)``, filled up to full width."""
-    n_columns = columns.shape[-1]
-    full: Real = np.zeros((*columns.shape[:-1], padded_width(n_columns)), dtype=columns.dtype)
-    full[..., :n_columns] = columns
-    found: Real = np.zeros((*columns.shape[:-2], matrices.shape[-2], full.shape[-1]), full.dtype)
-    np.matmul(matrices[..., None, :, :], column_groups(full), out=column_groups(found))
-    return found[..., :n_columns]
-
-
-def column_groups(columns: Real) -> Real:
-    """See ``(..., N, C)``, C of full width, as ``(..., C / WIDTH, N, WIDTH)``: the same memory."""
-    n_parts = columns.shape[-1] // COLUMN_WIDTH
-    return np.moveaxis(columns.reshape(*columns.shape[:-1], n_parts, COLUMN_WIDTH), -2, -3)
-
-
-# FROM """Linear algebra on one thread: another number of threads rounds otherwise.
-# FROM
-# FROM The solver's matrices are small, and its callers have as many processes as cores.
-# FROM """
 _CONTROLLER = ThreadpoolController()
 
 
 def single_blas_thread() -> AbstractContextManager[object]:
-    """Hold BLAS to one thread meanwhile."""
+    """Limit BLAS to one thread within a ``with`` block.
+
+    Another number of threads rounds differently. The matrices are small, and the callers run as
+    many processes as there are cores.
+    """
     limits: AbstractContextManager[object] = _CONTROLLER.limit(limits=1, user_api="blas")
     return limits
+
+
+def padded_width(n_columns: int) -> int:
+    """Round a number of columns up to a multiple of ``COLUMN_WIDTH``."""
+    return -(-n_columns // COLUMN_WIDTH) * COLUMN_WIDTH
+
+
+def batched_product(matrices: Real, columns: Real) -> Real:
+    """Multiply ``(R, N)`` or ``(..., R, N)`` with ``(..., N, C)``, ``COLUMN_WIDTH`` columns each.
+
+    A column of the result does not depend on the other columns.
+    """
+    n_columns = columns.shape[-1]
+    padded: Real = np.zeros((*columns.shape[:-1], padded_width(n_columns)), dtype=columns.dtype)
+    padded[..., :n_columns] = columns
+    shape = (*columns.shape[:-2], matrices.shape[-2], padded.shape[-1])
+    result: Real = np.zeros(shape, padded.dtype)
+    np.matmul(matrices[..., None, :, :], column_groups(padded), out=column_groups(result))
+    return result[..., :n_columns]
+
+
+def column_groups(columns: Real) -> Real:
+    """View ``(..., N, C)`` as ``(..., C / COLUMN_WIDTH, N, COLUMN_WIDTH)``, the same memory."""
+    n_groups = columns.shape[-1] // COLUMN_WIDTH
+    return np.moveaxis(columns.reshape(*columns.shape[:-1], n_groups, COLUMN_WIDTH), -2, -3)
+
+
+def pair_frames(values: Values) -> Values:
+    """Reshape (T, ...) to blocks of two frames (K, 2, ...); zeros pad an odd end."""
+    if len(values) % 2:
+        values = np.concatenate([values, np.zeros_like(values[:1])])
+    paired: Values = values.reshape(len(values) // 2, 2, *values.shape[1:])
+    return paired

@@ -1,4 +1,4 @@
-"""Two bodies as one set of points, tied by bones; the checks at the door."""
+"""Two bodies as one set of points connected by bones, and scalings of it that need no solver."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,19 +14,19 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Real = TypeVar("Real", Array, Single)
 
-# Metres: a bone shorter than this has no direction, a body thinner than this no volume.
+# Metres: a shorter bone has no direction, a thinner body no volume.
 MIN_LENGTH = 1e-3
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Two people at the same instants; their skeletons may differ.
+    """The motions of two people at the same instants; their skeletons may differ.
 
     Parameters
     ----------
     motions : two of (T, J, 3) float32, metres, y up, right-handed, finite; J may differ
     skeletons : two, of as many joints
-    fps : frames a second
+    fps : frames per second
 
     Raises
     ------
@@ -49,12 +49,12 @@ class Scene:
 
     @property
     def n_joints(self) -> tuple[int, int]:
-        """How many joints either body has."""
+        """Number of joints of person a and of person b."""
         return len(self.skeletons[0].joints), len(self.skeletons[1].joints)
 
     @property
     def n_bones(self) -> tuple[int, int]:
-        """How many bones either body has."""
+        """Number of bones of person a and of person b."""
         return len(self.skeletons[0].bones), len(self.skeletons[1].bones)
 
     @cached_property
@@ -69,19 +69,19 @@ class Scene:
         return np.concatenate([a, b + self.n_joints[0]])
 
     @cached_property
-    def vectors(self) -> Array:
+    def bone_vectors(self) -> Array:
         """``(T, E, 3)`` metres: from parent to child along each bone."""
         vectors: Array = self.points[:, self.bones[:, 1]] - self.points[:, self.bones[:, 0]]
         return vectors
 
     @cached_property
-    def ground(self) -> float:
-        """Metres: the height that the lowest joint of a frame has in the median of frames."""
+    def ground_height(self) -> float:
+        """Metres: median over frames of the height of the lowest joint."""
         return float(np.median(self.points[..., 1].min(axis=1)))
 
 
 def check_scales(scales: Array, n_bones: int) -> None:
-    """Refuse scales that no body can have.
+    """Check bone scales.
 
     Raises
     ------
@@ -122,42 +122,41 @@ def _check_body(name: str, motion: Motion, skeleton: Skeleton) -> None:
         raise ValueError(f"{name} is flat: {thickness:.2g} m thick, wanted at least {MIN_LENGTH}")
 
 
-# FROM """What both bodies have in common: when both grow, the scene grows, and contact stays contact."""
 def common_scale(scene: Scene, scales: Array) -> Array:
-    """``(V,)``: the part of the scales that is common to both bodies.
+    """Return the scale that both bodies have in common, ``(V,)``.
 
-    It is the middle one of 1 and the two bodies' own mean scales, by length of bone: 1 where only
-    one body changes or where they change in opposite ways, the scale where both have the same.
+    The median of 1 and the two bodies' mean scales, weighted by bone length: 1 where one body
+    changes or both change in opposite directions; the bodies' scale where both have the same.
     """
-    lengths = np.linalg.norm(scene.vectors, axis=-1).mean(axis=0)
+    lengths = np.linalg.norm(scene.bone_vectors, axis=-1).mean(axis=0)
     n_a = scene.n_bones[0]
     means = [
-        np.average(scales[:, part], axis=1, weights=lengths[part])
-        for part in (slice(None, n_a), slice(n_a, None))
+        np.average(scales[:, bones], axis=1, weights=lengths[bones])
+        for bones in (slice(None, n_a), slice(n_a, None))
     ]
     common: Array = np.median([np.ones(len(scales)), *means], axis=0)
     return common
 
 
-def scale_scene(scene: Scene, points: Array, whole: Array) -> Array:
-    """``(V, T, N, 3)`` metres: scale about the scene's middle on the ground.
+def scale_scene(scene: Scene, points: Array, scale: Array) -> Array:
+    """Scale motions about the scene's centre on the ground: ``(V, T, N, 3)`` metres.
 
     Parameters
     ----------
     points : (V, T, N, 3) metres
-    whole : (V,)
+    scale : (V,)
     """
-    middle = scene.points.mean(axis=(0, 1))
-    middle[1] = scene.ground
-    scaled: Array = middle + whole[:, None, None, None] * (points - middle)
+    centre = scene.points.mean(axis=(0, 1))
+    centre[1] = scene.ground_height
+    scaled: Array = centre + scale[:, None, None, None] * (points - centre)
     return scaled
 
 
-# FROM """The peer: bodies scaled where they stand, each for itself, blind to the other."""
 def naive_scaling(scene: Scene, scales: Array) -> Array:
-    """``(T, N, 3, V)`` metres: bones scaled along their own directions, from the root.
+    """Scale bones along their own directions, each body alone: ``(T, N, 3, V)`` metres.
 
-    The root stays above its place, and each body's lowest joint at its height.
+    The baseline of the reports. The root keeps its horizontal position, and the lowest joint of
+    each body its height.
 
     Parameters
     ----------
@@ -171,7 +170,7 @@ def naive_scaling(scene: Scene, scales: Array) -> Array:
         body[:, skeleton.root] = source[:, skeleton.root, :, None]
         for joint in skeleton.order[1:]:
             bone = bone_of[first + joint]
-            vector = scene.vectors[:, bone, :, None] * scales[:, bone]
+            vector = scene.bone_vectors[:, bone, :, None] * scales[:, bone]
             np.add(body[:, skeleton.parents[joint]], vector, out=body[:, joint])
         lift = source[..., 1].min(axis=1)[:, None] - body[:, :, 1].min(axis=1)
         body[:, :, 1] += lift[:, None]

@@ -12,12 +12,12 @@ from pathlib import Path
 
 # Paths below these: FOLD or FOLD.suffix, and in a fold's folder MODEL/SEED or MODEL/SEED.suffix.
 RUN_FOLDERS = (
-    *("data/sides", "data/reactions", "data/scores"),
+    *("data/splits", "data/reactions", "data/scores"),
     *("models", "reports/curves", "reports/split"),
 )
 AUGMENTED = "pacmo_augmented"
 # Of skeleton priors, below these: DATASET/SPLIT or DATASET/SPLIT.suffix, for all models of a split.
-SPLIT_FOLDERS = ("data/priors/sides", "data/priors/scores", "data/priors/samples")
+SPLIT_FOLDERS = ("data/priors/splits", "data/priors/scores", "data/priors/samples")
 # Below these: DATASET/SPLIT/MODEL/SEED or DATASET/SPLIT/MODEL/SEED.suffix.
 MODEL_FOLDERS = ("models/priors", "reports/curves/priors")
 

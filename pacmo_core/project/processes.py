@@ -139,13 +139,16 @@ def end_on_signal(clean_up: Callable[[], str]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def end_run(mark: Mapping[str, str], processes: Sequence["subprocess.Popen[bytes]"] = ()) -> str:
-    """End all processes of a run and say so in one line."""
+def end_run(mark: Mapping[str, str], command: str) -> str:
+    """End all processes of a run; return a line that says so.
+
+    Parameters
+    ----------
+    mark : variables of the environment of the processes
+    command : that goes on with the run
+    """
     pids, remaining = kill_marked(mark, terminate_s=_TERMINATE_S)
-    for process in processes:
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(timeout=1.0)
     if remaining:
-        return f"interrupted: processes {remaining} do not end; ./run goes on where it stopped"
+        return f"interrupted: processes {remaining} do not end"
     count = f"{len(pids)} process{'es' if len(pids) != 1 else ''} ended"
-    return f"interrupted: {count}; ./run goes on where it stopped"
+    return f"interrupted: {count}; {command} goes on where it stopped"

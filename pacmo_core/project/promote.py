@@ -16,6 +16,7 @@ from pacmo_core.figures.history import Row, render_history
 from pacmo_core.project.records import utc_now
 from pacmo_core.project.workspace import (
     DECISIONS,
+    DETAILS,
     HISTORY_PAGE,
     METRICS,
     PROMOTED_MODELS,
@@ -39,7 +40,7 @@ from pacmo_core.promotion import (
 from pacmo_core.store.files import write_text
 
 MODELS = Path("models")
-PROMOTED_FILES = (METRICS, REPORT, Path("params.yaml"), Path("dvc.lock"))
+PROMOTED_FILES = (METRICS, DETAILS, REPORT, Path("params.yaml"), Path("dvc.lock"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,14 +76,14 @@ def read_candidate(row: str) -> Candidate:
         If there are no metrics or weights.
     """
     weights = sorted(MODELS.glob(f"*/{row}/*/weights.safetensors"))
-    if not METRICS.exists() or not weights:
-        raise CommandError(f"no {METRICS} or no weights of {row} in {MODELS}: reproduce first")
-    facts = _read_json(METRICS)
-    pooled = METRICS.with_name("pacmo.json")
+    if not DETAILS.exists() or not weights:
+        raise CommandError(f"no {DETAILS} or no weights of {row} in {MODELS}: reproduce first")
+    facts = _read_json(DETAILS)
+    pooled = DETAILS.with_name("pacmo.json")
     files = {path.as_posix(): path for path in (*weights, *PROMOTED_FILES) if path.exists()}
     return Candidate(
         experiment=facts["experiment"],
-        tables=facts["pacmo"],
+        tables=facts["pacmo"]["rows"],
         files=files,
         model=promotion.model_hash(weights),
         test_reactions=_read_json(pooled)["test_reactions"] if pooled.exists() else 0,
@@ -182,7 +183,9 @@ def _verdict(
         return UNCHANGED, []
     same = current is not None and current.experiment == candidate.experiment
     tables = (
-        _read_json(PROMOTED_MODELS / promotion.CURRENT_LINK / METRICS)["pacmo"] if same else None
+        _read_json(PROMOTED_MODELS / promotion.CURRENT_LINK / DETAILS)["pacmo"]["rows"]
+        if same
+        else None
     )
     reasons = check_gate(candidate.tables, tables, gate)
     return (REJECTED if reasons else PROMOTED), reasons

@@ -12,13 +12,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.project.workspace import EXIT_FAILED, EXIT_HELD
+from pacmo_core.project.workspace import EXIT_FAILED, EXIT_REJECTED
 from pacmo_core.store.files import write_text
 
-RUNNING, DONE, HELD, FAILED, KILLED, SKIPPED = (
-    *("running", "done", "held", "failed", "killed", "skipped"),
+RUNNING, DONE, REJECTED, FAILED, KILLED, SKIPPED = (
+    *("running", "done", "rejected", "failed", "killed", "skipped"),
 )
-EXIT_CODES = {DONE: 0, SKIPPED: 0, FAILED: EXIT_FAILED, HELD: EXIT_HELD}
+EXIT_CODES = {DONE: 0, SKIPPED: 0, FAILED: EXIT_FAILED, REJECTED: EXIT_REJECTED}
 _KILLED_REASON = "the process ended before the run did"
 
 
@@ -31,7 +31,7 @@ class RunRecord:
     number : from 1, increasing
     job : nightly, reproduce, retrain, prune, rollback or intake
     started, ended : UTC, ISO 8601; ended is empty while it runs
-    outcome : running, done, held, failed, killed or skipped
+    outcome : running, done, rejected, failed, killed or skipped
     reason : of any outcome other than ``done``
     facts : what it did, JSON values
     """

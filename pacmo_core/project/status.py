@@ -10,7 +10,7 @@ from typing import Any
 
 from pacmo_core import promotion
 from pacmo_core.project.lock import lock_holder
-from pacmo_core.project.records import DONE, HELD, SKIPPED, RunRecord, as_killed, read_runs
+from pacmo_core.project.records import DONE, REJECTED, SKIPPED, RunRecord, as_killed, read_runs
 from pacmo_core.project.stages import read_status
 from pacmo_core.project.workspace import (
     DECISIONS,
@@ -58,7 +58,7 @@ def project_status(*, stale: bool) -> dict[str, Any]:
 def last_run_failed(status: dict[str, Any]) -> bool:
     """Return whether the last run failed or was killed, and none runs now."""
     outcome = status["runs"][-1]["outcome"] if status["runs"] else DONE
-    return outcome not in (DONE, HELD, SKIPPED) and not status["writing"]
+    return outcome not in (DONE, REJECTED, SKIPPED) and not status["writing"]
 
 
 def stale_reasons(holder: str) -> dict[str, list[str]]:

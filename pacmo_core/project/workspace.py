@@ -22,7 +22,8 @@ DVC_CACHE = Path(".dvc/cache")
 INBOX = Path("data/inbox")
 QUARANTINE = Path("data/quarantine")
 REASON_FILE = "reason.json"  # beside a capture in quarantine
-METRICS = Path("reports/metrics.json")
+METRICS = Path("reports/metrics.json")  # the figures that people compare
+DETAILS = Path("reports/details.json")  # all figures, with intervals
 REPORT = Path("reports/report.html")
 PROMOTED_MODELS = Path("promoted")
 HISTORY = Path("history")
@@ -41,7 +42,7 @@ REPORT_WITH_HISTORY = HISTORY / "report.html"
 MOTIONS = "motions.parquet"  # in every folder of clips
 
 # Exit codes; 2, typer's and argparse's own, is wrong usage.
-EXIT_FAILED, EXIT_HELD, EXIT_BUSY, EXIT_INTERRUPTED = 1, 3, 4, 130
+EXIT_FAILED, EXIT_REJECTED, EXIT_BUSY, EXIT_INTERRUPTED = 1, 3, 4, 130
 
 # Number of a file descriptor to which events go as JSON lines, in place of text on stderr.
 EVENTS_VARIABLE = "PACMO_EVENTS"

@@ -1,57 +1,14 @@
-"""A small pipeline of real DVC stages, and one Prefect server for all tests of flows."""
+"""One Prefect server for all tests of flows."""
 
 import os
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
+from prefect.settings import PREFECT_API_URL
 from prefect.testing.utilities import prefect_test_harness
 
-PIPELINE = """\
-stages:
-  raw:
-    cmd: cp params.yaml raw.txt
-    deps: [params.yaml]
-    outs: [raw.txt]
-  left:
-    cmd: {python} stage.py raw.txt left.txt
-    deps: [stage.py, raw.txt]
-    outs: [left.txt]
-  right:
-    cmd: {python} stage.py raw.txt right.txt
-    deps: [stage.py, raw.txt]
-    outs: [right.txt]
-  both:
-    cmd: cat left.txt right.txt > both.txt
-    deps: [left.txt, right.txt]
-    outs: [both.txt]
-"""
-STAGE = """\
-import sys, time
-from pathlib import Path
-start = time.monotonic()
-time.sleep(1)
-text = Path(sys.argv[1]).read_text()
-if "break" in text:
-    sys.exit("broken on purpose")
-Path(sys.argv[2]).write_text(f"{text.strip()} {sys.argv[2]}\\n")
-with Path("spans.log").open("a") as log:
-    log.write(f"{start} {time.monotonic()}\\n")
-"""
+from tests.project.conftest import pipeline
 
-
-@pytest.fixture
-def pipeline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Make a DVC project of four stages in a diamond, and stand in it."""
-    (tmp_path / "dvc.yaml").write_text(PIPELINE.format(python=sys.executable))
-    (tmp_path / "stage.py").write_text(STAGE)
-    (tmp_path / "params.yaml").write_text("first: 1\n")
-    run = [sys.executable, "-m", "dvc"]
-    subprocess.run([*run, "init", "-q", "--no-scm"], cwd=tmp_path, check=True)
-    subprocess.run([*run, "config", "core.analytics", "false"], cwd=tmp_path, check=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+__all__ = ["pipeline"]
 
 
 @pytest.fixture(scope="session")
@@ -59,5 +16,7 @@ def prefect_server():
     """Start one temporary Prefect server on loopback, with a data base of its own."""
     os.environ["DO_NOT_TRACK"] = "1"
     os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
-    with prefect_test_harness(server_startup_timeout=120):
+    with prefect_test_harness(server_startup_timeout=120), pytest.MonkeyPatch.context() as patch:
+        # For the flows that tests start as processes.
+        patch.setenv("PREFECT_API_URL", PREFECT_API_URL.value())
         yield

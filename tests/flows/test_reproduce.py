@@ -43,8 +43,8 @@ def test_a_stage_that_fails_fails_the_flow(pipeline):
 def test_the_metrics_stand_in_prefects_page(pipeline):
     rows = {"pacmo": {"f2id": {"mean": 0.25, "low": 0.2, "high": 0.3}}}
     (pipeline / "reports").mkdir()
-    metrics = {"experiment": "small", "data": {}, "pacmo": rows}
-    (pipeline / "reports" / "metrics.json").write_text(json.dumps(metrics))
+    metrics = {"experiment": "small", "data": {}, "pacmo": {"rows": rows}}
+    (pipeline / "reports" / "details.json").write_text(json.dumps(metrics))
     reproduce(["raw"])
     with get_client(sync_client=True) as client:
         artifacts = client.read_artifacts()

@@ -25,12 +25,14 @@ def energy_by_definition(energy: QuadraticEnergy, change: Array, target: Array) 
         total += np.sum((energy.laplacians[t] @ moved - target[t]) ** 2) / 2
         total += energy.regularisation * np.sum(moved**2) / 2
         for i in range(len(moved)):
-            total += energy.stance_height * energy.held[t, i] * moved[i, 1] ** 2 / 2
+            total += energy.stance_height * energy.support_weights[t, i] * moved[i, 1] ** 2 / 2
             if t:
-                held = energy.stance * energy.held[t, i] * energy.held[t - 1, i]
+                held = (
+                    energy.stance * energy.support_weights[t, i] * energy.support_weights[t - 1, i]
+                )
                 total += held * np.sum((moved[i] - change[t - 1, i]) ** 2) / 2
             for j in range(i):
-                total += energy.ties[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
+                total += energy.contact_weights[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
         if 0 < t < len(change) - 1:
             second = change[t + 1] - 2 * moved + change[t - 1]
             total += energy.acceleration * np.sum(second**2) / 2
@@ -39,7 +41,7 @@ def energy_by_definition(energy: QuadraticEnergy, change: Array, target: Array) 
 
 def matrix(energy: QuadraticEnergy) -> csc_array:
     """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
-    n_frames, n_points = energy.held.shape
+    n_frames, n_points = energy.support_weights.shape
     size = 3 * n_frames * n_points
     inside = np.array(
         [lap.T @ lap + energy.regularisation * np.eye(n_points) for lap in energy.laplacians]
@@ -52,14 +54,17 @@ def matrix(energy: QuadraticEnergy) -> csc_array:
                 (one, other, -1),
                 (other, one, -1),
             ):
-                inside[:, a, b] += sign * energy.ties[:, one, other]
+                inside[:, a, b] += sign * energy.contact_weights[:, one, other]
     t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
     rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
-    values = inside[t, i, j] + ((i == j) & (c == 1)) * energy.stance_height * energy.held[t, i]
+    values = (
+        inside[t, i, j]
+        + ((i == j) & (c == 1)) * energy.stance_height * energy.support_weights[t, i]
+    )
     whole = csc_array((values, (rows, columns)), shape=(size, size))
     step = 3 * n_points
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
-    both = energy.held[1:] * energy.held[:-1]
+    both = energy.support_weights[1:] * energy.support_weights[:-1]
     stands = diags_array(np.repeat(both.reshape(-1), 3))
     whole = csc_array(whole + energy.stance * first.T @ stands @ first)
     if n_frames > 2:
@@ -101,7 +106,7 @@ def banded(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: in
     """
     hessian, pull, bones = matrix(energy), right_side(energy, scales), differences(scene)
     source = scene.points.reshape(-1)
-    lengths = np.linalg.norm(scene.vectors, axis=-1)
+    lengths = np.linalg.norm(scene.bone_vectors, axis=-1)
     width = 9 * scene.points.shape[1] - 1
     change, multiplier, stiffness = np.zeros(len(source)), np.zeros(lengths.size), 300.0
     shares = np.concatenate([np.linspace(0.2, 1, 5), np.ones(n_rounds - 5)])
@@ -132,13 +137,13 @@ def manifold(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: 
     """
     hessian, pull = matrix(energy), right_side(energy, scales)
     source, spread = scene.points.reshape(-1), _spread(scene)
-    n_frames, n_bones = scene.vectors.shape[:2]
-    wanted = (np.linalg.norm(scene.vectors, axis=-1) * scales).reshape(-1, 1)
+    n_frames, n_bones = scene.bone_vectors.shape[:2]
+    wanted = (np.linalg.norm(scene.bone_vectors, axis=-1) * scales).reshape(-1, 1)
     n_bone_rows = 3 * n_frames * n_bones
     roots = np.concatenate([scene.points[:, :1], scene.points[:, scene.n_joints[0], None]], axis=1)
-    directions = scene.vectors.reshape(-1, 3) / np.linalg.norm(scene.vectors, axis=-1).reshape(
-        -1, 1
-    )
+    directions = scene.bone_vectors.reshape(-1, 3) / np.linalg.norm(
+        scene.bone_vectors, axis=-1
+    ).reshape(-1, 1)
     places = roots.reshape(-1)
     for _ in range(n_rounds):
         positions = spread @ np.concatenate([(wanted * directions).reshape(-1), places])

@@ -8,12 +8,11 @@ import pytest
 from pacmo_core.data.skeleton import INTERHUMAN22, NTU25
 from pacmo_core.interaction_mesh import prepare, retarget
 from pacmo_core.interaction_mesh.energy import (
-    ancestor_bones,
     build_energy,
     energy_target,
     energy_terms,
-    trunk_joints,
 )
+from pacmo_core.interaction_mesh.mesh import ancestor_bones, trunk_joints
 from pacmo_core.interaction_mesh.scene import naive_scaling
 from tests.interaction_mesh.scenes import SETTINGS, scene
 from tests.interaction_mesh.test_report import person
@@ -31,7 +30,7 @@ def test_a_trunk_reaches_from_the_root_to_hips_and_shoulders_and_holds_no_limb(s
 
 def test_a_bone_lies_on_the_path_of_what_hangs_on_it():
     source = scene()
-    found = ancestor_bones(source) @ source.vectors.transpose(1, 0, 2).reshape(10, -1)
+    found = ancestor_bones(source) @ source.bone_vectors.transpose(1, 0, 2).reshape(10, -1)
     roots = np.repeat(source.points[:, [0, 6]], 6, axis=1)
     expected = (source.points - roots).transpose(1, 0, 2).reshape(12, -1)
     np.testing.assert_allclose(found, expected, atol=1e-12)
@@ -58,7 +57,7 @@ def test_a_smaller_body_folds_its_trunk_less_the_more_that_weighs():
         weights = replace(SETTINGS.weights, trunk_shape=weight)
         points = retarget(prepare(source, replace(SETTINGS, weights=weights)), scales).points[0]
         trunk = points[:, 1] - points[:, 0]
-        wanted = 0.75 * source.vectors[:, 0]
+        wanted = 0.75 * source.bone_vectors[:, 0]
         return float(np.linalg.norm(trunk - wanted, axis=-1).mean())
 
     assert bent(100) < 0.2 * bent(0)

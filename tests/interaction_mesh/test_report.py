@@ -9,9 +9,11 @@ import pytest
 from pacmo_core.data.skeleton import DUET15, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh import report as module
-from pacmo_core.interaction_mesh.energy import bend_flip_fraction, build_energy, hinge_joints
+from pacmo_core.interaction_mesh.energy import build_energy
+from pacmo_core.interaction_mesh.mesh import hinge_joints
 from pacmo_core.interaction_mesh.report import (
     acceleration_ratios,
+    bend_flip_fraction,
     measure_distances,
     measure_motions,
     near_distance_error,
@@ -21,7 +23,7 @@ from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 
 def report(source, points):
-    standing = build_energy(source, SETTINGS).standing
+    standing = build_energy(source, SETTINGS).is_support
     figures = measure_motions(source, SETTINGS, standing, points[..., None])
     return SimpleNamespace(**{name: values[0] for name, values in figures.items()})
 
@@ -42,13 +44,13 @@ def test_distances_are_those_of_a_loop_over_pairs():
     found = measure_distances(source, SETTINGS, points[..., None])
     assert found.near[0] == pytest.approx(np.mean(near), rel=1e-4)
     assert found.far[0] == pytest.approx(np.mean(far), rel=1e-4)
-    assert found.kept[0] == pytest.approx(np.mean(kept))
+    assert found.contacts_preserved[0] == pytest.approx(np.mean(kept))
     assert found.penetration[0] == pytest.approx(depth, abs=1e-5)
 
 
 def test_a_body_pushed_aside_slides_only_where_it_moves():
     source = scene(1, 12)
-    standing = build_energy(source, SETTINGS).standing
+    standing = build_energy(source, SETTINGS).is_support
     assert standing[1:][standing[:-1]].any()
     aside = source.points + np.array([0.3, 0, 0])
     assert report(source, aside).added_foot_skate == pytest.approx(0, abs=1e-9)
@@ -127,7 +129,7 @@ def test_naive_scaling_keeps_directions_roots_and_the_ground():
     parent, child = source.bones.T
     vectors = found[:, :, child] - found[:, :, parent]
     np.testing.assert_allclose(
-        vectors, scales[:, None, :, None] * source.vectors, rtol=0, atol=1e-12
+        vectors, scales[:, None, :, None] * source.bone_vectors, rtol=0, atol=1e-12
     )
     for first, last in ((0, 6), (6, 12)):
         lowest = found[:, :, first:last, 1].min(axis=2)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, prepare, retarget
 from pacmo_core.interaction_mesh.energy import build_energy, energy_target, energy_terms
-from pacmo_core.interaction_mesh.retargeting import GROWTH_SHARING_POWER, MAX_BATCH, step_scale
+from pacmo_core.interaction_mesh.retargeting import GROWTH_SHARING_EXPONENT, MAX_BATCH, step_scale
 from tests.interaction_mesh.oracles import (
     banded,
     differences,
@@ -54,7 +54,7 @@ def test_every_bone_has_the_length_that_was_asked_for(seed, data):
     source = scene(seed, 7)
     scales = np.array([data.draw(st.lists(st.floats(0.75, 1.25), min_size=10, max_size=10))])
     found = retarget(prepare(source, SETTINGS), scales)
-    wanted = scales[:, None] * np.linalg.norm(source.vectors, axis=-1)
+    wanted = scales[:, None] * np.linalg.norm(source.bone_vectors, axis=-1)
     np.testing.assert_allclose(lengths_of(source, found.points), wanted, rtol=0, atol=1e-12)
 
 
@@ -64,7 +64,7 @@ def test_it_takes_any_skeleton_and_two_that_differ(skeleton):
     scales = np.ones((1, len(source.bones)))
     scales[0, 0], scales[0, -1] = 0.8, 1.2
     found = retarget(prepare(source, SETTINGS), scales)
-    wanted = scales[:, None] * np.linalg.norm(source.vectors, axis=-1)
+    wanted = scales[:, None] * np.linalg.norm(source.bone_vectors, axis=-1)
     np.testing.assert_allclose(lengths_of(source, found.points), wanted, rtol=0, atol=1e-12)
     assert found.reports[0].primal_residual < 1e-2
 
@@ -88,7 +88,7 @@ def test_two_bodies_that_grow_alike_are_the_whole_scene_grown(scale):
     source = scene(2, 9)
     found = retarget(prepare(source, SETTINGS), np.full((1, 10), scale))
     middle = source.points.mean(axis=(0, 1))
-    middle[1] = source.ground
+    middle[1] = source.ground_height
     expected = middle + scale * (source.points - middle)
     np.testing.assert_allclose(found.points[0], expected, atol=1e-5)
 
@@ -152,7 +152,7 @@ def value(energy, change, scales) -> float:
 def test_the_terms_add_up_to_the_energy_by_its_definition():
     source = scene()
     energy = build_energy(source, SETTINGS)
-    assert energy.standing.any() and not energy.standing.all()
+    assert energy.is_support.any() and not energy.is_support.all()
     scales = some_scales(10)
     change = np.random.default_rng(1).normal(scale=0.1, size=(*source.points.shape, 3))
     target = energy_target(energy, scales)
@@ -200,7 +200,7 @@ def test_the_oracles_end_with_bones_of_their_lengths_and_no_force_but_along_them
     change = oracle(source, energy, scales)
     vectors = (differences(source) @ (source.points + change).reshape(-1)).reshape(-1, 3)
     lengths = np.linalg.norm(vectors, axis=1)
-    wanted = (np.linalg.norm(source.vectors, axis=-1) * scales).reshape(-1)
+    wanted = (np.linalg.norm(source.bone_vectors, axis=-1) * scales).reshape(-1)
     np.testing.assert_allclose(lengths, wanted, rtol=1e-5)
     slope = matrix(energy) @ change.reshape(-1) - right_side(energy, scales)
     along = differences(source).toarray().reshape(len(lengths), 3, -1)
@@ -296,7 +296,7 @@ def test_a_body_of_one_bone_is_asked_what_that_grows() -> None:
 
 
 def test_of_equal_bones_each_asks_the_less_the_more_they_are() -> None:
-    np.testing.assert_allclose(step_scale(np.full((2, 7), 0.2)), 1.4 / 7**GROWTH_SHARING_POWER)
+    np.testing.assert_allclose(step_scale(np.full((2, 7), 0.2)), 1.4 / 7**GROWTH_SHARING_EXPONENT)
 
 
 def test_the_unit_of_length_makes_no_difference() -> None:

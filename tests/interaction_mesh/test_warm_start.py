@@ -39,8 +39,8 @@ def test_bones_that_hardly_grow_turn_as_the_oracle_turns_them(n_frames):
         change = manifold(source, energy, scales)
         parent, child = source.bones.T
         grown = (change[:, child] - change[:, parent]) / LITTLE
-        grown[:, bone] -= source.vectors[:, bone]
-        np.testing.assert_allclose(found.turns[..., bone], grown, atol=2e-3)
+        grown[:, bone] -= source.bone_vectors[:, bone]
+        np.testing.assert_allclose(found.displacements[..., bone], grown, atol=2e-3)
 
 
 def test_tensions_are_what_keeps_joints_where_the_oracle_puts_them():
@@ -52,8 +52,8 @@ def test_tensions_are_what_keeps_joints_where_the_oracle_puts_them():
     target = energy_target(energy, scales[None])[..., 0]
     left = energy.laplacians.transpose(0, 2, 1) @ target - hessian_product(energy, change)[..., 0]
     held = np.zeros_like(left)
-    lengths = np.linalg.norm(source.vectors, axis=-1, keepdims=True)
-    pulls = (found.tensions @ (scales - 1))[..., None] * source.vectors / lengths
+    lengths = np.linalg.norm(source.bone_vectors, axis=-1, keepdims=True)
+    pulls = (found.tensions @ (scales - 1))[..., None] * source.bone_vectors / lengths
     for bone, (parent, child) in enumerate(source.bones):
         held[:, child] += pulls[:, bone]
         held[:, parent] -= pulls[:, bone]
@@ -65,8 +65,8 @@ def test_the_start_of_a_body_has_its_lengths_where_nothing_bears_on_its_bones():
     found = linear_response(source, build_energy(source, SETTINGS))
     scales = np.random.default_rng(0).uniform(0.75, 1.25, size=(3, 10))
     rigid = np.full((5, 10, 1), np.inf, dtype=np.float32)
-    bones = found.summed(source.vectors, scales, rigid)
-    wanted = np.linalg.norm(source.vectors, axis=-1)[..., None] * scales.T
+    bones = found.warm_start(source.bone_vectors, scales, rigid)
+    wanted = np.linalg.norm(source.bone_vectors, axis=-1)[..., None] * scales.T
     np.testing.assert_allclose(np.linalg.norm(bones, axis=2), wanted, rtol=1e-5)
 
 
@@ -74,14 +74,16 @@ def test_a_motion_of_more_frames_a_second_is_answered_at_thirty_and_filled_in_be
     drawn = scene(3, 9)
     source = Scene(drawn.motions, drawn.skeletons, fps=60.0)
     found = linear_response(source, build_energy(source, SETTINGS))
-    assert found.leap == 2 and len(found.turns) == len(found.tensions) == 5
+    assert found.stride == 2 and len(found.displacements) == len(found.tensions) == 5
     scales = np.full((1, 10), 1.1)
-    bones = found.summed(source.vectors, scales, np.ones((9, 10, 1), dtype=np.float32))[..., 0]
+    bones = found.warm_start(source.bone_vectors, scales, np.ones((9, 10, 1), dtype=np.float32))[
+        ..., 0
+    ]
     along = bones / np.linalg.norm(bones, axis=-1, keepdims=True)
     sideways = np.zeros((9, 10, 3))
-    sideways[::2] = found.turns @ (scales[0] - 1)
+    sideways[::2] = found.displacements @ (scales[0] - 1)
     sideways[1::2] = (sideways[:-1:2] + sideways[2::2]) / 2
-    expected = 1.1 * source.vectors + sideways
+    expected = 1.1 * source.bone_vectors + sideways
     expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
     np.testing.assert_allclose(along, expected, atol=1e-5)
 
@@ -89,10 +91,10 @@ def test_a_motion_of_more_frames_a_second_is_answered_at_thirty_and_filled_in_be
 def test_parts_of_a_long_motion_give_nearly_what_the_whole_does(monkeypatch):
     source = scene(4, 60)
     energy = build_energy(source, SETTINGS)
-    whole = linear_response(source, energy).turns
+    whole = linear_response(source, energy).displacements
     monkeypatch.setattr(module, "SEGMENT_FRAMES", 20)
     monkeypatch.setattr(module, "OVERLAP_FRAMES", 20)
-    parts = linear_response(source, energy).turns
+    parts = linear_response(source, energy).displacements
     assert parts.tobytes() != whole.tobytes()
     np.testing.assert_allclose(parts, whole, atol=0.05 * np.abs(whole).max())
 
@@ -112,11 +114,11 @@ def test_answers_are_those_of_float64_whether_float32_holds_the_anchor_or_not(
         return eliminate(energy, free, right)
 
     monkeypatch.setattr(warm_start, "_block_cholesky_solve", watched)
-    found = linear_response(source, energy).turns
+    found = linear_response(source, energy).displacements
     assert precisions == [np.float32, np.float64][: 1 + is_lost]
 
     def exactly(energy, free, right):
         return eliminate(energy, free, right.astype(np.float64)).astype(np.float32)
 
     monkeypatch.setattr(module, "solve_reduced", exactly)
-    np.testing.assert_allclose(found, linear_response(source, energy).turns, atol=2e-5)
+    np.testing.assert_allclose(found, linear_response(source, energy).displacements, atol=2e-5)

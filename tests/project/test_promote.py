@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from apps.cli import app
 from pacmo_core import promotion
+from pacmo_core.commands.cli import app
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.promote import decide_promotion, read_candidate, repair_promotion, roll_back
 from pacmo_core.project.workspace import (
@@ -36,8 +36,9 @@ def train(weights: bytes, f2id: float, experiment="lab"):
     Path("reports").mkdir(exist_ok=True)
     cells = {"f2id": f2id, "f2id_floor": 0.5}
     row = {name: {"mean": x, "low": x - 0.1, "high": x + 0.1} for name, x in cells.items()}
-    facts = {"experiment": experiment, "pacmo": {"pacmo": row, "real": {}}}
-    Path("reports/metrics.json").write_text(json.dumps(facts))
+    facts = {"experiment": experiment, "pacmo": {"rows": {"pacmo": row, "real": {}}}}
+    Path("reports/details.json").write_text(json.dumps(facts))
+    Path("reports/metrics.json").write_text("{}")
     Path("reports/pacmo.json").write_text(json.dumps({"test_reactions": 12}))
 
 
@@ -50,7 +51,7 @@ def test_a_good_model_becomes_current_with_its_metrics_and_a_worse_one_does_not(
     assert held.reasons == ("F²ID rose to 0.7; current 0.5 (0.4 to 0.6)",)
     assert CURRENT.read_bytes() == b"one"
     assert (
-        json.loads((PROMOTED_MODELS / "current/reports/metrics.json").read_text())["experiment"]
+        json.loads((PROMOTED_MODELS / "current/reports/details.json").read_text())["experiment"]
         == "lab"
     )
 

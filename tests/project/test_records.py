@@ -19,7 +19,7 @@ from pacmo_core.project.lock import (
 )
 from pacmo_core.project.records import read_runs, record_run
 from pacmo_core.project.workspace import configure_logging, log_event
-from tests.flows.nights import ROOT
+from tests.flows.projects import ROOT
 
 HOLD = """\
 import sys, time

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from pacmo_core.commands.study_store import GENERATED, REAL, Item, Study, write_study
 from pacmo_core.store.files import StoreError
-from pacmo_core.store.study import GENERATED, REAL, Item, Study, write_study
 
 ITEMS = [Item(kind, f"s{k}", f"[{k}]") for k in range(3) for kind in (REAL, GENERATED)]
 

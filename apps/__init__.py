@@ -1,1 +1,0 @@
-"""The door: what a person runs by hand."""

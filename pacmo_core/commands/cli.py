@@ -1,0 +1,107 @@
+"""The console command ``pacmo``: its list of commands, each imported when it is called.
+
+The help of the list is written here, so that ``pacmo --help`` imports no command: some of them
+import torch. A further command is a function in a module of this package and a row here.
+"""
+
+import sys
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+# Name: module of this package, function or typer application in it, first line of its help.
+COMMANDS = {
+    "fetch": ("fetch", "app", "Fetch a data set that anyone may download."),
+    "use": ("workspace", "use", "Write the parameters of an experiment to params.yaml."),
+    "experiments": ("workspace", "experiments", "List the experiments."),
+    "clips": ("clips", "clips", "List the clips of a folder."),
+    "quarantine": ("clips", "quarantine", "List captures that could not be used."),
+    "react": ("react", "react", "Generate reactions to a partner's motion."),
+    "augment": ("augment", "augment", "Retarget two people's motion to other bodies."),
+    "vary": ("vary", "vary", "Retarget two people's motion by a trained skeleton prior."),
+    "view": ("view", "view", "Show clips side by side in a page that plays them."),
+    "export": ("export", "export", "Write a clip in another tool's format."),
+    "study": ("study", "app", "Run a perceptual study: can people tell generated motion?"),
+    "report": ("report", "report", "Write the report with the history of runs and decisions."),
+    "status": (
+        "workspace",
+        "status",
+        "Show the last runs, the current model, stale stages, inbox, quarantine and disk.",
+    ),
+    "rollback": ("workspace", "rollback", "Make the previously promoted model current again."),
+    "tidy": (
+        "workspace",
+        "tidy",
+        "Remove outputs of folds and seeds that params.yaml does not define.",
+    ),
+}
+_OPTIONS: dict[str, Any] = {
+    "add_completion": False,
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+}
+PIPELINE_MODULES = ("dvc", "prefect", "ruamel", "networkx", "fastapi", "uvicorn")
+
+
+class LazyGroup(TyperGroup):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002  # typer's interface
+        """List the commands in the order of the help."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002  # typer's interface
+        """Import a command; None if there is none of this name."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        target = getattr(import_module(f"pacmo_core.commands.{module}"), attribute)
+        if not isinstance(target, typer.Typer):
+            application = typer.Typer(**_OPTIONS)
+            application.command(cmd_name)(target)
+            target = application
+        command = typer.main.get_command(target)
+        command.name = cmd_name
+        return command
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        """Write the list of commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, help_) for name, (_, _, help_) in COMMANDS.items()])
+
+
+app = typer.Typer(
+    name="pacmo",
+    cls=LazyGroup,
+    no_args_is_help=True,
+    epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 wrong usage.",
+    **_OPTIONS,
+)
+
+
+@app.callback()
+def about() -> None:
+    """Two-person motion: generate the reaction to a partner, retarget both people to other bodies.
+
+    ``pacmo COMMAND --help`` describes a command, with examples.
+    """
+
+
+def main() -> None:
+    """Run the command line; name the extra that a missing package belongs to."""
+    try:
+        app(prog_name="pacmo")
+    except ModuleNotFoundError as missing:
+        package = (missing.name or "").partition(".")[0]
+        if package not in PIPELINE_MODULES:
+            raise
+        sys.stderr.write(
+            f"pacmo: this command needs {package}; install it with: pip install 'pacmo[pipeline]'\n"
+        )
+        raise SystemExit(1) from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,368 @@
+"""A file on its way: its bytes in ``NAME.part``, and the note of their version beside them.
+
+The note is JSON in ``NAME.part.json``. Without it the bytes could belong to any version, and are
+not built upon.
+"""
+
+import hashlib
+import json
+import re
+import time
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from importlib import resources
+from pathlib import Path
+
+import httpx
+
+from pacmo_core.project.workspace import CommandError
+
+
+@dataclass(frozen=True)
+class FileVersion:
+    """Which version of a file a server sends: its mark, and its length if the server says."""
+
+    validator: str | None = None
+    length: int | None = None
+
+
+class PartialFile:
+    """A file on its way: what is at hand, and of which version.
+
+    Parameters
+    ----------
+    target : where the whole file will stand; the part stands beside it
+    """
+
+    def __init__(self, target: Path) -> None:
+        self.file = target.with_name(f"{target.name}.part")
+        self._note = target.with_name(f"{target.name}.part.json")
+
+    @property
+    def size(self) -> int:
+        """Bytes at hand."""
+        return self.file.stat().st_size if self.file.exists() else 0
+
+    @property
+    def version(self) -> FileVersion:
+        """The version that the bytes are of, as far as it is known."""
+        try:
+            version = FileVersion(**json.loads(self._note.read_text(encoding="utf-8")))
+        except (FileNotFoundError, ValueError, TypeError):
+            return FileVersion()  # no note, or half of one: the bytes are of an unknown version
+        return version if version.length is None or self.size <= version.length else FileVersion()
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is missing."""
+        return self.file.exists() and self.version.length == self.size
+
+    def begin(self, version: FileVersion) -> None:
+        """Start from nothing: old bytes go before the note of a new version comes."""
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        self.file.write_bytes(b"")
+        self.note(version)
+
+    def note(self, version: FileVersion) -> None:
+        """Write down which version the bytes are of."""
+        self._note.write_text(json.dumps(asdict(version)), encoding="utf-8")
+
+    def discard(self) -> None:
+        """Forget the bytes and their note."""
+        self.file.unlink(missing_ok=True)
+        self._note.unlink(missing_ok=True)
+
+    def move_to(self, target: Path) -> None:
+        """Give the whole file its name, in one step."""
+        self.file.replace(target)
+        self._note.unlink(missing_ok=True)
+
+
+FILE_NAME = "SHA256SUMS"
+_LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")
+
+
+def shipped_checksums() -> dict[str, str]:
+    """Read the SHA-256 of every file that was at hand when this was written, by its place."""
+    text = (
+        resources.files("pacmo_core.commands")
+        .joinpath("known_checksums.json")
+        .read_text(encoding="utf-8")
+    )
+    sums: dict[str, str] = json.loads(text)["sha256"]
+    return sums
+
+
+def sha256_of(file: Path) -> str:
+    """Compute a file's SHA-256 without holding the file in memory."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+class Checksums:
+    """The sums that files under one folder should have.
+
+    Parameters
+    ----------
+    root : holds ``SHA256SUMS``, in the format that ``sha256sum --check`` reads
+    known : sums that are known beforehand, by place under ``root``
+
+    Raises
+    ------
+    CommandError
+        If ``SHA256SUMS`` has a line that is not a sum and a place.
+    """
+
+    def __init__(self, root: Path, known: dict[str, str]) -> None:
+        self.root, self.known = root, known
+        self.recorded = _read(root / FILE_NAME)
+
+    def wanted(self, place: str) -> str | None:
+        """Return the sum that the file should have; None before its first download.
+
+        A record goes before a shipped sum: the two differ only if a person chose the server's.
+        """
+        return self.recorded.get(place) or self.known.get(place)
+
+    def places(self, folder: str) -> list[str]:
+        """List every file that is known or recorded under ``folder``."""
+        return sorted(p for p in {*self.known, *self.recorded} if p.startswith(f"{folder}/"))
+
+    def verified(self, place: str) -> bool:
+        """Say whether the file is there and holds what it should."""
+        file = self.root / place
+        return file.is_file() and sha256_of(file) == self.wanted(place)
+
+    def record(self, place: str, sha256: str) -> None:
+        """Write a file's sum down, so that later runs hold the file against it."""
+        self.recorded[place] = sha256
+        lines = [f"{self.recorded[name]}  {name}\n" for name in sorted(self.recorded)]
+        temporary = self.root / f"{FILE_NAME}.new"
+        temporary.write_text("".join(lines), encoding="utf-8", newline="\n")
+        temporary.replace(self.root / FILE_NAME)
+
+
+def _read(file: Path) -> dict[str, str]:
+    if not file.exists():
+        return {}
+    sums = {}
+    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
+        match = _LINE.fullmatch(line)
+        if match is None:
+            raise CommandError(f"{file}:{number}: wanted '<sha256>  <file>', got {line!r}")
+        sums[match[2]] = match[1]
+    return sums
+
+
+class ArchiveError(CommandError):
+    """An archive that is broken, unsafe, or not what it should be."""
+
+
+_TAKE = re.compile(r"(?:.*/)?(\d\d/\d\d\d/skeleton_pos\.txt)")
+_MAX_BYTES = 8 << 20  # bytes; the longest take at hand has 46 frames in about 40 kB
+
+
+def extract_skeletons(archive: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield ``<action>/<take>/skeleton_pos.txt`` and its bytes, whatever folders lie above.
+
+    The names in the archive are never used as paths. One that would lead out of the folder
+    condemns the archive all the same: nobody ships such a file by accident.
+
+    Raises
+    ------
+    ArchiveError
+        If the archive is broken, unsafe, holds a take twice, or none.
+    """
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            members = _selected_members(archive, opened.infolist())
+            for place, member in members.items():
+                yield place, opened.read(member)
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        raise ArchiveError(f"{_label(archive)}: not a whole zip archive ({error})") from error
+
+
+def _selected_members(archive: Path, members: list[zipfile.ZipInfo]) -> dict[str, zipfile.ZipInfo]:
+    chosen: dict[str, zipfile.ZipInfo] = {}
+    for member in members:
+        _refuse_escape(archive, member)
+        match = _TAKE.fullmatch(member.filename)
+        if match is None or member.filename.startswith("__MACOSX/"):
+            continue
+        if match[1] in chosen:
+            raise ArchiveError(f"{_label(archive)}: holds {match[1]} twice")
+        if member.file_size > _MAX_BYTES:
+            raise ArchiveError(
+                f"{_label(archive)}: {member.filename} claims {member.file_size} bytes"
+            )
+        chosen[match[1]] = member
+    if not chosen:
+        raise ArchiveError(f"{_label(archive)}: holds no skeleton_pos.txt")
+    return chosen
+
+
+def _refuse_escape(archive: Path, member: zipfile.ZipInfo) -> None:
+    name = member.orig_filename.replace("\\", "/")
+    is_link = (member.external_attr >> 16) & 0o170000 == 0o120000
+    if name.startswith("/") or ".." in name.split("/") or ":" in name or is_link:
+        raise ArchiveError(
+            f"{_label(archive)}: refused, {member.orig_filename!r} leads out of the folder"
+        )
+
+
+def _label(archive: Path) -> str:
+    return archive.name.removesuffix(".part")  # the name that the server knows it by
+
+
+Report = Callable[[int, int | None], None]  # bytes at hand, bytes in all if the server says
+
+_CONTENT_RANGE = re.compile(r"bytes (\d+)-\d+/(\d+)")
+
+
+class MissingError(CommandError):
+    """The server answers, and does not have the file."""
+
+
+class _TransientError(Exception):
+    """A fault that may pass: worth another attempt."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetryPolicy:
+    """How long to bear with a server.
+
+    Parameters
+    ----------
+    attempts : failures in a row, none of them bringing the file further, before giving up
+    first_wait : seconds before the second attempt; doubled for each further one
+    timeout : seconds without a byte that count as a failure
+    """
+
+    attempts: int
+    first_wait: float
+    timeout: float
+
+
+def download(
+    client: httpx.Client, url: str, part: PartialFile, patience: RetryPolicy, report: Report
+) -> None:
+    """Fill ``part`` with the whole of ``url``.
+
+    Raises
+    ------
+    MissingError
+        If the server does not have the file.
+    CommandError
+        If the server cannot be reached, keeps failing, or answers with something else. What
+        has come so far stays for the next run.
+    """
+    failures, longest = 0, part.size
+    while not part.whole:
+        try:
+            _attempt(client, url, part, report)
+        except (httpx.UnsupportedProtocol, httpx.TooManyRedirects) as error:
+            raise CommandError(f"{url}: {error}") from error
+        except (httpx.TransportError, _TransientError) as error:
+            failures = 1 if part.size > longest else failures + 1
+            longest = max(longest, part.size)
+            if failures >= patience.attempts:
+                raise CommandError(_failure_message(url, error)) from error
+            time.sleep(patience.first_wait * 2 ** (failures - 1))
+
+
+def _attempt(client: httpx.Client, url: str, part: PartialFile, report: Report) -> None:
+    headers = {"Accept-Encoding": "identity"}  # lengths and ranges of the file as it is stored
+    validator = part.version.validator
+    if validator and part.size:
+        headers |= {"Range": f"bytes={part.size}-", "If-Range": validator}
+    with client.stream("GET", url, headers=headers) as response:
+        if "Range" in headers and response.status_code == 416:
+            part.discard()
+            raise _TransientError("the part is not one of the file's any more")
+        _refuse(url, response)
+        _check_offset(response, part)
+        with part.file.open("ab") as stream:
+            for chunk in response.iter_raw():
+                stream.write(chunk)
+                report(stream.tell(), part.version.length)
+    _close(part)
+
+
+def _check_offset(response: httpx.Response, part: PartialFile) -> None:
+    """Go on at the end of the part if the answer does so too, else start from nothing."""
+    new = FileVersion(_validator(response), _length(response))
+    if response.status_code != 206:
+        part.begin(new)
+        return
+    span = _CONTENT_RANGE.fullmatch(response.headers.get("Content-Range", ""))
+    if (
+        span is None
+        or int(span[1]) != part.size
+        or not _is_same_version(part.version, new, int(span[2]))
+    ):
+        part.discard()
+        raise _TransientError(
+            "the file on the server has changed, or its answer is not the rest of it"
+        )
+    part.note(FileVersion(new.validator, int(span[2])))
+
+
+def _is_same_version(old: FileVersion, new: FileVersion, length: int) -> bool:
+    return old.validator == new.validator and old.length in (None, length)
+
+
+def _close(part: PartialFile) -> None:
+    version = part.version
+    if version.length is None:  # the server sent chunks: their end mark came, so that was all
+        part.note(FileVersion(version.validator, part.size))
+    elif part.size != version.length:
+        raise _TransientError(f"wanted {version.length} bytes, got {part.size}")
+
+
+def _refuse(url: str, response: httpx.Response) -> None:
+    status = response.status_code
+    if status in (404, 410):
+        raise MissingError(
+            f"{url}: not on the server (HTTP {status}); --base-url can name a mirror"
+        )
+    if status in (408, 429) or status >= 500:
+        raise _TransientError(f"HTTP {status} {response.reason_phrase}")
+    if status not in (200, 206):
+        raise CommandError(f"{url}: wanted the file, got HTTP {status} {response.reason_phrase}")
+    if response.headers.get("Content-Type", "").startswith("text/html"):
+        raise CommandError(
+            f"{url}: wanted the file, got a web page (a log-in page of the network?)"
+        )
+    if response.headers.get("Content-Encoding", "identity") != "identity":
+        raise CommandError(f"{url}: wanted the file as it is, got it packed by the server")
+
+
+def _validator(response: httpx.Response) -> str | None:
+    """Return the mark that If-Range accepts: a strong ETag, else the date (RFC 9110, 13.1.5)."""
+    etag: str | None = response.headers.get("ETag")
+    if etag and not etag.startswith("W/"):
+        return etag
+    date: str | None = response.headers.get("Last-Modified")
+    return date
+
+
+def _length(response: httpx.Response) -> int | None:
+    stated = response.headers.get("Content-Length")
+    if stated is None and response.headers.get("Transfer-Encoding") != "chunked":
+        raise CommandError(
+            f"{response.url}: the server states no length, so a cut would go unnoticed"
+        )
+    return None if stated is None else int(stated)
+
+
+def _failure_message(url: str, error: Exception) -> str:
+    if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout | httpx.ProxyError):
+        return (
+            f"cannot reach {httpx.URL(url).host} ({error}); is this machine online, does it need "
+            "HTTPS_PROXY? What has come so far is kept: run the same command again, or name a "
+            "mirror by --base-url"
+        )
+    reason = str(error) or type(error).__name__
+    return f"{url}: gave up ({reason}); what has come so far is kept: run the same command again"

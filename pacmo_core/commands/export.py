@@ -1,0 +1,219 @@
+"""A clip in other tools' formats, by the ending of the file."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from pacmo_core.commands.view import read_scene
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.figures.body import body_of
+from pacmo_core.figures.film import check_gif_rate, find_ffmpeg, write_film
+from pacmo_core.figures.flesh import flesh
+from pacmo_core.figures.scenes import Scene
+from pacmo_core.formats.base import MAX_DISTANCE, check_up
+from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones
+from pacmo_core.formats.resample import from_y_up, resample, sample_times
+from pacmo_core.formats.write_bvh import format_bvh_of_fit
+from pacmo_core.formats.write_gltf import (
+    AnimatedPerson,
+    gltf_document,
+    rest_positions,
+    to_glb,
+    to_gltf,
+)
+from pacmo_core.formats.write_tables import format_csv, npz_bytes
+from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
+from pacmo_core.store.files import atomic_file, write_text
+
+FILM_FPS = 25.0
+COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
+# glTF's own standard says metres, y up; a film shows no axis.
+FIXED_UNIT_SUFFIXES = (".glb", ".gltf", ".mp4", ".gif")
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """How to write: frames a second (None: as they are), the upward axis, metres a unit."""
+
+    fps: float | None
+    up: str
+    unit: float
+
+    def check(self, out: Path) -> None:
+        """Refuse what a format cannot hold, before any work is done.
+
+        Raises
+        ------
+        CommandError
+            If the ending is none of ours, or the format fixes the axis and the unit.
+        """
+        ending = out.suffix.lower()
+        if ending not in WRITERS:
+            raise CommandError(f"{out}: wanted an ending of {', '.join(WRITERS)}")
+        check_up(self.up)
+        if not 0 < self.unit <= MAX_DISTANCE:
+            raise CommandError(
+                f"--unit must be > 0 and <= {MAX_DISTANCE:g} metres; got {self.unit}"
+            )
+        if ending in FIXED_UNIT_SUFFIXES and (self.up, self.unit) != ("y", 1.0):
+            raise CommandError(f"{out}: {ending} is always metres, y up; leave out --up and --unit")
+        if ending == ".gif":
+            check_gif_rate(self.fps or FILM_FPS)
+        if ending == ".mp4":
+            find_ffmpeg()
+
+
+def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Path], str]:
+    """Write each file whole or not at all; list them, and say what was lost."""
+    ending = out.suffix.lower()
+    fps = FILM_FPS if form.fps is None and ending in (".mp4", ".gif") else form.fps
+    return WRITERS[ending](out, scene if fps is None else resample_scene(scene, fps), form)
+
+
+def resample_scene(scene: Scene, fps: float) -> Scene:
+    """Sample a scene anew."""
+    at = sample_times(scene.times, fps)
+    people = tuple(resample(motion, scene.times, at) for motion in scene.people)
+    return replace(scene, times=at - at[0], people=people)
+
+
+def _fps(scene: Scene) -> float:
+    return float(1 / np.median(np.diff(scene.times)))
+
+
+def _convert(scene: Scene, form: ExportOptions) -> list[Motion]:
+    return [(from_y_up(m, form.up) / form.unit).astype(np.float32) for m in scene.people]
+
+
+def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+    files, lost = [], []
+    for person, motion in zip("AB", scene.people, strict=False):
+        fitted = fit_bones(from_y_up(motion, form.up), scene.skeleton)
+        lost.append(_position_errors(fitted, from_y_up(motion, form.up), scene))
+        in_units = replace(fitted, offsets=fitted.offsets / form.unit, root=fitted.root / form.unit)
+        alone = len(scene.people) == 1
+        files.append(out if alone else out.with_name(f"{out.stem}_{person}{out.suffix}"))
+        write_text(files[-1], format_bvh_of_fit(in_units, _fps(scene), scene.skeleton))
+    return files, _error_summary(lost)
+
+
+def _gltf(out: Path, scene: Scene, _: ExportOptions) -> tuple[list[Path], str]:
+    actors, lost = [], []
+    for person, motion, colour in zip("ab", scene.people, COLOURS, strict=False):
+        fitted = fit_bones(motion, scene.skeleton)
+        lost.append(_position_errors(fitted, motion, scene))
+        rest = rest_positions(fitted, scene.skeleton)
+        skin = flesh(body_of(scene.skeleton), scene.skeleton, rest)
+        actors.append(AnimatedPerson(person, fitted, skin, colour))
+    document, data = gltf_document(scene.skeleton, scene.times, actors)
+    write = to_glb if out.suffix.lower() == ".glb" else to_gltf
+    _write_bytes(out, write(document, data))
+    return [out], _error_summary(lost)
+
+
+def _csv(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+    write_text(out, format_csv(scene.skeleton, scene.times, _convert(scene, form)))
+    return [out], ""
+
+
+def _npz(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+    people = _convert(scene, form)
+    content = npz_bytes(scene.skeleton, scene.times, people, up=form.up, unit=form.unit)
+    _write_bytes(out, content)
+    return [out], ""
+
+
+def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+    # Stills draw their first person orange; the viewer's first is blue.
+    clip = Interaction(scene.skeleton, scene.times, scene.people[-1], scene.people[0])
+    with atomic_file(out) as partial:
+        # Writers go by the ending.
+        named = partial.with_name(partial.name + out.suffix.lower())
+        try:
+            write_film(named, clip, form.fps or FILM_FPS)
+            named.replace(partial)
+        finally:
+            named.unlink(missing_ok=True)
+    return [out], ""
+
+
+def _write_bytes(out: Path, content: bytes) -> None:
+    with atomic_file(out) as partial:
+        partial.write_bytes(content)
+
+
+def _position_errors(
+    fitted: ConstantBoneMotion, motion: Motion, scene: Scene
+) -> NDArray[np.float64]:
+    """``(T, J)`` metres between joints as they moved and as constant bones move them."""
+    off: NDArray[np.float64] = np.linalg.norm(fitted.positions(scene.skeleton) - motion, axis=-1)
+    return off
+
+
+def _error_summary(lost: list[NDArray[np.float64]]) -> str:
+    off = 1000 * np.stack(lost)
+    return f"constant bones moved joints by {off.mean():.1f} mm on average, {off.max():.1f} at most"
+
+
+WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]]] = {
+    ".bvh": _bvh,
+    ".glb": _gltf,
+    ".gltf": _gltf,
+    ".csv": _csv,
+    ".npz": _npz,
+    ".mp4": _film,
+    ".gif": _film,
+}
+
+
+Clip = Annotated[str, typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FILE or FILE+FILE")]
+Out = Annotated[Path, typer.Option(help="FILE.bvh, .glb, .gltf, .csv, .npz, .mp4 or .gif")]
+Fps = Annotated[float | None, typer.Option(help="of the file; the clip's own, a film's 25")]
+Up = Annotated[str, typer.Option(help="the file's upward axis, y or z")]
+Unit = Annotated[float, typer.Option(help="metres a unit of the file; 0.01 is centimetres")]
+FormatName = Annotated[
+    str | None, typer.Option("--format", help="of a capture, if the ending does not tell")
+]
+Preset = Annotated[str | None, typer.Option(help="of BVH captures: duo_mocap, cmu_18_19, ...")]
+FromUnit = Annotated[float | None, typer.Option(help="metres a unit of a BVH capture")]
+FromUp = Annotated[str | None, typer.Option(help="a capture's upward axis, y or z")]
+FromFps = Annotated[float | None, typer.Option(help="where a capture states none, or a wrong one")]
+
+
+def export(  # noqa: PLR0913  # typer reads the options off the signature
+    clip: Clip,
+    out: Out,
+    fps: Fps = None,
+    up: Up = "y",
+    unit: Unit = 1.0,
+    form: FormatName = None,
+    preset: Preset = None,
+    from_unit: FromUnit = None,
+    from_up: FromUp = None,
+    from_fps: FromFps = None,
+) -> None:
+    """Write a clip for another tool; the file's ending says for which.
+
+    pacmo export S001C001P001R001A050 --out push.glb
+
+    pacmo export data/reactions/1/pacmo/1:NAME#b#0 --out push.bvh --up z --unit 0.01 --fps 60
+
+    pacmo export walk_A.bvh+walk_B.bvh --from-unit 0.01 --from-up y --out walk.gif
+
+    .bvh: a file a person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with
+    skeleton, skin and animation, metres, y up. Both have rotations of constant bones, and the
+    command says how far that moved joints. .csv: a row a frame. .npz: NumPy. .mp4, .gif: a film;
+    MP4 needs ffmpeg (pip install imageio-ffmpeg). A CLIP is named as for ``pacmo view``.
+    """
+    options = {"preset": preset, "unit": from_unit, "up": from_up, "fps": from_fps}
+    settings = {name: value for name, value in options.items() if value is not None}
+    with reading_errors_in_one_line():
+        wanted = ExportOptions(fps, up, unit)
+        wanted.check(out)
+        files, lost = export_scene(read_scene(clip, form, settings), out, wanted)
+    typer.echo(", ".join(map(str, files)) + (f"; {lost}" if lost else ""))

@@ -1,0 +1,224 @@
+"""Frames in on standard input, answers out on standard output, one line each."""
+
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import typer
+from numpy.typing import NDArray
+
+from pacmo_core.commands.captures import is_parquet
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.models import load_reaction_model
+from pacmo_core.operators.spline import Spline
+from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
+from pacmo_core.reaction.react import react_all, sample_times
+from pacmo_core.reaction.stream import ReactionStream
+from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, sample_poses
+from pacmo_core.store.files import write_text
+from pacmo_core.store.motions import read_motion, write_motions
+
+
+def react_to_lines(lines: Iterable[str], live: ReactionStream, n_joints: int) -> Iterator[str]:
+    """Answer each line in its own form: JSON, or numbers between blanks."""
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            time, pose, as_json = _parse_frame(line, n_joints)
+            reactions = live.react(pose, time)
+        except (ValueError, KeyError, TypeError) as fault:
+            raise CommandError(f"line {number}: {fault}") from fault
+        yield _json(time, reactions) if as_json else _numbers(time, reactions)
+
+
+def _parse_frame(line: str, n_joints: int) -> tuple[float, Motion, bool]:
+    as_json = line.lstrip().startswith("{")
+    if as_json:
+        facts: dict[str, Any] = json.loads(line)
+        if set(facts) != {"time", "pose"}:
+            raise ValueError(f"wanted the keys time and pose; got {sorted(facts)}")
+        return float(facts["time"]), np.array(facts["pose"], np.float32), True
+    values = np.array(line.replace(",", " ").split(), np.float64)
+    if len(values) != 1 + 3 * n_joints:
+        raise ValueError(f"wanted a time and {3 * n_joints} numbers; got {len(values)} in all")
+    return float(values[0]), values[1:].astype(np.float32).reshape(-1, 3), False
+
+
+def _json(time: float, reactions: Motion) -> str:
+    return json.dumps({"time": time, "reactions": reactions.round(6).tolist()})
+
+
+def _numbers(time: float, reactions: Motion) -> str:
+    return " ".join([repr(time), *(f"{value:.6f}" for value in reactions.reshape(-1).tolist())])
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Reactions to one partner.
+
+    Parameters
+    ----------
+    name : of the partner's capture
+    skeleton : of both
+    times : (T,) float64, seconds
+    partner : (T, J, 3) float32, metres
+    samples : (S, T, J, 3) float32, metres
+    """
+
+    name: str
+    skeleton: Skeleton
+    times: NDArray[np.float64]
+    partner: Motion
+    samples: Motion
+
+
+def check_reactions_output(out: Path) -> None:
+    """Refuse a place that says no format, before any work is done."""
+    if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
+        raise CommandError(f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files")
+
+
+def write_reactions(reactions: Reactions, out: Path) -> list[Path]:
+    """Write each file whole or not at all; list them."""
+    if is_parquet(out):
+        with write_motions(out, reactions.skeleton) as writer:
+            for number, reaction in enumerate(reactions.samples):
+                pair = Interaction(reactions.skeleton, reactions.times, reactions.partner, reaction)
+                writer.add(f"{reactions.name}#{number:04d}", pair)
+        return [out]
+    folder, stem = (
+        (out, reactions.name) if not out.suffix or out.is_dir() else (out.parent, out.stem)
+    )
+    return _write_bvh(reactions, folder, stem)
+
+
+def _write_bvh(reactions: Reactions, folder: Path, stem: str) -> list[Path]:
+    """Name files so that the preset ``pair`` finds the two people of each sample."""
+    fps = float(1 / np.median(np.diff(reactions.times)))
+    partner = format_bvh(reactions.partner, fps, reactions.skeleton)
+    files = []
+    for number, reaction in enumerate(reactions.samples):
+        text = format_bvh(reaction, fps, reactions.skeleton)
+        for person, content in (("A", partner), ("B", text)):
+            files.append(folder / f"{stem}_{number}_{person}.bvh")
+            write_text(files[-1], content)
+    return files
+
+
+WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
+MIN_FRAMES = 4  # frames: a cubic has no fewer
+
+PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
+Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
+Weights = Annotated[Path, typer.Option(help="a trained model")]
+Fps = Annotated[float | None, typer.Option(help="of the reaction; the partner's own if not given")]
+Samples = Annotated[int, typer.Option(min=1, help="reactions to draw")]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed draws the same reactions")]
+PersonName = Annotated[
+    str | None, typer.Option(help="who is the partner, where there are two: a, b")
+]
+Action = Annotated[str, typer.Option(help="its label, for a model trained on labels")]
+Clip = Annotated[str, typer.Option(help="of a .parquet or .mat file")]
+FormatName = Annotated[str | None, typer.Option("--format", help="if the ending does not tell")]
+Preset = Annotated[str | None, typer.Option(help="of a BVH file: duo_mocap, cmu_18_19, ...")]
+Unit = Annotated[float | None, typer.Option(help="metres a unit of a BVH file")]
+Up = Annotated[str | None, typer.Option(help="the capture's upward axis, y or z")]
+PartnerFps = Annotated[
+    float | None, typer.Option(help="where the capture states none, or a wrong one")
+]
+Live = Annotated[bool, typer.Option("--stream", help="answer frames on standard input")]
+
+
+def react(  # noqa: PLR0913  # typer reads the options off the signature
+    partner: PartnerFile = None,
+    out: Out = None,
+    weights: Weights = WEIGHTS,
+    fps: Fps = None,
+    samples: Samples = 1,
+    seed: Seed = 0,
+    person: PersonName = None,
+    clip: Clip = "",
+    action: Action = "",
+    form: FormatName = None,
+    preset: Preset = None,
+    unit: Unit = None,
+    up: Up = None,
+    partner_fps: PartnerFps = None,
+    stream: Live = False,
+) -> None:
+    """Generate reactions to a partner's motion.
+
+    pacmo react walk.bvh --unit 0.01 --up y --fps 120 --samples 8 --out reactions.parquet
+
+    pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
+
+    Read are BVH, ASF/AMC, NTU .skeleton, ExPI .tsv, InterHuman .npy, DuetDance .mat and .txt
+    (--format duetdance), SBU .txt (--format sbu) and this project's Parquet. The capture must have
+    the model's joints, by name; others are left out. Parquet holds an interaction a sample:
+    person_a is the partner, person_b the reaction. BVH holds a file a person a sample, NAME_0_A.bvh
+    the partner and NAME_0_B.bvh the reaction, metres, y up, bones made constant.
+
+    --stream answers frame by frame. A frame is a line: the time in seconds, then x y z of every
+    joint in the model's order, metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z], ...]}. The
+    answer is a line of the same form, {"time": 0.1, "reactions": [[[x, y, z], ...], ...]} or the
+    numbers of all samples in turn. Joints are listed on standard error. ``python -m
+    benchmarks.operator`` measures how long an answer takes on a machine: a few milliseconds.
+    """
+    options = {"preset": preset, "unit": unit, "up": up, "fps": partner_fps}
+    settings = {name: value for name, value in options.items() if value is not None}
+    torch.set_num_threads(1)
+    with reading_errors_in_one_line():
+        if stream:
+            _stream(load_reaction_model(weights), samples, seed, action)
+            return
+        if partner is None or out is None:
+            raise CommandError("give a PARTNER and --out, or --stream")
+        check_reactions_output(out)
+        model = load_reaction_model(weights)
+        capture = _capture(partner, form, settings, person, clip).select_joints(model.skeleton)
+        name = clip or partner.stem
+        at = _sample_times(capture, fps, name)
+        random = torch.Generator().manual_seed(seed)
+        seen = PartnerMotion(capture.motion, capture.times, at, action)
+        (motions,) = react_all(model, [seen], n_samples=samples, random=random)
+        shown = sample_poses(Spline(capture.times, capture.motion), at)
+        files = write_reactions(Reactions(name, model.skeleton, at - at[0], shown, motions), out)
+        typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
+
+
+def _capture(
+    file: Path, form: str | None, settings: dict[str, Any], person: str | None, clip: str
+) -> PersonMotion:
+    if file.suffix.lower() == ".parquet":
+        if not clip or settings or form:
+            raise CommandError(f"{file}: wanted --clip, and no option of other formats")
+        return select_person(read_motion(file, clip), person, clip)
+    return read_partner(file, form or format_of(file), settings, person=person, clip=clip)
+
+
+def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArray[np.float64]:
+    """List the instants to react at."""
+    if len(capture.times) < MIN_FRAMES:
+        raise CommandError(f"{name}: wanted {MIN_FRAMES} frames or more; got {len(capture.times)}")
+    at = capture.times if fps is None else sample_times(capture.times, fps)
+    if len(at) < 2:
+        raise CommandError(f"{name} is too short for two frames at {fps:g} a second")
+    return at
+
+
+def _stream(model: ReactionModel, samples: int, seed: int, action: str) -> None:
+    random = torch.Generator().manual_seed(seed)
+    live = ReactionStream(model, n_samples=samples, random=random, action=action)
+    typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
+    for answer in react_to_lines(sys.stdin, live, len(model.skeleton.joints)):
+        sys.stdout.write(f"{answer}\n")
+        sys.stdout.flush()

@@ -1,0 +1,160 @@
+"""The study's web server: one page and four questions, safe to put on the web.
+
+It says nothing of the machine, keeps no address, takes small and well-formed questions only, and
+slows down who asks too fast.
+"""
+
+import secrets
+import threading
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import APIRouter, FastAPI, Path, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, JSONResponse
+from pydantic import BaseModel, ConfigDict, Field, StrictBool
+
+from pacmo_core.commands.study_store import Study, balanced_sample
+from pacmo_core.figures.study import render_study
+
+TOKEN = r"^[A-Za-z0-9_-]{22}$"  # 128 random bits
+MAX_BODY = 1000  # bytes
+MAX_REFERENCES = 1000
+MAX_ADDRESSES = 50_000  # addresses
+Person = Annotated[str, Path(pattern=TOKEN)]
+Place = Annotated[int, Path(ge=0, lt=MAX_REFERENCES)]
+Next = Callable[[Request], Awaitable[Response]]
+
+
+class ConsentForm(BaseModel):
+    """A participant agrees."""
+
+    model_config = ConfigDict(extra="forbid")
+    consent: Literal[True]
+
+
+class AnswerForm(BaseModel):
+    """A participant takes a clip for real, or not."""
+
+    model_config = ConfigDict(extra="forbid")
+    person: str = Field(pattern=TOKEN)
+    place: int = Field(ge=0, lt=MAX_REFERENCES, strict=True)
+    real: StrictBool
+
+
+@dataclass
+class RateLimiter:
+    """So many questions a second from one address, and a few more at once.
+
+    Addresses live in memory alone and are forgotten when they have been quiet.
+    """
+
+    rate: float
+    burst: float
+    _seen: dict[str, tuple[float, float]] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def allows(self, address: str, now: float) -> bool:
+        """Count a question; say whether it may be answered."""
+        with self._lock:
+            left, then = self._seen.pop(address, (self.burst, now))
+            left = min(self.burst, left + (now - then) * self.rate)
+            self._seen[address] = (left - 1 if left >= 1 else left, now)
+            if len(self._seen) > MAX_ADDRESSES:
+                del self._seen[next(iter(self._seen))]
+            return left >= 1
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What a study allows: clips that a participant judges, and participants at most."""
+
+    per_person: int
+    people: int
+
+
+def create_app(study: Study, terms: StudySettings, limiter: RateLimiter) -> FastAPI:
+    """Serve a study.
+
+    Raises
+    ------
+    ValueError
+        If the study has too few.
+    """
+    random = np.random.default_rng()
+    balanced_sample(study.candidates(), terms.per_person, random)
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    page, policy = render_study()
+
+    @app.middleware("http")
+    async def guard(request: Request, answer: Next) -> Response:
+        response = _refusal(request, limiter) or await answer(request)
+        response.headers["Content-Security-Policy"] = policy
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        response.headers["Referrer-Policy"] = "no-referrer"
+        response.headers["Cache-Control"] = "no-store"
+        return response
+
+    @app.exception_handler(RequestValidationError)
+    async def malformed(_: Request, __: RequestValidationError) -> Response:
+        return JSONResponse({"error": "not a question of this study"}, 422)
+
+    @app.get("/")
+    def show() -> Response:
+        return HTMLResponse(page)
+
+    app.include_router(_questions(study, terms, random))
+    return app
+
+
+def _questions(study: Study, terms: StudySettings, random: np.random.Generator) -> APIRouter:
+    """Answer a participant's browser."""
+    router = APIRouter()
+
+    @router.post("/begin")
+    def begin(_: ConsentForm) -> Response:
+        person = secrets.token_urlsafe(16)
+        # The study calls back under its lock: one draw at a time.
+        count = study.begin(
+            person, lambda seen: balanced_sample(seen, terms.per_person, random), terms.people
+        )
+        if not count:
+            return JSONResponse({"error": "the study has all its participants"}, 410)
+        return JSONResponse({"person": person, "count": count})
+
+    @router.get("/progress/{person}")
+    def progress(person: Person) -> Response:
+        count, answered = study.progress(person)
+        if not count:
+            return _not_found()
+        return JSONResponse({"count": count, "answered": answered})
+
+    @router.get("/clip/{person}/{place}")
+    def clip(person: Person, place: Place) -> Response:
+        scene = study.scene(person, place)
+        return _not_found() if scene is None else Response(scene, media_type="application/json")
+
+    @router.post("/answer")
+    def answer(verdict: AnswerForm) -> Response:
+        kept = study.answer(verdict.person, verdict.place, real=verdict.real)
+        return JSONResponse({"kept": True}) if kept else _not_found()
+
+    return router
+
+
+def _not_found() -> Response:
+    return JSONResponse({"error": "no such participant or place"}, 404)
+
+
+def _refusal(request: Request, limiter: RateLimiter) -> Response | None:
+    """Refuse what is too big or comes too fast, before anything reads it."""
+    length = request.headers.get("content-length", "")
+    if request.method == "POST" and not (length.isdecimal() and int(length) <= MAX_BODY):
+        return JSONResponse({"error": "too large"}, 413)
+    address = request.client.host if request.client else ""
+    if not limiter.allows(address, time.monotonic()):
+        return JSONResponse({"error": "too fast"}, 429, {"Retry-After": "1"})
+    return None

@@ -1,0 +1,164 @@
+"""``pacmo vary``: two people's motion on other bodies, by a trained skeleton prior."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import typer
+from numpy.typing import NDArray
+
+from pacmo_core.augmentation.bodies import measure_body, segment_scales
+from pacmo_core.commands.augment import (
+    AScale,
+    BScale,
+    Clip,
+    First,
+    FormatName,
+    Fps,
+    Out,
+    Preset,
+    Second,
+    Unit,
+    Up,
+    parse_factors,
+    solver_errors_in_one_line,
+)
+from pacmo_core.commands.captures import (
+    TwoPersonCapture,
+    check_output,
+    is_parquet,
+    read_two_people,
+    write_two_people,
+)
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.models import load_skeleton_prior
+from pacmo_core.project.workspace import CommandError
+from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
+from pacmo_core.store.motions import write_motions
+
+WEIGHTS = Path("models/priors/default/random/kinematic/1/weights.safetensors")
+
+Weights = Annotated[Path, typer.Option(help="a trained skeleton prior")]
+Samples = Annotated[int, typer.Option(min=1, help="interactions to draw")]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed draws the same interactions")]
+
+Scales = NDArray[np.float64]
+
+
+def vary(  # noqa: PLR0913  # typer reads the options off the signature
+    first: First,
+    second: Second = None,
+    *,
+    out: Out,
+    a_scale: AScale = [],  # noqa: B006  # typer copies it
+    b_scale: BScale = [],  # noqa: B006
+    samples: Samples = 1,
+    seed: Seed = 0,
+    weights: Weights = WEIGHTS,
+    clip: Clip = "",
+    form: FormatName = None,
+    preset: Preset = None,
+    unit: Unit = None,
+    up: Up = None,
+    fps: Fps = None,
+) -> None:
+    """Give two people other bodies with a trained model, in a moment.
+
+    pacmo vary DUO_A.bvh DUO_B.bvh --preset duo_mocap --samples 20 --weights W --out other
+
+    pacmo vary DUO_A.bvh DUO_B.bvh --unit 0.01 --up y --b-scale left_forearm=1.2 --weights W
+    --out other
+
+    Without scales the bodies are drawn too, a new one for person b each time. The capture must
+    have the model's joints, by name; others are left out. Several samples come as folders 0, 1, ...
+    of BVH files, or in one Parquet file. ``pacmo augment`` solves for the same and takes longer.
+    """
+    options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
+    settings = {name: value for name, value in options.items() if value is not None}
+    files = (first,) if second is None else (first, second)
+    torch.set_num_threads(1)
+    with solver_errors_in_one_line(" and ".join(map(str, files))):
+        model = load_skeleton_prior(weights)
+        duo = _select_joints(read_two_people(files, form, settings, clip), model.config.skeleton)
+        places = _output_files(duo, samples, out)
+        wishes = [parse_factors(words) for words in (a_scale, b_scale)]
+        random = torch.Generator().manual_seed(seed)
+        found = list(_variations(model, duo, wishes, samples, random))
+        written = _write(duo, found, places)
+        typer.echo(
+            f"{len(found)} x {len(duo.people[0].times)} frames in "
+            f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
+        )
+
+
+def _select_joints(duo: TwoPersonCapture, skeleton: Skeleton) -> TwoPersonCapture:
+    """Take the model's joints of either person."""
+    a, b = (person.select_joints(skeleton) for person in duo.people)
+    return replace(duo, people=(a, b))
+
+
+def _variations(
+    model: SkeletonPrior,
+    duo: TwoPersonCapture,
+    wishes: list[dict[str, float]],
+    samples: int,
+    random: torch.Generator,
+) -> Iterator[tuple[Interaction, Scales]]:
+    """Yield interactions and the scales (2, E) of their bodies: asked for, or drawn."""
+    a, b = duo.people
+    source = Interaction(model.config.skeleton, a.times - a.times[0], a.motion, b.motion)
+    if any(wishes):
+        scales = _requested_scales(duo.people, wishes)[None]
+        (found,) = retarget(model, source, scales, samples=samples, random=random)
+        yield from ((pair, scales[0]) for pair in found)
+        return
+    scales = generate_skeletons(model, samples, random=random)
+    made = retarget(model, source, scales, samples=1, random=random)
+    yield from ((pair, own) for (pair,), own in zip(made, scales, strict=True))
+
+
+def _requested_scales(
+    people: tuple[PersonMotion, PersonMotion], wishes: list[dict[str, float]]
+) -> Scales:
+    return np.stack(
+        [
+            segment_scales(measure_body(person.motion, person.skeleton), factors)
+            for person, factors in zip(people, wishes, strict=True)
+        ]
+    )
+
+
+def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
+    """Say where samples go, before any work is done: one place, or a folder for each."""
+    if samples == 1 or is_parquet(out):
+        places = [out]
+    elif out.suffix and not out.is_dir():
+        raise CommandError(f"{out}: wanted a folder or a .parquet file for {samples} samples")
+    else:
+        places = [out / str(number) for number in range(samples)]
+    for place in places:
+        check_output(duo, place)
+    return places
+
+
+def _write(
+    duo: TwoPersonCapture, found: list[tuple[Interaction, Scales]], places: list[Path]
+) -> list[Path]:
+    """Write all samples: into one Parquet file, or each into its own place."""
+    if is_parquet(places[0]):
+        with write_motions(places[0], duo.people[0].skeleton) as writer:
+            for number, (pair, _) in enumerate(found):
+                writer.add(f"{duo.name}~{number:04d}", pair)
+        return places
+    written: list[Path] = []
+    for number, ((pair, own), place) in enumerate(zip(found, places, strict=True)):
+        moved = duo.moved((pair.person_a, pair.person_b))
+        files, _ = write_two_people(moved, (own[0], own[1]), str(number), place)
+        written += files
+    return written

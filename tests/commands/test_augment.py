@@ -1,0 +1,203 @@
+"""Truth: the solver's own call; files that our own readers read back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from pacmo_core.augmentation.run import scene_from
+from pacmo_core.augmentation.segments import segments
+from pacmo_core.commands.augment import read_solver_section
+from pacmo_core.commands.cli import app
+from pacmo_core.data.interaction import Interaction, bone_lengths
+from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.base import RawSequence
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.interaction_mesh import prepare, retarget
+from pacmo_core.store.motions import stream_motions, write_motions
+from tests.formats.real_files import real_folder
+from tests.reaction.problems import delayed_mirror
+
+PARAMS = Path("params.yaml").absolute()
+FOREARM = [s.name for s in segments(SBU15)].index("left_forearm")
+
+
+def standing(n_frames: int = 20) -> Interaction:
+    """Give two people constant bones and a height."""
+    clip = delayed_mirror(1, np.arange(n_frames) / 15)
+    random = np.random.default_rng(0)
+    still = [motion.mean(axis=0) for motion in (clip.person_a, clip.person_b)]
+    sway = 0.02 * random.standard_normal((2, n_frames, 1, 3)).cumsum(axis=1)
+    motions = [
+        (pose + random.normal(0, 0.02, pose.shape) + move).astype(np.float32)
+        for pose, move in zip(still, sway, strict=True)
+    ]
+    return Interaction(clip.skeleton, clip.times, *motions)
+
+
+CLIP = standing()
+UNIT = ["--unit", 1, "--up", "y"]
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> list[Path]:
+    """Write a BVH file a person."""
+    paths = [tmp_path / "duo_A.bvh", tmp_path / "duo_B.bvh"]
+    for path, motion in zip(paths, (CLIP.person_a, CLIP.person_b), strict=True):
+        path.write_text(format_bvh(motion, 15, SBU15))
+    return paths
+
+
+@pytest.fixture
+def stored(tmp_path: Path) -> Path:
+    with write_motions(tmp_path / "motions.parquet", SBU15) as writer:
+        writer.add("one", CLIP)
+    return tmp_path / "motions.parquet"
+
+
+def pacmo(*words: object) -> Result:
+    return CliRunner().invoke(app, ["augment", *map(str, words), "--params", str(PARAMS)])
+
+
+def refused(said: Result, *texts: str) -> None:
+    assert said.exit_code == 1, said.output
+    assert said.stderr.count("\n") == 1
+    for text in texts:
+        assert text in said.stderr
+
+
+def read(folder: Path, names: tuple[str, str] = ("duo_A.bvh", "duo_B.bvh")) -> Interaction:
+    pairs = BvhPairs(
+        preset="pair", unit=1, up="y", fps=None, end_sites=False, skip_frames=0,
+        max_root_distance=None,
+    )  # fmt: skip
+    return pairs.read(RawSequence("duo", tuple(folder / name for name in names))).interaction
+
+
+def test_parquet_comes_out_as_the_solver_gives_it(stored: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.parquet"
+    said = pacmo(stored, "--clip", "one", "--b-scale", "left_forearm=1.2", "--out", out)
+    assert said.exit_code == 0, said.output
+    ((name, found),) = stream_motions(out)
+    assert name == "one~b-left_forearm-1.2"
+    scales = np.ones((1, 28))
+    scales[0, 14 + FOREARM] = 1.2
+    wanted = retarget(prepare(scene_from(CLIP), read_solver_section(PARAMS).solver), scales).points[
+        0
+    ]
+    np.testing.assert_array_equal(found.person_a, wanted[:, :15].astype(np.float32))
+    np.testing.assert_array_equal(found.person_b, wanted[:, 15:].astype(np.float32))
+    assert "contacts " in said.output
+
+
+def test_bvh_comes_out_under_the_same_names_in_the_same_tree(
+    files: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    said = pacmo(*files, *UNIT, "--a-scale", "uniform=0.9", "--b-scale", "left_forearm=1.2",
+                 "--out", out)  # fmt: skip
+    assert said.exit_code == 0, said.output
+    before, after = read(tmp_path), read(out)
+    assert after.skeleton == before.skeleton
+    body = before.skeleton
+    forearm = [s.name for s in segments(body)].index("left_forearm")
+    for motion, source, wanted in (
+        (after.person_a, before.person_a, np.full(14, 0.9)),
+        (after.person_b, before.person_b, np.where(np.arange(14) == forearm, 1.2, 1.0)),
+    ):
+        grown = bone_lengths(motion, body) / bone_lengths(source, body)
+        np.testing.assert_allclose(grown, np.broadcast_to(wanted, grown.shape), atol=1e-4)
+
+
+def test_a_single_name_makes_a_pair_and_a_profile_is_taken_by_name(
+    files: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "x" / "small.bvh"
+    assert pacmo(*files, *UNIT, "--profile", "b=long_arms", "--out", out).exit_code == 0
+    assert sorted(path.name for path in out.parent.iterdir()) == ["small_A.bvh", "small_B.bvh"]
+    found = read(out.parent, ("small_A.bvh", "small_B.bvh"))
+    forearm = [s.name for s in segments(found.skeleton)].index("left_forearm")
+    before, after = (bone_lengths(m.person_b, m.skeleton)[0] for m in (read(tmp_path), found))
+    assert after[forearm] / before[forearm] == pytest.approx(1.1, abs=1e-3)
+
+
+def test_two_bodies_of_different_skeletons_meet(files: list[Path], tmp_path: Path) -> None:
+    short = SBU15.without(["left_foot", "right_foot"])
+    rows = SBU15.indices(short.joints)
+    files[1].write_text(format_bvh(CLIP.person_b[:, rows], 15, short))
+    words = [*files, *UNIT, "--b-scale", "head=1.3", "--out"]
+    assert pacmo(*words, tmp_path / "out").exit_code == 0
+    refused(pacmo(*words, tmp_path / "out.parquet"), "Parquet holds two people of one skeleton")
+
+
+def test_joints_on_top_of_each_other_are_left_out_and_written_again(
+    files: list[Path], tmp_path: Path
+) -> None:
+    text = files[0].read_text()
+    at = text.index("JOINT left_hand")
+    head, _, tail = text[at:].partition("OFFSET ")
+    offset, _, rest = tail.partition("\n")
+    doubled = text[:at] + head + "OFFSET 0 0 0\n" + rest
+    assert offset
+    files[0].write_text(doubled)
+    said = pacmo(*files, *UNIT, "--a-scale", "uniform=1.1", "--out", tmp_path / "out")
+    assert said.exit_code == 0, said.output
+    assert read(tmp_path / "out").skeleton.joints == read(tmp_path).skeleton.joints
+
+
+def test_what_cannot_be_done_is_one_line_that_names_file_and_segment(
+    files: list[Path], stored: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    there = [*files, *UNIT, "--out", out]
+    refused(pacmo(*there, "--b-scale", "left_tail=1.2"), "duo_A.bvh", "left_tail", "left_forearm")
+    refused(pacmo(*there, "--b-scale", "left_forearm=0"), "left_forearm", "positive", "0.0")
+    refused(pacmo(*there, "--b-scale", "left_forearm=long"), "SEGMENT=SCALE", "left_forearm=long")
+    refused(pacmo(*there, "--profile", "c=child"), "PERSON=NAME", "c=child")
+    refused(pacmo(*there, "--profile", "b=giant"), "no profile 'giant'", "long_arms")
+    refused(pacmo(*there), "nothing to change")
+    scale = ["--b-scale", "uniform=0.9"]
+    refused(pacmo(*files, *scale, "--out", out), "unit")
+    refused(pacmo(files[0], *UNIT, *scale, "--out", out), "duo_A.bvh", "wanted two files")
+    refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path), "write over", "duo_A.bvh")
+    refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path / "a.gif"), ".parquet")
+    refused(pacmo(stored, *scale, "--out", tmp_path / "o.parquet"), "--clip")
+    refused(pacmo(stored, "--clip", "one", *scale, "--out", stored), "write over")
+    refused(pacmo(stored, "--clip", "no", *scale, "--out", tmp_path / "o.parquet"), "no clip no")
+    files[1].write_text(format_bvh(CLIP.person_b[:9], 15, SBU15))
+    refused(pacmo(*there, *scale), "20 frames of one, 9 of the other")
+    assert not out.exists()
+
+
+def test_a_flat_body_is_refused_by_name(stored: Path, tmp_path: Path) -> None:
+    flat = CLIP.person_b.copy()
+    flat[..., 2] = 0
+    with write_motions(stored, SBU15) as writer:
+        writer.add("one", Interaction(SBU15, CLIP.times, CLIP.person_a, flat))
+    out = tmp_path / "o.parquet"
+    said = pacmo(stored, "--clip", "one", "--a-scale", "uniform=0.9", "--out", out)
+    refused(said, "motions.parquet", "person_b is flat")
+
+
+def test_settings_are_read_from_a_file_that_has_them(stored: Path, tmp_path: Path) -> None:
+    words = ["augment", str(stored), "--clip", "one", "--a-scale", "uniform=0.9", "--out", "o.bvh"]
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("augment: {solver: {graph: complete}}\n")
+    for params, text in (
+        (tmp_path / "none.yaml", "no "),
+        (stored.with_name("bad.yaml"), "augment.solver"),
+    ):
+        said = CliRunner().invoke(app, [*words, "--params", str(params)])
+        refused(said, text)
+
+
+def test_real_captures_of_sbu_are_varied(tmp_path: Path) -> None:
+    file = next(iter(sorted(real_folder("sbu").rglob("skeleton_pos.txt"))))
+    out = tmp_path / "out.parquet"
+    words = ["--format", "sbu", "--b-scale", "uniform=1.1", "--out", out]
+    said = pacmo(file, *words)
+    assert said.exit_code == 0, said.output
+    ((_, pair),) = stream_motions(out)
+    assert pair.skeleton.joints == SBU15.joints

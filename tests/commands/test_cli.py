@@ -1,0 +1,103 @@
+"""Truth: the exit codes and the table of contents that the help promises."""
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pacmo_core.commands.cli import app
+from pacmo_core.project.workspace import CommandError, errors_in_one_line
+
+
+def pacmo(*words: str) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, list(words))
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_help_is_a_table_of_contents() -> None:
+    code, out, _ = pacmo("--help")
+    assert code == 0
+    assert "fetch" in out
+    assert "Exit codes: 0 done; 1" in out
+
+
+def test_fetch_lists_its_data_sets_and_says_how_sums_bind() -> None:
+    code, out, _ = pacmo("fetch", "--help")
+    assert code == 0
+    for word in ("sbu", "cmu-two-person", "SHA256SUMS", "Run again"):
+        assert word in out
+
+
+@pytest.mark.parametrize("name", ["sbu", "cmu-two-person"])
+def test_a_command_gives_examples_that_stand_each_on_a_line(name: str) -> None:
+    code, out, _ = pacmo("fetch", name, "--help")
+    assert code == 0
+    assert f"  pacmo fetch {name} data/captures\n" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["fetch", "sbu"], "DEST"),
+        (["fetch", "nothing"], "nothing"),
+        (["fetch", "sbu", "x", "--only", "s09s09"], "s09s09"),
+        (["fetch", "sbu", "x", "--base-url", "ftp://host/x"], "http or https"),
+        (["fetch", "sbu", "x", "--base-url", "file:///x"], "http or https"),
+        (["fetch", "sbu", "x", "--base-url", "http://"], "http or https"),
+        (["fetch", "sbu", "x", "--base-url", "http://host:port"], "http or https"),
+    ],
+)
+def test_wrong_usage_ends_with_2_and_names_the_word(
+    words: list[str], reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = pacmo(*words)
+    assert code == 2
+    assert reason in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_destination_that_is_a_file_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    code, _, err = pacmo("fetch", "sbu", str(tmp_path / "file"))
+    assert code == 1
+    assert err.startswith("pacmo: ")
+    assert err.count("\n") == 1
+    assert "file" in err
+
+
+def test_a_failure_of_many_lines_is_told_in_one(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as exit_, errors_in_one_line():
+        raise CommandError("first\nsecond")
+    assert exit_.value.code == 1
+    assert capsys.readouterr().err == "pacmo: first second\n"
+
+
+def test_a_bug_keeps_its_traceback() -> None:
+    with pytest.raises(ZeroDivisionError), errors_in_one_line():
+        _ = 1 / 0
+
+
+@pytest.mark.slow
+def test_no_traceback_reaches_a_person_without_a_network(tmp_path: Path) -> None:
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))  # bound and not listening: refuses
+        url = f"http://127.0.0.1:{closed.getsockname()[1]}"
+        command = [
+            "-m",
+            "pacmo_core.commands.cli",
+            "fetch",
+            "sbu",
+            str(tmp_path),
+            "--base-url",
+            url,
+        ]
+        run = subprocess.run(
+            [sys.executable, *command], capture_output=True, text=True, check=False, env={}
+        )
+    assert run.returncode == 1
+    assert run.stderr.startswith("pacmo: cannot reach 127.0.0.1")
+    assert run.stderr.count("\n") == 1

@@ -1,0 +1,126 @@
+"""Truth: our own readers of each format; the clip that was written; the page of formats."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner, Result
+
+from pacmo_core.commands.cli import app
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.fit_bones import fit_bones
+from pacmo_core.store.motions import write_motions
+from tests.formats.moving import moving
+
+FPS = 30.0
+CLIP = Interaction(NTU25, np.arange(31) / FPS, moving(NTU25, 1, 31), moving(NTU25, 2, 31))
+
+
+@pytest.fixture(autouse=True)
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with write_motions(tmp_path / "data/clips/motions.parquet", NTU25) as writer:
+        writer.add("one", CLIP)
+
+
+def export(*words: object) -> Result:
+    return CliRunner().invoke(app, ["export", *map(str, words)])
+
+
+def refused(said: Result, *texts: str) -> None:
+    assert said.exit_code == 1, said.output
+    assert said.stderr.count("\n") == 1
+    for text in texts:
+        assert text in said.stderr
+
+
+@pytest.mark.parametrize(("up", "unit"), [("y", 1.0), ("z", 0.01), ("z", 0.0254), ("y", 0.001)])
+def test_a_bvh_goes_in_again_whatever_its_axis_and_unit(
+    tmp_path: Path, up: str, unit: float
+) -> None:
+    said = export("one", "--out", "out/x.bvh", "--up", up, "--unit", unit)
+    assert said.exit_code == 0, said.output
+    assert "0.0 mm on average" in said.stdout
+    pairs = BvhPairs(
+        preset="pair", unit=unit, up=up, fps=None, end_sites=False, skip_frames=0,
+        max_root_distance=None,
+    )  # fmt: skip
+    (found,) = pairs.find(tmp_path / "out")
+    back = pairs.read(found).interaction
+    order = [back.skeleton.joints.index(joint) for joint in NTU25.joints]
+    for read, was in ((back.person_a, CLIP.person_a), (back.person_b, CLIP.person_b)):
+        far = np.linalg.norm(read[:, order] - was, axis=-1)
+        assert far.mean() <= 1e-3
+        assert far.max() <= 5e-3
+
+
+def test_the_command_says_how_far_constant_bones_moved_the_joints(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    shaken = (CLIP.person_a + random.normal(scale=0.01, size=CLIP.person_a.shape)).astype("f4")
+    with write_motions(tmp_path / "shaken.parquet", NTU25) as writer:
+        writer.add("one", Interaction(NTU25, CLIP.times, shaken, shaken))
+    far = np.linalg.norm(fit_bones(shaken, NTU25).positions(NTU25) - shaken, axis=-1) * 1000
+    for name in ("x.bvh", "x.glb"):
+        said = export("shaken.parquet:one", "--out", name).stdout
+        assert f"by {far.mean():.1f} mm on average, {far.max():.1f} at most" in said
+
+
+@pytest.mark.parametrize("ending", [".glb", ".gltf"])
+def test_a_gltf_has_two_skins_and_one_animation_of_the_rate_asked_for(
+    tmp_path: Path, ending: str
+) -> None:
+    assert export("one", "--out", f"x{ending}", "--fps", 60).exit_code == 0
+    content = (tmp_path / f"x{ending}").read_bytes()
+    if ending == ".glb":
+        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    document = json.loads(content)
+    assert len(document["skins"]) == 2
+    (animation,) = document["animations"]
+    clock = document["accessors"][animation["samplers"][0]["input"]]
+    assert clock["count"] == 61
+    assert clock["max"] == [1.0]
+
+
+def test_tables_hold_the_clip_at_the_rate_axis_and_unit_asked_for(tmp_path: Path) -> None:
+    words = ["--fps", 15, "--up", "z", "--unit", 0.01]
+    assert export("one", "--out", "x.csv", *words).exit_code == 0
+    assert export("one", "--out", "x.npz", *words).exit_code == 0
+    x, y, z = np.moveaxis(CLIP.person_b[::2], -1, 0)
+    wanted = np.stack([x, -z, y], axis=-1) * 100
+    with np.load(tmp_path / "x.npz") as found:
+        np.testing.assert_allclose(found["person_b"], wanted, atol=1e-3)
+        np.testing.assert_allclose(found["times"], CLIP.times[::2], atol=1e-9)
+    with (tmp_path / "x.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert len(rows) == 1 + 16
+    column = rows[0].index("b.head.z")
+    np.testing.assert_allclose(
+        [float(row[column]) for row in rows[1:]],
+        wanted[:, NTU25.joints.index("head"), 2],
+        atol=1e-3,
+    )
+
+
+@pytest.mark.slow
+def test_a_gif_has_25_frames_a_second_if_nothing_else_is_asked(tmp_path: Path) -> None:
+    assert export("one", "--out", "x.gif").exit_code == 0
+    with Image.open(tmp_path / "x.gif") as found:
+        assert (found.n_frames, found.info["duration"]) == (26, 40)
+
+
+def test_what_a_format_cannot_hold_is_refused_before_any_work(tmp_path: Path) -> None:
+    before = sorted(tmp_path.iterdir())
+    refused(export("one", "--out", "x.fbx"), "x.fbx", ".glb")
+    refused(export("one", "--out", "x.glb", "--up", "z"), "always metres, y up")
+    refused(export("one", "--out", "x.gif", "--unit", 0.01), "always metres, y up")
+    refused(export("one", "--out", "x.gif", "--fps", 30), "33.333")
+    refused(export("one", "--out", "x.bvh", "--up", "x"), "up must be")
+    refused(export("one", "--out", "x.csv", "--unit", 0), "unit must be")
+    refused(export("one", "--out", "x.csv", "--fps", 0), "fps must be")
+    refused(export("two", "--out", "x.csv"), "no clip two")
+    assert sorted(tmp_path.iterdir()) == before

@@ -1,0 +1,197 @@
+"""Truth: the Python call with the same seed; files that our own readers read back."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner, Result
+
+from pacmo_core.commands.cli import app
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, SBU15
+from pacmo_core.formats.bvh import read_bvh
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.fit_bones import fit_bones
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.formats.write_ntu import format_ntu
+from pacmo_core.models import load_reaction_model
+from pacmo_core.reaction import wgan
+from pacmo_core.reaction.react import react, sample_times
+from pacmo_core.store.motions import stream_motions, write_motions
+from pacmo_core.store.weights import write_weights
+from pacmo_core.training.state import model_config, model_state
+from tests.formats.real_files import real_folder
+from tests.reaction.problems import PACMO_LONG, clips, delayed_mirror
+
+CLIP = delayed_mirror(1, np.arange(40) / 15)
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    model = wgan.build_training(clips(8), replace(PACMO_LONG, n_epochs=2)).finish()
+    path = tmp_path_factory.mktemp("model") / "weights.safetensors"
+    write_weights(path, {"model": "pacmo", "config": model_config(model)}, model_state(model))
+    return path
+
+
+@pytest.fixture
+def stored(tmp_path: Path) -> Path:
+    with write_motions(tmp_path / "motions.parquet", SBU15) as writer:
+        writer.add("one", CLIP)
+    return tmp_path / "motions.parquet"
+
+
+def pacmo(*words: object) -> Result:
+    return CliRunner().invoke(app, ["react", *map(str, words)])
+
+
+def refused(said: Result, *texts: str) -> None:
+    assert said.exit_code == 1, said.output
+    assert said.stderr.count("\n") == 1
+    for text in texts:
+        assert text in said.stderr
+
+
+def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out.parquet"
+    words = ["--clip", "one", "--person", "b", "--weights", weights, "--fps", 60, "--samples", 3]
+    assert pacmo(stored, *words, "--seed", 5, "--out", out).exit_code == 0
+    found = dict(stream_motions(out))
+    assert list(found) == ["one#0000", "one#0001", "one#0002"]
+
+    model = load_reaction_model(weights)
+    at = sample_times(CLIP.times, fps=60)
+    random = torch.Generator().manual_seed(5)
+    samples = react(model, CLIP.person_b, CLIP.times, out_times=at, n_samples=3, random=random)
+    for pair, sample in zip(found.values(), samples, strict=True):
+        np.testing.assert_allclose(pair.person_b, sample, atol=1e-5)
+        np.testing.assert_allclose(pair.person_a[::4], CLIP.person_b, atol=1e-5)
+        np.testing.assert_allclose(pair.times, at)
+
+
+def test_bvh_holds_a_file_a_person_a_sample_and_goes_in_again(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out" / "dance.bvh"
+    words = ["--clip", "one", "--person", "a", "--weights", weights, "--samples", 2, "--out", out]
+    assert pacmo(stored, *words).exit_code == 0
+    names = ["dance_0_A.bvh", "dance_0_B.bvh", "dance_1_A.bvh", "dance_1_B.bvh"]
+    assert sorted(file.name for file in out.parent.iterdir()) == names
+    pairs = BvhPairs(
+        preset="pair", unit=1, up="y", fps=None, end_sites=False, skip_frames=0,
+        max_root_distance=None,
+    )  # fmt: skip
+    first, second = (pairs.read(s).interaction for s in pairs.find(out.parent))
+    root = first.skeleton.root
+    assert np.array_equal(first.person_a, second.person_a)
+    np.testing.assert_allclose(first.person_a[:, root], CLIP.person_a[:, SBU15.root], atol=1e-5)
+    again = [names[0], "--unit", 1, "--up", "y", "--weights", weights, "--out", tmp_path / "2.bvh"]
+    assert pacmo(out.parent / again[0], *again[1:]).exit_code == 0
+
+
+def test_a_bvh_is_read_back_within_a_millimetre_of_the_nearest_motion_of_constant_bones(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    words = ["--clip", "one", "--person", "a", "--weights", weights, "--seed", 3]
+    for name in ("x.parquet", "x.bvh"):
+        assert pacmo(stored, *words, "--out", tmp_path / name).exit_code == 0
+    (made,) = dict(stream_motions(tmp_path / "x.parquet")).values()
+    for person, motion in (("A", made.person_a), ("B", made.person_b)):
+        bvh = read_bvh(tmp_path / f"x_0_{person}.bvh")
+        back = bvh.positions()[:, [bvh.joints.index(joint) for joint in SBU15.joints]]
+        far = np.linalg.norm(back - fit_bones(motion, SBU15).positions(SBU15), axis=-1)
+        assert far.mean() <= 1e-3
+        assert far.max() <= 5e-3
+
+
+def test_files_of_one_person_need_no_name_and_those_of_two_do(
+    weights: Path, tmp_path: Path
+) -> None:
+    bvh, out = tmp_path / "alone.bvh", tmp_path / "out.parquet"
+    bvh.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    words = ["--weights", weights, "--out", out]
+    assert pacmo(bvh, "--unit", 1, "--up", "y", *words).exit_code == 0
+    refused(pacmo(bvh, *words), "unit")
+    sbu = tmp_path / "skeleton_pos.txt"
+    sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
+    refused(pacmo(sbu, *words), "suffix", "sbu")
+    refused(pacmo(sbu, "--format", "sbu", *words), "two people")
+
+
+def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: Path) -> None:
+    out, clip = tmp_path / "out.parquet", ["--clip", "one", "--person", "a"]
+    there = ["--weights", weights, "--out", out]
+    refused(pacmo(stored, *there), "--clip")
+    refused(pacmo(stored, "--clip", "two", "--person", "a", *there), "no clip two")
+    refused(pacmo(stored, *clip, "--weights", weights), "--out")
+    refused(pacmo(stored, *clip, "--weights", weights, "--out", tmp_path / "a.gif"), ".parquet")
+    refused(pacmo(stored, *clip, "--weights", tmp_path / "none", "--out", out), "none")
+    refused(pacmo(tmp_path / "no.bvh", "--unit", 1, "--up", "y", *there), "no.bvh")
+    refused(pacmo(stored, *clip, *there, "--fps", -1), "fps")
+    bodies = (tmp_path / "x.skeleton").write_bytes(
+        format_ntu(ntu_clip(), (72057594037932185, 72057594037932127))
+    )
+    assert bodies
+    refused(pacmo(tmp_path / "x.skeleton", "--person", "a", *there), "torso", "ntu25")
+    assert not out.exists()
+
+
+def ntu_clip() -> Interaction:
+    random = np.random.default_rng(0)
+    people = (
+        random.normal([[[0, 0, 3]]], 0.3, (2, 1, 25, 3)) + np.linspace(0, 0.3, 12)[:, None, None]
+    )
+    return Interaction(NTU25, np.arange(12) / 30, *people.astype(np.float32))
+
+
+def test_real_captures_of_sbu_are_answered(weights: Path, tmp_path: Path) -> None:
+    file = next(iter(sorted(real_folder("sbu").rglob("skeleton_pos.txt"))))
+    words = ["--format", "sbu", "--person", "b", "--weights", weights, "--fps", 120]
+    assert pacmo(file, *words, "--out", tmp_path / "out.parquet").exit_code == 0
+    ((_, pair),) = stream_motions(tmp_path / "out.parquet")
+    assert pair.fps == pytest.approx(120)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["json", "numbers"])
+def test_a_live_partner_is_answered_frame_by_frame(weights: Path, form: str) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "pacmo_core.commands.cli",
+        "react",
+        "--stream",
+        "--weights",
+        str(weights),
+    ]
+    with subprocess.Popen(
+        [*command, "--samples", "2"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as live:  # fmt: skip
+        for pose, time in zip(CLIP.person_a[:6], CLIP.times[:6].tolist(), strict=True):
+            line = json.dumps({"time": time, "pose": pose.tolist()})
+            if form == "numbers":
+                line = " ".join(map(str, [time, *pose.reshape(-1).tolist()]))
+            live.stdin.write(f"{line}\n")
+            live.stdin.flush()
+            answer = live.stdout.readline()  # before the next frame is sent
+            if form == "json":
+                facts = json.loads(answer)
+                assert facts["time"] == time
+                assert np.isfinite(facts["reactions"]).all()
+                assert np.shape(facts["reactions"]) == (2, 15, 3)
+            else:
+                assert len(answer.split()) == 1 + 2 * 45
+        live.stdin.write("1 2 3\n")
+        live.stdin.close()
+        said = live.stderr.read()
+        assert live.wait() == 1
+    assert said.splitlines()[0].startswith("joints: head neck")
+    assert "line 7: wanted a time and 45 numbers" in said

@@ -1,0 +1,103 @@
+"""Truth: the lengths that were asked for, and files that our own readers read back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner, Result
+
+from pacmo_core.commands.cli import app
+from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.data.skeleton import SBU15
+from pacmo_core.models import build_skeleton_prior
+from pacmo_core.skeleton_prior.kinematics import find_limbs
+from pacmo_core.skeleton_prior.layers import initialise_weights
+from pacmo_core.skeleton_prior.settings import PriorConfig
+from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.weights import read_weights, write_weights
+from pacmo_core.training.state import model_config, model_state
+from tests.commands.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored
+
+__all__ = ["files", "stored"]  # fixtures
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a model with fresh weights."""
+    limbs = find_limbs(SBU15, CLIP.person_a)
+    model = build_skeleton_prior(PriorConfig(SBU15, limbs, "kinematic", 16, 3, CLIP.fps, 0.0))
+    initialise_weights(model, torch.Generator().manual_seed(0))
+    for weight in model.parameters():  # where the network begins at nothing too
+        if not weight.any():
+            torch.nn.init.constant_(weight, 0.01)
+    path = tmp_path_factory.mktemp("model") / "weights.safetensors"
+    config = {"model": "kinematic", "config": model_config(model)}
+    write_weights(path, config, model_state(model))
+    return path
+
+
+def pacmo(*words: object) -> Result:
+    return CliRunner().invoke(app, ["vary", *map(str, words)])
+
+
+def test_a_body_that_is_asked_for_has_its_bones(stored: Path, weights: Path, tmp_path: Path):
+    out = tmp_path / "out.parquet"
+    said = pacmo(
+        *(stored, "--clip", "one", "--weights", weights, "--b-scale", "left_forearm=1.2"),
+        *("--samples", 3, "--out", out),
+    )
+    assert said.exit_code == 0, said.output
+    found = dict(stream_motions(out))
+    assert len(found) == 3
+    wanted = bone_lengths(CLIP.person_b, SBU15)
+    wanted[:, FOREARM] *= 1.2
+    for pair in found.values():
+        np.testing.assert_allclose(bone_lengths(pair.person_b, SBU15), wanted, atol=1e-5)
+        np.testing.assert_allclose(
+            bone_lengths(pair.person_a, SBU15), bone_lengths(CLIP.person_a, SBU15), atol=1e-5
+        )
+    first, second, _ = found.values()
+    assert abs(first.person_b - second.person_b).max() > 0
+
+
+def test_drawn_bodies_differ_and_come_as_a_folder_each(
+    files: list[Path], weights: Path, tmp_path: Path
+):
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for out in folders:
+        said = pacmo(*files, *UNIT, "--weights", weights, "--samples", 2, "--out", out)
+        assert said.exit_code == 0, said.output
+    bodies = [bone_lengths(read(folders[0] / n).person_b, SBU15).mean(axis=0) for n in "01"]
+    assert abs(bodies[0] / bodies[1] - 1).max() > 1e-3
+    texts = [(out / "1" / "duo_B.bvh").read_bytes() for out in folders]
+    assert texts[0] == texts[1], "the same seed draws the same"
+
+
+def test_samples_do_not_write_over_the_capture_that_they_come_from(
+    files: list[Path], weights: Path, tmp_path: Path
+):
+    folder = tmp_path / "1"
+    folder.mkdir()
+    captures = [folder / file.name for file in files]
+    for file, capture in zip(files, captures, strict=True):
+        capture.write_bytes(file.read_bytes())
+    said = pacmo(*captures, *UNIT, "--weights", weights, "--samples", 2, "--out", tmp_path)
+    refused(said, "write over")
+    assert [file.read_bytes() for file in files] == [file.read_bytes() for file in captures]
+    assert not (tmp_path / "0").exists()
+
+
+def test_what_cannot_be_varied_is_told_in_one_line(
+    stored: Path, files: list[Path], weights: Path, tmp_path: Path
+):
+    given = [stored, "--clip", "one", "--weights", weights]
+    refused(pacmo(*given[:3], "--weights", stored, "--out", tmp_path), str(stored))
+    config, state = read_weights(weights)
+    del config["config"]["fps"]
+    write_weights(tmp_path / "old.safetensors", config, state)
+    old = ["--weights", tmp_path / "old.safetensors"]
+    refused(pacmo(*given[:3], *old, "--out", tmp_path), "another version")
+    refused(pacmo(*given, "--out", stored), "write over")
+    refused(pacmo(*given, "--samples", 2, "--out", tmp_path / "x.bvh"), "2 samples")
+    refused(pacmo(*given, "--b-scale", "tail=2", "--out", tmp_path), "tail")

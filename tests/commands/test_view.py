@@ -1,0 +1,166 @@
+"""Truth: the clips that were written; our own unpacking of what stands in the page."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from pacmo_core.commands.cli import app
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import SBU15
+from pacmo_core.figures.scenes import unpack
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.store.motions import write_motions
+from pacmo_core.store.tables import VariationRecord, write_variations
+from tests.figures.samples import interaction
+from tests.formats.moving import moving
+from tests.formats.real_files import real_folder
+
+REAL = interaction(1)
+ANSWER = interaction(2)
+BODY = {"head": 1.0}
+
+
+@pytest.fixture(autouse=True)
+def stores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stand in a folder with a store of clips and one of reactions."""
+    monkeypatch.chdir(tmp_path)
+    for folder, name, clip in (("data/clips", "one", REAL), ("reactions", "one#a#0", ANSWER)):
+        with write_motions(tmp_path / folder / "motions.parquet", SBU15) as writer:
+            writer.add(name, clip)
+
+
+def view(*words: object) -> Result:
+    return CliRunner().invoke(app, ["view", "--no-open", *map(str, words)])
+
+
+def packed(page: Path) -> list[dict]:
+    found = re.search(r'id="motions">(.*?)</script>', page.read_text(encoding="utf-8"))
+    assert found
+    (scenes,) = json.loads(found[1])
+    return list(scenes)
+
+
+def motions(facts: dict) -> list[np.ndarray]:
+    origin = np.array(facts["origin"])
+    shape = (-1, len(facts["joints"]), 3)
+    return [unpack(text, origin, facts["step"]).reshape(shape) for text in facts["motions"]]
+
+
+def refused(said: Result, *texts: str) -> None:
+    assert said.exit_code == 1, said.output
+    assert said.stderr.count("\n") == 1
+    for text in texts:
+        assert text in said.stderr
+
+
+def test_a_clip_of_the_store_and_one_of_another_folder_stand_side_by_side(tmp_path: Path) -> None:
+    assert view("one", "reactions:one#a#0", "--out", "page.html").exit_code == 0
+    real, answer = packed(tmp_path / "page.html")
+    assert [real["label"], answer["label"]] == ["one", "reactions · one#a#0"]
+    np.testing.assert_allclose(motions(real)[0], REAL.person_a, atol=1e-4)
+    # A reaction of person a: the file has the partner, person b, first.
+    np.testing.assert_allclose(motions(answer)[0], ANSWER.person_b, atol=1e-4)
+
+
+def test_a_variation_is_found_kept_or_not_and_what_was_not_made_says_why(tmp_path: Path) -> None:
+    row = VariationRecord("a/b~kept", "a/b", "random", True, "", 0.5, {"rung": 1.0}, BODY, BODY)
+    failed = replace(
+        row, variation="a/b~far", accepted=False, reason="near_distance_error", limit_ratio=2
+    )
+    none = replace(
+        row, variation="c~x", clip="c", accepted=False, reason="refused: why", measurements={}
+    )
+    write_variations(tmp_path / "many/variations.parquet", [row, failed, none], list(BODY))
+    for folder, name, clip in (
+        ("motions", "a/b~kept", REAL),
+        ("failed", "a/b~far", ANSWER),
+        ("sources", "a/b", REAL),
+    ):
+        with write_motions(tmp_path / "many" / folder / "a%2Fb.parquet", SBU15) as writer:
+            writer.add(name, clip)
+    said = view("many:a/b", "many:a/b~kept", "many:a/b~far")
+    assert said.exit_code == 0, said.output
+    source, kept, far = packed(tmp_path / "view.html")
+    assert [facts["label"] for facts in (source, kept, far)] == ["a/b", "a/b~kept", "a/b~far"]
+    assert source["motions"] == kept["motions"] != far["motions"]
+    refused(view("many:c~x"), "c~x", "refused: why")
+    refused(view("many:a/b~other"), "many/variations.parquet", "a/b~other")
+
+
+def test_a_parquet_file_may_be_named_itself(tmp_path: Path) -> None:
+    assert view("data/clips/motions.parquet:one").exit_code == 0
+    assert len(packed(tmp_path / "view.html")) == 1
+
+
+def test_two_captures_of_one_person_are_a_pair_and_one_stands_alone(tmp_path: Path) -> None:
+    for person, motion in (("A", REAL.person_a), ("B", REAL.person_b)):
+        (tmp_path / f"x_{person}.bvh").write_text(format_bvh(motion, 15, SBU15))
+    unit = ["--unit", 1, "--up", "y"]
+    assert view("x_A.bvh+x_B.bvh", "x_B.bvh", *unit).exit_code == 0
+    pair, alone = packed(tmp_path / "view.html")
+    assert (pair["label"], alone["label"]) == ("x_A + x_B", "x_B")
+    assert (len(pair["motions"]), len(alone["motions"])) == (2, 1)
+    assert pair["motions"][1] != pair["motions"][0]
+    root = SBU15.root
+    joint = alone["joints"].index(SBU15.joints[root])
+    np.testing.assert_allclose(motions(alone)[0][:, joint], REAL.person_b[:, root], atol=1e-3)
+
+
+def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
+    refused(view("two"), "no clip two")
+    refused(view("nowhere:one"), "nowhere:one")
+    refused(view("data/clips:"), "name of a clip")
+    refused(view("data/clips/motions.parquet"), "name the clip")
+    refused(view(*["one"] * 7), "at most 6")
+    (tmp_path / "x.bvh").write_text(format_bvh(moving(SBU15, 1), 15, SBU15))
+    refused(view("x.bvh"), "unit")
+    refused(view("x.bvh+x.bvh+x.bvh", "--unit", 1, "--up", "y"), "at most two")
+    (tmp_path / "x.txt").write_text("")
+    refused(view("x.txt"), "suffix")
+    refused(view("x.txt", "--format", "mp3"), "no format")
+    assert not (tmp_path / "view.html").exists()
+
+
+def test_the_page_names_no_folder_of_the_machine(tmp_path: Path) -> None:
+    (tmp_path / "x.bvh").write_text(format_bvh(REAL.person_a, 15, SBU15))
+    assert view(tmp_path / "x.bvh", "--unit", 1, "--up", "y").exit_code == 0
+    assert str(tmp_path) not in (tmp_path / "view.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("folder", "pattern", "options"),
+    [
+        ("sbu", "s01s02/*/*/skeleton_pos.txt", ["--format", "sbu"]),
+        ("ntu", "**/*A05*.skeleton", []),
+        ("cmu_raw", "**/*.bvh", ["--unit", 0.0564, "--up", "y"]),
+    ],
+)
+def test_real_captures_are_shown(
+    tmp_path: Path, folder: str, pattern: str, options: list[object], request: pytest.FixtureRequest
+) -> None:
+    root = request.config.rootpath / real_folder_from(request.config.rootpath, folder)
+    files = sorted(root.glob(pattern))
+    if not files:
+        pytest.skip(f"no {pattern} in {root}")
+    said = view(files[0], *options)
+    assert said.exit_code == 0, said.output
+    assert len(packed(tmp_path / "view.html")) == 1
+
+
+def real_folder_from(root: Path, name: str) -> Path:
+    """Name a folder of captures as seen from the checkout: the test stands elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        return real_folder(name).resolve()
+
+
+def test_interactions_of_two_rates_are_taken(tmp_path: Path) -> None:
+    fast = Interaction(SBU15, REAL.times / 8, REAL.person_a, REAL.person_b)
+    with write_motions(tmp_path / "fast" / "motions.parquet", SBU15) as writer:
+        writer.add("one", fast)
+    assert view("one", "fast:one").exit_code == 0
