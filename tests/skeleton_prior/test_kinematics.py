@@ -199,7 +199,7 @@ def test_the_root_shift_makes_the_mean_mesh_residual_zero(seed):
 def standing_on_one(
     template: torch.Tensor, kinematics: KinematicOutput, height: float
 ) -> torch.Tensor:
-    """Place the body on its first limb, whose middle joint is at a height; other limbs in the air."""
+    """Place the body on its first limb, middle joint at a height; other limbs in the air."""
     start, middle, end = kinematics.limbs[0]
     template[:, :, end] = torch.tensor([0.3, 0.0, 0.1])
     template[:, :, start] = template[:, :, end] + torch.tensor([0.0, 0.8, 0.0])

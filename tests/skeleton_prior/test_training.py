@@ -20,7 +20,7 @@ def equal_states(one, other) -> bool:
 
 @pytest.fixture
 def with_bfloat16(monkeypatch):
-    """Round where it is expected, whether or not that is fast on this processor."""
+    """Enable bfloat16 on any processor."""
     monkeypatch.setattr(autograd_functions, "supports_bfloat16", lambda device: True)
 
 
