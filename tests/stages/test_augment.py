@@ -214,7 +214,7 @@ def test_plans_that_cannot_be_are_refused_before_any_work(
     with pytest.raises(ParamsError, match="scales of a plan must be positive numbers; got 0"):
         run(tmp_path, monkeypatch)
     write_params(tmp_path, plan={**PLAN, "profiles": ["child"]})
-    with pytest.raises(ValueError, match="no thigh to tell a stature by"):
+    with pytest.raises(ValueError, match="no thigh to estimate the stature from"):
         run(tmp_path, monkeypatch)
     write_params(
         tmp_path,
