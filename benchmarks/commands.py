@@ -22,7 +22,7 @@ REPEATS = 5
 def commands() -> dict[str, list[str]]:
     """List the commands by the figure's name; modules where the project is not installed."""
     program = shutil.which("pacmo", path=str(Path(sys.executable).parent))
-    pacmo = [program] if program else [sys.executable, "-m", "apps.cli"]
+    pacmo = [program] if program else [sys.executable, "-m", "pacmo_core.commands.cli"]
     installed = (ROOT / ".venv" / "stamp").exists()
     run = [str(ROOT / "run")] if installed else [sys.executable, "-m", "flows.run", "reproduce"]
     return {

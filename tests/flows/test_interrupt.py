@@ -33,7 +33,7 @@ def project(tmp_path, monkeypatch):
     drop(tmp_path, range(2))
     (tmp_path / "data/inbox").rename(tmp_path / "data/captures/lab/inbox")
     # The module is imported from the repository: interrupt sets the path to the project.
-    for name in ("flows", "pacmo_core", "stages", "apps"):
+    for name in ("flows", "pacmo_core", "stages"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
