@@ -325,7 +325,7 @@ class KinematicOutput(nn.Module):
         return motion - motion[..., self.parents, :]
 
     def _estimate_root_shift(self, bones: Tensor, template: Tensor) -> Tensor:
-        """Compute the root shift (B, T, 3), metres, that keeps the trunk still and legs in reach."""
+        """Compute the root shift (B, T, 3), metres: trunk in place and legs within reach."""
         if not len(self.limbs):
             return torch.zeros_like(template[:, :, 0])
         starts, _, ends = self.limbs.T
