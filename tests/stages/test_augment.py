@@ -15,7 +15,7 @@ import pytest
 from pydantic import TypeAdapter
 from ruamel.yaml import YAML
 
-from benchmarks._variations import SETTINGS
+from benchmarks._retargeting_tasks import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.project.experiments import default_params
