@@ -26,7 +26,7 @@ from uuid import uuid4
 from ruamel.yaml import YAML
 
 from benchmarks._figures import arguments, show
-from benchmarks.faults import begin, clear, hashes
+from benchmarks.faults import clear, hashes, start_run
 from benchmarks.pipeline import clone
 from pacmo_core.project.processes import marked_processes
 
@@ -109,7 +109,7 @@ def measure(
     """Interrupt runs and run again; return the figures."""
     clear(folder)
     start = time.monotonic()
-    if begin(folder, stages).wait(timeout=RUN_LIMIT_S):
+    if start_run(folder, stages).wait(timeout=RUN_LIMIT_S):
         raise RuntimeError((folder / "flow.log").read_text()[-2000:])
     seconds = time.monotonic() - start
     expected = hashes(folder), lock_entries(folder)
@@ -119,8 +119,8 @@ def measure(
         moment = choice.uniform(0, seconds)
         command = [sys.executable, "-m", "flows.run", "reproduce", *stages]
         result = interrupt(command, folder, moment)
-        well = begin(folder, stages).wait(timeout=RUN_LIMIT_S) == 0
-        same = well and (hashes(folder), lock_entries(folder)) == expected
+        succeeded = start_run(folder, stages).wait(timeout=RUN_LIMIT_S) == 0
+        same = succeeded and (hashes(folder), lock_entries(folder)) == expected
         print(
             f"{number + 1}: Ctrl-C after {moment:.1f} s, ended after {result.seconds:.1f} s, "
             f"in one line {result.in_one_line}, identical {same}",
