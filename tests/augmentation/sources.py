@@ -1,4 +1,4 @@
-"""Small interactions of the solver's own scenes, and batches of bodies for them."""
+"""Small interactions of the solver's test scenes, and batches of bodies for them."""
 
 from dataclasses import replace
 
@@ -23,17 +23,19 @@ def source(seed: int = 0, n_frames: int = 12) -> Interaction:
 
 def flat_source(n_frames: int = 12) -> Interaction:
     """Draw two of whom one is a drawing."""
-    whole = source(9, n_frames)
-    flat = whole.person_b.copy()
+    pair = source(9, n_frames)
+    flat = pair.person_b.copy()
     flat[..., 2] = 0
-    return Interaction(whole.skeleton, whole.times, whole.person_a, flat)
+    return Interaction(pair.skeleton, pair.times, pair.person_a, flat)
 
 
-def batch(scales: np.ndarray, seed: int = 0, own: Interaction | None = None) -> Batch:
+def batch(scales: np.ndarray, seed: int = 0, interaction: Interaction | None = None) -> Batch:
     """Hand out bodies, (V, 10)."""
-    own = own or source(seed)
+    interaction = interaction or source(seed)
     names = tuple(f"{seed}-{row.tobytes().hex()}" for row in scales)
-    return Batch(source_key(own), solver_key(SETTINGS), own, SETTINGS, scales, names)
+    return Batch(
+        source_key(interaction), solver_key(SETTINGS), interaction, SETTINGS, scales, names
+    )
 
 
 def bodies(count: int, seed: int = 0) -> np.ndarray:

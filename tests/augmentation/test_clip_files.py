@@ -25,20 +25,20 @@ def test_a_clip_is_read_from_the_cache_as_it_was_written(tmp_path: Path) -> None
 
 def test_a_variation_is_read_from_the_cache_as_it_was_written(tmp_path: Path) -> None:
     motions = np.random.default_rng(0).normal(size=(2, 5, 6, 3)).astype(np.float32)
-    made = SolvedVariation(motions, {"near_distance_error": 0.1 + 0.2, "odd": float("nan")})
-    Cache(tmp_path, "solver").put("source/body", variation_to_entry(made))
+    solved = SolvedVariation(motions, {"near_distance_error": 0.1 + 0.2, "odd": float("nan")})
+    Cache(tmp_path, "solver").put("source/body", variation_to_entry(solved))
     entry = Cache(tmp_path, "solver").get("source/body")
     assert entry is not None
-    found = variation_from_entry(entry)
-    assert found.motions.tobytes() == motions.tobytes()
-    np.testing.assert_equal(found.measurements, made.measurements)
+    result = variation_from_entry(entry)
+    assert result.motions.tobytes() == motions.tobytes()
+    np.testing.assert_equal(result.measurements, solved.measurements)
 
 
 def test_its_files_are_written_under_the_name_of_the_clip(tmp_path: Path) -> None:
     CLIP.write(tmp_path, "s01/02")
-    found = {str(p.relative_to(tmp_path)): p.read_bytes() for p in tmp_path.rglob("*.parquet")}
-    assert found == {
+    result = {str(p.relative_to(tmp_path)): p.read_bytes() for p in tmp_path.rglob("*.parquet")}
+    assert result == {
         "motions/s01%2F02.parquet": b"some bytes",
         "sources/s01%2F02.parquet": b"\0\1",
     }
-    assert len([path for path in tmp_path.rglob("*") if path.is_file()]) == len(found)
+    assert len([path for path in tmp_path.rglob("*") if path.is_file()]) == len(result)

@@ -1,4 +1,4 @@
-"""Truth: a handful of clips whose order is plain to see."""
+"""Reference: a few clips with an obvious order, and limits written down here."""
 
 from dataclasses import replace
 from math import inf, nan
@@ -27,17 +27,17 @@ CLIPS = [
 ]
 
 
-def test_the_nearest_window_of_each_sequence_is_taken_the_first_of_equals() -> None:
+def test_the_clip_with_most_near_pairs_of_each_sequence_is_selected() -> None:
     assert select_clips(CLIPS, max_per_sequence=1, max_clips=None) == ["a#1", "b", "c#0"]
 
 
-def test_every_act_is_there_before_a_second_of_any() -> None:
+def test_one_clip_of_each_action_is_selected_before_a_second_of_any() -> None:
     assert select_clips(CLIPS, max_per_sequence=1, max_clips=2) == ["a#1", "c#0"]
     assert select_clips(CLIPS, max_per_sequence=None, max_clips=3) == ["a#1", "b", "c#0"]
     assert select_clips(CLIPS, max_per_sequence=None, max_clips=None) == [c.clip for c in CLIPS]
 
 
-def test_nearness_counts_the_pairs_of_joints_that_are_near() -> None:
+def test_mean_near_pairs_counts_near_pairs_per_frame() -> None:
     points = np.zeros((2, 4, 15, 3), np.float32)
     points[0, ..., 0] = 10 * np.arange(15)
     points[1] = points[0] + np.float32([0, 0.2, 0])
@@ -46,7 +46,6 @@ def test_nearness_counts_the_pairs_of_joints_that_are_near() -> None:
     assert mean_near_pairs(clip, 0.25) == pytest.approx(15 * 3 / 4)
 
 
-# FROM """Truth: limits written down here."""
 LIMITS = VariationLimits(
     primal_residual=0.01,
     contacts_preserved=0.9,
@@ -67,13 +66,13 @@ GOOD = {
 }
 
 
-def test_a_variation_at_its_limits_is_good() -> None:
+def test_a_variation_at_its_limits_is_accepted() -> None:
     assert exceeded_limits(GOOD, LIMITS) == {}
     assert rejection_reason(GOOD, LIMITS) == ""
     assert max_limit_ratio(GOOD, LIMITS) == 1
 
 
-def test_what_is_beyond_a_limit_is_said_the_worst_first() -> None:
+def test_exceeded_limits_are_listed_largest_ratio_first() -> None:
     bad = GOOD | {"contacts_preserved": 0.7, "acceleration_peak_ratio": 3.0}
     assert exceeded_limits(bad, LIMITS) == pytest.approx(
         {"contacts_preserved": 3.0, "acceleration_peak_ratio": 2.0}
@@ -84,14 +83,14 @@ def test_what_is_beyond_a_limit_is_said_the_worst_first() -> None:
     assert max_limit_ratio(bad, LIMITS) == pytest.approx(3.0)
 
 
-def test_what_is_no_number_is_beyond_its_limit() -> None:
+def test_nan_exceeds_every_limit() -> None:
     broken = GOOD | {"primal_residual": nan}
     assert list(exceeded_limits(broken, LIMITS)) == ["primal_residual"]
     assert max_limit_ratio(broken, LIMITS) == inf
     assert "primal_residual nan" in rejection_reason(broken, LIMITS)
 
 
-def test_a_limit_of_nothing_lets_nothing_through() -> None:
+def test_a_limit_of_zero_accepts_zero_only() -> None:
     strict = replace(LIMITS, penetration=0.0, contacts_preserved=1.0)
     assert set(exceeded_limits(GOOD, strict)) == {"penetration", "contacts_preserved"}
     assert exceeded_limits(GOOD | {"penetration": 0.0, "contacts_preserved": 1.0}, strict) == {}

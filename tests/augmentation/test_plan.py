@@ -23,52 +23,52 @@ BODIES = (body(DUO27), body(DUO27))
 
 
 def by_name(plan: Plan, source: str = "CLIP", bodies=BODIES) -> dict[str, tuple]:
-    found = plan_variations(plan, bodies, source)
-    assert [v.name for v in found] == sorted({v.name for v in found})
-    return {v.name: (v.kind, *(s.tolist() for s in v.scales)) for v in found}
+    variations = plan_variations(plan, bodies, source)
+    assert [v.name for v in variations] == sorted({v.name for v in variations})
+    return {v.name: (v.kind, *(s.tolist() for s in v.scales)) for v in variations}
 
 
 def test_the_papers_plan_has_ten_scales_of_all_bones_and_of_each_upper_one() -> None:
-    found = by_name(PAPER)
+    variations = by_name(PAPER)
     n_upper = sum(segment.is_upper for segment in BODIES[0].segments)
     assert n_upper == 18
-    assert len(found) == 2 * 10 + 2 * 10 * n_upper
-    kind, a, b = found["b-uniform-0.75"]
+    assert len(variations) == 2 * 10 + 2 * 10 * n_upper
+    kind, a, b = variations["b-uniform-0.75"]
     assert (kind, set(a), set(b)) == ("uniform", {1.0}, {0.75})
-    kind, a, b = found["a-left_forearm-1.20"]
+    kind, a, b = variations["a-left_forearm-1.20"]
     assert (kind, sorted(set(a)), set(b)) == ("single", [1.0, 1.2], {1.0})
     bone = [s.name for s in BODIES[0].segments].index("left_forearm")
     assert a[bone] == 1.2
 
 
-def test_profiles_and_drawn_bodies_have_names_that_say_so() -> None:
+def test_profiles_and_random_bodies_have_descriptive_names() -> None:
     plan = replace(PAPER, uniform=(), profiles=("child",), n_random=3, people=("b",))
     plan = replace(plan, single=SingleBones(bones=("left_*arm",), scales=(0.8,), max_variations=9))
-    found = by_name(plan)
-    assert set(found) == {
+    variations = by_name(plan)
+    assert set(variations) == {
         *("b-child", "b-left_forearm-0.80", "b-left_upper_arm-0.80"),
         *("r0000", "r0001", "r0002"),
     }
-    _, a, b = found["r0001"]
+    _, a, b = variations["r0001"]
     assert a != b
-    assert by_name(replace(plan, n_random=4)).items() >= found.items()
+    assert by_name(replace(plan, n_random=4)).items() >= variations.items()
 
 
-def test_few_single_bones_are_chosen_by_their_names_alone() -> None:
-    some = replace(PAPER, single=replace(PAPER.single, max_variations=30), uniform=())
-    chosen = by_name(some)
-    assert len(chosen) == 30
-    assert chosen.items() <= by_name(PAPER).items()
-    assert by_name(some, "OTHER").keys() != chosen.keys()
-    assert by_name(replace(some, uniform=(0.9,))).items() >= chosen.items()
+def test_single_bones_are_selected_by_their_names_alone() -> None:
+    limited = replace(PAPER, single=replace(PAPER.single, max_variations=30), uniform=())
+    selected = by_name(limited)
+    assert len(selected) == 30
+    assert selected.items() <= by_name(PAPER).items()
+    assert by_name(limited, "OTHER").keys() != selected.keys()
+    assert by_name(replace(limited, uniform=(0.9,))).items() >= selected.items()
 
 
 def test_two_people_may_have_different_skeletons() -> None:
-    found = by_name(replace(PAPER, uniform=(0.8,)), bodies=(body(DUO27), body(CMU22)))
-    _, a, b = found["a-left_forearm-0.75"]
+    variations = by_name(replace(PAPER, uniform=(0.8,)), bodies=(body(DUO27), body(CMU22)))
+    _, a, b = variations["a-left_forearm-0.75"]
     assert (len(a), len(b)) == (26, 21)
-    assert "b-lowerback-1.25" in found
-    assert "a-lowerback-1.25" not in found
+    assert "b-lowerback-1.25" in variations
+    assert "a-lowerback-1.25" not in variations
 
 
 def test_scales_that_round_alike_have_names_that_differ() -> None:
@@ -77,14 +77,14 @@ def test_scales_that_round_alike_have_names_that_differ() -> None:
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
-def test_a_scale_that_no_body_has_is_refused_before_any_work(scale: float) -> None:
+def test_a_scale_that_is_not_positive_is_refused_by_the_plan(scale: float) -> None:
     with pytest.raises(ValueError, match="scales of a plan must be positive numbers; got"):
         replace(PAPER, uniform=(scale,))
     with pytest.raises(ValueError, match="scales of a plan must be positive numbers; got"):
         replace(PAPER, single=replace(PAPER.single, scales=(scale,)))
 
 
-def test_a_pattern_that_fits_nothing_is_answered_with_what_there_is() -> None:
+def test_a_pattern_without_match_is_refused_with_the_known_names() -> None:
     plan = replace(PAPER, single=SingleBones(bones=("*tail",), scales=(0.8,), max_variations=1))
     with pytest.raises(
         ValueError, match=r"no segment matches '\*tail'; there are upper, head, left"

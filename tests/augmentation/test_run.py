@@ -1,4 +1,4 @@
-"""Truth: a variation made alone, byte for byte; equal bytes are what may be kept and reused."""
+"""Reference: a variation solved alone, byte for byte; batches solved one by one in this process."""
 
 import os
 import subprocess
@@ -29,8 +29,8 @@ from tests.augmentation.sources import SETTINGS, batch, bodies, flat_source, sou
 from tests.docs import ROOT
 
 
-def bytes_of(made: SolvedVariation) -> tuple[bytes, dict[str, float]]:
-    return made.motions.tobytes(), made.measurements
+def bytes_of(solved: SolvedVariation) -> tuple[bytes, dict[str, float]]:
+    return solved.motions.tobytes(), solved.measurements
 
 
 def part(whole: Batch, rows: list[int]) -> Batch:
@@ -39,25 +39,25 @@ def part(whole: Batch, rows: list[int]) -> Batch:
     )
 
 
-def check_company(whole: Batch, companies: list[list[int]]) -> None:
-    together = {name: bytes_of(made) for name, made in solve_batch(whole).variations.items()}
-    for rows in companies:
-        own = solve_batch(part(whole, rows)).variations
-        assert {n: bytes_of(m) for n, m in own.items()} == {n: together[n] for n in own}
-        assert len(own) == len(rows)
+def check_batches_are_independent(whole: Batch, selections: list[list[int]]) -> None:
+    all_at_once = {name: bytes_of(solved) for name, solved in solve_batch(whole).variations.items()}
+    for rows in selections:
+        alone = solve_batch(part(whole, rows)).variations
+        assert {n: bytes_of(m) for n, m in alone.items()} == {n: all_at_once[n] for n in alone}
+        assert len(alone) == len(rows)
 
 
-def test_a_variation_is_the_same_bytes_whatever_is_made_with_it() -> None:
-    # Enough for two batches, and bodies of several attempts of the ladder.
+def test_a_variation_has_the_same_bytes_in_any_batch() -> None:
+    # Enough for two batches, and bodies that need several attempts.
     whole = batch(bodies(MAX_BATCH + 7))
-    made = solve_batch(whole).variations
-    assert len({m.measurements["attempt"] for m in made.values()}) > 1
-    odd = np.random.default_rng(1).permutation(len(whole.body_keys)).tolist()
-    check_company(whole, [[3], [0], [52, 2], odd[:17], odd[17:40], odd])
+    solved = solve_batch(whole).variations
+    assert len({m.measurements["attempt"] for m in solved.values()}) > 1
+    order = np.random.default_rng(1).permutation(len(whole.body_keys)).tolist()
+    check_batches_are_independent(whole, [[3], [0], [52, 2], order[:17], order[17:40], order])
 
 
 @pytest.mark.slow
-def test_that_holds_on_a_real_window_too() -> None:
+def test_a_variation_of_a_real_window_has_the_same_bytes_in_any_batch() -> None:
     window = salsa_window(n_frames=61)
     random = np.random.default_rng(2)
     scales = np.ones((20, 52))
@@ -65,58 +65,57 @@ def test_that_holds_on_a_real_window_too() -> None:
     scales[:4, :26] = np.array([[0.75], [0.9], [1.1], [1.25]])
     names = tuple(f"{row:02d}" for row in range(20))
     whole = Batch(source_key(window), solver_key(SETTINGS), window, SETTINGS, scales, names)
-    check_company(whole, [[0], [19], [1, 7, 13], list(range(10, 20))])
+    check_batches_are_independent(whole, [[0], [19], [1, 7, 13], list(range(10, 20))])
 
 
-def test_the_next_lot_of_another_source_or_settings_does_not_get_the_last_ones() -> None:
+def test_a_batch_of_another_source_or_settings_does_not_use_the_last_factorisation() -> None:
     one, two = batch(bodies(2)), batch(bodies(2), seed=1)
-    first = [bytes_of(m) for m in solve_batch(one).variations.values()]
-    assert [bytes_of(m) for m in solve_batch(two).variations.values()] != first
-    assert [bytes_of(m) for m in solve_batch(one).variations.values()] == first
+    first_bytes = [bytes_of(m) for m in solve_batch(one).variations.values()]
+    assert [bytes_of(m) for m in solve_batch(two).variations.values()] != first_bytes
+    assert [bytes_of(m) for m in solve_batch(one).variations.values()] == first_bytes
     settings = replace(SETTINGS, relaxation=1.2)
     other = replace(one, settings=settings, solver_key=solver_key(settings))
-    assert [bytes_of(m) for m in solve_batch(other).variations.values()] != first
+    assert [bytes_of(m) for m in solve_batch(other).variations.values()] != first_bytes
 
 
-def test_motions_are_of_the_bodies_that_were_asked_for() -> None:
-    own, scales = source(), bodies(3)
-    made = list(solve_batch(batch(scales)).variations.values())
-    parent, child = own.skeleton.bones.T
-    for row, one in zip(scales, made, strict=True):
-        for person, motion, part_of in zip(
-            (own.person_a, own.person_b), one.motions, np.split(row, 2), strict=True
+def test_motions_have_the_target_bone_lengths() -> None:
+    interaction, scales = source(), bodies(3)
+    solved = list(solve_batch(batch(scales)).variations.values())
+    parent, child = interaction.skeleton.bones.T
+    for row, one in zip(scales, solved, strict=True):
+        for person, motion, bone_scales in zip(
+            (interaction.person_a, interaction.person_b), one.motions, np.split(row, 2), strict=True
         ):
             before, after = (
                 np.linalg.norm(m[:, child] - m[:, parent], axis=-1) for m in (person, motion)
             )
-            np.testing.assert_allclose(after, part_of * before, rtol=2e-6)
+            np.testing.assert_allclose(after, bone_scales * before, rtol=2e-6)
 
 
-def test_a_source_that_the_solver_refuses_is_an_outcome_with_its_reason() -> None:
-    outcome = solve_batch(batch(bodies(2), own=flat_source()))
+def test_a_source_that_the_solver_refuses_gives_an_error() -> None:
+    outcome = solve_batch(batch(bodies(2), interaction=flat_source()))
     assert outcome.variations == {}
     assert "person_b is flat" in outcome.error
 
 
-def test_a_worker_of_other_code_is_found_out() -> None:
+def test_a_worker_of_other_code_is_refused() -> None:
     with pytest.raises(RuntimeError, match="this worker runs other code, NumPy or SciPy"):
         solve_batch(replace(batch(bodies(1)), solver_key="another"))
 
 
-def test_what_a_variation_rests_on_is_in_its_hashes() -> None:
-    own = source()
-    assert source_key(own) == source_key(source())
-    moved = replace(own, person_b=own.person_b + np.float32(1e-6))
-    renamed = replace(own, skeleton=replace(own.skeleton, name="other"))
-    slower = replace(own, times=own.times * 2)
-    assert source_key(renamed) == source_key(own)
-    assert len({source_key(x) for x in (own, moved, slower, own.swapped())}) == 4
+def test_the_hashes_depend_on_source_bodies_and_settings() -> None:
+    interaction = source()
+    assert source_key(interaction) == source_key(source())
+    moved = replace(interaction, person_b=interaction.person_b + np.float32(1e-6))
+    renamed = replace(interaction, skeleton=replace(interaction.skeleton, name="other"))
+    slower = replace(interaction, times=interaction.times * 2)
+    assert source_key(renamed) == source_key(interaction)
+    assert len({source_key(x) for x in (interaction, moved, slower, interaction.swapped())}) == 4
     assert solver_key(SETTINGS) != solver_key(replace(SETTINGS, contact_slack=0.03))
     ones = np.ones(5)
     assert body_key((ones, ones)) != body_key((ones, np.nextafter(ones, 2)))
 
 
-# FROM """Truth: the same batches, solved one after the other in this process."""
 def comparable(outcomes: list[BatchResult]) -> list[tuple]:
     return sorted(
         (
@@ -129,16 +128,16 @@ def comparable(outcomes: list[BatchResult]) -> list[tuple]:
 
 
 @pytest.mark.slow
-def test_processes_side_by_side_give_what_one_gives() -> None:
+def test_several_processes_give_the_results_of_one() -> None:
     batches = [batch(bodies(3, seed), seed) for seed in range(5)]
-    batches.append(batch(bodies(2), own=flat_source()))
+    batches.append(batch(bodies(2), interaction=flat_source()))
     assert comparable(list(solve_with_processes(batches, processes=2))) == comparable(
         [solve_batch(one) for one in batches]
     )
 
 
 @pytest.mark.slow
-def test_the_number_of_blas_threads_leaves_no_trace() -> None:
+def test_the_number_of_blas_threads_does_not_change_bytes() -> None:
     program = (
         "from hashlib import sha256\n"
         "from pacmo_core.augmentation.run import solve_batch\n"
@@ -155,12 +154,12 @@ def test_the_number_of_blas_threads_leaves_no_trace() -> None:
     assert printed("1") == printed("2")
 
 
-def test_no_lots_start_no_process() -> None:
+def test_no_batches_give_no_results() -> None:
     assert list(solve_with_processes([], processes=2)) == []
 
 
 @pytest.mark.slow
-def test_processes_die_with_the_one_that_started_them() -> None:
+def test_workers_end_with_the_process_that_started_them() -> None:
     program = (
         "from pacmo_core.augmentation.run import *\n"
         "from tests.augmentation.sources import bodies, batch\n"
@@ -179,14 +178,14 @@ def test_processes_die_with_the_one_that_started_them() -> None:
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_what_one_process_gives() -> None:
+def test_a_cluster_gives_the_results_of_one_process() -> None:
     distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
     batches = [batch(bodies(3, seed), seed) for seed in range(4)]
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
     ) as cluster:
-        found = list(solve_on_cluster(batches, cluster.scheduler_address))
-    assert comparable(found) == comparable([solve_batch(one) for one in batches])
+        results = list(solve_on_cluster(batches, cluster.scheduler_address))
+    assert comparable(results) == comparable([solve_batch(one) for one in batches])
 
 
 def test_a_cluster_without_its_package_says_which_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -195,7 +194,6 @@ def test_a_cluster_without_its_package_says_which_one(monkeypatch: pytest.Monkey
         list(solve_on_cluster([batch(bodies(1))], "tcp://127.0.0.1:1"))
 
 
-# FROM """Truth: bodies bent by hand."""
 def standing() -> np.ndarray:
     """Give a Kinect body, (5, 25, 3), that stands and walks ahead."""
     random = np.random.default_rng(0)
@@ -209,7 +207,7 @@ def standing() -> np.ndarray:
     return (pose + np.linspace(0, 1, 5)[:, None, None] * [0, 0, 1]).astype(np.float32)
 
 
-def test_a_body_that_is_scaled_in_place_has_not_changed() -> None:
+def test_a_scaled_trunk_is_not_deformed() -> None:
     body = standing()
     assert trunk_deformation(body, body, NTU25, np.ones(24)) == pytest.approx(0, abs=1e-6)
     assert trunk_deformation(body, 0.8 * body, NTU25, np.full(24, 0.8)) == pytest.approx(
@@ -217,7 +215,7 @@ def test_a_body_that_is_scaled_in_place_has_not_changed() -> None:
     )
 
 
-def test_hips_that_fold_are_seen_and_arms_that_reach_are_not() -> None:
+def test_folded_hips_deform_the_trunk_and_reaching_arms_do_not() -> None:
     body = standing()
     folded, reaching = body.copy(), body.copy()
     for side in ("left", "right"):
@@ -230,7 +228,7 @@ def test_hips_that_fold_are_seen_and_arms_that_reach_are_not() -> None:
     assert trunk_deformation(body, reaching, NTU25, np.ones(24)) == pytest.approx(0, abs=1e-6)
 
 
-def test_a_longer_spine_is_what_was_asked_for() -> None:
+def test_a_target_spine_length_is_not_a_deformation() -> None:
     body = standing()
     longer, scales = body.copy(), np.ones(24)
     for row, segment in enumerate(segments(NTU25)):

@@ -78,7 +78,7 @@ LIMBS = {
 @pytest.mark.parametrize("skeleton", ALL, ids=lambda s: s.name)
 def test_limbs_have_the_same_names_on_every_skeleton(skeleton: Skeleton) -> None:
     shoulder, elbow, wrist, hip, knee, ankle = LIMBS[skeleton.name].split()
-    wanted = {
+    expected = {
         "left_upper_arm": (shoulder, elbow),
         "left_forearm": (elbow, wrist),
         "left_thigh": (hip, knee),
@@ -88,17 +88,17 @@ def test_limbs_have_the_same_names_on_every_skeleton(skeleton: Skeleton) -> None
         segment.name: tuple(skeleton.joints[joint] for joint in bone)
         for bone, segment in zip(skeleton.bones, segments(skeleton), strict=True)
     }
-    assert {name: ends[name] for name in wanted} == wanted
+    assert {name: ends[name] for name in expected} == expected
 
 
 @pytest.mark.parametrize("skeleton", ALL, ids=lambda s: s.name)
 def test_every_bone_has_a_name_of_its_own_and_a_mirror_image_its_name(skeleton: Skeleton) -> None:
-    found = segments(skeleton)
-    assert len({segment.name for segment in found}) == len(skeleton.bones)
+    named = segments(skeleton)
+    assert len({segment.name for segment in named}) == len(skeleton.bones)
     for left, right in skeleton.mirrored_bones:
-        assert found[left].kind == found[right].kind
-        assert found[left].name.startswith("left_")
-        assert found[right].name.startswith("right_")
+        assert named[left].kind == named[right].kind
+        assert named[left].name.startswith("left_")
+        assert named[right].name.startswith("right_")
 
 
 @pytest.mark.parametrize("skeleton", ALL, ids=lambda s: s.name)

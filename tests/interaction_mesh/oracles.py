@@ -1,4 +1,4 @@
-"""Two slower solvers of the same problem, by other ways, and the energy by its definition."""
+"""Two slower solvers of the same problem by other methods, and the energy by its definition."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from pacmo_core.interaction_mesh.scene import Scene
 Array = NDArray[np.float64]
 
 
-def energy_by_definition(energy: QuadraticEnergy, change: Array, target: Array) -> float:
+def energy_by_definition(energy: QuadraticEnergy, displacement: Array, target: Array) -> float:
     """Sum E over frames and joints, one at a time.
 
     Parameters
@@ -21,65 +21,80 @@ def energy_by_definition(energy: QuadraticEnergy, change: Array, target: Array) 
     target : (T, N + M, 3) metres, as ``target_of`` gives it
     """
     total = 0.0
-    for t, moved in enumerate(change):
-        total += np.sum((energy.laplacians[t] @ moved - target[t]) ** 2) / 2
-        total += energy.regularisation * np.sum(moved**2) / 2
-        for i in range(len(moved)):
-            total += energy.stance_height * energy.support_weights[t, i] * moved[i, 1] ** 2 / 2
+    for t, frame_displacement in enumerate(displacement):
+        total += np.sum((energy.laplacians[t] @ frame_displacement - target[t]) ** 2) / 2
+        total += energy.regularisation * np.sum(frame_displacement**2) / 2
+        for i in range(len(frame_displacement)):
+            total += (
+                energy.stance_height
+                * energy.support_weights[t, i]
+                * frame_displacement[i, 1] ** 2
+                / 2
+            )
             if t:
-                held = (
+                weight = (
                     energy.stance * energy.support_weights[t, i] * energy.support_weights[t - 1, i]
                 )
-                total += held * np.sum((moved[i] - change[t - 1, i]) ** 2) / 2
+                total += weight * np.sum((frame_displacement[i] - displacement[t - 1, i]) ** 2) / 2
             for j in range(i):
-                total += energy.contact_weights[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
-        if 0 < t < len(change) - 1:
-            second = change[t + 1] - 2 * moved + change[t - 1]
+                total += (
+                    energy.contact_weights[t, i, j]
+                    * np.sum((frame_displacement[i] - frame_displacement[j]) ** 2)
+                    / 2
+                )
+        if 0 < t < len(displacement) - 1:
+            second = displacement[t + 1] - 2 * frame_displacement + displacement[t - 1]
             total += energy.acceleration * np.sum(second**2) / 2
     return total
+
+
+def energy_value(energy: QuadraticEnergy, displacement: Array, scales: Array) -> float:
+    """Return E for one body's scales (E,)."""
+    target = energy_target(energy, scales[None])[..., 0]
+    return energy_by_definition(energy, displacement, target)
 
 
 def matrix(energy: QuadraticEnergy) -> csc_array:
     """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
     n_frames, n_points = energy.support_weights.shape
     size = 3 * n_frames * n_points
-    inside = np.array(
+    frame_hessians = np.array(
         [lap.T @ lap + energy.regularisation * np.eye(n_points) for lap in energy.laplacians]
     )
-    for one in range(n_points):
-        for other in range(one):
+    for i_point in range(n_points):
+        for j_point in range(i_point):
             for a, b, sign in (
-                (one, one, 1),
-                (other, other, 1),
-                (one, other, -1),
-                (other, one, -1),
+                (i_point, i_point, 1),
+                (j_point, j_point, 1),
+                (i_point, j_point, -1),
+                (j_point, i_point, -1),
             ):
-                inside[:, a, b] += sign * energy.contact_weights[:, one, other]
+                frame_hessians[:, a, b] += sign * energy.contact_weights[:, i_point, j_point]
     t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
     rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
     values = (
-        inside[t, i, j]
+        frame_hessians[t, i, j]
         + ((i == j) & (c == 1)) * energy.stance_height * energy.support_weights[t, i]
     )
-    whole = csc_array((values, (rows, columns)), shape=(size, size))
+    hessian = csc_array((values, (rows, columns)), shape=(size, size))
     step = 3 * n_points
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
-    both = energy.support_weights[1:] * energy.support_weights[:-1]
-    stands = diags_array(np.repeat(both.reshape(-1), 3))
-    whole = csc_array(whole + energy.stance * first.T @ stands @ first)
+    step_weights = energy.support_weights[1:] * energy.support_weights[:-1]
+    stance = diags_array(np.repeat(step_weights.reshape(-1), 3))
+    hessian = csc_array(hessian + energy.stance * first.T @ stance @ first)
     if n_frames > 2:
         second = diags_array(
             [1.0, -2.0, 1.0], offsets=[0, step, 2 * step], shape=(size - 2 * step, size)
         )
-        whole = csc_array(whole + energy.acceleration * second.T @ second)
-    return whole
+        hessian = csc_array(hessian + energy.acceleration * second.T @ second)
+    return hessian
 
 
 def right_side(energy: QuadraticEnergy, scales: Array) -> Array:
     """Give g for one body's scales (E,), flat."""
     target = energy_target(energy, scales[None])[..., 0]
-    pull: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
-    return pull
+    rhs: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
+    return rhs
 
 
 def differences(scene: Scene) -> csc_array:
@@ -91,8 +106,8 @@ def differences(scene: Scene) -> csc_array:
     ends = [3 * (t * n_points + scene.bones[e, end]) + c for end in (0, 1)]
     ones = np.ones(len(row))
     values = np.concatenate([-ones, ones])
-    where = (np.tile(row, 2), np.concatenate(ends))
-    return csc_array((values, where), shape=(len(row), 3 * n_frames * n_points))
+    indices = (np.tile(row, 2), np.concatenate(ends))
+    return csc_array((values, indices), shape=(len(row), 3 * n_frames * n_points))
 
 
 def banded(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 40) -> Array:
@@ -104,25 +119,25 @@ def banded(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: in
     -------
     (T, N, 3) metres, U
     """
-    hessian, pull, bones = matrix(energy), right_side(energy, scales), differences(scene)
+    hessian, rhs, bones = matrix(energy), right_side(energy, scales), differences(scene)
     source = scene.points.reshape(-1)
     lengths = np.linalg.norm(scene.bone_vectors, axis=-1)
     width = 9 * scene.points.shape[1] - 1
-    change, multiplier, stiffness = np.zeros(len(source)), np.zeros(lengths.size), 300.0
-    shares = np.concatenate([np.linspace(0.2, 1, 5), np.ones(n_rounds - 5)])
-    for share in shares:
-        morph = 1 + share * (scales - 1)
-        vectors = (bones @ (source + change)).reshape(-1, 3)
-        now = np.linalg.norm(vectors, axis=-1)
-        miss = now - (lengths * morph).reshape(-1)
-        along = csc_array(_along(vectors / now[:, None])) @ bones
+    displacement, multiplier, stiffness = np.zeros(len(source)), np.zeros(lengths.size), 300.0
+    fractions = np.concatenate([np.linspace(0.2, 1, 5), np.ones(n_rounds - 5)])
+    for fraction in fractions:
+        morphed_scales = 1 + fraction * (scales - 1)
+        vectors = (bones @ (source + displacement)).reshape(-1, 3)
+        current_lengths = np.linalg.norm(vectors, axis=-1)
+        error = current_lengths - (lengths * morphed_scales).reshape(-1)
+        along = csc_array(_along(vectors / current_lengths[:, None])) @ bones
         full = hessian + stiffness * along.T @ along
-        slope = hessian @ change - share * pull + along.T @ (stiffness * miss + multiplier)
-        change -= solveh_banded(_bands(full, width), slope, lower=True)
-        vectors = (bones @ (source + change)).reshape(-1, 3)
-        miss = np.linalg.norm(vectors, axis=-1) - (lengths * morph).reshape(-1)
-        multiplier += stiffness * miss
-    return change.reshape(scene.points.shape)
+        slope = hessian @ displacement - fraction * rhs + along.T @ (stiffness * error + multiplier)
+        displacement -= solveh_banded(_bands(full, width), slope, lower=True)
+        vectors = (bones @ (source + displacement)).reshape(-1, 3)
+        error = np.linalg.norm(vectors, axis=-1) - (lengths * morphed_scales).reshape(-1)
+        multiplier += stiffness * error
+    return displacement.reshape(scene.points.shape)
 
 
 def manifold(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: int = 12) -> Array:
@@ -135,34 +150,34 @@ def manifold(scene: Scene, energy: QuadraticEnergy, scales: Array, *, n_rounds: 
     -------
     (T, N, 3) metres, U
     """
-    hessian, pull = matrix(energy), right_side(energy, scales)
+    hessian, rhs = matrix(energy), right_side(energy, scales)
     source, spread = scene.points.reshape(-1), _spread(scene)
     n_frames, n_bones = scene.bone_vectors.shape[:2]
-    wanted = (np.linalg.norm(scene.bone_vectors, axis=-1) * scales).reshape(-1, 1)
+    target_lengths = (np.linalg.norm(scene.bone_vectors, axis=-1) * scales).reshape(-1, 1)
     n_bone_rows = 3 * n_frames * n_bones
     roots = np.concatenate([scene.points[:, :1], scene.points[:, scene.n_joints[0], None]], axis=1)
     directions = scene.bone_vectors.reshape(-1, 3) / np.linalg.norm(
         scene.bone_vectors, axis=-1
     ).reshape(-1, 1)
-    places = roots.reshape(-1)
+    roots_now = roots.reshape(-1)
     for _ in range(n_rounds):
-        positions = spread @ np.concatenate([(wanted * directions).reshape(-1), places])
-        slope = spread.T @ (hessian @ (positions - source) - pull)
-        forces = slope[:n_bone_rows].reshape(-1, 3)
+        positions = spread @ np.concatenate([(target_lengths * directions).reshape(-1), roots_now])
+        slope = spread.T @ (hessian @ (positions - source) - rhs)
+        bone_forces = slope[:n_bone_rows].reshape(-1, 3)
         frames = _tangents(directions)
-        tangent = _blocks(wanted[:, :, None] * frames, n_bone_rows, len(slope))
-        curved = np.maximum(-(forces * directions).sum(axis=1) * wanted[:, 0], 0)
-        curvature = np.concatenate([np.repeat(curved, 2), np.zeros(len(places))])
+        tangent = _blocks(target_lengths[:, :, None] * frames, n_bone_rows, len(slope))
+        curvatures = np.maximum(-(bone_forces * directions).sum(axis=1) * target_lengths[:, 0], 0)
+        curvature = np.concatenate([np.repeat(curvatures, 2), np.zeros(len(roots_now))])
         full = tangent.T @ (spread.T @ hessian @ spread) @ tangent + diags_array(curvature)
         step = -splu(csc_array(full)).solve(tangent.T @ slope)
-        turned = directions + np.einsum(
+        rotated = directions + np.einsum(
             "bij,bj->bi", frames, step[: 2 * len(directions)].reshape(-1, 2)
         )
-        directions = turned / np.linalg.norm(turned, axis=1, keepdims=True)
-        places = places + step[2 * len(directions) :]
-    positions = spread @ np.concatenate([(wanted * directions).reshape(-1), places])
-    change: Array = (positions - source).reshape(scene.points.shape)
-    return change
+        directions = rotated / np.linalg.norm(rotated, axis=1, keepdims=True)
+        roots_now = roots_now + step[2 * len(directions) :]
+    positions = spread @ np.concatenate([(target_lengths * directions).reshape(-1), roots_now])
+    displacement: Array = (positions - source).reshape(scene.points.shape)
+    return displacement
 
 
 def _along(units: Array) -> csc_array:
@@ -205,8 +220,8 @@ def _spread(scene: Scene) -> csc_array:
 
 def _tangents(directions: Array) -> Array:
     """Give two unit vectors across each direction, (n, 3, 2)."""
-    aside = np.eye(3)[np.abs(directions).argmin(axis=1)]
-    first = np.cross(directions, aside)
+    helper = np.eye(3)[np.abs(directions).argmin(axis=1)]
+    first = np.cross(directions, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([first, np.cross(directions, first)], axis=-1)
 

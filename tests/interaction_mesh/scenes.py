@@ -1,4 +1,4 @@
-"""Scenes that tests draw: two small bodies that turn and touch, or a real window."""
+"""Scenes for tests: two small bodies that rotate and touch, or a real window."""
 
 from dataclasses import replace
 
@@ -35,6 +35,7 @@ SETTINGS = Settings(
     contact_slack=0.02,
 )
 
+LEG = Skeleton("leg", ("hip", "left_knee", "left_foot"), (-1, 0, 1))
 ARM = Skeleton(
     "arm",
     ("root", "chest", "left_arm", "left_hand", "right_arm", "right_hand"),
@@ -77,13 +78,13 @@ def scene(
     seed: int = 0,
     n_frames: int = 15,
     skeletons: tuple[Skeleton, Skeleton] = (ARM, ARM),
-    apart: float = 0.4,
+    distance: float = 0.4,
 ) -> Scene:
-    """Draw two bodies whose roots are ``apart`` metres from each other."""
+    """Draw two bodies whose roots are ``distance`` metres apart."""
     random = np.random.default_rng(seed)
     times = np.arange(n_frames) / 30
     first = body(random, skeletons[0], times, 0)
-    second = body(random, skeletons[1], times, np.pi) + np.array([0, 0, apart])
+    second = body(random, skeletons[1], times, np.pi) + np.array([0, 0, distance])
     return Scene((first.astype(np.float32), second.astype(np.float32)), skeletons, 30.0)
 
 
@@ -94,3 +95,8 @@ def touching_scene(seed: int = 0, n_frames: int = 15) -> Scene:
     hand = ARM.joints.index("left_hand")
     miss = (first[:, hand] - second[:, hand]).mean(axis=0) + np.float32([0, 0, 0.05])
     return Scene((first, second + miss), source.skeletons, source.fps)
+
+
+def random_scales(n_bones: int, seed: int = 0) -> np.ndarray:
+    """Sample the bone scales of three bodies, (3, E)."""
+    return np.random.default_rng(seed).uniform(0.75, 1.25, size=(3, n_bones))

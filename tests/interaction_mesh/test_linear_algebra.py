@@ -1,4 +1,4 @@
-"""Trusted: NumPy's product; one column's own product, byte for byte."""
+"""Reference: NumPy's product; the product of one column alone, byte for byte."""
 
 import os
 import subprocess
@@ -17,39 +17,43 @@ KERNELS = ["", "Haswell"]
 @pytest.mark.parametrize("n_columns", [0, 1, COLUMN_WIDTH, COLUMN_WIDTH + 5, 3 * COLUMN_WIDTH])
 @pytest.mark.parametrize("of_each_frame", [False, True])
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
-def test_it_is_the_product(n_columns, of_each_frame, kind):
+def test_batched_product_equals_numpys_product(n_columns, of_each_frame, kind):
     random = np.random.default_rng(0)
     matrices = random.normal(size=(3, 7, 5) if of_each_frame else (7, 5)).astype(kind)
     columns = random.normal(size=(3, 5, n_columns)).astype(kind)
-    found = batched_product(matrices, columns)
-    assert found.dtype == kind
-    np.testing.assert_allclose(found, matrices @ columns, rtol=0, atol=1e-5)
+    result = batched_product(matrices, columns)
+    assert result.dtype == kind
+    np.testing.assert_allclose(result, matrices @ columns, rtol=0, atol=1e-5)
 
 
-def test_parts_are_the_same_memory():
+def test_column_groups_share_memory():
     columns = np.zeros((2, 5, 2 * COLUMN_WIDTH))
     column_groups(columns)[1, 1, 3] = np.arange(COLUMN_WIDTH)
     assert columns[1, 3, COLUMN_WIDTH:].tolist() == list(range(COLUMN_WIDTH))
     assert np.count_nonzero(columns) == COLUMN_WIDTH - 1
 
 
-def check_company() -> None:
+def check_columns_are_independent() -> None:
     """Compare columns beside others with the same ones alone, and in another place."""
     random = np.random.default_rng(0)
     for size in (54, 88, 108):
         matrix = random.normal(size=(size, size)).astype(np.float32)
         columns = random.normal(size=(size, 6 * COLUMN_WIDTH)).astype(np.float32)
-        found = batched_product(matrix, columns)
+        result = batched_product(matrix, columns)
         order = random.permutation(6 * COLUMN_WIDTH)
-        assert batched_product(matrix, columns[:, order]).tobytes() == found[:, order].tobytes()
-        for some in (slice(3, 4), slice(20, 61)):
-            assert batched_product(matrix, columns[:, some]).tobytes() == found[:, some].tobytes()
+        assert batched_product(matrix, columns[:, order]).tobytes() == result[:, order].tobytes()
+        for selection in (slice(3, 4), slice(20, 61)):
+            assert (
+                batched_product(matrix, columns[:, selection]).tobytes()
+                == result[:, selection].tobytes()
+            )
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_a_column_does_not_depend_on_those_beside_it(kernel):
+def test_a_column_does_not_depend_on_the_other_columns(kernel):
     program = (
-        "from tests.interaction_mesh.test_linear_algebra import check_company as check; check()"
+        "from tests.interaction_mesh import test_linear_algebra as tests\n"
+        "tests.check_columns_are_independent()"
     )
     environment = {**os.environ, "OPENBLAS_CORETYPE": kernel}
     subprocess.run([sys.executable, "-c", program], env=environment, cwd=ROOT, check=True)

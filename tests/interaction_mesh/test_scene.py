@@ -1,4 +1,4 @@
-"""Trusted: what a body is not, by name."""
+"""Reference: invalid scenes, scales and settings, by name."""
 
 import re
 from dataclasses import replace
@@ -11,30 +11,30 @@ from pacmo_core.interaction_mesh import Scene, prepare, retarget
 from tests.interaction_mesh.scenes import ARM, SETTINGS, scene
 
 
-def spoilt(change) -> Scene:
+def edited_scene(edit) -> Scene:
     source = scene()
     motion = source.motions[1].copy()
-    change(motion)
+    edit(motion)
     return Scene((source.motions[0], motion), source.skeletons, source.fps)
 
 
 def test_a_flat_body_is_refused():
     with pytest.raises(ValueError, match="person_b is flat"):
-        spoilt(lambda motion: motion.__setitem__((..., 2), 0))
+        edited_scene(lambda motion: motion.__setitem__((..., 2), 0))
 
 
 def test_joints_that_coincide_are_refused_with_their_names_and_the_frame():
     with pytest.raises(ValueError, match="person_b: left_arm and left_hand coincide in frame 3"):
-        spoilt(lambda motion: motion.__setitem__((3, 3), motion[3, 2]))
+        edited_scene(lambda motion: motion.__setitem__((3, 3), motion[3, 2]))
 
 
-def test_a_joint_that_is_not_a_number_is_refused():
+def test_a_joint_that_is_not_finite_is_refused():
     with pytest.raises(ValueError, match="person_b must be finite; frame 2, joint chest is not"):
-        spoilt(lambda motion: motion.__setitem__((2, 1, 0), np.nan))
+        edited_scene(lambda motion: motion.__setitem__((2, 1, 0), np.nan))
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
-def test_a_scale_that_no_body_has_is_refused(scale):
+def test_a_scale_that_is_not_positive_is_refused(scale):
     scales = np.ones((2, 10))
     scales[1, 4] = scale
     with pytest.raises(ValueError, match=re.escape(f"variation 1, bone 4 has {scale}")):
@@ -51,18 +51,18 @@ def test_a_disconnected_skeleton_is_refused():
         Skeleton("torn", ARM.joints, (-1, 0, 3, 2, 1, 4))
 
 
-def test_motions_that_do_not_fit_are_refused():
+def test_motions_of_wrong_shape_or_rate_are_refused():
     source = scene()
     with pytest.raises(ValueError, match=re.escape("the same frames; got [15, 14]")):
         Scene((source.motions[0], source.motions[1][1:]), source.skeletons, 30.0)
     with pytest.raises(ValueError, match=re.escape("person_a must be (15, 6, 3) float32")):
-        wide = (source.motions[0].astype(np.float64), source.motions[1])
-        Scene(wide, source.skeletons, 30.0)
+        float64_motions = (source.motions[0].astype(np.float64), source.motions[1])
+        Scene(float64_motions, source.skeletons, 30.0)
     with pytest.raises(ValueError, match="fps must be positive; got 0"):
         Scene(source.motions, source.skeletons, 0.0)
 
 
-def test_settings_that_mean_nothing_are_refused():
+def test_invalid_settings_are_refused():
     with pytest.raises(ValueError, match="graph must be complete or delaunay; got 'dense'"):
         replace(SETTINGS, graph="dense")
     with pytest.raises(ValueError, match="attempts must not be empty"):

@@ -1,0 +1,64 @@
+"""Reference: the names of the joints of known skeletons."""
+
+import numpy as np
+import pytest
+
+from pacmo_core.data.skeleton import DUET15, INTERHUMAN22, NTU25, SBU15
+from pacmo_core.interaction_mesh import Scene
+from pacmo_core.interaction_mesh.mesh import ancestor_bones, hinge_joints, trunk_joints
+from tests.interaction_mesh.scenes import scene
+
+
+@pytest.mark.parametrize(
+    ("skeleton", "middle"),
+    [
+        (NTU25, "left_elbow left_knee right_elbow right_knee"),
+        (SBU15, "left_elbow left_knee right_elbow right_knee"),
+        (DUET15, "left_elbow left_knee right_elbow right_knee"),
+        (INTERHUMAN22, "left_elbow left_knee right_elbow right_knee"),
+    ],
+)
+def test_hinges_are_elbows_and_knees(skeleton, middle):
+    assert hinge_names(skeleton) == sorted(middle.split())
+
+
+def hinge_names(skeleton):
+    """Lay a grown-up's bones along a line of the tree and name the hinges of person a."""
+    source = person(skeleton)
+    result = hinge_joints(source)[:, 1]
+    return sorted(skeleton.joints[i] for i in result if i < len(skeleton.joints))
+
+
+def person(skeleton):
+    lengths = {"elbow": 0.28, "wrist": 0.25, "knee": 0.42, "ankle": 0.42, "hip": 0.12, "foot": 0.15}
+    if skeleton is SBU15:
+        lengths |= {"hand": 0.25, "foot": 0.42, "hip": 0.3}
+    random = np.random.default_rng(0)
+    pose = np.zeros((1, len(skeleton.joints), 3))
+    for joint in skeleton.order[1:]:
+        direction = random.normal(size=3)
+        name = skeleton.joints[joint].rpartition("_")[2]
+        length = lengths.get(name, 0.1)
+        pose[:, joint] = pose[:, skeleton.parents[joint]] + length * direction / np.linalg.norm(
+            direction
+        )
+    motion = pose.astype(np.float32)
+    return Scene((motion, motion + np.float32(1)), (skeleton, skeleton), 30.0)
+
+
+@pytest.mark.parametrize("skeleton", [NTU25, INTERHUMAN22])
+def test_a_trunk_extends_from_the_root_to_hips_and_shoulders_without_limbs(skeleton):
+    a, b = trunk_joints(person(skeleton))
+    np.testing.assert_array_equal(b, a + len(skeleton.joints))
+    names = {skeleton.joints[i] for i in a}
+    assert skeleton.joints[skeleton.root] in names
+    assert {"left_hip", "right_hip", "left_shoulder", "right_shoulder"} <= names
+    assert not any(part in name for name in names for part in ("elbow", "knee", "wrist", "head"))
+
+
+def test_a_joint_is_the_sum_of_its_ancestor_bones():
+    source = scene()
+    result = ancestor_bones(source) @ source.bone_vectors.transpose(1, 0, 2).reshape(10, -1)
+    roots = np.repeat(source.points[:, [0, 6]], 6, axis=1)
+    expected = (source.points - roots).transpose(1, 0, 2).reshape(12, -1)
+    np.testing.assert_allclose(result, expected, atol=1e-12)
