@@ -14,7 +14,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from benchmarks._variations import SETTINGS
+from benchmarks._retargeting_tasks import SETTINGS
 from pacmo_core.augmentation.run import (
     Batch,
     BatchResult,
@@ -35,7 +35,7 @@ QUIET = {"distributed.worker.profile.enabled": False}
 
 
 def batches() -> Iterator[Batch]:
-    """Hand out clips, each with its bodies."""
+    """Yield a batch of bodies for each clip."""
     for script, random in sample_scripts(
         0, population=0, pairs=PAIRS, actions=tuple(ACTIONS), replications=1
     ):
@@ -47,7 +47,7 @@ def batches() -> Iterator[Batch]:
 
 
 def timed(do: Callable[[list[Batch]], Iterable[BatchResult]]) -> tuple[float, str]:
-    """Give the seconds that the batches take, and the hash of all that is made of them."""
+    """Return the seconds that the batches take, and the hash of their variations."""
     first, *rest = batches()
     list(do([first, *rest[:WORKERS]]))  # imports, and each worker's first use of the libraries
     start = time.perf_counter()

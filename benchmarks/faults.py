@@ -1,12 +1,11 @@
-"""Kill a run at random moments; the next one must end right, with an undisturbed one's bytes.
+"""Kill a run at random moments; the next one must succeed, with the bytes of an undisturbed one.
 
 Usage: python -m benchmarks.faults --kills N [--seed S] [--experiment NAME] [--json] [STAGE ...]
 
 A run is ``python -m flows.run reproduce STAGE ...`` in a clone of the last commit. For each kill it
-starts with no output, and after a random share of an undisturbed run's time one process is
-killed -9: the supervisor, the Prefect server, the flow, DVC or a stage, or all. Then it is run again.
-As many clones as the machine has processors are killed side by side; each kill has its own seed.
-``recovered``: how many of these ended well. ``identical``: after how many every file under data,
+starts with no output. After a random share of an undisturbed run's time, one process is killed -9:
+the supervisor, the Prefect server, the flow, DVC, a stage, or all. Then it is run again.
+``recovered``: how many of these succeeded. ``identical``: after how many every file under data,
 models and reports has the undisturbed run's bytes, no file being there beside them.
 """
 
@@ -27,13 +26,21 @@ from queue import SimpleQueue
 from benchmarks._figures import arguments, show
 from benchmarks.pipeline import clone
 
-PRODUCTS = ("data", "models", "reports")
-MADE = (*PRODUCTS, "dvc.lock", ".dvc/cache", ".dvc/tmp", "history", "checkpoints", "live")
+OUTPUT_FOLDERS = ("data", "models", "reports")
+WRITTEN_BY_RUNS = (
+    *OUTPUT_FOLDERS,
+    "dvc.lock",
+    ".dvc/cache",
+    ".dvc/tmp",
+    "history",
+    "checkpoints",
+    "live",
+)
 STAGES = ("train_gru",)
 LIMIT_S = 900.0
 
 
-def begin(folder: Path, stages: list[str]) -> "subprocess.Popen[bytes]":
+def start_run(folder: Path, stages: list[str]) -> "subprocess.Popen[bytes]":
     """Start the run in a session of its own."""
     command = [sys.executable, "-m", "flows.run", "reproduce", *stages]
     environment = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
@@ -49,8 +56,8 @@ def begin(folder: Path, stages: list[str]) -> "subprocess.Popen[bytes]":
 
 
 def clear(folder: Path) -> None:
-    """Take away all that runs have made."""
-    for name in MADE:
+    """Remove all that runs have written."""
+    for name in WRITTEN_BY_RUNS:
         path = folder / name
         if path.is_dir():
             shutil.rmtree(path)
@@ -62,31 +69,31 @@ def hashes(folder: Path) -> dict[str, str]:
     """Hash every file that a run makes."""
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for product in PRODUCTS
-        for path in sorted((folder / product).rglob("*"))
+        for folder_name in OUTPUT_FOLDERS
+        for path in sorted((folder / folder_name).rglob("*"))
         if path.is_file() and path.name != ".gitignore"
     }
 
 
 def descendants(pid: int) -> list[int]:
-    """List a process and all below it, as they are now."""
+    """List a process and its descendants."""
     parents = {}
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
             parents[int(status.parent.name)] = int(status.read_text().rpartition(")")[2].split()[1])
         except OSError:
-            continue  # gone meanwhile
-    found = [pid]
-    for process in found:
-        found += [child for child, parent in parents.items() if parent == process]
-    return found
+            continue  # it has ended
+    pids = [pid]
+    for process in pids:
+        pids += [child for child, parent in parents.items() if parent == process]
+    return pids
 
 
 def kill_one(process: "subprocess.Popen[bytes]", choice: random.Random) -> None:
-    """Kill a random one of a run's processes, or all, and wait until the flow has ended."""
-    below = descendants(process.pid)
-    victims = below if choice.random() < 0.25 else [choice.choice(below)]
-    for pid in victims:
+    """Kill a random process of a run, or all, and wait until the run has ended."""
+    pids = descendants(process.pid)
+    selected = pids if choice.random() < 0.25 else [choice.choice(pids)]
+    for pid in selected:
         try:
             os.kill(pid, signal.SIGKILL)
         except ProcessLookupError:
@@ -96,40 +103,40 @@ def kill_one(process: "subprocess.Popen[bytes]", choice: random.Random) -> None:
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """What a run without a kill takes and leaves."""
+    """Duration and files of a run without a kill."""
 
     seconds: float
-    bytes_of: dict[str, str]
+    hashes: dict[str, str]
 
 
 def undisturbed(folder: Path, stages: list[str]) -> Undisturbed:
-    """Run once in peace.
+    """Run once without a kill.
 
     Raises
     ------
     RuntimeError
-        If even that fails, with the end of what it said.
+        If even that fails, with the end of its log.
     """
     clear(folder)
     start = time.perf_counter()
-    if begin(folder, stages).wait(timeout=LIMIT_S):
+    if start_run(folder, stages).wait(timeout=LIMIT_S):
         raise RuntimeError((folder / "flow.log").read_text()[-2000:])
     return Undisturbed(time.perf_counter() - start, hashes(folder))
 
 
 def kill_and_recover(
-    folder: Path, stages: list[str], wanted: Undisturbed, choice: random.Random
+    folder: Path, stages: list[str], expected: Undisturbed, choice: random.Random
 ) -> tuple[bool, bool]:
-    """Kill a run at a random moment, and run again; tell whether it ended well, and as wanted."""
+    """Kill a run at a random moment, run again; return whether it succeeded, and with equal bytes."""
     clear(folder)
-    process = begin(folder, stages)
-    time.sleep(choice.uniform(0, wanted.seconds))
+    process = start_run(folder, stages)
+    time.sleep(choice.uniform(0, expected.seconds))
     kill_one(process, choice)
-    well = begin(folder, stages).wait(timeout=LIMIT_S) == 0
-    same = hashes(folder) == wanted.bytes_of
-    if not (well and same):
+    recovered = start_run(folder, stages).wait(timeout=LIMIT_S) == 0
+    same = hashes(folder) == expected.hashes
+    if not (recovered and same):
         print((folder / "flow.log").read_text()[-3000:], file=sys.stderr)
-    return well, same
+    return recovered, same
 
 
 def main() -> None:
@@ -145,20 +152,20 @@ def main() -> None:
         folders: SimpleQueue[Path] = SimpleQueue()
         for number in range(options.clones):
             folders.put(clone(Path(place) / str(number), options.experiment))
-        wanted = undisturbed(folders.get(), options.stages)
+        expected = undisturbed(folders.get(), options.stages)
         folders.put(Path(place) / "0")
 
         def disturb(number: int) -> tuple[bool, bool]:
             folder = folders.get()
             choice = random.Random(f"{options.seed}:{number}")
-            well, same = kill_and_recover(folder, options.stages, wanted, choice)
-            print(f"kill {number}: ended well {well}, identical {same}", file=sys.stderr)
+            recovered, same = kill_and_recover(folder, options.stages, expected, choice)
+            print(f"kill {number}: recovered {recovered}, identical {same}", file=sys.stderr)
             folders.put(folder)
-            return well, same
+            return recovered, same
 
-        found = list(pool.map(disturb, range(1, options.kills + 1)))
-    recovered, identical = (sum(column) for column in zip(*found, strict=True))
-    figures = {"kills": options.kills, "undisturbed_s": wanted.seconds}
+        results = list(pool.map(disturb, range(1, options.kills + 1)))
+    recovered, identical = (sum(column) for column in zip(*results, strict=True))
+    figures = {"kills": options.kills, "undisturbed_s": expected.seconds}
     show({**figures, "recovered": recovered, "identical": identical}, as_json=options.json)
 
 

@@ -28,7 +28,7 @@ from ruamel.yaml import YAML
 from benchmarks._figures import arguments, show
 from benchmarks._spread import spread
 from benchmarks.faults import hashes
-from benchmarks.pipeline import PATH, call, clone, plain_commands, spent
+from benchmarks.pipeline import PATH, call, clone, plain_commands, processor_seconds
 
 MEASURED = ("ingest", "cut", "split", "augment")
 ACTS, REPLICATIONS = 10, 2
@@ -64,14 +64,14 @@ def run_measured(folder: Path) -> dict[str, float]:
 def one_more(folder: Path, n_captures: int) -> dict[str, float]:
     """Run clean, then with one more."""
     away = set_captures(folder, n_captures)
-    start = spent()
+    start = processor_seconds()
     clean = run_measured(folder)
     shutil.move(away, folder / "data/raw" / away.name)
-    middle = spent()
+    middle = processor_seconds()
     more = run_measured(folder)
     found = {
         "one_more_share": sum(more.values()) / sum(clean.values()),
-        "one_more_processor_share": (spent() - middle) / (middle - start),
+        "one_more_processor_share": (processor_seconds() - middle) / (middle - start),
     }
     for name in MEASURED:
         found |= {f"{name}_clean_s": clean[name], f"{name}_one_more_s": more[name]}
@@ -96,10 +96,10 @@ def cost(folder: Path, command: list[str], **environment: str) -> tuple[float, f
     settings |= {"PATH": PATH, "PYTHONPATH": str(folder), **environment}
     times, worked = [], []
     for _ in range(REPEATS):
-        start, before = time.perf_counter(), spent()
+        start, before = time.perf_counter(), processor_seconds()
         subprocess.run(command, cwd=folder, env=settings, check=True, capture_output=True)
         times.append(time.perf_counter() - start)
-        worked.append(spent() - before)
+        worked.append(processor_seconds() - before)
     return statistics.median(times), statistics.median(worked)
 
 

@@ -1,17 +1,17 @@
-"""How fast and how well 967 variations of nine two-person motions are made, beside the peers.
+"""Speed and quality of InteractionMesh on 967 variations of nine two-person motions, with peers.
 
 Usage: python -m benchmarks.interaction_mesh [--json] [--cost PICTURE]
 
-Two processes share the nine windows; times of ours include factorisation, retries and reports, not
-reading. ``times_banded`` and ``times_per_frame_peer`` compare process seconds a frame: the banded
-solver on one variation of a shorter window, the per-frame solver (``pip install cvxpy clarabel``)
-on a few frames; both extrapolated. ``energy_gap`` is the worst of a few variations of shorter
-windows against the banded solver or ours, either run to its end; where the banded one went astray,
-``energy_gap_where_banded_is_lost`` is. Of figures of single variations the worst counts;
-``contacts_preserved`` and ``bend_flip_fraction`` are means, with the worst beside them; ``near_error_gain`` is
-the mean error of naive scaling over ours, by source.
+Two processes share the nine windows. Our times include factorisation, further attempts and
+reports, but not reading. ``times_banded`` and ``times_per_frame_peer`` compare process seconds per
+frame: the banded solver on one variation of a shorter window, the per-frame solver (``pip install
+cvxpy clarabel``) on a few frames, both extrapolated. ``energy_gap`` is the largest of a few
+variations of shorter windows, relative to the banded solver or ours at convergence;
+``energy_gap_where_banded_diverged`` that of the others. Measurements of variations are the worst;
+``contacts_preserved`` and ``bend_flip_fraction`` are means, with the worst in a further key;
+``near_error_gain`` is the mean error of naive scaling over ours, by source.
 
-``--cost`` instead measures 90 to 36,000 frames and 1 to 1,000 variations, and draws that.
+``--cost`` instead measures 90 to 36,000 frames and 1 to 1,000 variations, and draws the cost.
 """
 
 import os
@@ -24,11 +24,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks._cost import FRAMES, costs, draw, growth
 from benchmarks._figures import arguments, show
-from benchmarks._released import released_seam_ratio
-from benchmarks._slower import beside_peers
-from benchmarks._variations import SETTINGS, Task, tasks
+from benchmarks._interaction_mesh_cost import FRAMES, draw_costs, growth_exponent, measure_costs
+from benchmarks._interaction_mesh_peers import compare_with_peers, released_acceleration_peak_ratio
+from benchmarks._retargeting_tasks import SETTINGS, Task, retargeting_tasks
 from pacmo_core.interaction_mesh import Report, prepare, retarget_in_batches
 from pacmo_core.interaction_mesh.scene import Array
 
@@ -37,8 +36,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
-class Done:
-    """What one window came to."""
+class WindowResult:
+    """Measurements of one window."""
 
     name: str
     n_frames: int
@@ -51,64 +50,69 @@ class Done:
 def main() -> None:
     """Measure and print."""
     parser = arguments(__doc__ or "")
-    parser.add_argument("--cost", type=Path, metavar="PICTURE", help="draw how the cost grows")
+    parser.add_argument(
+        "--cost", type=Path, metavar="PICTURE", help="file of the figure of the cost"
+    )
     options = parser.parse_args()
-    kind, planned = tasks()
+    kind, planned = retargeting_tasks()
     if options.cost:
-        show(growths(planned[-1], options.cost), as_json=options.json)
+        show(cost_exponents(planned[-1], options.cost), as_json=options.json)
         return
     print(f"{kind} windows; {sum(len(task.scales) for task in planned)} variations", flush=True)
     start = time.perf_counter()
-    # For the peers: two threads that share a core with another process wait for each other.
+    # For the peers: two threads on a core that another process uses wait for each other.
     os.environ |= dict.fromkeys(THREADS, "1")
-    # Spawned, not forked: a process then holds its own memory alone, and has its own threads.
+    # Spawned, not forked: the peak memory of a process is then its own.
     with ProcessPoolExecutor(N_PROCESSES, mp_context=get_context("spawn")) as pool:
-        done = list(pool.map(run, planned))
+        done = list(pool.map(retarget_window, planned))
         wall = time.perf_counter() - start
         for one in done:
-            print(line(one), flush=True)
+            print(summary_line(one), flush=True)
         figures = speed(done, wall) | quality(done)
-        peers = pool.submit(beside_peers, planned, 1 / figures["frames_per_s_per_core"])
+        peers = pool.submit(compare_with_peers, planned, 1 / figures["frames_per_s_per_core"])
         figures |= peers.result()
-    if (released := released_seam_ratio()) is not None:
-        figures["released_seam_ratio"] = released
+    if (released := released_acceleration_peak_ratio()) is not None:
+        figures["released_acceleration_peak_ratio"] = released
     show(figures, as_json=options.json)
 
 
-def growths(task: Task, path: Path) -> dict[str, float]:
-    """Measure and draw how the cost grows."""
+def cost_exponents(task: Task, path: Path) -> dict[str, float]:
+    """Measure and draw the cost by frames and by variations."""
     measured = []
-    for cost in costs(task):
+    for cost in measure_costs(task):
         measured.append(cost)
         print(
             f"{cost.n_frames:6} frames {cost.n_variations:5} variations {cost.seconds:8.2f} s "
             f"{cost.peak_mb:6.0f} MB",
             flush=True,
         )
-    draw(measured, path)
+    draw_costs(measured, path)
     by_frames, by_variations = measured[: len(FRAMES)], measured[len(FRAMES) :]
-    return {"power_of_frames": growth(by_frames), "power_of_variations": growth(by_variations)}
+    return {
+        "exponent_of_frames": growth_exponent(by_frames),
+        "exponent_of_variations": growth_exponent(by_variations),
+    }
 
 
-def run(task: Task) -> Done:
-    """Vary one window in all planned ways; motions are dropped once they are measured."""
+def retarget_window(task: Task) -> WindowResult:
+    """Retarget one window to all planned bodies; keep measurements only."""
     start = time.process_time()
     source = prepare(task.scene, SETTINGS)
     reports: list[Report] = []
-    worst = spent = 0.0
+    max_error = excluded = 0.0
     for batch in retarget_in_batches(source, task.scales):
         reports += batch.reports
         pause = time.process_time()
-        worst = max(worst, bone_error(task, batch.points, task.scales[batch.rows]))
-        spent += time.process_time() - pause
-    seconds = time.process_time() - start - spent
+        max_error = max(max_error, bone_error(task, batch.points, task.scales[batch.rows]))
+        excluded += time.process_time() - pause
+    seconds = time.process_time() - start - excluded
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     n_frames = len(task.scene.points) * len(task.scales)
-    return Done(task.name, n_frames, reports, worst, seconds, peak)
+    return WindowResult(task.name, n_frames, reports, max_error, seconds, peak)
 
 
 def bone_error(task: Task, points: Array, scales: Array) -> float:
-    """Metres by which a bone misses its length, at worst."""
+    """Return the largest error of a bone length in metres."""
     parent, child = task.scene.bones.T
     lengths = np.linalg.norm(points[:, :, child] - points[:, :, parent], axis=-1)
     return float(
@@ -116,8 +120,8 @@ def bone_error(task: Task, points: Array, scales: Array) -> float:
     )
 
 
-def speed(done: list[Done], wall: float) -> dict[str, float]:
-    """Say how long it took, and how much memory."""
+def speed(done: list[WindowResult], wall: float) -> dict[str, float]:
+    """Summarise time and memory."""
     frames = sum(one.n_frames for one in done)
     return {
         "wall_s": wall,
@@ -129,30 +133,30 @@ def speed(done: list[Done], wall: float) -> dict[str, float]:
     }
 
 
-def quality(done: list[Done]) -> dict[str, float]:
-    """Sum up all variations."""
+def quality(done: list[WindowResult]) -> dict[str, float]:
+    """Summarise the measurements of all variations."""
     reports = [report for one in done for report in one.reports]
-    gains = {one.name: near_gain(one.reports) for one in done}
+    gains = {one.name: near_error_gain(one.reports) for one in done}
     salsa = [gain for name, gain in gains.items() if "salsa" in name]
     return {
-        "max_raw_residual": max(r.primal_residual for r in reports),
+        "max_primal_residual": max(r.primal_residual for r in reports),
         "near_error_gain_min": min(gains.values()),
         "near_error_gain_salsa": min(salsa) if salsa else float("nan"),
         "contacts_preserved": float(np.mean([r.contacts_preserved for r in reports])),
-        "contacts_kept_least": min(r.contacts_preserved for r in reports),
-        "added_slide_cm_s": 100 * max(r.added_foot_skate for r in reports),
-        "added_slide_mean_cm_s": 100 * float(np.mean([r.added_foot_skate for r in reports])),
+        "contacts_preserved_min": min(r.contacts_preserved for r in reports),
+        "added_foot_skate_cm_s": 100 * max(r.added_foot_skate for r in reports),
+        "added_foot_skate_mean_cm_s": 100 * float(np.mean([r.added_foot_skate for r in reports])),
         "penetration_max_mm": 1e3 * max(r.penetration for r in reports),
-        "seam_ratio_max": max(r.acceleration_peak_ratio for r in reports),
+        "acceleration_peak_ratio_max": max(r.acceleration_peak_ratio for r in reports),
         "bend_flip_fraction": float(np.mean([r.bend_flip_fraction for r in reports])),
-        "flip_share_most": max(r.bend_flip_fraction for r in reports),
-        "retried_share": float(np.mean([r.attempt > 0 for r in reports])),
-        "laddered_share": float(np.mean([r.attempt > 1 for r in reports])),
+        "bend_flip_fraction_max": max(r.bend_flip_fraction for r in reports),
+        "second_attempt_fraction": float(np.mean([r.attempt > 0 for r in reports])),
+        "third_attempt_fraction": float(np.mean([r.attempt > 1 for r in reports])),
     }
 
 
-def near_gain(reports: list[Report]) -> float:
-    """How many times naive scaling's error of near distances is ours."""
+def near_error_gain(reports: list[Report]) -> float:
+    """Return the mean near distance error of naive scaling over ours."""
     ours, plain = (
         float(np.mean([getattr(r, name) for r in reports]))
         for name in ("near_distance_error", "near_distance_error_naive")
@@ -160,18 +164,18 @@ def near_gain(reports: list[Report]) -> float:
     return plain / ours if ours else float("inf")
 
 
-def line(one: Done) -> str:
-    """Say how a window went."""
-    slide, seam, deep = (
+def summary_line(one: WindowResult) -> str:
+    """Summarise a window in one line."""
+    skate, peak, penetration = (
         max(getattr(r, name) for r in one.reports)
         for name in ("added_foot_skate", "acceleration_peak_ratio", "penetration")
     )
-    kept = float(np.mean([r.contacts_preserved for r in one.reports]))
+    preserved = float(np.mean([r.contacts_preserved for r in one.reports]))
     attempts = np.bincount([r.attempt for r in one.reports])
     return (
-        f"{one.name:42} {one.seconds:6.2f} s  near gain {near_gain(one.reports):5.1f}  kept "
-        f"{kept:.4f}  slide {100 * slide:5.2f} cm/s  seam {seam:4.2f}  deeper {1e3 * deep:4.1f} mm"
-        f"  attempts {attempts.tolist()}"
+        f"{one.name:42} {one.seconds:6.2f} s  near error gain {near_error_gain(one.reports):5.1f}  "
+        f"contacts {preserved:.4f}  foot skate {100 * skate:5.2f} cm/s  acceleration peak "
+        f"{peak:4.2f}  penetration {1e3 * penetration:4.1f} mm  attempts {attempts.tolist()}"
     )
 
 

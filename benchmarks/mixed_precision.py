@@ -1,12 +1,12 @@
-"""What products of bfloat16 do to what a prior of the paper's size learns, and how long that takes.
+"""Accuracy and training time of mixed precision, for a skeleton prior of the paper's size.
 
-Usage: python -m benchmarks.mixed_precision [--json] [--family F] [--split S] [--seeds N ...]
+Usage: python -m benchmarks.mixed_precision [--json] [--dataset D] [--split S] [--seeds N ...]
 
-Trains our form as the experiment ``variations_paper`` does, with factors rounded and not, in turn,
-on variations that stand in the project: ``./run pacmo use variations_paper`` and ``./run flow
-split_variations`` make them. ``error_mm`` is the mean error of joints' places over the test side,
-bodies given; seconds are of the process, on one thread. Figures are means over seeds, and of the
-differences the largest.
+Trains the kinematic model as in the experiment ``variations_paper``, in float32 and with bfloat16
+products in turn, on variations of the project: ``./run pacmo use variations_paper`` and
+``./run flow split_variations`` make them. ``error_mm`` is the mean position error on the test split
+on given skeletons; seconds are processor time of one thread. Results are means over seeds, and the
+largest of the differences.
 """
 
 import time
@@ -26,12 +26,12 @@ from pacmo_core.skeleton_prior.settings import LossWeights, SkeletonPriorSetting
 from pacmo_core.training.devices import keep_freed_memory
 from stages.common.examples import stream_examples
 
-SIDES = ("train", "validation", "test")
+SPLITS = ("train", "validation", "test")
 
 
 @dataclass(frozen=True)
-class Trained:
-    """What came of a training: millimetres and seconds."""
+class Result:
+    """Test error, millimetres, and training time, seconds."""
 
     error_mm: float
     seconds: float
@@ -40,25 +40,25 @@ class Trained:
 def main() -> None:
     """Train, measure and print."""
     parser = arguments(__doc__ or "")
-    parser.add_argument("--family", default="cmu_18_19", help="a folder of data/variations")
+    parser.add_argument("--dataset", default="cmu_18_19", help="a folder of data/variations")
     parser.add_argument("--split", default="cross_scale_interaction")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     options = parser.parse_args()
     if not supports_bfloat16("cpu"):
-        parser.error("this processor has no products of bfloat16: there is nothing to compare")
+        parser.error("this processor does not support bfloat16 products: nothing to compare")
     torch.set_num_threads(1)
-    keep_freed_memory()  # as the stage that trains does
-    sides = Path("data/priors/splits") / options.family / f"{options.split}.parquet"
+    keep_freed_memory()  # as the training stage does
+    splits = Path("data/priors/splits") / options.dataset / f"{options.split}.parquet"
+    variations = Path("data/variations", options.dataset)
     examples = [
-        [
-            example
-            for _, example in stream_examples(Path("data/variations", options.family), sides, side)
-        ]
-        for side in SIDES
+        [example for _, example in stream_examples(variations, splits, split)] for split in SPLITS
     ]
-    found = [[trained(examples, seed, mixed) for mixed in (False, True)] for seed in options.seeds]
-    errors = np.array([[each.error_mm for each in pair] for pair in found])
-    seconds = np.array([[each.seconds for each in pair] for pair in found])
+    results = [
+        [train(examples, seed, mixed_precision=mixed) for mixed in (False, True)]
+        for seed in options.seeds
+    ]
+    errors = np.array([[result.error_mm for result in pair] for pair in results])
+    seconds = np.array([[result.seconds for result in pair] for pair in results])
     figures = {
         "error_mm": errors[:, 0].mean(),
         "mixed_error_mm": errors[:, 1].mean(),
@@ -70,26 +70,25 @@ def main() -> None:
     show(figures, as_json=options.json)
 
 
-def trained(examples: list[list[Example]], seed: int, mixed: bool) -> Trained:
-    """Train on the first side, choose weights on the second, measure on the third."""
+def train(examples: list[list[Example]], seed: int, *, mixed_precision: bool) -> Result:
+    """Train on the first split, select weights on the second, measure on the third."""
     section = YAML(typ="safe").load(compose_params("variations_paper"))["train_skeleton_prior"]
-    own = {
+    overrides = {
         "random_seed": seed,
         "model": "kinematic",
-        "mixed_precision": mixed,
+        "mixed_precision": mixed_precision,
         "loss_weights": LossWeights(**section["loss_weights"]),
     }
-    known = {key: value for key, value in section.items() if key != "threads"}
-    learnt, held_out, tested = examples
+    settings = {key: value for key, value in section.items() if key != "threads"} | overrides
+    training_data, validation, test = examples
     start = time.process_time()
     model = training.build_training(
-        learnt, SkeletonPriorSettings(**{**known, **own}), validation=held_out
+        training_data, SkeletonPriorSettings(**settings), validation=validation
     ).finish()
     seconds = time.process_time() - start
     with torch.no_grad():
-        return Trained(
-            1e3 * float(training.mean_position_error(model, encode_examples(tested))), seconds
-        )
+        error = float(training.mean_position_error(model, encode_examples(test)))
+    return Result(1e3 * error, seconds)
 
 
 if __name__ == "__main__":

@@ -23,26 +23,26 @@ from pacmo_core.project.stages import upstream_stages
 
 ROOT = Path(__file__).parents[1]
 SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER
-PATIENCE_S = 2.0
+_WAIT_S = 2.0
 PATH = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
 
 
 def call(folder: Path, *command: str) -> float:
-    """Run a command in a clone; seconds it took."""
+    """Run a command in a clone; return the seconds that it took."""
     environment = {**os.environ, "PATH": PATH, "PYTHONPATH": str(folder)}
     start = time.perf_counter()
     subprocess.run(command, cwd=folder, env=environment, check=True, stdout=sys.stderr)
     return time.perf_counter() - start
 
 
-def spent() -> float:
-    """Give the processor seconds of all commands that have ended, and of all that they started.
+def processor_seconds() -> float:
+    """Return the processor seconds of all commands that have ended, and of all that they started.
 
-    Others' load is not in them. Processes that outlive their parents for an instant, as readers'
-    forkserver does, count too: they become this one's, and are waited for.
+    Processes that outlive their parents for an instant, as a fork server does, are included: they
+    become children of this one, which waits for them.
     """
     ctypes.CDLL(None).prctl(SUBREAPER, 1, 0, 0, 0)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + _WAIT_S
     with suppress(ChildProcessError):  # there are no more
         while time.monotonic() < deadline:
             if os.waitpid(-1, os.WNOHANG) == (0, 0):

@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 
 from benchmarks._figures import arguments, show
 from benchmarks.incremental import set_captures
-from benchmarks.pipeline import call, clone, plain_commands, spent
+from benchmarks.pipeline import call, clone, plain_commands, processor_seconds
 from pacmo_core.project.experiments import default_params
 
 STAGES = ("ingest", "cut", "split", "augment", "train_pacmo", "react", "evaluate_pacmo")
@@ -41,17 +41,20 @@ def measure(folder: Path, n_clips: int) -> dict[str, tuple[float, float]]:
     set_captures(folder, n_clips)
     _set_network(folder)
     status = (sys.executable, "-m", "dvc", "status", "--json")
-    before = spent()
+    before = processor_seconds()
     call(folder, *status)
-    found = {"dvc": (spent() - before, 0.0)}
+    found = {"dvc": (processor_seconds() - before, 0.0)}
     for command in plain_commands(folder):
         name = command.split()[2].removeprefix("stages.")
         if not _is_wanted(name, command):
             continue
-        before = spent()
+        before = processor_seconds()
         call(folder, "sh", "-c", command)
         if name in STAGES:
-            found[name] = (spent() - before, float(_size(folder / LEAVES.get(name, "none"))))
+            found[name] = (
+                processor_seconds() - before,
+                float(_size(folder / LEAVES.get(name, "none"))),
+            )
     return found
 
 

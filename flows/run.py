@@ -39,7 +39,7 @@ from pacmo_core.project.lock import (
     writer_lock,
 )
 from pacmo_core.project.processes import end_on_signal, end_run, kill_marked, start_process
-from pacmo_core.project.records import EXIT_CODES, close_killed_runs, read_runs
+from pacmo_core.project.records import EXIT_CODES, INTERRUPTED, close_killed_runs, read_runs
 from pacmo_core.project.stages import read_status, readable_dvc_lock, upstream_and_stale
 from pacmo_core.project.workspace import (
     EVENTS_VARIABLE,
@@ -201,7 +201,7 @@ def _interrupt(mark: Mapping[str, str], command: str) -> str:
     line = end_run(mark, command)
     # This process may hold the lock itself; then no flow has started.
     with suppress(BusyError), writer_lock("interrupted", LOCK):
-        close_killed_runs(RUNS, "interrupted")
+        close_killed_runs(RUNS, INTERRUPTED)
     return line
 
 

@@ -1,1 +1,1 @@
-"""Variations of interactions: which bodies to give them, and how to make many of them."""
+"""Augmentation of two-person motions: target bodies, batches of retargeting, acceptance."""

@@ -1,15 +1,15 @@
-"""What is known of human bodies: how long segments are, how tall people are, how they differ.
+"""Bone scales from a source's body to another: by segment, of a profile, or random.
 
-Segments as shares of stature: Drillis and Contini (1966), *Body segment parameters*, as Winter
-(2009), *Biomechanics and motor control of human movement*, figure 4.1, draws them.
+Segment lengths as fractions of stature: Drillis and Contini (1966), *Body segment parameters*, as
+in Winter (2009), *Biomechanics and motor control of human movement*, figure 4.1.
 
-Adults: Gordon et al. (2014), *2012 anthropometric survey of U.S. Army personnel* (ANSUR II), which
-measured 4,082 men and 1,986 women.
+Adults: Gordon et al. (2014), *2012 anthropometric survey of U.S. Army personnel* (ANSUR II), 4,082
+men and 1,986 women.
 
 Children: de Onis et al. (2007), *Development of a WHO growth reference for school-aged children and
-adolescents*; and, for how long their legs are, the sitting height over stature of Fredriks et al.
-(2005), *Nationwide age references for sitting height, leg length, and sitting height/height ratio*
-(the fourth Dutch growth study), read off its charts, so to about 0.005.
+adolescents*. Their leg length: the sitting height over stature of Fredriks et al. (2005),
+*Nationwide age references for sitting height, leg length, and sitting height/height ratio* (fourth
+Dutch growth study), read off its charts to about 0.005.
 """
 
 import hashlib
@@ -23,15 +23,18 @@ from pacmo_core.augmentation.segments import Segment, segments
 from pacmo_core.data.interaction import Motion, bone_lengths
 from pacmo_core.data.skeleton import Skeleton
 
-# Drillis and Contini: shares of stature.
+Scales = NDArray[np.float64]
+UNIFORM = "uniform"
+
+# Drillis and Contini: fractions of stature.
 THIGH_RATIO, SHIN_RATIO = 0.245, 0.246
 
 # ANSUR II: metres, mean and standard deviation of men's stature.
 MEN_STATURE, MEN_STATURE_SD = 1.756, 0.069
-# ANSUR II: a standard deviation as a share of the mean, men's upper arms (acromion to radiale).
+# ANSUR II: coefficient of variation of men's upper arms (acromion to radiale).
 ARM_LENGTH_CV = 0.05
 
-# WHO 2007: metres, boys of eight years, median; girls' is 7 mm less.
+# WHO 2007: metres, median of boys of eight years; girls' is 7 mm less.
 CHILD_STATURE = 1.273
 # Fredriks et al.: sitting height over stature.
 CHILD_SITTING_RATIO, ADULT_SITTING_RATIO = 0.54, 0.52
@@ -39,21 +42,21 @@ CHILD_SITTING_RATIO, ADULT_SITTING_RATIO = 0.54, 0.52
 
 @dataclass(frozen=True)
 class Profile:
-    """A body to be had.
+    """Stature and proportions of a target body.
 
     Parameters
     ----------
-    stature : metres; None for the source's own
-    parts : by which factor parts of the body are longer than stature alone would make them;
-        parts that are not named follow stature
+    stature : metres; None for the source's
+    part_factors : length of parts of the body relative to a body of that stature; 1 for parts that
+        are not named
     """
 
     stature: float | None
-    parts: dict[str, float]
+    part_factors: dict[str, float]
 
 
 PROFILES = {
-    # Legs are shorter, trunk and head longer, for the same stature.
+    # Shorter legs, longer trunk and head than an adult of the same stature.
     "child": Profile(
         CHILD_STATURE,
         {
@@ -61,21 +64,16 @@ PROFILES = {
             "trunk": CHILD_SITTING_RATIO / ADULT_SITTING_RATIO,
         },
     ),
-    # Taller than 97 or 98 men of a hundred.
+    # Two standard deviations above the mean: taller than 97 to 98 % of men.
     "tall_adult": Profile(MEN_STATURE + 2 * MEN_STATURE_SD, {}),
-    # Arms longer than those of 97 or 98 of a hundred bodies of that stature.
+    # Two standard deviations above the mean for the stature.
     "long_arms": Profile(None, {"arm": 1 + 2 * ARM_LENGTH_CV}),
 }
 
 
-# FROM """Scales of bones that turn a source's body into another one: grown, of a profile, or drawn."""
-Scales = NDArray[np.float64]
-UNIFORM = "uniform"
-
-
 @dataclass(frozen=True)
 class Body:
-    """One person of a source, as far as scales go.
+    """The bones of one person.
 
     Parameters
     ----------
@@ -88,7 +86,7 @@ class Body:
 
     @property
     def stature(self) -> float:
-        """Metres: how tall a person with these legs is, by Drillis and Contini.
+        """Metres: stature of a person with this leg length, after Drillis and Contini.
 
         Raises
         ------
@@ -97,20 +95,20 @@ class Body:
         """
         means = {}
         for kind in ("thigh", "shin"):
-            own = [s.kind == kind for s in self.segments]
-            if not any(own):
-                raise ValueError(f"no {kind} to tell a stature by; segments: {self.names}")
-            means[kind] = float(self.lengths[own].mean())
+            is_kind = [s.kind == kind for s in self.segments]
+            if not any(is_kind):
+                raise ValueError(f"no {kind} to estimate the stature from; segments: {self.names}")
+            means[kind] = float(self.lengths[is_kind].mean())
         return (means["thigh"] + means["shin"]) / (THIGH_RATIO + SHIN_RATIO)
 
     @property
     def names(self) -> str:
-        """List the segments for a person to read."""
+        """The names of the segments, sorted, for messages."""
         return ", ".join(sorted(segment.name for segment in self.segments))
 
 
 def measure_body(motion: Motion, skeleton: Skeleton) -> Body:
-    """Measure a person.
+    """Measure the bone lengths of a person.
 
     Parameters
     ----------
@@ -121,45 +119,47 @@ def measure_body(motion: Motion, skeleton: Skeleton) -> Body:
 
 
 def segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
-    """``(E,)``: scale segments by name; ``uniform`` means all of them, times their own.
+    """Return the bone scales ``(E,)`` for factors of segments; ``uniform`` multiplies all of them.
 
     Raises
     ------
     ValueError
         If there is no such segment.
     """
-    known = {segment.name for segment in body.segments}
-    unknown = sorted(set(factors) - known - {UNIFORM})
+    names = {segment.name for segment in body.segments}
+    unknown = sorted(set(factors) - names - {UNIFORM})
     if unknown:
         raise ValueError(f"no segment {', '.join(unknown)}; there are {UNIFORM}, {body.names}")
-    whole = factors.get(UNIFORM, 1.0)
-    return np.array([whole * factors.get(segment.name, 1.0) for segment in body.segments])
+    uniform = factors.get(UNIFORM, 1.0)
+    return np.array([uniform * factors.get(segment.name, 1.0) for segment in body.segments])
 
 
 def profile_scales(body: Body, name: str) -> Scales:
-    """``(E,)``: give a source's body the stature and proportions of a profile.
+    """Return the bone scales ``(E,)`` to the stature and proportions of a profile.
 
     Raises
     ------
     ValueError
-        If there is no such profile, or the body has no legs to tell its stature by.
+        If there is no such profile, or the body has no legs from which to estimate its stature.
     """
     if name not in PROFILES:
         raise ValueError(f"no profile {name!r}; there are {', '.join(PROFILES)}")
     profile = PROFILES[name]
-    whole = 1.0 if profile.stature is None else profile.stature / body.stature
-    return np.array([whole * profile.parts.get(segment.part, 1.0) for segment in body.segments])
+    uniform = 1.0 if profile.stature is None else profile.stature / body.stature
+    factors = profile.part_factors
+    return np.array([uniform * factors.get(segment.part, 1.0) for segment in body.segments])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Population:
-    """How drawn bodies differ from their source, in logarithms of length.
+    """Log-normal distribution of bone scales.
 
     Parameters
     ----------
-    stature : standard deviation, of all bones together
-    proportion : standard deviation, of each kind of segment for itself; left and right are alike
-    random_seed : another seed, other bodies
+    stature : standard deviation of the logarithm of the scale of all bones
+    proportion : standard deviation of the logarithm of the scale of each kind of segment; left and
+        right have the same
+    random_seed : int
     """
 
     stature: float
@@ -168,19 +168,19 @@ class Population:
 
 
 def sample_scales(body: Body, population: Population, name: str) -> Scales:
-    """``(E,)``: draw a body from the log-normal population.
+    """Sample bone scales ``(E,)`` from a log-normal population.
 
-    Each figure is drawn by its own name: the same body on another skeleton has the same stature
-    and, where segments correspond, the same proportions.
+    The same name gives the same stature on any skeleton and, for corresponding segments, the same
+    proportions.
 
     Parameters
     ----------
-    name : of the body; another name, another body
+    name : of the sample
     """
-    spread = population.proportion
+    # The seeds are hashes of these strings; another string would be another body.
     logarithms = [
         population.stature * _standard_normal(population, f"{name}\0stature")
-        + spread * _standard_normal(population, f"{name}\0segment\0{segment.kind}")
+        + population.proportion * _standard_normal(population, f"{name}\0segment\0{segment.kind}")
         for segment in body.segments
     ]
     scales: Scales = np.exp(np.array(logarithms))

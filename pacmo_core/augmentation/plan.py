@@ -1,8 +1,8 @@
-"""Which bodies a source is given: the plan, and a name for each variation that says what it is.
+"""The target bodies of each source, with a name for each variation.
 
 Li et al. (2024), *Two-person interaction augmentation with skeleton priors*, supplement, section 1:
 all bones of one body, or one bone of its upper body, scaled by 0.75 to 1.25 in steps of 0.05.
-Unlike there, a plan may also name bodies of given anthropometry and draw bodies at random.
+Unlike there, a plan may also name anthropometric profiles and sample random bodies.
 """
 
 import hashlib
@@ -23,18 +23,18 @@ from pacmo_core.augmentation.bodies import (
 )
 
 PEOPLE = ("a", "b")
-UPPER_BODY = "upper"  # the bones above the hips, in place of a pattern
+UPPER_BODY = "upper"  # in place of a pattern: all bones above the hips
 
 
 @dataclass(frozen=True, kw_only=True)
 class SingleBones:
-    """One bone longer or shorter than the others would have it.
+    """Variations of one bone alone.
 
     Parameters
     ----------
-    bones : patterns of segments' names, or ``upper`` for all above the hips
-    scales : of the bone; the source's own, 1, is left out
-    max_variations : a source; which ones, a hash decides
+    bones : patterns of segment names, or ``upper`` for all above the hips
+    scales : of the bone; 1, the source's own, is left out
+    max_variations : of a source; those with the lowest hashes
     """
 
     bones: tuple[str, ...]
@@ -44,21 +44,21 @@ class SingleBones:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The bodies that every source is given.
+    """The target bodies of every source.
 
     Parameters
     ----------
     people : whose body changes, one at a time: ``a``, ``b``
-    uniform : scales of the whole body; the source's own, 1, is left out
+    uniform : scales of the whole body; 1, the source's own, is left out
     single : one bone at a time
-    profiles : names of ``anthropometry.PROFILES``
-    n_random : pairs of random bodies, of both people at once
-    population : what they are drawn from
+    profiles : names of ``bodies.PROFILES``
+    n_random : number of random pairs of bodies, of both people at once
+    population : distribution of the random bodies
 
     Raises
     ------
     ValueError
-        If a person or a scale is none.
+        If a person is unknown, or a scale is not a positive number.
     """
 
     people: tuple[str, ...]
@@ -77,13 +77,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Variation:
-    """One pair of bodies.
+    """A pair of target bodies.
 
     Parameters
     ----------
     name : unique in its plan, such as ``b-left_forearm-1.20``
     kind : ``uniform``, ``single``, ``profile`` or ``random``
-    scales : two of (E,), of each bone of person a and of person b against the source's
+    scales : two of (E,), bone scales of person a and of person b relative to the source
     """
 
     name: str
@@ -91,35 +91,35 @@ class Variation:
     scales: tuple[Scales, Scales]
 
     @property
-    def changes(self) -> bool:
-        """Say whether any bone is other than the source's."""
+    def is_changed(self) -> bool:
+        """Whether any bone differs from the source's."""
         return any((scales != 1).any() for scales in self.scales)
 
 
 def plan_variations(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[Variation]:
-    """List the variations of one source by name.
+    """List the variations of one source, sorted by name.
 
     Parameters
     ----------
     bodies : of person a and of person b
-    source : its name; single bones are chosen for each source apart
+    source : its name, from which single bones are selected
 
     Raises
     ------
     ValueError
-        If a pattern fits no segment, or a profile cannot be had.
+        If a pattern matches no segment, or a profile does not apply.
     """
-    found = [
+    variations = [
         *_whole_body_variations(plan, bodies),
         *_single_bone_variations(plan, bodies, source),
         *_random_variations(plan, bodies),
     ]
-    unlike = {variation.name: variation for variation in found if variation.changes}
-    return [unlike[name] for name in sorted(unlike)]
+    by_name = {variation.name: variation for variation in variations if variation.is_changed}
+    return [by_name[name] for name in sorted(by_name)]
 
 
 def check_scale(what: str, scale: float) -> None:
-    """Refuse a scale that no bone has.
+    """Check a bone scale.
 
     Raises
     ------
@@ -131,36 +131,38 @@ def check_scale(what: str, scale: float) -> None:
 
 
 def _whole_body_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
-    """Change all of one body: uniformly, or to a profile."""
+    """Change all bones of one body: uniformly, or to a profile."""
     for person in plan.people:
-        place = PEOPLE.index(person)
+        index = PEOPLE.index(person)
         for scale in plan.uniform:
-            scales = _with_person(bodies, place, segment_scales(bodies[place], {UNIFORM: scale}))
+            scales = _for_person(bodies, index, segment_scales(bodies[index], {UNIFORM: scale}))
             yield Variation(f"{person}-{UNIFORM}-{_format_scale(scale)}", "uniform", scales)
         for name in plan.profiles:
-            scales = _with_person(bodies, place, profile_scales(bodies[place], name))
+            scales = _for_person(bodies, index, profile_scales(bodies[index], name))
             yield Variation(f"{person}-{name}", "profile", scales)
 
 
 def _single_bone_variations(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[Variation]:
-    """Change one bone of one body; of all that there are, those with the lowest hashes."""
-    found = []
+    """Change one bone of one body; the variations with the lowest hashes."""
+    variations = []
     for person in plan.people:
-        place = PEOPLE.index(person)
-        for bone in _matching_segments(bodies[place], plan.single.bones):
+        index = PEOPLE.index(person)
+        for bone in _matching_segments(bodies[index], plan.single.bones):
             for scale in plan.single.scales:
-                scales = _with_person(bodies, place, segment_scales(bodies[place], {bone: scale}))
-                found.append(Variation(f"{person}-{bone}-{_format_scale(scale)}", "single", scales))
+                scales = _for_person(bodies, index, segment_scales(bodies[index], {bone: scale}))
+                name = f"{person}-{bone}-{_format_scale(scale)}"
+                variations.append(Variation(name, "single", scales))
 
     def rank(variation: Variation) -> bytes:
         text = f"{plan.population.random_seed}\0{source}\0{variation.name}"
         return hashlib.blake2b(text.encode(), digest_size=8).digest()
 
-    return sorted((v for v in found if v.changes), key=rank)[: plan.single.max_variations]
+    changed = [variation for variation in variations if variation.is_changed]
+    return sorted(changed, key=rank)[: plan.single.max_variations]
 
 
 def _random_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variation]:
-    """Give both people bodies of the population."""
+    """Sample the bodies of both people."""
     for number in range(plan.n_random):
         name = f"r{number:04d}"
         a, b = (
@@ -171,27 +173,29 @@ def _random_variations(plan: Plan, bodies: tuple[Body, Body]) -> Iterator[Variat
 
 
 def _matching_segments(body: Body, patterns: tuple[str, ...]) -> list[str]:
-    """List the segments that patterns fit, each once."""
-    chosen: dict[str, None] = {}
+    """List the segments that match a pattern, each once."""
+    selected: dict[str, None] = {}
     for pattern in patterns:
-        fits = [
+        matches = [
             s.name
             for s in body.segments
             if (s.is_upper if pattern == UPPER_BODY else fnmatchcase(s.name, pattern))
         ]
-        if not fits:
-            raise ValueError(f"no segment fits {pattern!r}; there are {UPPER_BODY}, {body.names}")
-        chosen |= dict.fromkeys(fits)
-    return list(chosen)
+        if not matches:
+            raise ValueError(
+                f"no segment matches {pattern!r}; there are {UPPER_BODY}, {body.names}"
+            )
+        selected |= dict.fromkeys(matches)
+    return list(selected)
 
 
-def _with_person(bodies: tuple[Body, Body], place: int, scales: Scales) -> tuple[Scales, Scales]:
-    """Give one person a body, and leave the other as is."""
+def _for_person(bodies: tuple[Body, Body], index: int, scales: Scales) -> tuple[Scales, Scales]:
+    """Return the scales of both people where only one changes."""
     both = [np.ones(len(body.segments)) for body in bodies]
-    both[place] = scales
+    both[index] = scales
     return both[0], both[1]
 
 
 def _format_scale(scale: float) -> str:
-    """Write a scale so that no two are alike."""
+    """Format a scale with two decimals, or in full where these are not exact."""
     return f"{scale:.2f}" if float(f"{scale:.2f}") == scale else repr(scale)

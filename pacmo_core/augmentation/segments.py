@@ -1,9 +1,9 @@
-"""What the bones of a body are called: a forearm is one on every skeleton.
+"""Names of bones by body segment, the same on every skeleton: ``left_forearm``.
 
-A bone is named after the part of the body that it is, ``left_forearm``, whatever its joints are
-called and however many there are. Limbs are found by shape: what hangs on a joint that has a mirror
-image, where its parent has none; names only say whether one is an arm and where it bends.
-Bones of the middle, and those beside a limb's chain, have the name of the joint at which they end.
+The names do not depend on the names or number of joints. Limbs are identified by structure: a limb
+begins at a joint with a mirror image whose parent has none. Joint names only tell arms from legs,
+and where a limb bends. Bones of the trunk, and those beside a limb's main chain, are named after
+the joint at which they end.
 """
 
 import re
@@ -14,25 +14,25 @@ from pacmo_core.data.skeleton import Skeleton
 
 _LEG = re.compile(r"hip|thigh|leg|knee|shin|calf|ankle|heel|foot|toe|femur|tibia")
 _ARM = re.compile(r"collar|clavicle|shoulder|arm|elbow|wrist|hand|humerus|radius")
-# Where a limb bends. A joint that bears a bone's name is its near end, but for Acclaim's humerus
-# and femur, which are the far ends.
+# The joint at which a limb bends. A joint named after a bone is its proximal end, except for
+# Acclaim's humerus and femur, which are the distal ends.
 _BENDS = {
     "arm": re.compile(r"elbow|fore_?arm|low(er)?_?arm|humerus"),
     "leg": re.compile(r"knee|(?<!up)(?<!up_)(?<!upper)leg|shin|calf|femur"),
 }
 _DIGIT = re.compile(r"thumb|finger|index|ring|pinky|middle")
-# From the joint before the bend outwards; before it all is collar.
-_CHAIN = {
+# Segments of a limb, from the one before the upper arm or thigh outwards.
+_SEGMENTS = {
     "arm": ("shoulder", "upper_arm", "forearm", "hand", "fingers"),
     "leg": ("hip", "thigh", "shin", "foot", "toes"),
 }
-_BEFORE = {"arm": "collar", "leg": "pelvis"}
-_SHOULDER_AND_HIP = 1
+_PROXIMAL = {"arm": "collar", "leg": "pelvis"}
+_UPPER_SEGMENT = 1  # index of the upper arm and the thigh
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A bone by what it is.
+    """A body segment.
 
     Parameters
     ----------
@@ -47,90 +47,92 @@ class Segment:
 
     @property
     def kind(self) -> str:
-        """Give the name without its side."""
+        """The name without left or right."""
         return self.name.removeprefix("left_").removeprefix("right_")
 
 
 @lru_cache(maxsize=8)
 def segments(skeleton: Skeleton) -> tuple[Segment, ...]:
-    """Name every bone, in the order of ``skeleton.bones``."""
-    found: dict[int, Segment] = {}
+    """Return the segment of every bone, in the order of ``skeleton.bones``."""
+    limbs: dict[int, Segment] = {}
     for limb_root, side in _limb_roots(skeleton):
-        found |= _name_limb(skeleton, limb_root, side)
-    taken = {segment.name for segment in found.values()}
-    named = []
+        limbs |= _name_limb(skeleton, limb_root, side)
+    used = {segment.name for segment in limbs.values()}
+    result = []
     for child in skeleton.bones[:, 1].tolist():
-        segment = found.get(child) or Segment(
-            snake_case(skeleton.joints[child]), "trunk", is_upper=True
-        )
-        if child not in found and segment.name in taken:
+        name = snake_case(skeleton.joints[child])
+        segment = limbs.get(child) or Segment(name, "trunk", is_upper=True)
+        if child not in limbs and segment.name in used:
             segment = Segment(f"{segment.name}_{child}", "trunk", is_upper=True)
-        taken.add(segment.name)
-        named.append(segment)
-    return tuple(named)
+        used.add(segment.name)
+        result.append(segment)
+    return tuple(result)
 
 
 def snake_case(joint: str) -> str:
-    """Write a joint's name as ``left_hand_thumb1``, whatever the data set's fashion."""
+    """Convert a joint's name to snake case, such as ``left_hand_thumb1``."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", joint)
     return re.sub(r"\W+", "_", words).lower()
 
 
 def _limb_roots(skeleton: Skeleton) -> list[tuple[int, str]]:
+    """List the first joint and the side of each limb."""
     side = {left: "left" for left, _ in skeleton.left_right}
     side |= {right: "right" for _, right in skeleton.left_right}
     return [(j, side[j]) for j in skeleton.order if j in side and skeleton.parents[j] not in side]
 
 
 def _name_limb(skeleton: Skeleton, limb_root: int, side: str) -> dict[int, Segment]:
-    """Name the bones that end at a limb's joints."""
-    below = _descendants(skeleton, limb_root)
-    words = " ".join(skeleton.joints[joint].lower() for joint in below)
+    """Return the segments that end at a limb's joints, by joint."""
+    joints = _descendants(skeleton, limb_root)
+    words = " ".join(skeleton.joints[joint].lower() for joint in joints)
     kind = "leg" if _LEG.search(words) else "arm" if _ARM.search(words) else ""
     if not kind or limb_root == skeleton.root:
         return {}
     chain = _main_chain(skeleton, limb_root)
     names = [skeleton.joints[joint].lower() for joint in chain]
     bend = next((i for i, name in enumerate(names) if _BENDS[kind].search(name)), 1)
-    found = {}
-    for joint in below:
-        place = chain.index(joint) - bend + _SHOULDER_AND_HIP if joint in chain else None
-        name = _segment_name(skeleton.joints[joint], side, kind, place)
-        found[joint] = Segment(name, _body_part(kind, place), is_upper=kind == "arm")
-    return found
+    limb = {}
+    for joint in joints:
+        index = chain.index(joint) - bend + _UPPER_SEGMENT if joint in chain else None
+        name = _segment_name(skeleton.joints[joint], side, kind, index)
+        limb[joint] = Segment(name, _body_part(kind, index), is_upper=kind == "arm")
+    return limb
 
 
-def _segment_name(joint: str, side: str, kind: str, place: int | None) -> str:
-    words = _CHAIN[kind]
-    if place is None:
+def _segment_name(joint: str, side: str, kind: str, index: int | None) -> str:
+    """Return a segment's name from its index in ``_SEGMENTS``; None for one beside the chain."""
+    names = _SEGMENTS[kind]
+    if index is None:
         bare = re.sub(r"^(left|right|rght|l(?!eg)|r)_?", "", snake_case(joint))
         return f"{side}_{bare}"
-    if place < 0:
-        return f"{side}_{_BEFORE[kind]}" + (f"_{-place}" if place < -1 else "")
-    beyond = place - len(words) + 1
-    return f"{side}_{words[min(place, len(words) - 1)]}" + (f"_{beyond + 1}" if beyond > 0 else "")
+    if index < 0:
+        return f"{side}_{_PROXIMAL[kind]}" + (f"_{-index}" if index < -1 else "")
+    excess = index - len(names) + 1
+    return f"{side}_{names[min(index, len(names) - 1)]}" + (f"_{excess + 1}" if excess > 0 else "")
 
 
-def _body_part(kind: str, place: int | None) -> str:
-    if place is not None and place < _SHOULDER_AND_HIP:
+def _body_part(kind: str, index: int | None) -> str:
+    if index is not None and index < _UPPER_SEGMENT:
         return "trunk"
-    is_foot = kind == "leg" and (place is None or place > _CHAIN["leg"].index("shin"))
+    is_foot = kind == "leg" and (index is None or index > _SEGMENTS["leg"].index("shin"))
     return "foot" if is_foot else kind
 
 
 def _descendants(skeleton: Skeleton, joint: int) -> list[int]:
-    below = [joint]
-    for parent in below:
-        below.extend(i for i, p in enumerate(skeleton.parents) if p == parent)
-    return below
+    """List a joint and all joints below it."""
+    joints = [joint]
+    for parent in joints:
+        joints.extend(i for i, p in enumerate(skeleton.parents) if p == parent)
+    return joints
 
 
 def _main_chain(skeleton: Skeleton, joint: int) -> list[int]:
-    """Follow a limb to its end, past its digits where there is another way."""
+    """Return the longest chain of joints to the end of a limb, past its digits if possible."""
     children = [i for i, parent in enumerate(skeleton.parents) if parent == joint]
     if not children:
         return [joint]
-    ways = [_main_chain(skeleton, child) for child in children]
-    digits = [bool(_DIGIT.search(skeleton.joints[child].lower())) for child in children]
-    best = min(range(len(ways)), key=lambda way: (digits[way], -len(ways[way])))
-    return [joint, *ways[best]]
+    chains = [_main_chain(skeleton, child) for child in children]
+    is_digit = [bool(_DIGIT.search(skeleton.joints[child].lower())) for child in children]
+    best = min(range(len(chains)), key=lambda i: (is_digit[i], -len(chains[i])))
+    return [joint, *chains[best]]

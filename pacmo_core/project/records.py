@@ -19,6 +19,7 @@ RUNNING, DONE, REJECTED, FAILED, KILLED, SKIPPED = (
     *("running", "done", "rejected", "failed", "killed", "skipped"),
 )
 EXIT_CODES = {DONE: 0, SKIPPED: 0, FAILED: EXIT_FAILED, REJECTED: EXIT_REJECTED}
+INTERRUPTED = "interrupted"
 _KILLED_REASON = "the process ended before the run did"
 
 
@@ -67,9 +68,12 @@ def record_run(job: str, folder: Path) -> Iterator[RunRecord]:
     _write(folder, run)
     try:
         yield run
-    except BaseException as error:
+    except Exception as error:
         run.outcome = FAILED
         run.reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise
+    except BaseException:  # KeyboardInterrupt, or Prefect's on SIGTERM
+        run.outcome, run.reason = KILLED, INTERRUPTED
         raise
     finally:
         run.ended = utc_now()

@@ -1,9 +1,10 @@
 """DVC stages: their order, and which are stale and why.
 
 DVC needs one to several seconds of processor time to find out which stages are stale, most of it
-for its imports. The result is stored with a fingerprint of all that it depends on (path, inode,
-size and modification time of every dependency and output, which is what DVC itself compares before
-it hashes a file), so that an unchanged workspace is recognised without DVC.
+for its imports. The result is stored with a fingerprint of all that it depends on, so that an
+unchanged workspace is recognised without DVC: path, inode, size and modification time of every
+dependency, output and cached copy of an output, which is what DVC itself compares before it hashes
+a file.
 """
 
 import hashlib
@@ -27,6 +28,7 @@ from pacmo_core.project.workspace import (
 from pacmo_core.store.files import write_text
 
 if TYPE_CHECKING:
+    from dvc.output import Output
     from dvc.repo import Repo
     from dvc.stage import Stage
 
@@ -164,10 +166,9 @@ def _stale(repo: "Repo") -> set[str]:
 def _compute_status() -> StageStatus:
     with _repo() as repo:
         stages: list[Stage] = list(repo.index.stages)
-        paths = sorted(
-            {Path(os.path.relpath(item.fs_path)) for s in stages for item in (*s.deps, *s.outs)}
-            | set(CONFIGURATION)
-        )
+        files = {item.fs_path for stage in stages for item in (*stage.deps, *stage.outs)}
+        files |= {path for stage in stages for out in stage.outs for path in _objects(out)}
+        paths = sorted({Path(os.path.relpath(file)) for file in files} | set(CONFIGURATION))
         before = _fingerprint(paths)
         changes = repo.status()
     status = StageStatus(
@@ -182,6 +183,18 @@ def _compute_status() -> StageStatus:
         }
         write_text(STATUS, json.dumps(facts, indent=1) + "\n")
     return status
+
+
+def _objects(out: "Output") -> Iterator[str]:
+    """Yield the paths of an output in DVC's cache: one that is missing makes its stage stale."""
+    from dvc_data.hashfile.tree import Tree
+
+    if out.use_cache and out.hash_info:
+        yield out.cache.oid_to_path(out.hash_info.value)
+        content = out.get_obj()
+        if isinstance(content, Tree):
+            for _, _, hash_info in content:
+                yield out.cache.oid_to_path(hash_info.value)
 
 
 def _stored_status() -> StageStatus | None:

@@ -325,7 +325,7 @@ class KinematicOutput(nn.Module):
         return motion - motion[..., self.parents, :]
 
     def _estimate_root_shift(self, bones: Tensor, template: Tensor) -> Tensor:
-        """Compute the root shift (B, T, 3), metres, that keeps trunk in place and legs in reach."""
+        """Compute the root shift (B, T, 3), metres: trunk in place and legs within reach."""
         if not len(self.limbs):
             return torch.zeros_like(template[:, :, 0])
         starts, _, ends = self.limbs.T
@@ -361,7 +361,7 @@ class KinematicOutput(nn.Module):
 
 
 def mesh_residual_features(
-    own: Tensor, partner: Tensor, own_change: Tensor, partner_change: Tensor
+    character: Tensor, partner: Tensor, character_change: Tensor, partner_change: Tensor
 ) -> Tensor:
     """Compute the residuals of the interaction mesh between the characters, per joint.
 
@@ -371,41 +371,41 @@ def mesh_residual_features(
 
     Parameters
     ----------
-    own, partner : (B, T, J, 3), metres, template positions
-    own_change, partner_change : (B, T, J, 3), metres, displacements from the template
+    character, partner : (B, T, J, 3), metres, template positions
+    character_change, partner_change : (B, T, J, 3), metres, displacements from the template
 
     Returns
     -------
     (B, T, J, 10): residual by inverse distance 3, residual by contact 3, sum of contact weights 1,
     vector to the weighted mean of the partner's joints 3
     """
-    distances = _distances(own, partner)
+    distances = _distances(character, partner)
     weights = _mesh_weights(distances)
     contact = torch.exp(-((distances / CONTACT_DISTANCE) ** 2))
     contact_sum = contact.sum(dim=-1, keepdim=True)
     means = weights @ torch.cat([partner_change, partner], dim=-1)
-    residual = means[..., :3] - own_change
-    contact_residual = contact @ partner_change - contact_sum * own_change
-    return torch.cat([residual, contact_residual, contact_sum, means[..., 3:] - own], dim=-1)
+    residual = means[..., :3] - character_change
+    contact_residual = contact @ partner_change - contact_sum * character_change
+    return torch.cat([residual, contact_residual, contact_sum, means[..., 3:] - character], dim=-1)
 
 
-def mesh_root_shift(own: Tensor, partner: Tensor, partner_change: Tensor) -> Tensor:
+def mesh_root_shift(character: Tensor, partner: Tensor, partner_change: Tensor) -> Tensor:
     """Compute the translation of a character that brings the mesh's mean residual to zero.
 
     Parameters
     ----------
-    own, partner : (B, T, J, 3), metres, template positions
+    character, partner : (B, T, J, 3), metres, template positions
     partner_change : (B, T, J, 3), metres, displacements from the template
 
     Returns
     -------
     (B, T, 3), metres
     """
-    return (_mesh_weights(_distances(own, partner)) @ partner_change).mean(dim=2)
+    return (_mesh_weights(_distances(character, partner)) @ partner_change).mean(dim=2)
 
 
-def _distances(own: Tensor, partner: Tensor) -> Tensor:
-    return torch.cdist(own, partner, compute_mode="use_mm_for_euclid_dist")
+def _distances(character: Tensor, partner: Tensor) -> Tensor:
+    return torch.cdist(character, partner, compute_mode="use_mm_for_euclid_dist")
 
 
 def _mesh_weights(distances: Tensor) -> Tensor:

@@ -84,8 +84,10 @@ class GraphConvolution(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Map ``(T, J, ..., C)`` to ``(T, J, ..., C')``."""
         adjacency = self.adjacency * self.edge_mask + self.edge_offset
-        neighbour, own = self.neighbour_linear.weight, self.self_linear
-        out: Tensor = GraphConvolutionFunction.apply(x, adjacency, neighbour, own.weight, own.bias)  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        neighbour, loop = self.neighbour_linear.weight, self.self_linear
+        out: Tensor = GraphConvolutionFunction.apply(
+            x, adjacency, neighbour, loop.weight, loop.bias
+        )  # type: ignore[no-untyped-call]  # torch leaves it untyped
         return out
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks._variations import SETTINGS as USUAL
+from benchmarks._retargeting_tasks import SETTINGS as USUAL
 from pacmo_core.augmentation.run import Batch, solver_key, source_key
 from pacmo_core.data.interaction import Interaction
 from tests.interaction_mesh.scenes import scene

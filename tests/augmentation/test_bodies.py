@@ -65,7 +65,7 @@ def test_a_name_that_is_none_is_answered_with_those_there_are() -> None:
     with pytest.raises(ValueError, match="no profile 'giant'; there are child, tall_adult"):
         profile_scales(body(), "giant")
     legless = Body(segments(NTU25)[:4], np.ones(4))
-    with pytest.raises(ValueError, match="no thigh to tell a stature by; segments: head"):
+    with pytest.raises(ValueError, match="no thigh to estimate the stature from; segments: head"):
         profile_scales(legless, "child")
 
 

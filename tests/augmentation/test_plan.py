@@ -86,7 +86,9 @@ def test_a_scale_that_no_body_has_is_refused_before_any_work(scale: float) -> No
 
 def test_a_pattern_that_fits_nothing_is_answered_with_what_there_is() -> None:
     plan = replace(PAPER, single=SingleBones(bones=("*tail",), scales=(0.8,), max_variations=1))
-    with pytest.raises(ValueError, match=r"no segment fits '\*tail'; there are upper, head, left"):
+    with pytest.raises(
+        ValueError, match=r"no segment matches '\*tail'; there are upper, head, left"
+    ):
         by_name(plan)
     with pytest.raises(ValueError, match="people must be of a, b; got c"):
         replace(PAPER, people=("c",))

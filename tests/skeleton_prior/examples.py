@@ -1,4 +1,4 @@
-"""Small pairs that tests train and vary: two bodies that swing, one of them on other bones."""
+"""Small batch that tests train and vary: two bodies that swing, one of them on other bones."""
 
 import numpy as np
 import torch
@@ -33,7 +33,7 @@ def bone_vectors(skeleton: Skeleton, seed: int) -> np.ndarray:
     return vectors
 
 
-def swinging(skeleton: Skeleton, seed: int, n_frames: int, at: float) -> np.ndarray:
+def swinging_motion(skeleton: Skeleton, seed: int, n_frames: int, at: float) -> np.ndarray:
     """Draw a body whose bones swing, (T, J, 3) metres, its root ``at`` metres along z."""
     random = np.random.default_rng(seed)
     phase = random.uniform(0, 6, size=(1, len(skeleton.joints), 3))
@@ -47,15 +47,15 @@ def swinging(skeleton: Skeleton, seed: int, n_frames: int, at: float) -> np.ndar
 
 def interaction(seed: int = 0, n_frames: int = 31, skeleton: Skeleton = SMALL) -> Interaction:
     """Draw two people who swing half a metre from each other."""
-    people = [swinging(skeleton, 2 * seed + k, n_frames, 0.5 * k) for k in (0, 1)]
+    people = [swinging_motion(skeleton, 2 * seed + k, n_frames, 0.5 * k) for k in (0, 1)]
     first, second = (np.ascontiguousarray(p, dtype=np.float32) for p in people)
     return Interaction(skeleton, np.arange(n_frames) / 30, first, second)
 
 
 def examples(sources: int = 2, each: int = 4, skeleton: Skeleton = SMALL) -> list[Example]:
-    """Vary each source on bodies that differ in one bone, without a solver: bones just grow."""
+    """Scale one bone of each source at random."""
     random = np.random.default_rng(0)
-    found = []
+    result = []
     for source in range(sources):
         template = interaction(source, skeleton=skeleton)
         for _ in range(each):
@@ -64,15 +64,15 @@ def examples(sources: int = 2, each: int = 4, skeleton: Skeleton = SMALL) -> lis
                 [0.75, 0.95, 1.05, 1.25]
             )
             varied = [
-                grown(motion, skeleton, own)
+                scale_bones(motion, skeleton, own)
                 for motion, own in zip((template.person_a, template.person_b), scales, strict=True)
             ]
             pair = Interaction(skeleton, template.times, *varied)
-            found.append(Example(f"source-{source}", template, scales, pair))
-    return found
+            result.append(Example(f"source-{source}", template, scales, pair))
+    return result
 
 
-def grown(motion: np.ndarray, skeleton: Skeleton, scales: np.ndarray) -> np.ndarray:
+def scale_bones(motion: np.ndarray, skeleton: Skeleton, scales: np.ndarray) -> np.ndarray:
     """Scale bones along their own directions, joint by joint from the root."""
     out = motion.copy()
     for joint in skeleton.order[1:]:
@@ -84,7 +84,7 @@ def grown(motion: np.ndarray, skeleton: Skeleton, scales: np.ndarray) -> np.ndar
 
 def settings(**changes: object) -> SkeletonPriorSettings:
     """Give settings that train in a moment."""
-    plain: dict[str, object] = {
+    defaults: dict[str, object] = {
         "random_seed": 1,
         "device": "cpu",
         "mixed_precision": False,
@@ -111,15 +111,15 @@ def settings(**changes: object) -> SkeletonPriorSettings:
         "validate_every": 2,
         "checkpoint_every": 10,
     }
-    return SkeletonPriorSettings(**{**plain, **changes})
+    return SkeletonPriorSettings(**{**defaults, **changes})
 
 
 def generator(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
-def shaken(layer: nn.Module) -> nn.Module:
-    """Draw all weights at random, those that start at one or zero too."""
+def randomised(layer: nn.Module) -> nn.Module:
+    """Randomise all weights, including those that are initialised to one or zero."""
     random = generator(1)
     initialise_weights(layer, random)
     with torch.no_grad():
@@ -129,4 +129,4 @@ def shaken(layer: nn.Module) -> nn.Module:
     return layer.eval()
 
 
-__all__ = ["NTU25", "SMALL", "examples", "generator", "interaction", "settings", "shaken"]
+__all__ = ["NTU25", "SMALL", "examples", "generator", "interaction", "randomised", "settings"]

@@ -1,8 +1,7 @@
-"""The networks once more, plainly: loops over frames and joints, one layer a gate, nothing folded.
+"""Reference implementation of the kinematic model: loops over frames and joints, nothing folded.
 
-Tensors are ``(B, T, J, C)`` throughout, as batches come.
-
-The oracle of the tests, and what the benchmark compares with.
+Tensors are ``(B, T, J, C)`` throughout. It is the oracle of the tests, and the baseline of the
+benchmark.
 """
 
 from collections.abc import Iterable
@@ -26,14 +25,14 @@ from pacmo_core.skeleton_prior.models.kinematic import KinematicDecoder, Kinemat
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
 
-def dense(layer: nn.Module, x: Tensor) -> Tensor:
-    """Weigh channels by a dense layer's weights, with torch's own product."""
+def linear(layer: nn.Module, x: Tensor) -> Tensor:
+    """Apply a linear layer's weights with torch's own product."""
     weights = dict(layer.named_parameters())
     return nn.functional.linear(x, weights["weight"], weights.get("bias"))
 
 
 def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
-    """Sum over the joints' links one by one, (J, C) of one frame."""
+    """Sum over the edges of each joint, for one frame (J, C)."""
     weights = layer.adjacency * layer.edge_mask + layer.edge_offset
     rows = []
     for joint in range(len(x)):
@@ -44,18 +43,18 @@ def graph_convolution(layer: GraphConvolution, x: Tensor) -> Tensor:
     return torch.stack(rows)
 
 
-def norm(layer: nn.Module, x: Tensor) -> Tensor:
-    """Normalise by running statistics, channel by channel."""
-    kept = layer.state_dict()
-    scaled = (x - kept["running_mean"]) / (kept["running_var"] + 1e-5).sqrt()
-    normed: Tensor = scaled * kept["weight"] + kept["bias"]
-    return normed
+def batch_norm(layer: nn.Module, x: Tensor) -> Tensor:
+    """Normalise channels by the running statistics."""
+    state = layer.state_dict()
+    scaled = (x - state["running_mean"]) / (state["running_var"] + 1e-5).sqrt()
+    normalised: Tensor = scaled * state["weight"] + state["bias"]
+    return normalised
 
 
 def st_gcn(layer: StGcnLayer, x: Tensor) -> Tensor:
-    """Run one row (T, J, C) through a layer in evaluation."""
+    """Run one example (T, J, C) through a layer in evaluation mode."""
     frames = torch.stack([graph_convolution(layer.graph_conv, frame) for frame in x]).relu()
-    frames = norm(layer.norms[0], frames).relu()
+    frames = batch_norm(layer.norms[0], frames).relu()
     kernel = layer.temporal_conv.linear.weight.view(frames.shape[-1], 5, frames.shape[-1])
     rows = []
     for centre in range(0, len(x), layer.stride):
@@ -65,40 +64,39 @@ def st_gcn(layer: StGcnLayer, x: Tensor) -> Tensor:
             if 0 <= frame < len(x):
                 total = total + frames[frame] @ kernel[:, shift].T
         rows.append(total)
-    out = norm(layer.norms[1], torch.stack(rows))
+    out = batch_norm(layer.norms[1], torch.stack(rows))
     if layer.residual:
-        short = x[:: layer.stride]
+        shortcut = x[:: layer.stride]
         if isinstance(layer.shortcut, nn.Sequential):
-            short = norm(layer.shortcut[1], layer.shortcut[0](short))
-        out = out + short
+            shortcut = batch_norm(layer.shortcut[1], layer.shortcut[0](shortcut))
+        out = out + shortcut
     return out.relu() if layer.final_relu else out
 
 
 class ReferenceGru(nn.Module):
-    """The G-GRU as its equations stand: six layers and a message, frame by frame.
+    """The G-GRU by its equations: six linear layers and a message, frame by frame.
 
     Parameters
     ----------
-    fused : whose weights it takes
+    fused : whose weights it copies
     """
 
     def __init__(self, fused: GraphGru) -> None:
         super().__init__()
-        self.register_buffer(
-            "links", (fused.adjacency * fused.edge_mask + fused.edge_offset).detach()
-        )
+        adjacency = fused.adjacency * fused.edge_mask + fused.edge_offset
+        self.register_buffer("adjacency", adjacency.detach())
         hidden = fused.hidden
         self.message = nn.Linear(hidden, hidden, bias=False)
         self.message.load_state_dict(fused.message.state_dict())
-        self.into = _gates(fused.gates_in, hidden)
-        self.hidden = _gates(fused.gates_hidden, hidden)
+        self.gates_in = _gates(fused.gates_in, hidden)
+        self.gates_hidden = _gates(fused.gates_hidden, hidden)
 
     def step(self, x: Tensor, state: Tensor) -> Tensor:
-        """One frame, (B, J, C) and (B, J, h)."""
-        message = self.message(torch.einsum("ij,bjh->bih", self.links, state))
-        reset = torch.sigmoid(self.into[0](x) + self.hidden[0](message))
-        update = torch.sigmoid(self.into[1](x) + self.hidden[1](message))
-        candidate = torch.tanh(self.into[2](x) + reset * self.hidden[2](message))
+        """Advance one frame, (B, J, C) and (B, J, h)."""
+        message = self.message(torch.einsum("ij,bjh->bih", self.adjacency, state))
+        reset = torch.sigmoid(self.gates_in[0](x) + self.gates_hidden[0](message))
+        update = torch.sigmoid(self.gates_in[1](x) + self.gates_hidden[1](message))
+        candidate = torch.tanh(self.gates_in[2](x) + reset * self.gates_hidden[2](message))
         return update * state + (1 - update) * candidate
 
     def forward(self, x: Tensor, state: Tensor) -> Tensor:
@@ -111,7 +109,7 @@ class ReferenceGru(nn.Module):
 
 
 class ReferenceHead(nn.Module):
-    """The head, frame by frame."""
+    """The output head, frame by frame."""
 
     def __init__(self, head: OutputHead) -> None:
         super().__init__()
@@ -123,64 +121,65 @@ class ReferenceHead(nn.Module):
 
     def _frame(self, x: Tensor) -> Tensor:
         for layer in self.head.layers[:-1]:
-            x = nn.functional.leaky_relu(dense(layer, x), LEAKY_SLOPE)
-        return dense(self.head.layers[-1], x)
+            x = nn.functional.leaky_relu(linear(layer, x), LEAKY_SLOPE)
+        return linear(self.head.layers[-1], x)
 
 
 def _gates(fused: nn.Linear, hidden: int) -> nn.ModuleList:
-    parts = []
+    gates = []
     for number in range(3):
         rows = slice(number * hidden, (number + 1) * hidden)
-        part = nn.Linear(fused.in_features, hidden, bias=fused.bias is not None)
+        gate = nn.Linear(fused.in_features, hidden, bias=fused.bias is not None)
         state = {"weight": fused.weight[rows].detach()}
         if fused.bias is not None:
             state["bias"] = fused.bias[rows].detach()
-        part.load_state_dict(state)
-        parts.append(part)
-    return nn.ModuleList(parts)
+        gate.load_state_dict(state)
+        gates.append(gate)
+    return nn.ModuleList(gates)
 
 
-class ReferenceConvolution(nn.Module):
-    """A graph convolution frame by frame, as its equation stands.
+class ReferenceGraphConvolution(nn.Module):
+    """A graph convolution by its equation, frame by frame.
 
     Parameters
     ----------
-    folded : whose weights it takes
+    layer : whose weights it uses
     """
 
-    def __init__(self, folded: GraphConvolution) -> None:
+    def __init__(self, layer: GraphConvolution) -> None:
         super().__init__()
-        self.folded = folded
+        self.layer = layer
 
     def forward(self, x: Tensor) -> Tensor:
         """Run over (B, T, J, C)."""
-        links = self.folded.adjacency * self.folded.edge_mask + self.folded.edge_offset
+        layer = self.layer
+        adjacency = layer.adjacency * layer.edge_mask + layer.edge_offset
         frames = [
-            self.folded.neighbour_linear(torch.einsum("ij,bjc->bic", links, x[:, frame]))
-            + self.folded.self_linear(x[:, frame])
+            layer.neighbour_linear(torch.einsum("ij,bjc->bic", adjacency, x[:, frame]))
+            + layer.self_linear(x[:, frame])
             for frame in range(x.shape[1])
         ]
         return torch.stack(frames, dim=1)
 
 
-class ReferenceTime(nn.Module):
-    """A convolution of five frames by torch's own of two dimensions, one of them a single joint.
+class ReferenceTemporalConvolution(nn.Module):
+    """A temporal convolution by torch's two-dimensional one, one joint wide.
 
     Parameters
     ----------
-    folded : whose weights it takes
+    layer : whose weights it copies
     """
 
-    def __init__(self, folded: TemporalConvolution) -> None:
+    def __init__(self, layer: TemporalConvolution) -> None:
         super().__init__()
-        weight = folded.linear.weight.detach()
-        width, around = len(weight), (TEMPORAL_KERNEL, 1)
+        weight = layer.linear.weight.detach()
+        width, size = len(weight), (TEMPORAL_KERNEL, 1)
         channels = weight.shape[1] // TEMPORAL_KERNEL
-        padding, stride = (TEMPORAL_KERNEL // 2, 0), (folded.stride, 1)
-        self.convolution = nn.Conv2d(channels, width, around, stride=stride, padding=padding)
+        padding, stride = (TEMPORAL_KERNEL // 2, 0), (layer.stride, 1)
+        self.convolution = nn.Conv2d(channels, width, size, stride=stride, padding=padding)
         kernel = weight.view(width, TEMPORAL_KERNEL, channels).transpose(1, 2)[..., None]
-        own = {"weight": kernel.contiguous(), "bias": folded.linear.bias.detach()}
-        self.convolution.load_state_dict(own)
+        state = {"weight": kernel.contiguous(), "bias": layer.linear.bias.detach()}
+        self.convolution.load_state_dict(state)
 
     def forward(self, x: Tensor) -> Tensor:
         """Run over (B, T, J, C)."""
@@ -188,58 +187,57 @@ class ReferenceTime(nn.Module):
         return out
 
 
-class ReferenceStGcn(nn.Module):
+class ReferenceStGcnLayer(nn.Module):
     """An ST-GCN layer, one operation after the other.
 
     Parameters
     ----------
-    folded : whose weights it takes
+    layer : whose weights it uses
     """
 
-    def __init__(self, folded: StGcnLayer) -> None:
+    def __init__(self, layer: StGcnLayer) -> None:
         super().__init__()
-        self.folded = folded
-        self.graph, self.time = (
-            ReferenceConvolution(folded.graph_conv),
-            ReferenceTime(folded.temporal_conv),
-        )
+        self.layer = layer
+        self.graph_conv = ReferenceGraphConvolution(layer.graph_conv)
+        self.temporal_conv = ReferenceTemporalConvolution(layer.temporal_conv)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Run over (B, T, J, C), nothing dropped."""
-        before, after = self.folded.norms
-        out: Tensor = after(self.time(before(self.graph(x).relu()).relu()))
-        if self.folded.residual:
-            out = out + self._short(x[:, :: self.folded.stride])
-        return out.relu() if self.folded.final_relu else out
+        """Run over (B, T, J, C), without dropout."""
+        first_norm, second_norm = self.layer.norms
+        spatial = first_norm(self.graph_conv(x).relu()).relu()
+        out: Tensor = second_norm(self.temporal_conv(spatial))
+        if self.layer.residual:
+            out = out + self._shortcut(x[:, :: self.layer.stride])
+        return out.relu() if self.layer.final_relu else out
 
-    def _short(self, x: Tensor) -> Tensor:
-        if not isinstance(self.folded.shortcut, nn.Sequential):
+    def _shortcut(self, x: Tensor) -> Tensor:
+        if not isinstance(self.layer.shortcut, nn.Sequential):
             return x
-        layer, after = self.folded.shortcut
-        out: Tensor = after(dense(layer, x))
+        layer, norm = self.layer.shortcut
+        out: Tensor = norm(linear(layer, x))
         return out
 
 
-def _plain(layers: Iterable[nn.Module]) -> nn.ModuleList:
+def _reference_layers(layers: Iterable[nn.Module]) -> nn.ModuleList:
     return nn.ModuleList(
-        [ReferenceStGcn(layer) for layer in layers if isinstance(layer, StGcnLayer)]
+        [ReferenceStGcnLayer(layer) for layer in layers if isinstance(layer, StGcnLayer)]
     )
 
 
 class ReferenceEncoder(nn.Module):
-    """The encoder of plain layers.
+    """The encoder.
 
     Parameters
     ----------
-    folded : whose weights it takes
+    encoder : whose weights it uses
     """
 
-    def __init__(self, folded: StGcnEncoder) -> None:
+    def __init__(self, encoder: StGcnEncoder) -> None:
         super().__init__()
-        self.layers = _plain(folded.layers)
+        self.layers = _reference_layers(encoder.layers)
 
     def forward(self, x: Tensor, random: torch.Generator | None) -> Tensor:
-        """``(B, T, J, C)`` to ``(B, J, C')``, nothing dropped."""
+        """Map ``(B, T, J, C)`` to ``(B, J, C')``, without dropout."""
         del random
         for layer in self.layers:
             x = layer(x)
@@ -247,28 +245,28 @@ class ReferenceEncoder(nn.Module):
 
 
 class ReferenceDecoder(nn.Module):
-    """The decoder of our form of plain layers.
+    """The decoder of the kinematic model.
 
     Parameters
     ----------
-    folded : whose weights it takes
+    decoder : whose weights it uses
     """
 
-    def __init__(self, folded: KinematicDecoder) -> None:
+    def __init__(self, decoder: KinematicDecoder) -> None:
         super().__init__()
-        self.folded = folded
-        self.around = _plain(folded.st_gcn)
-        self.recurrent, self.head = ReferenceGru(folded.gru), ReferenceHead(folded.head)
+        self.decoder = decoder
+        self.st_gcn = _reference_layers(decoder.st_gcn)
+        self.gru, self.head = ReferenceGru(decoder.gru), ReferenceHead(decoder.head)
 
-    def forward(self, sights: Tensor, latent: Tensor) -> Tensor:
-        """``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
-        known = self.folded.feature_norm(sights)
-        seen = dense(self.folded.joint_linear, known)
-        seen = seen + dense(self.folded.mean_linear, known.mean(dim=2, keepdim=True))
-        for layer in self.around:
-            seen = layer(seen)
-        field: Tensor = self.head(torch.cat([self.recurrent(seen, latent), seen], dim=-1))
-        return field
+    def forward(self, features: Tensor, latent: Tensor) -> Tensor:
+        """Map ``(B, T, J, 30)`` and ``(B, J, h)`` to ``(B, T, J, 3)``."""
+        normalised = self.decoder.feature_norm(features)
+        x = linear(self.decoder.joint_linear, normalised)
+        x = x + linear(self.decoder.mean_linear, normalised.mean(dim=2, keepdim=True))
+        for layer in self.st_gcn:
+            x = layer(x)
+        output: Tensor = self.head(torch.cat([self.gru(x, latent), x], dim=-1))
+        return output
 
 
 class ReferenceKinematics(KinematicOutput):
@@ -285,22 +283,22 @@ class ReferenceKinematics(KinematicOutput):
         self.skeleton = skeleton
 
     def _joint_positions(self, bones: Tensor, root: Tensor) -> Tensor:
-        places = {self.root: root}
+        positions = {self.root: root}
         for joint in self.skeleton.order:
             if joint != self.root:
-                places[joint] = places[self.skeleton.parents[joint]] + bones[..., joint, :]
-        return torch.stack([places[joint] for joint in range(len(places))], dim=-2)
+                positions[joint] = positions[self.skeleton.parents[joint]] + bones[..., joint, :]
+        return torch.stack([positions[joint] for joint in range(len(positions))], dim=-2)
 
 
 def make_reference(model: SkeletonPrior) -> SkeletonPrior:
-    """Write a network of our form plainly, in place, its weights kept."""
-    model.tree = ReferenceKinematics(model.config.skeleton, model.config.limbs)
+    """Replace the parts of a kinematic model by reference implementations with its weights."""
+    model.kinematics = ReferenceKinematics(model.config.skeleton, model.config.limbs)
     for character in (model.first, model.second):
         if not isinstance(character, KinematicVae):
-            raise TypeError(f"wanted our form; got {type(character).__name__}")
+            raise TypeError(f"the model must be kinematic; got {type(character).__name__}")
         parts = {
-            "tree": model.tree,
-            "place": model.tree,
+            "kinematics": model.kinematics,
+            "output_layer": model.kinematics,
             "encoder": ReferenceEncoder(character.encoder),
             "decoder": ReferenceDecoder(character.decoder),
         }

@@ -1,4 +1,4 @@
-"""What is trusted: the same sums in float64, whichever library multiplies; eight bits of them."""
+"""Oracle: float64, for either library; and float64 to eight bits in mixed precision."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from pacmo_core.skeleton_prior.layers import (
     normalised_adjacency,
     off_diagonal_adjacency,
 )
-from tests.skeleton_prior.examples import generator, shaken
+from tests.skeleton_prior.examples import generator, randomised
 
 LAYERS = {
     "dense": (lambda: ConcatLinear(7, 5), [(2, 15, 4, 3), (2, 15, 4, 4)]),
@@ -43,38 +43,38 @@ def library(request, monkeypatch):
     return request.param
 
 
-def near(got, wanted):
+def assert_near(got, expected):
     assert got.dtype == torch.float32
-    torch.testing.assert_close(got.double(), wanted, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(got.double(), expected, atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.parametrize("bias", [torch.randn(6, generator=generator(3)), None])
-def test_a_dense_product_takes_weights_however_they_lie(bias):
+def test_a_linear_product_takes_weights_of_any_memory_layout(bias):
     x = torch.randn(3, 4, 5, generator=generator())
     wide = torch.randn(6, 9, generator=generator(1))
     for weight in (wide[:, :5].contiguous(), wide[:, 2:7], wide[:, :5].T.contiguous().T):
-        wanted = torch.einsum("abc,dc->abd", x.double(), weight.double())
-        near(
+        expected = torch.einsum("abc,dc->abd", x.double(), weight.double())
+        assert_near(
             autograd_functions.linear(x, weight, bias),
-            wanted if bias is None else wanted + bias.double(),
+            expected if bias is None else expected + bias.double(),
         )
         out = torch.ones(3, 4, 6)
         autograd_functions.add_linear(out, x, weight)
-        near(out, 1 + wanted)
+        assert_near(out, 1 + expected)
 
 
 @pytest.mark.parametrize("n_rows", [1, 24, 25, 26, 517])
-def test_the_change_of_weights_is_a_sum_over_all_rows(n_rows):
+def test_the_weight_gradient_is_a_sum_over_all_rows(n_rows):
     left = torch.randn(n_rows, 2, 9, generator=generator())[:, :1]
     right = torch.randn(n_rows, 1, 6, generator=generator(1))
-    wanted = torch.einsum("abd,abc->dc", left.double(), right.double())
-    near(autograd_functions.weight_gradient(left, right), wanted)
+    expected = torch.einsum("abd,abc->dc", left.double(), right.double())
+    assert_near(autograd_functions.weight_gradient(left, right), expected)
 
 
-def answer_and_slopes(name, dtype, *, rounds=False):
-    """Run a layer, and give what it says and the gradients of its inputs and weights."""
+def output_and_gradients(name, dtype, *, rounds=False):
+    """Return a layer's output and the gradients of its inputs and weights."""
     build, shapes = LAYERS[name]
-    layer = shaken(build()).to(dtype)
+    layer = randomised(build()).to(dtype)
     drawn = [torch.randn(shape, generator=generator(5)) for shape in shapes]
     given = [value.to(dtype).requires_grad_() for value in drawn]
     with autograd_functions.bfloat16_products(rounds):
@@ -85,46 +85,46 @@ def answer_and_slopes(name, dtype, *, rounds=False):
 
 @pytest.mark.parametrize("name", LAYERS)
 def test_a_layer_and_its_gradients_are_those_of_float64(name):
-    found = (answer_and_slopes(name, dtype) for dtype in (torch.float32, torch.float64))
-    for single, double in zip(*found, strict=True):
-        near(single, double)
+    result = (output_and_gradients(name, dtype) for dtype in (torch.float32, torch.float64))
+    for single, double in zip(*result, strict=True):
+        assert_near(single, double)
 
 
 @pytest.mark.parametrize("name", LAYERS)
-def test_rounded_factors_keep_eight_bits_of_a_layer_and_of_its_gradients(name, monkeypatch):
+def test_mixed_precision_is_accurate_to_eight_bits(name, monkeypatch):
     monkeypatch.setattr(autograd_functions, "supports_bfloat16", lambda device: True)
-    found = answer_and_slopes(name, torch.float32, rounds=True)
-    assert all(slope.dtype == torch.float32 for slope in found[1:])
-    for rounded, double in zip(found, answer_and_slopes(name, torch.float64), strict=True):
+    result = output_and_gradients(name, torch.float32, rounds=True)
+    assert all(gradient.dtype == torch.float32 for gradient in result[1:])
+    for rounded, double in zip(result, output_and_gradients(name, torch.float64), strict=True):
         assert (rounded - double).norm() < 2**-6 * double.norm()
-    exact = answer_and_slopes(name, torch.float32)
-    assert not torch.equal(found[0], exact[0]) and not torch.equal(found[1], exact[1])
+    exact = output_and_gradients(name, torch.float32)
+    assert not torch.equal(result[0], exact[0]) and not torch.equal(result[1], exact[1])
 
 
 @pytest.mark.parametrize("name", LAYERS)
-def test_nothing_is_rounded_in_float64_nor_where_a_device_has_no_such_products(name, monkeypatch):
+def test_there_is_no_rounding_in_float64_nor_without_support(name, monkeypatch):
     for dtype, has in ((torch.float32, False), (torch.float64, True)):
         monkeypatch.setattr(autograd_functions, "supports_bfloat16", lambda device, has=has: has)
-        found = answer_and_slopes(name, dtype, rounds=True)
-        for rounded, exact in zip(found, answer_and_slopes(name, dtype), strict=True):
+        result = output_and_gradients(name, dtype, rounds=True)
+        for rounded, exact in zip(result, output_and_gradients(name, dtype), strict=True):
             assert torch.equal(rounded, exact)
 
 
-def test_a_processor_has_such_products_or_not():
+def test_bfloat16_support_follows_the_processors_flags():
     listed = Path("/proc/cpuinfo")
     if not listed.exists():
-        pytest.skip("no list of what this processor can do")
+        pytest.skip("no /proc/cpuinfo")
     assert autograd_functions.supports_bfloat16("cpu") <= ("avx512_bf16" in listed.read_text())
 
 
-def test_torch_is_asked_where_it_is_as_fast_and_for_what_onednn_has_not(library, monkeypatch):
-    asked = []
+def test_onednn_is_used_in_float32_where_mkl_is_slow(library, monkeypatch):
+    calls = []
     linear = torch.nn.functional.linear
     monkeypatch.setattr(
-        torch.nn.functional, "linear", lambda *given: asked.append(given) or linear(*given)
+        torch.nn.functional, "linear", lambda *given: calls.append(given) or linear(*given)
     )
     x, weight = torch.ones(2, 3), torch.ones(4, 3)
     autograd_functions.linear(x, weight)
-    assert len(asked) == (1 if library == "torch" else 0)
+    assert len(calls) == (1 if library == "torch" else 0)
     autograd_functions.linear(x.double(), weight.double())
-    assert len(asked) == (2 if library == "torch" else 1)
+    assert len(calls) == (2 if library == "torch" else 1)

@@ -1,4 +1,4 @@
-"""What is trusted: the same motions' own features, and those of other weights."""
+"""Oracle: repeated training, and features of other weights."""
 
 import numpy as np
 import pytest
@@ -24,14 +24,14 @@ SETTINGS = FeatureExtractorSettings(
 )
 
 
-def test_features_are_learnt_repeatably_and_their_fingerprint_says_which():
+def test_features_are_reproducible_and_identified_by_their_fingerprint():
     motions = [interaction(seed).person_a for seed in range(4)]
     one, again = (build_extractor_training(motions, SMALL, SETTINGS).finish() for _ in range(2))
     assert fingerprint(one) == fingerprint(again)
-    found = one.features(motions)
-    assert found.shape == (4, 4) and found.dtype == np.float64
-    np.testing.assert_array_equal(found, again.features(motions))
-    np.testing.assert_allclose(one.features(motions[1:2])[0], found[1], atol=1e-6)
+    result = one.features(motions)
+    assert result.shape == (4, 4) and result.dtype == np.float64
+    np.testing.assert_array_equal(result, again.features(motions))
+    np.testing.assert_allclose(one.features(motions[1:2])[0], result[1], atol=1e-6)
     assert one.features([motions[0][:20]]).shape == (1, 4)  # motions of other lengths too
     with torch.no_grad():
         next(again.parameters())[0] += 1e-3
@@ -39,10 +39,10 @@ def test_features_are_learnt_repeatably_and_their_fingerprint_says_which():
 
 
 @pytest.mark.slow
-def test_what_is_given_back_comes_nearer():
+def test_training_lowers_the_reconstruction_error():
     motions = [interaction(seed).person_a for seed in range(6)]
-    fitting = build_extractor_training(
+    loop = build_extractor_training(
         motions, SMALL, FeatureExtractorSettings(**{**vars(SETTINGS), "n_epochs": 40})
     )
-    fitting.finish()
-    assert fitting.curve[-1]["loss"] < 0.5 * fitting.curve[0]["loss"]
+    loop.finish()
+    assert loop.curve[-1]["loss"] < 0.5 * loop.curve[0]["loss"]

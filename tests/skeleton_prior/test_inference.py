@@ -1,4 +1,4 @@
-"""What is trusted: bones' lengths, one body at a time, and the world that a pair came from."""
+"""Oracle: bone lengths, single retargets, and the same scene elsewhere in the world."""
 
 from dataclasses import replace
 
@@ -22,54 +22,58 @@ MODELS = {
 
 def bodies(*scales: float):
     """List bodies with one bone of person b changed, then one of person a."""
-    found = np.ones((2 * len(scales), 2, len(SMALL.bones)))
+    result = np.ones((2 * len(scales), 2, len(SMALL.bones)))
     for row, scale in enumerate(scales):
-        found[2 * row, 1, row] = found[2 * row + 1, 0, row] = scale
-    return found
+        result[2 * row, 1, row] = result[2 * row + 1, 0, row] = scale
+    return result
 
 
-def test_bones_are_what_was_asked_for_on_bodies_outside_the_training_range_too():
-    source, asked = interaction(1), bodies(0.65, 0.75, 1.25, 1.3)
-    asked = np.concatenate([asked, asked[:1] * asked[5:6]])  # and one in which both change
+def test_bone_lengths_are_exact_outside_the_training_range_too():
+    source, scales_of_bodies = interaction(1), bodies(0.65, 0.75, 1.25, 1.3)
+    scales_of_bodies = np.concatenate(
+        [scales_of_bodies, scales_of_bodies[:1] * scales_of_bodies[5:6]]
+    )  # and one in which both change
     for scales, samples in zip(
-        asked,
-        retarget(MODELS["kinematic"], source, asked, samples=3, random=generator()),
+        scales_of_bodies,
+        retarget(MODELS["kinematic"], source, scales_of_bodies, samples=3, random=generator()),
         strict=True,
     ):
         assert len(samples) == 3
         for pair in samples:
             for name, own in zip(("person_a", "person_b"), scales, strict=True):
-                wanted = own * bone_lengths(getattr(source, name), SMALL)
+                expected = own * bone_lengths(getattr(source, name), SMALL)
                 np.testing.assert_allclose(
-                    bone_lengths(getattr(pair, name), SMALL), wanted, atol=3e-6
+                    bone_lengths(getattr(pair, name), SMALL), expected, atol=3e-6
                 )
 
 
 @pytest.mark.parametrize("name", model_names("skeleton_prior"))
-def test_a_body_is_varied_alike_alone_and_in_company(name):
-    source, asked = interaction(1), bodies(0.75, 1.2)
-    together = list(retarget(MODELS[name], source, asked, samples=1, random=None))
+def test_a_result_does_not_depend_on_its_batch(name):
+    source, scales_of_bodies = interaction(1), bodies(0.75, 1.2)
+    together = list(retarget(MODELS[name], source, scales_of_bodies, samples=1, random=None))
     for row, (pair,) in enumerate(together):
-        ((alone,),) = retarget(MODELS[name], source, asked[[row]], samples=1, random=None)
+        ((alone,),) = retarget(
+            MODELS[name], source, scales_of_bodies[[row]], samples=1, random=None
+        )
         np.testing.assert_allclose(alone.person_a, pair.person_a, atol=1e-5)
         np.testing.assert_allclose(alone.person_b, pair.person_b, atol=1e-5)
 
 
-def test_samples_differ_by_their_latents_alone():
-    source, asked = interaction(1), bodies(0.8)
+def test_samples_differ_by_their_latents_only():
+    source, scales_of_bodies = interaction(1), bodies(0.8)
     model = MODELS["paper"]
-    ((one, other), _) = retarget(model, source, asked, samples=2, random=generator())
+    ((one, other), _) = retarget(model, source, scales_of_bodies, samples=2, random=generator())
     assert not np.array_equal(one.person_b, other.person_b)
-    ((again, _), _) = retarget(model, source, asked, samples=2, random=generator())
+    ((again, _), _) = retarget(model, source, scales_of_bodies, samples=2, random=generator())
     np.testing.assert_array_equal(one.person_b, again.person_b)
-    ((plain, twin), _) = retarget(model, source, asked, samples=2, random=None)
+    ((plain, twin), _) = retarget(model, source, scales_of_bodies, samples=2, random=None)
     np.testing.assert_array_equal(plain.person_a, twin.person_a)
 
 
-def test_there_may_be_more_samples_than_are_made_at_once():
-    source, asked = interaction(1, n_frames=4), bodies(0.8)
-    many = list(retarget(MODELS["kinematic"], source, asked, samples=35, random=None))
-    one = list(retarget(MODELS["kinematic"], source, asked, samples=1, random=None))
+def test_samples_may_exceed_the_batch_size():
+    source, scales_of_bodies = interaction(1, n_frames=4), bodies(0.8)
+    many = list(retarget(MODELS["kinematic"], source, scales_of_bodies, samples=35, random=None))
+    one = list(retarget(MODELS["kinematic"], source, scales_of_bodies, samples=1, random=None))
     assert [len(samples) for samples in many] == [35, 35]
     for samples, (alone,) in zip(many, one, strict=True):
         for pair in samples:
@@ -77,8 +81,8 @@ def test_there_may_be_more_samples_than_are_made_at_once():
 
 
 @pytest.mark.parametrize("times", [2, 4])
-def test_a_motion_of_more_frames_a_second_is_varied_alike(times):
-    source, asked = interaction(1), bodies(0.8)
+def test_the_result_does_not_depend_on_the_frame_rate(times):
+    source, scales_of_bodies = interaction(1), bodies(0.8)
     instants = np.linspace(source.times[0], source.times[-1], times * len(source.times) - times + 1)
     denser = replace(
         source,
@@ -86,31 +90,31 @@ def test_a_motion_of_more_frames_a_second_is_varied_alike(times):
         person_a=CubicSpline(source.times, source.person_a)(instants).astype(np.float32),
         person_b=CubicSpline(source.times, source.person_b)(instants).astype(np.float32),
     )
-    found, dense = (
-        list(retarget(MODELS["kinematic"], pair, asked, samples=1, random=None))
+    result, dense = (
+        list(retarget(MODELS["kinematic"], pair, scales_of_bodies, samples=1, random=None))
         for pair in (source, denser)
     )
-    for (one,), (other,) in zip(found, dense, strict=True):
-        # The ground is found a little elsewhere; at the wrong rate bodies are 0.07 mm away or more.
+    for (one,), (other,) in zip(result, dense, strict=True):
+        # The ground differs a little; at the wrong rate positions differ by 0.07 mm or more.
         assert np.abs(other.person_a[::times] - one.person_a).mean() < 5e-5
         assert np.abs(other.person_b[::times] - one.person_b).mean() < 5e-5
 
 
-def test_a_pair_elsewhere_in_the_world_is_varied_there():
-    source, asked = interaction(1), bodies(0.8)
+def test_retargeting_commutes_with_rigid_motion():
+    source, scales_of_bodies = interaction(1), bodies(0.8)
     turn = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]], dtype=np.float32)
 
     def moved(motion):
         return (motion @ turn.T + np.array([3, 0.5, -2])).astype(np.float32)
 
-    there = replace(source, person_a=moved(source.person_a), person_b=moved(source.person_b))
+    elsewhere = replace(source, person_a=moved(source.person_a), person_b=moved(source.person_b))
     model = MODELS["kinematic"]
-    ((pair,), _) = retarget(model, source, asked, samples=1, random=None)
-    ((far,), _) = retarget(model, there, asked, samples=1, random=None)
+    ((pair,), _) = retarget(model, source, scales_of_bodies, samples=1, random=None)
+    ((far,), _) = retarget(model, elsewhere, scales_of_bodies, samples=1, random=None)
     np.testing.assert_allclose(far.person_b, moved(pair.person_b), atol=1e-3)
 
 
-def test_the_same_bodies_are_the_source_to_a_millimetre():
+def test_scales_of_one_reproduce_the_source_to_a_millimetre():
     source = interaction(1)
     same = np.ones((1, 2, len(SMALL.bones)))
     ((pair,),) = retarget(MODELS["kinematic"], source, same, samples=1, random=None)
@@ -119,46 +123,46 @@ def test_the_same_bodies_are_the_source_to_a_millimetre():
     assert pair.times is source.times
 
 
-def test_bodies_are_drawn_at_will_with_positive_bones_for_one_person():
+def test_generated_skeletons_have_positive_scales_of_one_person():
     drawn = generate_skeletons(MODELS["kinematic"], 500, random=generator())
     assert drawn.shape == (500, 2, len(SMALL.bones))
     assert (drawn[:, 0] == 1).all() and (drawn >= 0.7).all() and (drawn <= 1.3).all()
     np.testing.assert_array_equal(
         drawn, generate_skeletons(MODELS["kinematic"], 500, random=generator())
     )
-    pairs = list(retarget(MODELS["f_cnn"], interaction(), drawn[:3], samples=2, random=generator()))
-    assert [len(samples) for samples in pairs] == [2, 2, 2]
+    batch = list(retarget(MODELS["f_cnn"], interaction(), drawn[:3], samples=2, random=generator()))
+    assert [len(samples) for samples in batch] == [2, 2, 2]
 
 
 @pytest.mark.parametrize(
     ("n_frames", "stride"), [(2, 3), (3, 2), (31, 3), (32, 3), (33, 3), (9, 1)]
 )
-def test_keyframes_have_both_ends_and_what_is_between_is_a_spline(n_frames, stride):
+def test_keyframes_include_both_ends_and_interpolate_by_a_spline(n_frames, stride):
     keys = keyframe_indices(n_frames, stride)
     assert keys[0] == 0 and keys[-1] == n_frames - 1
     assert (np.diff(keys) > 0).all() and np.diff(keys).max() <= stride
     field = torch.randn(2, len(keys), 4, 3, generator=generator())
     got = interpolate_keyframes(field, n_frames, stride)
-    wanted = CubicSpline(keys, field.double().numpy(), axis=1)(np.arange(n_frames))
-    np.testing.assert_allclose(got.numpy(), wanted, atol=1e-5)
+    expected = CubicSpline(keys, field.double().numpy(), axis=1)(np.arange(n_frames))
+    np.testing.assert_allclose(got.numpy(), expected, atol=1e-5)
 
 
-def test_faults_name_what_was_wanted():
+def test_errors_name_the_expected_value():
     model, source = MODELS["kinematic"], interaction()
     good = bodies(0.8)
 
-    def ask(scales=good, samples=1, pair=source):
+    def run(scales=good, samples=1, pair=source):
         return list(retarget(model, pair, scales, samples=samples, random=None))
 
     bad = good.copy()
     bad[1, 0, 4] = np.nan
     with pytest.raises(ValueError, match="positive and finite; row 1, person a, bone 4 is nan"):
-        ask(bad)
+        run(bad)
     with pytest.raises(ValueError, match=r"scales must be \(V, 2, 13\); got \(2, 2, 4\)"):
-        ask(good[..., :4])
+        run(good[..., :4])
     with pytest.raises(ValueError, match="samples must be at least 1; got 0"):
-        ask(samples=0)
+        run(samples=0)
     with pytest.raises(
         ValueError, match="model's skeleton is small of 14 joints; got small-12 of 12"
     ):
-        ask(pair=source.without(["left_wrist", "right_wrist"]))
+        run(pair=source.without(["left_wrist", "right_wrist"]))

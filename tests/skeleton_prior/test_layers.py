@@ -1,4 +1,4 @@
-"""What is trusted: the layers' equations, as plain loops over frames, joints and gates."""
+"""Oracle: the layers' equations, as loops over frames, joints and gates."""
 
 import copy
 
@@ -23,25 +23,25 @@ from pacmo_core.skeleton_prior.layers import (
     off_diagonal_adjacency,
 )
 from tests.skeleton_prior import reference
-from tests.skeleton_prior.examples import examples, generator, settings, shaken
+from tests.skeleton_prior.examples import examples, generator, randomised, settings
 
 
 @pytest.mark.parametrize("skeleton", [NTU25, DUET15, SBU15, EXPI18], ids=lambda s: s.name)
-def test_the_adjacency_links_each_joint_with_itself_and_its_bones(skeleton):
-    links = normalised_adjacency(skeleton)
+def test_the_adjacency_connects_each_joint_with_itself_and_its_bones(skeleton):
+    adjacency = normalised_adjacency(skeleton)
     bones = {frozenset(bone) for bone in skeleton.bones.tolist()}
-    for i in range(len(links)):
-        for j in range(len(links)):
-            assert (links[i, j] > 0) == (i == j or frozenset((i, j)) in bones)
-    torch.testing.assert_close(links.sum(dim=0), torch.ones(len(links)))
-    assert torch.equal(off_diagonal_adjacency(skeleton).diagonal(), torch.zeros(len(links)))
+    for i in range(len(adjacency)):
+        for j in range(len(adjacency)):
+            assert (adjacency[i, j] > 0) == (i == j or frozenset((i, j)) in bones)
+    torch.testing.assert_close(adjacency.sum(dim=0), torch.ones(len(adjacency)))
+    assert torch.equal(off_diagonal_adjacency(skeleton).diagonal(), torch.zeros(len(adjacency)))
     torch.testing.assert_close(
-        off_diagonal_adjacency(skeleton) + torch.diag(links.diagonal()), links
+        off_diagonal_adjacency(skeleton) + torch.diag(adjacency.diagonal()), adjacency
     )
 
 
 @pytest.mark.parametrize("skeleton", [NTU25, EXPI18], ids=lambda s: s.name)
-def test_paths_sum_bones_into_places(skeleton):
+def test_the_ancestor_matrix_sums_bones_into_joint_positions(skeleton):
     motion = torch.randn(4, len(skeleton.joints), 3, generator=generator(), dtype=torch.float64)
     bones = motion.clone()
     for parent, child in skeleton.bones.tolist():
@@ -50,31 +50,33 @@ def test_paths_sum_bones_into_places(skeleton):
 
 
 @pytest.mark.parametrize(("into", "out"), [(3, 7), (7, 3), (4, 4)])
-def test_a_graph_convolution_is_the_sum_over_links(into, out):
-    layer = shaken(GraphConvolution(off_diagonal_adjacency(SBU15), into, out))
+def test_a_graph_convolution_is_the_sum_over_edges(into, out):
+    layer = randomised(GraphConvolution(off_diagonal_adjacency(SBU15), into, out))
     x = torch.randn(2, 5, 15, into, generator=generator())
-    wanted = torch.stack(
+    expected = torch.stack(
         [torch.stack([reference.graph_convolution(layer, frame) for frame in row]) for row in x]
     )
-    torch.testing.assert_close(batch_first(layer(frames_first(x))), wanted)
-    torch.testing.assert_close(reference.ReferenceConvolution(layer)(x), wanted)
+    torch.testing.assert_close(batch_first(layer(frames_first(x))), expected)
+    torch.testing.assert_close(reference.ReferenceGraphConvolution(layer)(x), expected)
 
 
 @pytest.mark.parametrize("stride", [1, 2])
 @pytest.mark.parametrize("n_frames", [1, 8, 9])
 @pytest.mark.parametrize(("into", "out", "residual"), [(3, 6, False), (6, 6, True), (4, 6, True)])
-def test_an_st_gcn_layer_is_what_the_loops_say(stride, n_frames, into, out, residual):
-    links = off_diagonal_adjacency(SBU15)
-    layer = shaken(StGcnLayer(links, into, out, stride=stride, dropout=0.5, residual=residual))
+def test_an_st_gcn_layer_equals_its_loops(stride, n_frames, into, out, residual):
+    adjacency = off_diagonal_adjacency(SBU15)
+    layer = randomised(
+        StGcnLayer(adjacency, into, out, stride=stride, dropout=0.5, residual=residual)
+    )
     x = torch.randn(2, n_frames, 15, into, generator=generator())
-    got = batch_first(layer(frames_first(x), None))
-    assert got.shape == (2, -(-n_frames // stride), 15, out)
+    result = batch_first(layer(frames_first(x), None))
+    assert result.shape == (2, -(-n_frames // stride), 15, out)
     torch.testing.assert_close(
-        got, torch.stack([reference.st_gcn(layer, row) for row in x]), atol=1e-5, rtol=1e-5
+        result, torch.stack([reference.st_gcn(layer, row) for row in x]), atol=1e-5, rtol=1e-5
     )
 
 
-def test_an_st_gcn_layer_trains_on_every_shape_its_gradient_is_the_slope():
+def test_an_st_gcn_layers_gradient_equals_finite_differences():
     layer = StGcnLayer(
         off_diagonal_adjacency(NTU25), 3, 5, stride=2, dropout=0.0, residual=True
     ).double()
@@ -83,8 +85,8 @@ def test_an_st_gcn_layer_trains_on_every_shape_its_gradient_is_the_slope():
     assert torch.autograd.gradcheck(lambda v: layer(v, None)[:, :3], x, atol=1e-4, eps=1e-6)
 
 
-def slopes_hold(layer, *inputs):
-    """Hold the gradients of inputs and of all weights against differences, in float64."""
+def gradients_equal_differences(layer, *inputs):
+    """Compare gradients of inputs and of all weights with finite differences, in float64."""
     weights = dict(layer.named_parameters())
 
     def run(*given):
@@ -97,67 +99,69 @@ def slopes_hold(layer, *inputs):
 
 
 @pytest.mark.parametrize(("into", "out"), [(2, 4), (4, 2)])
-def test_a_graph_convolutions_gradients_are_its_slopes(into, out):
-    layer = shaken(GraphConvolution(off_diagonal_adjacency(SBU15), into, out).double())
-    assert slopes_hold(layer, (2, 15, 1, into))
+def test_a_graph_convolutions_gradients_equal_finite_differences(into, out):
+    layer = randomised(GraphConvolution(off_diagonal_adjacency(SBU15), into, out).double())
+    assert gradients_equal_differences(layer, (2, 15, 1, into))
 
 
 @pytest.mark.parametrize(("n_frames", "stride"), [(1, 1), (4, 1), (7, 1), (7, 2)])
-def test_a_time_convolutions_gradients_are_its_slopes(n_frames, stride):
-    layer = shaken(TemporalConvolution(2, 3, stride=stride).double())
-    assert slopes_hold(layer, (n_frames, 3, 2, 2))
+def test_a_temporal_convolutions_gradients_equal_finite_differences(n_frames, stride):
+    layer = randomised(TemporalConvolution(2, 3, stride=stride).double())
+    assert gradients_equal_differences(layer, (n_frames, 3, 2, 2))
 
 
 @pytest.mark.parametrize(("n_frames", "stride"), [(1, 1), (4, 1), (7, 1), (7, 2), (8, 2)])
-def test_a_time_convolution_is_the_plain_one(n_frames, stride):
-    layer = shaken(TemporalConvolution(4, 6, stride=stride))
+def test_a_temporal_convolution_equals_torchs(n_frames, stride):
+    layer = randomised(TemporalConvolution(4, 6, stride=stride))
     x = torch.randn(3, n_frames, 5, 4, generator=generator())
-    got = batch_first(layer(frames_first(x)))
-    torch.testing.assert_close(got, reference.ReferenceTime(layer)(x), atol=1e-5, rtol=1e-5)
+    result = batch_first(layer(frames_first(x)))
+    torch.testing.assert_close(
+        result, reference.ReferenceTemporalConvolution(layer)(x), atol=1e-5, rtol=1e-5
+    )
 
 
-def test_a_heads_gradients_are_its_slopes():
-    assert slopes_hold(shaken(OutputHead(4, 3).double()), (2, 3, 4))
+def test_a_heads_gradients_equal_finite_differences():
+    assert gradients_equal_differences(randomised(OutputHead(4, 3).double()), (2, 3, 4))
 
 
-def test_the_graph_grus_gradients_are_its_slopes():
-    layer = shaken(GraphGru(normalised_adjacency(SBU15), 2, 3).double())
-    assert slopes_hold(layer, (3, 15, 2, 2), (15, 2, 3))
+def test_the_graph_grus_gradients_equal_finite_differences():
+    layer = randomised(GraphGru(normalised_adjacency(SBU15), 2, 3).double())
+    assert gradients_equal_differences(layer, (3, 15, 2, 2), (15, 2, 3))
 
 
-def test_the_graph_gru_gives_its_gradient_to_an_input_laid_out_otherwise():
-    layer = shaken(GraphGru(normalised_adjacency(SBU15), 2, 3))
+def test_the_graph_grus_gradient_does_not_depend_on_the_memory_layout():
+    layer = randomised(GraphGru(normalised_adjacency(SBU15), 2, 3))
     state = torch.zeros(15, 4, 3)
     rows = torch.randn(4, 6, 15, 2, generator=generator())
-    found = []
-    for laid_out in (rows.permute(1, 2, 0, 3), frames_first(rows)):
-        x = laid_out.detach().requires_grad_()
+    result = []
+    for layout in (rows.permute(1, 2, 0, 3), frames_first(rows)):
+        x = layout.detach().requires_grad_()
         layer(x, state).square().sum().backward()
-        found.append(x.grad)
-    assert found[1].abs().max() > 0
-    torch.testing.assert_close(*found)
+        result.append(x.grad)
+    assert result[1].abs().max() > 0
+    torch.testing.assert_close(*result)
 
 
 def test_the_graph_gru_is_its_corrected_equation():
-    fused = shaken(GraphGru(normalised_adjacency(SBU15), 5, 8))
+    fused = randomised(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = torch.randn(3, 7, 15, 5, generator=generator())
     state = torch.randn(3, 15, 8, generator=generator(1))
-    wanted = reference.ReferenceGru(fused)(x, state)
+    expected = reference.ReferenceGru(fused)(x, state)
     given = frames_first(x), state.transpose(0, 1).contiguous()
-    torch.testing.assert_close(batch_first(fused(*given)), wanted)
-    with torch.no_grad():  # where nothing is kept for gradients
-        torch.testing.assert_close(batch_first(fused(*given)), wanted)
+    torch.testing.assert_close(batch_first(fused(*given)), expected)
+    with torch.no_grad():  # without gradients
+        torch.testing.assert_close(batch_first(fused(*given)), expected)
 
 
-def test_the_graph_grus_gates_keep_its_state_between_what_it_was_and_one():
-    fused = shaken(GraphGru(normalised_adjacency(SBU15), 5, 8))
+def test_the_graph_grus_state_is_bounded_by_one():
+    fused = randomised(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = 100 * torch.randn(50, 15, 2, 5, generator=generator())
     states = fused(x, torch.zeros(15, 2, 8))
     assert states.abs().max() <= 1  # with sums outside the sigmoid they leave these bounds
 
 
-def test_the_graph_gru_looks_at_no_later_frame():
-    fused = shaken(GraphGru(normalised_adjacency(SBU15), 5, 8))
+def test_the_graph_gru_is_causal():
+    fused = randomised(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = torch.randn(9, 15, 2, 5, generator=generator())
     other = x.clone()
     other[6:] = 0
@@ -165,8 +169,8 @@ def test_the_graph_gru_looks_at_no_later_frame():
     assert torch.equal(fused(x, state)[:6], fused(other, state)[:6])
 
 
-def test_a_head_is_dense_layers_with_leaky_relus():
-    head = shaken(OutputHead(6, 3))
+def test_an_output_head_is_linear_layers_with_leaky_relus():
+    head = randomised(OutputHead(6, 3))
     x = torch.randn(2, 4, 15, 6, generator=generator())
     a, b, c = head.layers
     leak = torch.nn.LeakyReLU(0.1)
@@ -174,7 +178,7 @@ def test_a_head_is_dense_layers_with_leaky_relus():
     torch.testing.assert_close(reference.ReferenceHead(head)(x), head(x))
 
 
-def test_dropping_keeps_the_mean_and_draws_from_the_generator_alone():
+def test_dropout_preserves_the_mean_and_uses_the_generator_only():
     x = torch.ones(100_000)
     dropped = dropout(x, 0.25, generator())
     assert torch.equal(dropped, dropout(x, 0.25, generator()))
@@ -183,23 +187,25 @@ def test_dropping_keeps_the_mean_and_draws_from_the_generator_alone():
     assert dropout(x, 0.25, None) is x
 
 
-def test_a_layer_of_an_unknown_kind_has_no_law():
+def test_a_layer_of_an_unknown_class_is_refused():
     with pytest.raises(ValueError, match="no initialisation for layers of class Bilinear"):
         initialise_weights(torch.nn.Bilinear(2, 2, 2), generator())
 
 
-def test_our_form_is_the_same_network_written_plainly():
+def test_the_kinematic_model_equals_its_reference_implementation():
     model = training.build_training(examples(), settings(n_epochs=1, dropout=0.0)).finish()
-    (pairs, *_) = encode_examples(examples()).full_length_batches(model.config.frame_stride, 4)
-    given = [each.double() for each in (pairs.template, pairs.scales, pairs.variation)]
+    (batch, *_) = encode_examples(examples()).full_length_batches(model.config.frame_stride, 4)
+    given = [each.double() for each in (batch.template, batch.scales, batch.variation)]
 
-    def motions_and_slope(of):
+    def motions_and_gradient(of):
         motions = of.train().requires_grad_().reconstruct(*given, generator()).motions
         (motions - given[-1]).square().mean().backward()
         return motions.detach(), of.first.posterior.mean.weight.grad
 
-    got, slope = motions_and_slope(copy.deepcopy(model).double())
-    wanted, plain_slope = motions_and_slope(reference.make_reference(copy.deepcopy(model)).double())
-    assert slope.abs().max() > 0
-    torch.testing.assert_close(got, wanted)
-    torch.testing.assert_close(slope, plain_slope)
+    result, gradient = motions_and_gradient(copy.deepcopy(model).double())
+    expected, reference_gradient = motions_and_gradient(
+        reference.make_reference(copy.deepcopy(model)).double()
+    )
+    assert gradient.abs().max() > 0
+    torch.testing.assert_close(result, expected)
+    torch.testing.assert_close(gradient, reference_gradient)

@@ -1,4 +1,4 @@
-"""What is trusted: runs of the same seed, and the same run in one go."""
+"""Oracle: trainings with the same seed, and uninterrupted ones."""
 
 import numpy as np
 import pytest
@@ -14,48 +14,48 @@ from pacmo_core.training.state import model_config, model_state
 from tests.skeleton_prior.examples import SMALL, examples, generator, settings
 
 
-def same(one, other) -> bool:
+def equal_states(one, other) -> bool:
     return one.keys() == other.keys() and all(torch.equal(one[k], other[k]) for k in one)
 
 
 @pytest.fixture
 def with_bfloat16(monkeypatch):
-    """Round where it is wanted, whether or not that is fast on this processor."""
+    """Enable bfloat16 on any processor."""
     monkeypatch.setattr(autograd_functions, "supports_bfloat16", lambda device: True)
 
 
 @pytest.mark.usefixtures("with_bfloat16")
 @pytest.mark.parametrize("name", model_names("skeleton_prior"))
-def test_the_same_seed_and_precision_train_the_same_bytes_and_others_do_not(name):
-    found = []
+def test_training_is_deterministic_in_seed_and_precision(name):
+    result = []
     for seed, mixed in ((1, True), (1, True), (2, True), (1, False)):
         chosen = settings(model=name, n_epochs=2, random_seed=seed, mixed_precision=mixed)
-        found.append(model_state(training.build_training(examples(1, 4), chosen).finish()))
-    assert same(found[0], found[1])
-    assert not same(found[0], found[2])
-    assert not same(found[0], found[3])
+        result.append(model_state(training.build_training(examples(1, 4), chosen).finish()))
+    assert equal_states(result[0], result[1])
+    assert not equal_states(result[0], result[2])
+    assert not equal_states(result[0], result[3])
 
 
 @pytest.mark.usefixtures("with_bfloat16")
-def test_rounded_factors_lead_as_far():
-    """The gradient differs by a part in a hundred, where training ends by much less."""
-    found = []
+def test_mixed_precision_reaches_the_same_loss():
+    """Gradients differ by one per cent, the final loss by much less."""
+    result = []
     for mixed in (False, True):
-        fitting = training.build_training(
+        loop = training.build_training(
             examples(1, 8), settings(n_epochs=15, kl_warmup_epochs=1, mixed_precision=mixed)
         )
-        fitting.finish()
-        found.append([terms["loss"] for terms in fitting.curve])
-    exact, rounded = found
+        loop.finish()
+        result.append([terms["loss"] for terms in loop.curve])
+    exact, rounded = result
     assert exact[-1] < exact[0]
     assert rounded[-1] == pytest.approx(exact[-1], rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["kinematic", "m_gcn"])
-def test_a_training_that_was_stopped_goes_on_to_the_same_bytes(name):
+def test_a_resumed_training_ends_with_the_same_weights(name):
     chosen = settings(model=name)
-    whole = training.build_training(examples(1, 4), chosen, validation=examples(1, 1))
-    whole.finish()
+    uninterrupted = training.build_training(examples(1, 4), chosen, validation=examples(1, 1))
+    uninterrupted.finish()
     first = training.build_training(examples(1, 4), chosen, validation=examples(1, 1))
     terms = iter(first)
     next(terms)
@@ -63,8 +63,8 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_bytes(name):
     again = training.build_training(examples(1, 4), chosen, validation=examples(1, 1))
     again.restore(snapshot)
     again.finish()
-    assert same(model_state(whole.model), model_state(again.model))
-    assert whole.curve == again.curve
+    assert equal_states(model_state(uninterrupted.model), model_state(again.model))
+    assert uninterrupted.curve == again.curve
 
 
 @pytest.mark.slow
@@ -77,49 +77,49 @@ def test_training_lowers_the_loss():
         swap_characters=False,
         learning_rate=1e-2,
     )
-    fitting = training.build_training(examples(1, 4), chosen)
-    fitting.finish()
-    losses = [terms["loss"] for terms in fitting.curve]
+    loop = training.build_training(examples(1, 4), chosen)
+    loop.finish()
+    losses = [terms["loss"] for terms in loop.curve]
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
 
 
-def test_our_network_begins_with_what_it_starts_from_and_says_more_after_a_step():
-    fitting = training.build_training(examples(1, 4), settings(n_epochs=1))
-    pairs = next(encode_examples(examples()).full_length_batches(3, 1))
-    said = []
+def test_the_kinematic_model_starts_at_its_initial_output():
+    loop = training.build_training(examples(1, 4), settings(n_epochs=1))
+    batch = next(encode_examples(examples()).full_length_batches(3, 1))
+    outputs = []
     for _ in range(2):
-        given = fitting.model.first_inputs(pairs.template, pairs.scales)
-        latents = fitting.model.sample_latents(pairs.template, pairs.scales, generator())
+        given = loop.model.first_inputs(batch.template, batch.scales)
+        latents = loop.model.sample_latents(batch.template, batch.scales, generator())
         with torch.no_grad():
-            field, _ = fitting.model.decode(pairs.template, pairs.scales, latents)
-        said.append(field - given.initial_output)
-        fitting.finish()
-    assert not said[0].any() and said[1].any()
+            field, _ = loop.model.decode(batch.template, batch.scales, latents)
+        outputs.append(field - given.initial_output)
+        loop.finish()
+    assert not outputs[0].any() and outputs[1].any()
 
 
-def test_bodies_are_the_same_beside_every_model():
+def test_the_skeleton_vae_is_the_same_in_every_model():
     one, other = (
         training.build_training(examples(1, 4), settings(model=name)).finish()
         for name in ("f_gcn", "kinematic")
     )
-    assert same(model_state(one.skeleton_vae), model_state(other.skeleton_vae))
+    assert equal_states(model_state(one.skeleton_vae), model_state(other.skeleton_vae))
 
 
 @pytest.mark.parametrize("n", [6, 100])
-def test_drawn_bodies_vary_as_much_as_those_of_the_data_however_few_these_are(n):
+def test_sampled_skeletons_vary_as_much_as_the_data_of_any_size(n):
     random = generator()
     scales = torch.ones(n, 20)
     scales[torch.arange(n), torch.randint(1, 20, (n,), generator=random)] = 1.03
     scales[: n // 3, 1:] = 0.98
     bodies = SkeletonVae(20, 0)
     initialise_weights(bodies, random)
-    before, wanted = spread(bodies.sample(500, random)), spread(scales)
+    before, expected = spread(bodies.sample(500, random)), spread(scales)
     fit_skeleton_vae(bodies, scales, n_steps=1000, random=random)
-    assert before / wanted > 2
-    assert 2 / 3 < spread(bodies.sample(500, random)) / wanted < 3 / 2
+    assert before / expected > 2
+    assert 2 / 3 < spread(bodies.sample(500, random)) / expected < 3 / 2
 
 
-def test_bodies_further_from_the_template_than_usual_can_be_drawn():
+def test_the_skeleton_vae_covers_large_deviations():
     scales = torch.ones(50, 4)
     scales[::2, 1:] = 0.6
     bodies = SkeletonVae(4, 0)
@@ -130,7 +130,7 @@ def test_bodies_further_from_the_template_than_usual_can_be_drawn():
     assert bodies.decode(100 * torch.randn(500, 16, generator=generator())).min() > 0
 
 
-def test_a_window_that_has_no_second_difference_is_refused():
+def test_a_window_too_short_for_a_second_difference_is_refused():
     with pytest.raises(ValueError, match="window_frames must be at least 3.*got 2"):
         settings(window_frames=2)
 
@@ -139,22 +139,22 @@ def spread(scales: torch.Tensor) -> float:
     return (scales - 1).square().mean().sqrt().item()
 
 
-def test_a_model_comes_back_from_its_state():
+def test_a_model_is_rebuilt_from_its_state():
     model = training.build_training(examples(1, 4), settings(n_epochs=1)).finish()
     again = training.prior_from_state(model_config(model), model_state(model))
-    pairs = next(encode_examples(examples()).full_length_batches(3, 1))
-    latents = model.sample_latents(pairs.template, pairs.scales, None)
+    batch = next(encode_examples(examples()).full_length_batches(3, 1))
+    latents = model.sample_latents(batch.template, batch.scales, None)
     with torch.no_grad():
         one, other = (
             m.joint_positions(
-                m.decode(pairs.template, pairs.scales, latents), pairs.template, pairs.scales
+                m.decode(batch.template, batch.scales, latents), batch.template, batch.scales
             )
             for m in (model.eval(), again)
         )
     assert torch.equal(one, other)
 
 
-def test_the_changed_body_comes_first():
+def test_the_changed_person_is_the_first_character():
     for example in examples():
         encoded = encode_examples([example])
         own = encoded.scales[0]
@@ -163,42 +163,42 @@ def test_the_changed_body_comes_first():
         motion = encoded.variations[0]
         lengths = (motion[:, :, bones[:, 1]] - motion[:, :, bones[:, 0]]).norm(dim=-1)
         template = encoded.templates[0]
-        wanted = (template[:, :, bones[:, 1]] - template[:, :, bones[:, 0]]).norm(dim=-1)
-        torch.testing.assert_close(lengths, wanted * own[:, bones[:, 1]], atol=1e-5, rtol=1e-4)
+        expected = (template[:, :, bones[:, 1]] - template[:, :, bones[:, 0]]).norm(dim=-1)
+        torch.testing.assert_close(lengths, expected * own[:, bones[:, 1]], atol=1e-5, rtol=1e-4)
 
 
-def test_turning_and_swapping_change_no_distance_and_no_bone():
+def test_rotating_and_swapping_preserve_distances_and_bones():
     encoded = encode_examples(examples())
-    pairs = encoded.random_windows(torch.arange(len(encoded)), 2, 7, generator())
-    turned = pairs.rotated(torch.linspace(0, 6, len(encoded)))
-    assert not torch.allclose(turned.variation, pairs.variation, atol=0.1)
-    torch.testing.assert_close(turned.variation[..., 1], pairs.variation[..., 1])
-    gaps = [torch.cdist(p.variation[:, :, 0], p.variation[:, :, 1]) for p in (pairs, turned)]
+    batch = encoded.random_windows(torch.arange(len(encoded)), 2, 7, generator())
+    turned = batch.rotated(torch.linspace(0, 6, len(encoded)))
+    assert not torch.allclose(turned.variation, batch.variation, atol=0.1)
+    torch.testing.assert_close(turned.variation[..., 1], batch.variation[..., 1])
+    gaps = [torch.cdist(p.variation[:, :, 0], p.variation[:, :, 1]) for p in (batch, turned)]
     torch.testing.assert_close(gaps[0], gaps[1], atol=1e-4, rtol=1e-4)
     every = torch.ones(len(encoded), dtype=torch.bool)
-    back = pairs.swapped(every).swapped(every)
-    assert isinstance(back, ExampleBatch) and torch.equal(back.variation, pairs.variation)
-    assert torch.equal(pairs.swapped(every).scales[:, 0], pairs.scales[:, 1])
-    assert torch.equal(pairs.swapped(~every).template, pairs.template)
+    back = batch.swapped(every).swapped(every)
+    assert isinstance(back, ExampleBatch) and torch.equal(back.variation, batch.variation)
+    assert torch.equal(batch.swapped(every).scales[:, 0], batch.scales[:, 1])
+    assert torch.equal(batch.swapped(~every).template, batch.template)
 
 
-def test_wholes_are_all_rows_by_source_and_their_score_does_not_depend_on_the_batches():
+def test_full_length_batches_hold_all_examples_for_any_batch_size():
     encoded = encode_examples(examples())
     alone, together = (list(encoded.full_length_batches(3, most)) for most in (1, 100))
     assert len(alone) == len(encoded) and len(together) == len(encoded.templates)
     for name in ("template", "variation", "scales"):
         assert torch.equal(
-            torch.cat([getattr(pairs, name)[:, :1] for pairs in alone]),
-            torch.cat([getattr(pairs, name)[:, :1] for pairs in together]),
+            torch.cat([getattr(batch, name)[:, :1] for batch in alone]),
+            torch.cat([getattr(batch, name)[:, :1] for batch in together]),
         )
 
 
-def test_windows_are_frames_of_their_rows_and_short_ones_hold_the_last():
+def test_windows_are_frames_of_their_examples_and_repeat_the_last():
     encoded = encode_examples(examples())
-    pairs = encoded.random_windows(torch.tensor([3, 0]), 3, 20, generator())
-    assert pairs.variation.shape[:2] == (2, 20)
-    assert torch.equal(pairs.variation[0, -1], encoded.variations[3][-1])
-    assert torch.equal(pairs.variation[0, 0], encoded.variations[3][0])
+    batch = encoded.random_windows(torch.tensor([3, 0]), 3, 20, generator())
+    assert batch.variation.shape[:2] == (2, 20)
+    assert torch.equal(batch.variation[0, -1], encoded.variations[3][-1])
+    assert torch.equal(batch.variation[0, 0], encoded.variations[3][0])
     short = encoded.random_windows(torch.tensor([3]), 3, 4, generator())
     frames = encoded.variations[3]
     at = int((frames - short.variation[0, 0]).abs().sum(dim=(1, 2, 3)).argmin())

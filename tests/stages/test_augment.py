@@ -15,7 +15,7 @@ import pytest
 from pydantic import TypeAdapter
 from ruamel.yaml import YAML
 
-from benchmarks._variations import SETTINGS
+from benchmarks._retargeting_tasks import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.project.experiments import default_params
@@ -214,7 +214,7 @@ def test_plans_that_cannot_be_are_refused_before_any_work(
     with pytest.raises(ParamsError, match="scales of a plan must be positive numbers; got 0"):
         run(tmp_path, monkeypatch)
     write_params(tmp_path, plan={**PLAN, "profiles": ["child"]})
-    with pytest.raises(ValueError, match="no thigh to tell a stature by"):
+    with pytest.raises(ValueError, match="no thigh to estimate the stature from"):
         run(tmp_path, monkeypatch)
     write_params(
         tmp_path,

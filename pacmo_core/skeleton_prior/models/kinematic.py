@@ -137,10 +137,10 @@ class KinematicVae(CharacterVae):
     def joint_features(self, inputs: CharacterInputs) -> Tensor:
         """Compute features of all joints and frames, (B, T, J, 30), per unit scale change."""
         template, size = inputs.template, scale_change(inputs)
-        own_change = inputs.initial_motion - template
+        character_change = inputs.initial_motion - template
         partner_change = inputs.partner - inputs.partner_template
         residuals = mesh_residual_features(
-            template, inputs.partner_template, own_change / size, partner_change / size
+            template, inputs.partner_template, character_change / size, partner_change / size
         )
         bones = self.kinematics.bone_vectors(template)
         directions = bones / bones.norm(dim=-1, keepdim=True).clamp_min(MIN_LENGTH)
@@ -154,12 +154,12 @@ class KinematicVae(CharacterVae):
             dim=-1,
         )
         # Sums over each joint's descendants: gradients of the mesh energies by the bone vectors.
-        energies = torch.cat([own_change / size, residuals[..., :6]], dim=-1)
+        energies = torch.cat([character_change / size, residuals[..., :6]], dim=-1)
         bone_gradients = multiply_joints(self.kinematics.ancestor_matrix.T, energies)
         speed = torch.diff(template, dim=1, append=template[:, -1:]).norm(dim=-1, keepdim=True)
         parts = [
             scales[:, None].expand(-1, template.shape[1], -1, -1),
-            own_change / size,
+            character_change / size,
             residuals,
             directions,
             template[..., 1:2],

@@ -55,15 +55,15 @@ SETTINGS = Settings(
 
 @dataclass(frozen=True)
 class Task:
-    """A window and the bodies it is given: scales (V, E)."""
+    """A window and its target bodies: scales (V, E)."""
 
     name: str
     scene: Scene
     scales: NDArray[np.float64]
 
 
-def tasks() -> tuple[str, list[Task]]:
-    """Name the set and plan its variations, nine windows with about as many each."""
+def retargeting_tasks() -> tuple[str, list[Task]]:
+    """Return the kind of data, and nine windows with about as many variations each."""
     root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
     real = [window for name in TAKES for window in _windows(root, name)]
     kind, windows = ("real", real) if len(real) == 9 else ("synthetic", _synthetic())
@@ -94,7 +94,7 @@ def _is_leg(joint: str) -> bool:
 
 
 def _task(name: str, interaction: Interaction, n_variations: int) -> Task:
-    """Vary either body as a whole by all scales, then single bones at random."""
+    """Scale either body as a whole by all scales, then random single bones."""
     scene = Scene(
         (interaction.person_a, interaction.person_b), (interaction.skeleton,) * 2, interaction.fps
     )
@@ -102,12 +102,12 @@ def _task(name: str, interaction: Interaction, n_variations: int) -> Task:
     upper = upper_body(interaction)
     single = [(bone + body * n_a, s) for body in (0, 1) for bone in upper for s in SCALES]
     random = np.random.default_rng(0)
-    chosen = random.permutation(len(single))[: n_variations - 2 * len(SCALES)]
+    selected = random.permutation(len(single))[: n_variations - 2 * len(SCALES)]
     scales = np.ones((n_variations, n_bones))
     for row, scale in enumerate(SCALES):
         scales[2 * row, :n_a] = scale
         scales[2 * row + 1, n_a:] = scale
-    for row, which in enumerate(chosen, start=2 * len(SCALES)):
+    for row, which in enumerate(selected, start=2 * len(SCALES)):
         bone, scale = single[which]
         scales[row, bone] = scale
     return Task(name, scene, scales)
@@ -116,22 +116,22 @@ def _task(name: str, interaction: Interaction, n_variations: int) -> Task:
 def _windows(root: Path, preset: str) -> list[tuple[str, Interaction]]:
     if not (root / preset).is_dir():
         return []
-    nearest, wanted = TAKES[preset]
-    form = BvhPairs(
+    max_root_distance, takes = TAKES[preset]
+    raw_format = BvhPairs(
         preset=preset,
         unit=None,
         up=None,
         fps=None,
         end_sites=False,
         skip_frames=0,
-        max_root_distance=nearest,
+        max_root_distance=max_root_distance,
     )
-    found = [s for s in form.find(root / preset) if any(take in s.name for take in wanted)]
-    return [(s.name, _closest(form.read(s).interaction)) for s in found]
+    sequences = [s for s in raw_format.find(root / preset) if any(take in s.name for take in takes)]
+    return [(s.name, _closest(raw_format.read(s).interaction)) for s in sequences]
 
 
 def _closest(interaction: Interaction) -> Interaction:
-    """Cut the window with the most joints near the other's."""
+    """Return the window with the most near joint pairs."""
     near = (joint_distances(interaction) < NEAR).sum(axis=(1, 2))
     total = np.convolve(near, np.ones(N_FRAMES), mode="valid")
     start = int(total.argmax())
@@ -139,7 +139,7 @@ def _closest(interaction: Interaction) -> Interaction:
 
 
 def _synthetic() -> list[tuple[str, Interaction]]:
-    """Perform nine synthetic clips, of their own lengths."""
-    acts = tuple(ACTIONS)[-9:]
-    scripts = sample_scripts(0, population=0, pairs=1, actions=acts, replications=1)
+    """Return nine synthetic clips of different lengths."""
+    actions = tuple(ACTIONS)[-9:]
+    scripts = sample_scripts(0, population=0, pairs=1, actions=actions, replications=1)
     return [(script.action, sample_interaction(script, random)) for script, random in scripts]
