@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.figures.body_mesh import make_body_shape, make_skin
+from pacmo_core.figures.body_mesh import make_skin
+from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
 from pacmo_core.figures.viewer import Scene
 from pacmo_core.formats.base import MAX_DISTANCE, check_up

@@ -1,101 +1,13 @@
-"""The body as solids: radii of head, trunk and limbs by joint names, and one skin mesh of them.
+"""The body as one skin mesh in the rest pose, each vertex bound to one joint."""
 
-Each vertex of the skin is bound to one joint, in the rest pose.
-"""
-
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.figures.body_shape import BodyShape
 from pacmo_core.formats.write_gltf import Skin
-
-# Radius of the flesh round a joint, metres, of an adult; the first pattern that fits a name holds.
-_RADII = (
-    (r"head|skull", 0.105),
-    (r"tip|thumb|finger|index|ring|pinky", 0.016),
-    (r"toe", 0.030),
-    (r"ankle|foot|heel", 0.040),
-    (r"knee|shin|(left|right|^[lr])_?(low)?leg", 0.056),
-    (r"hand", 0.037),
-    (r"wrist", 0.033),
-    (r"elbow|forearm", 0.041),
-    (r"collar|clavicle", 0.050),
-    (r"shoulder|arm", 0.052),
-    (r"neck", 0.050),
-    (r"(left|right|^[lr])_?(hip|up_?leg|thigh)", 0.080),
-    (r"hip|pelvis|root|spine|torso|back|chest", 0.090),
-)
-_UNNAMED_RADIUS = 0.045
-_HEAD, _ELBOW = _RADII[0][0], _RADII[7][0]
-_KNEE = _RADII[4][0]
-_MIDDLE = re.compile(r"^hips?$|pelvis|root|spine|torso|back|chest|neck")
-_SHOULDER_RADIUS, _HIP_RADIUS = 0.070, 0.092
-
-
-@dataclass(frozen=True)
-class BodyShape:
-    """The solids that stand for one skeleton, as joint indices and radii in metres.
-
-    Parameters
-    ----------
-    head : joints whose mean is the centre of the head; empty where no joint is named so
-    head_radius : metres
-    trunk : (joint, radius) of the spheres whose hull is the trunk; empty where it is not known
-    limbs : (parent, child, radius at the parent, radius at the child)
-    """
-
-    head: tuple[int, ...]
-    head_radius: float
-    trunk: tuple[tuple[int, float], ...]
-    limbs: tuple[tuple[int, int, float, float], ...]
-
-
-def make_body_shape(skeleton: Skeleton) -> BodyShape:
-    """Clothe a skeleton: a ball for the head, a hull for the trunk, tapered capsules for the rest.
-
-    A skeleton whose names say nothing of elbows and knees gets capsules alone, one a bone.
-    """
-    names = [joint.lower() for joint in skeleton.joints]
-    head = tuple(i for i, name in enumerate(names) if re.search(_HEAD, name))
-    trunk = _trunk(skeleton, names)
-    inside = {joint for joint, _ in trunk} | {
-        i for i, name in enumerate(names) if trunk and _MIDDLE.search(name)
-    }
-    limbs = tuple(
-        (parent, child, *_limb_radii(names[parent], names[child]))
-        for parent, child in skeleton.bones.tolist()
-        if not (parent in head and child in head) and not {parent, child} <= inside
-    )
-    return BodyShape(head, _radius(names[head[0]]) if head else 0.0, trunk, limbs)
-
-
-def _radius(name: str) -> float:
-    return next((r for pattern, r in _RADII if re.search(pattern, name)), _UNNAMED_RADIUS)
-
-
-def _limb_radii(parent: str, child: str) -> tuple[float, float]:
-    """Radii at both ends; where a limb leaves a thicker part it starts at its own thickness."""
-    if _MIDDLE.search(parent) or re.search(_HEAD, parent + child):
-        thin = min(_radius(parent), _radius(child), 0.052)
-        return thin, thin
-    return _radius(parent), _radius(child)
-
-
-def _trunk(skeleton: Skeleton, names: list[str]) -> tuple[tuple[int, float], ...]:
-    """Find the joints above both elbows and above both knees."""
-    corners = [
-        (skeleton.parents[joint], radius)
-        for pattern, radius in ((_ELBOW, _SHOULDER_RADIUS), (_KNEE, _HIP_RADIUS))
-        for pair in skeleton.left_right
-        if all(re.search(pattern, names[i]) for i in pair)
-        for joint in pair
-    ]
-    return tuple(corners) if len({joint for joint, _ in corners}) == len(corners) == 4 else ()
-
 
 _ROWS, _COLUMNS = 5, 14
 Array = NDArray[np.float64]

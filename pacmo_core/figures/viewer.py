@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.figures.body_mesh import make_body_shape
+from pacmo_core.figures.body_shape import make_body_shape
 
 _MAX_STEP = np.iinfo(np.int16).max
 _SOLE_HEIGHT = 0.04  # metres that the ground lies below the lowest joint

@@ -162,7 +162,8 @@ class PairMmd:
 
         Permuted at random within each group, pairs follow the product of the marginals, so the
         kernel's means are products of means and no permutation is sampled. A replicate's partners
-        and reactions weigh as in ``measure``: their difference is due to the pairing alone. One permutation would add noise of its own, about twice as much.
+        and reactions weigh as in ``measure``: their difference is due to the pairing alone. One
+        permutation would add noise of its own, about twice as much.
 
         Parameters
         ----------

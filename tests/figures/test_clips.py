@@ -3,7 +3,7 @@
 import pytest
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
-from pacmo_core.figures.body_mesh import make_body_shape
+from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.viewer import Scene, packed_scenes
 from tests.figures.samples import interaction
 

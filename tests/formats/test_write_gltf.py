@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
-from pacmo_core.figures.body_mesh import make_body_shape, make_skin
+from pacmo_core.figures.body_mesh import make_skin
+from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_gltf import (
