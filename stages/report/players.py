@@ -96,7 +96,7 @@ def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
     """Give a table a dataset."""
     for dataset, facts in augment.items():
         counts = (
-            f"{facts['planned']} variations of {facts['clips']} clips: {facts['kept']} kept, "
+            f"{facts['planned']} variations of {facts['clips']} clips: {facts['accepted']} accepted, "
             f"{facts['failed']} beyond a limit, {facts['refused']} of clips that were refused."
         )
         reasons = ", ".join(f"{name} {count}" for name, count in facts["failed_by"].items())
