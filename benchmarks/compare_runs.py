@@ -4,10 +4,11 @@ Usage: python -m benchmarks.compare_runs BEFORE AFTER [--significant N] [--json]
 
 ``BEFORE`` and ``AFTER`` are two checkouts in which ``./run`` has ended. For a change that renames
 and moves but must not change a number. Every column of every Parquet and CSV file under ``data``,
-``models`` and ``reports`` of ``BEFORE`` must be in a file of ``AFTER`` with equal values in
-the same order; so must every tensor of every safetensors file, every number of the JSON files and every
-number in the tables of the report. Columns of text hold names and are compared as groups: rows that
-had equal text must have equal text again. Prints a line for each file that has no equal.
+``models`` and ``reports`` of ``BEFORE`` must be in a file of ``AFTER`` with equal values
+in the same order; so must every tensor of every safetensors file, every number of the JSON files
+and every number in the tables of the report. Columns of text hold names and are compared as
+groups: rows that had equal text must have equal text again. Prints a line for each file that has
+no equal.
 """
 
 import argparse

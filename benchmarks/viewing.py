@@ -15,8 +15,7 @@ import numpy as np
 
 from benchmarks._figures import arguments, show
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.figures.scenes import Scene
-from pacmo_core.figures.viewer import render_viewer
+from pacmo_core.figures.viewer import Scene, render_viewer
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 from tests.figures.browser import open_page
 

@@ -25,8 +25,8 @@ from prefect.task_runners import ThreadPoolTaskRunner
 
 from flows.dvc_commands import RAN, RESTORED, reproduce_stage
 from pacmo_core.commands.report import write_report_with_history
-from pacmo_core.figures.columns import MAIN_COLUMNS
 from pacmo_core.figures.tables import markdown_table
+from pacmo_core.metrics.catalogue import MAIN_COLUMNS
 from pacmo_core.project.experiments import use_experiment
 from pacmo_core.project.lock import remove_dead_dvc_locks, remove_partial_files, writer_lock
 from pacmo_core.project.records import record_run

@@ -20,7 +20,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pacmo_core.figures.columns import CLOSER, HIGHER, LOWER, METRICS
+from pacmo_core.metrics.catalogue import CLOSER_TO_REAL, HIGHER, LOWER, METRICS
 from pacmo_core.store.files import atomic_file, file_hash, fsync, write_text
 from pacmo_core.store.tables import VERSION
 
@@ -95,7 +95,7 @@ def _degradation(
         return f"{label} rose to {new['mean']:.4g}; current {_format_interval(old)}"
     if better == HIGHER and new["mean"] < old["low"]:
         return f"{label} fell to {new['mean']:.4g}; current {_format_interval(old)}"
-    if better == CLOSER:
+    if better == CLOSER_TO_REAL:
         real = [table["real"][name]["mean"] for table in (candidate, current)]
         distance, current_distance = abs(new["mean"] - real[0]), abs(old["mean"] - real[1])
         tolerance = max(old["high"] - old["mean"], old["mean"] - old["low"])

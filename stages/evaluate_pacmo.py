@@ -20,11 +20,11 @@ from threadpoolctl import threadpool_limits
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, sample_name
-from pacmo_core.metrics.body import body_of
-from pacmo_core.metrics.partners import has_wrong_partner, wrong_partners
+from pacmo_core.metrics.context import EvaluationSettings
+from pacmo_core.metrics.controls import is_permutable, permute_partners
+from pacmo_core.metrics.evaluate import REAL, REAL_PAIRS, Evaluation, RowMetrics
+from pacmo_core.metrics.plausibility import find_body_joints
 from pacmo_core.metrics.reactions import Reactions
-from pacmo_core.metrics.table import REAL, REAL_PAIRS, Measured, Table
-from pacmo_core.metrics.yardstick import Settings
 from pacmo_core.models import load_model
 from pacmo_core.reaction import autoencoder, matcher
 from pacmo_core.reaction.autoencoder import Autoencoder
@@ -147,15 +147,15 @@ def read_runs(reactions: Path, real: DirectedSet) -> Iterator[tuple[str, int, Di
 
 def permutable_within_action(real: DirectedSet) -> Indices:
     """Find the samples of actions in which partners can be exchanged."""
-    return np.flatnonzero(has_wrong_partner(real.clips, real.actions))
+    return np.flatnonzero(is_permutable(real.clips, real.actions))
 
 
 # The model whose reactions are permuted to other partners, to learn whether it answers its own.
 PERMUTED = "pacmo"
-SAME_ACT = "_same_act"
+SAME_ACTION = "_same_action"
 
 Row = tuple[str, int, DirectedSet]
-Scored = tuple[str, int, Measured]
+Scored = tuple[str, int, RowMetrics]
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class Params:
     n_samples: int  # the paper's protocol: so many with replacement,
     repeats: int  # so often
     bootstrap: int  # draws of clips for the intervals
-    second_draws: int  # of real motion, to hold rows against
+    second_samples: int  # of real motion, to hold rows against
     n_frames: int  # common length of motions for MMD
     n_instants: int  # of the distances between bodies, as functions of time
     n_components: int  # principal components of these
@@ -205,7 +205,7 @@ def evaluate(paths: argparse.Namespace, params: Params) -> None:
         own = (
             table if len(within) == len(real.names) else make_table(extractors, some, train, params)
         )
-        block = RowGroup(extractors, own, some, SAME_ACT)
+        block = RowGroup(extractors, own, some, SAME_ACTION)
         measured += [*block.real_rows()[1:], *block.models(permuted_rows)]
         measured += block.permuted(
             permuted_rows, permutation(some, params.random_seed, actions=True)
@@ -230,15 +230,17 @@ def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractor
 
 def make_table(
     extractors: Extractors, real: DirectedSet, train: DirectedSet, params: Params
-) -> Table:
+) -> Evaluation:
     """Prepare what all rows are measured with."""
     features = extractors.reactions(real)
     n_points = features.features.shape[-1]
-    return Table(
+    return Evaluation(
         real=features,
         train=extractors.reactions(train),
         weights=np.full(n_points, 1 / n_points),  # midpoints of equal cells
-        settings=Settings(body=body_of(real.interactions[0].skeleton), **vars(params)),
+        settings=EvaluationSettings(
+            body=find_body_joints(real.interactions[0].skeleton), **vars(params)
+        ),
     )
 
 
@@ -254,13 +256,13 @@ class RowGroup:
     """
 
     extractors: Extractors
-    table: Table
+    table: Evaluation
     real: DirectedSet
     suffix: str
 
     def real_rows(self) -> list[Scored]:
         """Measure real motion: as a second draw, and the pairs tested."""
-        pairs = self.table.measure(self.table.yardstick.real)
+        pairs = self.table.measure(self.table.context.real)
         return [(REAL, 0, self.table.real(pairs)), (REAL_PAIRS + self.suffix, 0, pairs)]
 
     def models(self, rows: list[Row]) -> list[Scored]:
@@ -281,17 +283,17 @@ class RowGroup:
             for row, k, directed in named
         ]
 
-    def _dealt(self, directed: DirectedSet, order: Indices, groups: Indices) -> Measured:
+    def _dealt(self, directed: DirectedSet, order: Indices, groups: Indices) -> RowMetrics:
         own, permuted = (
             self.extractors.reactions(some) for some in (directed, directed.permuted(order))
         )
-        return self.table.measure_dealt(own, permuted, groups)
+        return self.table.measure_permuted(own, permuted, groups)
 
 
 def permutation(real: DirectedSet, random_seed: int, *, actions: bool) -> Indices:
     """Deal wrong partners, of any act or of the same."""
     generator = np.random.default_rng((random_seed, int(actions)))
-    return wrong_partners(real.clips, real.actions if actions else None, generator)
+    return permute_partners(real.clips, real.actions if actions else None, generator)
 
 
 def score_table(measured: list[Scored]) -> list[Score]:
@@ -308,16 +310,16 @@ def missing_reasons(measured: list[Scored]) -> dict[str, dict[str, str]]:
     return {row: result.absent for row, _, result in measured if result.absent}
 
 
-def sample_counts(table: Table, real: DirectedSet, within: Indices) -> dict[str, int]:
+def sample_counts(table: Evaluation, real: DirectedSet, within: Indices) -> dict[str, int]:
     """Count what the figures rest on."""
-    seconds = table.yardstick.seconds
+    seconds = table.context.second_sets
     return {
         "test_reactions": len(real.names),
         "test_clips": len({*real.clips}),
-        "same_act_reactions": len(within),
-        "second_draws": len(seconds),
+        "same_action_reactions": len(within),
+        "second_samples": len(seconds),
         "second_reactions": len(seconds[0]),
-        "matching_candidates": table.yardstick.candidates,
+        "matching_candidates": table.context.candidates,
     }
 
 

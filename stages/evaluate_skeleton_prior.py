@@ -23,8 +23,8 @@ from pacmo_core.interaction_mesh import Scene, Settings, prepare
 from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
 from pacmo_core.metrics import retargeting
-from pacmo_core.metrics.body import Body, body_of
-from pacmo_core.metrics.retargeting import Limits, Pair, sample_diversity
+from pacmo_core.metrics.plausibility import BodyJoints, find_body_joints
+from pacmo_core.metrics.retargeting import Pair, RetargetingLimits, sample_diversity
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.skeleton_prior import features
 from pacmo_core.skeleton_prior.data import Example, canonical_frame, is_b_first
@@ -52,8 +52,8 @@ class PriorEvaluator:
     """
 
     extractor: FeatureExtractor
-    body: Body
-    limits: Limits
+    body: BodyJoints
+    limits: RetargetingLimits
 
     def retargeted(
         self, motions: Sequence[Interaction], ground_truths: Sequence[Example]
@@ -127,10 +127,10 @@ class PriorEvaluator:
             oriented(ground_truth.template, ground_truth),
         )
         kept, touching = retargeting.contacts_kept(predicted, template, self.limits)
-        skate, standing = retargeting.slide(
+        skate, standing = retargeting.foot_skate(
             predicted, template, ground_truth.template.times, self.body, self.limits
         )
-        merged = retargeting.merged_frames(predicted, self.body, self.limits)
+        merged = retargeting.penetrating_frames(predicted, self.body, self.limits)
         return {
             "contacts_kept": (kept, touching),
             "slide": (float(skate), float(standing)),
@@ -262,7 +262,7 @@ class Params:
     random_seed: int
     max_variations: int  # of each source
     generated_skeletons: GeneratedSkeletons
-    limits: Limits
+    limits: RetargetingLimits
     extractor: FeatureExtractorSettings
 
 
@@ -304,7 +304,7 @@ def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
     seen = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
     fitted = features.build_extractor_training(seen, skeleton, params.extractor).finish()
-    return PriorEvaluator(fitted, body_of(skeleton), params.limits)
+    return PriorEvaluator(fitted, find_body_joints(skeleton), params.limits)
 
 
 def sample_test_examples(test: list[Example], most: int, random_seed: int) -> list[Example]:

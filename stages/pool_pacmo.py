@@ -8,10 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.metrics.intervals import Estimate, difference
-from pacmo_core.metrics.paired import fold_differences, mean_of_folds
-from pacmo_core.metrics.pooling import BySeed, is_repeated, pool, pooled_interval
-from pacmo_core.metrics.sensitivity import PERFECT, sensitivity
+from pacmo_core.metrics.bootstrap import (
+    BySeed,
+    Estimate,
+    difference,
+    fold_differences,
+    fold_mean_interval,
+    is_repeated_metric,
+    pool_folds,
+    pooled_interval,
+)
+from pacmo_core.metrics.controls import EXACT_FOR_REAL, sensitivity
 from pacmo_core.store.scores import read_scores
 from stages.common.files import write_json
 from stages.common.params import read_params
@@ -33,7 +40,7 @@ def augmentation_effect(
         metric: fold_differences(with_variations[metric], without_variations[metric])
         for metric in both
     }
-    means = {name: mean_of_folds(result, confidence) for name, result in each.items()}
+    means = {name: fold_mean_interval(result, confidence) for name, result in each.items()}
     return {
         "each": {name: [float(f"{x:.6g}") for x in result] for name, result in each.items()},
         "folds": round_estimates(
@@ -65,12 +72,12 @@ REAL = "real"
 NOISE_FLOORS = {"f2id_floor": "f2id", "f2id_halves": "f2id_halves"}
 # Rows that are no other model's: real motion, and what is permuted to wrong partners.
 NON_MODEL_ROWS = ("real", "wrong_partner")
-SAME_ACT = "_same_act"
+SAME_ACTION = "_same_action"
 PERMUTATION_PAIRS = {
-    "any_act": ("real_pairs", "wrong_partner"),
-    "same_act": ("real_pairs_same_act", "wrong_partner_same_act"),
-    "pacmo_any_act": ("pacmo", "pacmo_permuted"),
-    "pacmo_same_act": ("pacmo_same_act", "pacmo_permuted_same_act"),
+    "any_action": ("real_pairs", "wrong_partner"),
+    "same_action": ("real_pairs_same_action", "wrong_partner_same_action"),
+    "pacmo_any_action": ("pacmo", "pacmo_permuted"),
+    "pacmo_same_action": ("pacmo_same_action", "pacmo_permuted_same_action"),
 }
 
 
@@ -149,9 +156,9 @@ def seeds_of(metrics: dict[str, list[BySeed]]) -> list[int]:
 def pooled_row(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, Estimate]:
     """Pool what can be compared draw by draw."""
     return {
-        metric: pool(folds, params.random_seed)
+        metric: pool_folds(folds, params.random_seed)
         for metric, folds in metrics.items()
-        if not is_repeated(metric)
+        if not is_repeated_metric(metric)
     }
 
 
@@ -173,7 +180,9 @@ def add_noise_floors(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any
 
 def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> dict[str, Any]:
     """Subtract every other model from PaCMO, and wrong partners from right ones, draw by draw."""
-    others = [row for row in pooled if not row.startswith(NON_MODEL_ROWS) and SAME_ACT not in row]
+    others = [
+        row for row in pooled if not row.startswith(NON_MODEL_ROWS) and SAME_ACTION not in row
+    ]
     pairs = [(REFERENCE_ROW, row) for row in others if row != REFERENCE_ROW]
     pairs += [pair for pair in PERMUTATION_PAIRS.values() if pair not in pairs]
     return {
@@ -197,7 +206,7 @@ def sensitivities(pooled: dict[str, dict[str, Estimate]], confidence: float) -> 
                 pooled[true],
                 pooled[permuted],
                 confidence,
-                left_out=PERFECT if true.startswith(REAL) else frozenset(),
+                left_out=EXACT_FOR_REAL if true.startswith(REAL) else frozenset(),
             )
         )
         for name, (true, permuted) in PERMUTATION_PAIRS.items()

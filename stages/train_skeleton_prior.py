@@ -1,6 +1,6 @@
 """Train a skeleton prior, ours or a baseline, on the training variations of one split.
 
-Usage: python -m stages.train_skeleton_prior --model=M --seed=S VARIATIONS SPLITS.parquet MODEL CURVE
+Usage: python -m stages.train_skeleton_prior --model=M --seed=S VARIATIONS SPLITS MODEL CURVE.csv
 """
 
 import argparse

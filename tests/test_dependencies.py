@@ -177,7 +177,9 @@ def test_an_edit_of_a_package_runs_a_training_again_only_if_the_training_imports
 
 
 @pytest.mark.slow
-def test_dvc_status_names_evaluation_pooling_and_report_after_an_edit_of_a_metric(tmp_path):
+def test_dvc_status_names_evaluation_pooling_and_report_after_an_edit_of_a_metric(
+    tmp_path, monkeypatch
+):
     """Commit what stands as if it had been made, edit a metric, and ask DVC."""
     for name in ("dvc.yaml", "params.yaml"):
         shutil.copy(ROOT / name, tmp_path)
@@ -185,6 +187,7 @@ def test_dvc_status_names_evaluation_pooling_and_report_after_an_edit_of_a_metri
         ignore = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignore)
     (tmp_path / ".dvcignore").write_text("__pycache__/\n")
+    monkeypatch.chdir(tmp_path)
     Repo.init(str(tmp_path), no_scm=True).close()
     with Repo(str(tmp_path)) as repo:
         paths = {path for stage in repo.index.stages for path in (*stage.deps, *stage.outs)}

@@ -24,7 +24,7 @@ from pacmo_core.commands.captures import (
     write_two_people,
 )
 from pacmo_core.data.interaction import Motion
-from pacmo_core.figures.variations import said
+from pacmo_core.figures.clips import measurement_summary
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
 from pacmo_core.project.workspace import CommandError, errors_in_one_line
@@ -182,7 +182,7 @@ def _measure(
 
 def _report_lines(figures: dict[str, float], limits: VariationLimits, miss: float) -> Iterator[str]:
     """Say how good the variation is."""
-    yield said(figures)
+    yield measurement_summary(figures)
     if miss:
         yield f"a BVH's stiff joints keep it from that by {1e3 * miss:.1f} mm at worst"
     reason = rejection_reason(figures, limits)

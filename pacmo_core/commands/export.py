@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.figures.body import body_of
-from pacmo_core.figures.film import check_gif_rate, find_ffmpeg, write_film
-from pacmo_core.figures.flesh import flesh
-from pacmo_core.figures.scenes import Scene
+from pacmo_core.figures.body_mesh import make_skin
+from pacmo_core.figures.body_shape import make_body_shape
+from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
+from pacmo_core.figures.viewer import Scene
 from pacmo_core.formats.base import MAX_DISTANCE, check_up
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones
 from pacmo_core.formats.resample import from_y_up, resample, sample_times
@@ -108,7 +108,7 @@ def _gltf(out: Path, scene: Scene, _: ExportOptions) -> tuple[list[Path], str]:
         fitted = fit_bones(motion, scene.skeleton)
         lost.append(_position_errors(fitted, motion, scene))
         rest = rest_positions(fitted, scene.skeleton)
-        skin = flesh(body_of(scene.skeleton), scene.skeleton, rest)
+        skin = make_skin(make_body_shape(scene.skeleton), scene.skeleton, rest)
         actors.append(AnimatedPerson(person, fitted, skin, colour))
     document, data = gltf_document(scene.skeleton, scene.times, actors)
     write = to_glb if out.suffix.lower() == ".glb" else to_gltf

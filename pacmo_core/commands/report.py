@@ -12,7 +12,14 @@ import typer
 from ruamel.yaml import YAML
 
 from pacmo_core.commands.study_store import GENERATED, REAL
-from pacmo_core.figures.whole import COMPARED, Beside, Measured, StageRun, StudyTable, make_whole
+from pacmo_core.figures.history import (
+    COMPARED_METRICS,
+    Measurement,
+    ReportContext,
+    StageRun,
+    StudyTable,
+    add_history,
+)
 from pacmo_core.project.promote import history_rows
 from pacmo_core.project.records import utc_now
 from pacmo_core.project.workspace import (
@@ -33,7 +40,7 @@ EDITED = ", edited"
 _NO_COMMIT = "unknown"
 
 
-def record_measurement(metrics: Path, history: Path) -> list[Measured]:
+def record_measurement(metrics: Path, history: Path) -> list[Measurement]:
     """Add a run to the history unless its metrics stand there already; give the history.
 
     A line of the history that a fault has cut short is an error: nothing is dropped in silence.
@@ -47,18 +54,18 @@ def record_measurement(metrics: Path, history: Path) -> list[Measured]:
     return runs
 
 
-def read_measured(history: Path) -> list[Measured]:
+def read_measured(history: Path) -> list[Measurement]:
     """Read the history; there is none before the first run."""
     if not history.exists():
         return []
     lines = history.read_text(encoding="utf-8").splitlines()
-    return [Measured(**json.loads(line)) for line in lines]
+    return [Measurement(**json.loads(line)) for line in lines]
 
 
-def _measurement(facts: dict[str, Any], digest: str, number: int) -> Measured:
+def _measurement(facts: dict[str, Any], digest: str, number: int) -> Measurement:
     found = facts["pacmo"]["rows"].get(MODEL, {})
-    metrics = {name: found[name] for name in COMPARED if name in found}
-    return Measured(number, utc_now(), facts["experiment"], commit(), digest, metrics)
+    metrics = {name: found[name] for name in COMPARED_METRICS if name in found}
+    return Measurement(number, utc_now(), facts["experiment"], commit(), digest, metrics)
 
 
 def commit() -> str:
@@ -86,7 +93,7 @@ def write_report_with_history(out: Path = REPORT_WITH_HISTORY) -> Path:
         if not path.exists():
             raise CommandError(f"no {path}: reproduce first")
     runs = record_measurement(DETAILS, MEASUREMENTS)
-    beside = Beside(
+    beside = ReportContext(
         study=study_table(json.loads(STUDY.read_text(encoding="utf-8")))
         if STUDY.exists()
         else None,
@@ -95,7 +102,7 @@ def write_report_with_history(out: Path = REPORT_WITH_HISTORY) -> Path:
         commands=_commands(runs),
         stages=tuple(stages_run(LOCK)) if LOCK.exists() else (),
     )
-    write_text(out, make_whole(REPORT.read_text(encoding="utf-8"), beside))
+    write_text(out, add_history(REPORT.read_text(encoding="utf-8"), beside))
     return out
 
 
@@ -131,7 +138,7 @@ def _format_share(found: dict[str, Any]) -> str:
     return f"{found['mean']:.2f} ({low:.2f} … {high:.2f}), {found['count']} of {found['of']}"
 
 
-def _commands(runs: list[Measured]) -> tuple[str, ...]:
+def _commands(runs: list[Measurement]) -> tuple[str, ...]:
     digest = hashlib.sha256(DETAILS.read_bytes()).hexdigest()
     run = next(run for run in runs if run.digest == digest)
     mark = "    # and what was edited since" if run.commit.endswith(EDITED) else ""

@@ -18,7 +18,7 @@ from fastapi.responses import HTMLResponse, JSONResponse
 from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from pacmo_core.commands.study_store import Study, balanced_sample
-from pacmo_core.figures.study import render_study
+from pacmo_core.figures.history import render_study
 
 TOKEN = r"^[A-Za-z0-9_-]{22}$"  # 128 random bits
 MAX_BODY = 1000  # bytes

@@ -12,7 +12,7 @@ import numpy as np
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName
-from pacmo_core.figures.scenes import Scene, packed_scenes
+from pacmo_core.figures.viewer import Scene, packed_scenes
 from pacmo_core.project.workspace import MOTIONS, CommandError
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.motions import read_motion, stream_motions

@@ -9,8 +9,7 @@ import typer
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, is_reaction
-from pacmo_core.figures.scenes import Scene
-from pacmo_core.figures.viewer import MOST, render_viewer
+from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, ONE_PERSON_FORMATS, format_of, open_format
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
@@ -156,8 +155,8 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
     options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
     settings = {name: value for name, value in options.items() if value is not None}
     with reading_errors_in_one_line():
-        if len(clips) > MOST:
-            raise CommandError(f"wanted at most {MOST} clips side by side; got {len(clips)}")
+        if len(clips) > MAX_CLIPS:
+            raise CommandError(f"wanted at most {MAX_CLIPS} clips side by side; got {len(clips)}")
         scenes = [read_scene(word, form, settings) for word in clips]
         write_text(out, render_viewer(scenes, contact=contact))
     typer.echo(f"{out}: {len(scenes)} {'clip' if len(scenes) == 1 else 'clips'}")

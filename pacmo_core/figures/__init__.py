@@ -1,4 +1,4 @@
-"""Plots and the self-contained player that report and apps share."""
+"""Plots, tables and the self-contained 3-D player of reports and commands."""
 
 from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.curves import Curve

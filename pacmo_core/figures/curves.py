@@ -1,4 +1,4 @@
-"""Training curves as small charts: one a term, each with an axis of its own."""
+"""Training curves as small charts, one per term, each with an axis of its own."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.figures.tables import number
+from pacmo_core.figures.tables import format_number
 
 _WIDTH, _HEIGHT = 300.0, 150.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 16.0, 8.0, 20.0
@@ -98,9 +98,9 @@ def _chart(
         name=name,
         x_label=x_label,
         is_log=bool(log),
-        last=number(float(values[-1])),
-        line=_path(across, middle),
-        band=_path(across + across[::-1], high + low[::-1]) + "Z",
+        last=format_number(float(values[-1])),
+        line=_svg_path(across, middle),
+        band=_svg_path(across + across[::-1], high + low[::-1]) + "Z",
         x_ticks=x.ticks(log=False),
         y_ticks=y.ticks(log=bool(log)),
     )
@@ -130,14 +130,15 @@ class _Axis:
         step = power * next(m for m in (1, 2, 5, 10) if m * power >= rough)
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step
         return tuple(
-            Tick(round(self.place(float(v)), 2), _short(float(10**v if log else v))) for v in values
+            Tick(round(self.place(float(v)), 2), _short_number(float(10**v if log else v)))
+            for v in values
         )
 
 
-def _short(value: float) -> str:
+def _short_number(value: float) -> str:
     return f"{round(value, 12):g}".replace("-", "−")
 
 
-def _path(x: Sequence[float], y: Sequence[float]) -> str:
+def _svg_path(x: Sequence[float], y: Sequence[float]) -> str:
     points = [f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True)]
     return "M" + "L".join(points)

@@ -1,17 +1,18 @@
-"""The page of decisions: what was measured from night to night, and what was decided."""
+"""The report with history: decisions, earlier runs and the perceptual study; the study's page."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from markupsafe import Markup
 
-from pacmo_core.figures.columns import METRICS
-from pacmo_core.figures.curves import Curve, charts
-from pacmo_core.figures.viewer import environment, part
+from pacmo_core.figures.curves import Chart, Curve, charts
+from pacmo_core.figures.tables import Cell, Entry, make_entry
+from pacmo_core.figures.viewer import player_scripts, read_asset, script_hash, template_environment
+from pacmo_core.metrics.catalogue import METRICS
 
 
 @dataclass(frozen=True)
-class Row:
+class DecisionRow:
     """One decision as shown."""
 
     number: int
@@ -23,14 +24,142 @@ class Row:
     shelf: int
 
 
-def render_history(curve: Curve | None, rows: Sequence[Row]) -> str:
+def render_history(curve: Curve | None, rows: Sequence[DecisionRow]) -> str:
     """Render the page; it needs no network."""
-    page = environment().get_template("history.html")
-    drawn = charts(replace(curve, terms=_labelled(curve.terms))) if curve else []
-    return page.render(charts=drawn, rows=rows, style=Markup(part("report.css")))
+    page = template_environment().get_template("history.html")
+    drawn = charts(replace(curve, terms=_labelled_terms(curve.terms))) if curve else []
+    return page.render(charts=drawn, rows=rows, style=Markup(read_asset("report.css")))
 
 
-def _labelled(terms: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
+def _labelled_terms(terms: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
     labels = {name: metric.label for name, metric in METRICS.items()}
     labels["f2id_floor"] = "F²ID, floor"
     return {labels.get(name, name): values for name, values in terms.items()}
+
+
+# Comments of our own making: of a text with markup in it nothing stays markup.
+LINKS, SECTIONS = "<!-- links -->", "<!-- sections -->"
+COMPARED_METRICS = ("f2id", "f2id_excess", "mmd_s", "diversity", "matching", "ape")
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What one run measured of its model.
+
+    Parameters
+    ----------
+    number : from 1, in the order of the runs
+    at : UTC, ISO 8601
+    experiment : its name
+    commit : of the code
+    digest : SHA-256 of its metrics
+    metrics : mean, low and high by metric
+    """
+
+    number: int
+    at: str
+    experiment: str
+    commit: str
+    digest: str
+    metrics: Mapping[str, Cell]
+
+    def entries(self) -> list[Entry]:
+        """Write the metrics that are compared."""
+        return [
+            make_entry(self.metrics.get(name, {"missing": "not measured"}), "")
+            for name in COMPARED_METRICS
+        ]
+
+
+@dataclass(frozen=True)
+class StageRun:
+    """A stage as it was run: its command, and the MD5 of each file that it read and wrote."""
+
+    name: str
+    command: str
+    read: tuple[tuple[str, str], ...]
+    wrote: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """What people said: lines of a name and four cells, ours and the paper's of either kind."""
+
+    lines: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ReportContext:
+    """All that is set into the page; what is empty is left out."""
+
+    study: StudyTable | None = None
+    runs: tuple[Measurement, ...] = ()
+    decisions: tuple[DecisionRow, ...] = ()
+    commands: tuple[str, ...] = ()
+    stages: tuple[StageRun, ...] = field(default=())
+
+
+def add_history(page: str, beside: ReportContext) -> str:
+    """Set sections into a run's page.
+
+    Raises
+    ------
+    ValueError
+        If the page has no one place for them.
+    """
+    for mark in (LINKS, SECTIONS):
+        if page.count(mark) != 1:
+            raise ValueError(f"wanted one {mark} in the page; got {page.count(mark)}")
+    template = template_environment().get_template("whole.html")
+    given = {
+        "beside": beside,
+        "columns": [METRICS[name] for name in COMPARED_METRICS],
+        "by_experiment": _history_charts(beside.runs),
+    }
+    links, sections = (template.render(part=part, **given) for part in ("links", "sections"))
+    return page.replace(LINKS, links).replace(SECTIONS, sections)
+
+
+def _history_charts(runs: Sequence[Measurement]) -> dict[str, list[Chart]]:
+    """Draw the metrics of each experiment that ran more than once."""
+    own: dict[str, list[Measurement]] = {}
+    for run in runs:
+        own.setdefault(run.experiment, []).append(run)
+    return {name: charts(_curve(found)) for name, found in own.items() if len(found) > 1}
+
+
+def _curve(runs: Sequence[Measurement]) -> Curve:
+    terms = {
+        METRICS[name].label: [_mean_of(run.metrics.get(name, {})) for run in runs]
+        for name in COMPARED_METRICS
+    }
+    known = {name: values for name, values in terms.items() if any(v == v for v in values)}
+    return Curve([float(run.number) for run in runs], known, x_label="run")
+
+
+def _mean_of(cell: Cell) -> float:
+    mean = cell.get("mean")
+    return float("nan") if mean is None else float(mean)
+
+
+STUDY_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; script-src {scripts}"
+)
+
+
+def render_study() -> tuple[str, str]:
+    """Write the page, and the policy with which a server must send it."""
+    scripts = (*player_scripts(), read_asset("study.js"))
+    policy = STUDY_POLICY.format(scripts=" ".join(f"'{script_hash(script)}'" for script in scripts))
+    page = (
+        template_environment()
+        .get_template("study.html")
+        .render(
+            policy=policy,
+            style=Markup(read_asset("player.css") + read_asset("study.css")),
+            scripts=[Markup(script) for script in scripts],
+        )
+    )
+    return page, policy

@@ -1,4 +1,4 @@
-"""The report: one page that explains a run and plays its clips, without a network or a server."""
+"""The report: one self-contained page with the tables, curves and clips of a run."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -8,14 +8,19 @@ from markupsafe import Markup
 
 from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.curves import Curve, charts
-from pacmo_core.figures.scenes import packed_scenes
-from pacmo_core.figures.tables import Rows, Table, table
-from pacmo_core.figures.viewer import environment, part, player_scripts, script_hash
+from pacmo_core.figures.tables import Rows, Table, metrics_table
+from pacmo_core.figures.viewer import (
+    packed_scenes,
+    player_scripts,
+    read_asset,
+    script_hash,
+    template_environment,
+)
 
 SECTIONS = {
     "pacmo": "Reactions, generated from the partner alone",
     "pacmo_partner": "Do reactions answer their partner?",
-    "pacmo_same_act": "The same within one act",
+    "pacmo_same_action": "The same within one act",
     "pacmo_further": "Feet, bodies, variety",
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
@@ -102,7 +107,7 @@ def render_report(report: Report) -> str:
     """
     scripts = player_scripts() if report.clips else ()
     return (
-        environment()
+        template_environment()
         .get_template("report.html")
         .render(
             report=report,
@@ -113,7 +118,7 @@ def render_report(report: Report) -> str:
                 packed_scenes(clip.scenes(), contact=report.contact)
                 for clip in (*report.clips, *report.gallery)
             ],
-            style=Markup(part("player.css") + part("report.css")),
+            style=Markup(read_asset("player.css") + read_asset("report.css")),
             scripts=[Markup(script) for script in scripts],
             hashes=[script_hash(script) for script in scripts],
         )
@@ -121,4 +126,4 @@ def render_report(report: Report) -> str:
 
 
 def _tables(tables: Mapping[str, Rows]) -> list[tuple[str, Table]]:
-    return [(SECTIONS.get(name, name), table(rows)) for name, rows in tables.items()]
+    return [(SECTIONS.get(name, name), metrics_table(rows)) for name, rows in tables.items()]

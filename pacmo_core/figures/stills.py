@@ -1,14 +1,18 @@
-"""Still pictures of interactions: two solid figures on a floor, in a strip of instants.
+"""Still pictures and films (MP4, GIF) of interactions as solid figures, by matplotlib."""
 
-Any skeleton of the project can be drawn; bones whose names are known get the width of the limb.
-"""
-
+import importlib
+import importlib.util
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -49,7 +53,7 @@ class Box(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Onlooker:
+class Camera:
     """From where a strip is seen.
 
     Parameters
@@ -62,7 +66,7 @@ class Onlooker:
     right: Array
 
 
-def onlooker(interaction: Interaction) -> Onlooker:
+def choose_camera(interaction: Interaction) -> Camera:
     """Stand so that the two people are side by side, and keep the floor under the lowest foot."""
     a, b = (np.asarray(m, np.float64) for m in (interaction.person_a, interaction.person_b))
     root = interaction.skeleton.root
@@ -72,10 +76,10 @@ def onlooker(interaction: Interaction) -> Onlooker:
     both = np.concatenate([a, b], axis=1)
     centre = both.mean(axis=(0, 1))
     centre[1] = np.percentile(both[..., 1].min(axis=1), 20)
-    return Onlooker(centre, np.array([np.cos(angle), 0.0, -np.sin(angle)]))
+    return Camera(centre, np.array([np.cos(angle), 0.0, -np.sin(angle)]))
 
 
-def project(points: Array, seen: Onlooker) -> Array:
+def project(points: Array, seen: Camera) -> Array:
     """See points (..., 3) as (..., 3): right and up in the picture, and nearness, metres."""
     away = np.cross(np.array([0.0, 1.0, 0.0]), seen.right)
     x, y, near = (
@@ -94,7 +98,7 @@ def bone_widths(skeleton: Skeleton) -> list[float]:
     ]
 
 
-def fit(interaction: Interaction, frames: Sequence[int], seen: Onlooker, least: float) -> Box:
+def fit_view(interaction: Interaction, frames: Sequence[int], seen: Camera, least: float) -> Box:
     """Give the smallest picture in which both people stand whole at every frame.
 
     Parameters
@@ -110,7 +114,7 @@ def fit(interaction: Interaction, frames: Sequence[int], seen: Onlooker, least: 
 
 
 def draw_interaction(
-    axes: Axes, interaction: Interaction, frame: int, *, seen: Onlooker, box: Box
+    axes: Axes, interaction: Interaction, frame: int, *, seen: Camera, box: Box
 ) -> None:
     """Draw both people at a frame; take one onlooker and one box for a whole strip."""
     axes.set(
@@ -176,8 +180,8 @@ def film_strip(
     rows, columns = len(interactions), len(interactions[0][2])
     figure = Figure(figsize=(columns * inches, rows * ASPECT * inches), facecolor="white")
     for row, (title, interaction, frames) in enumerate(interactions):
-        seen = onlooker(interaction)
-        box = fit(interaction, frames, seen, least)
+        seen = choose_camera(interaction)
+        box = fit_view(interaction, frames, seen, least)
         for column, frame in enumerate(frames):
             corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
             axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
@@ -189,3 +193,83 @@ def film_strip(
             if column == 0:
                 axes.text(0.03, 0.93, title, transform=axes.transAxes, fontsize=8, color="#222")
     return figure
+
+
+_INCHES, _DPI = 6.4, 100  # 640 pixels across
+_MIN_VIEW = 1.9  # metres that a picture shows at least
+_GIF_TICKS = 100  # a GIF's frames last whole hundredths of a second
+
+
+def check_gif_rate(fps: float) -> None:
+    """Refuse a rate that a GIF cannot have.
+
+    Raises
+    ------
+    ValueError
+        If a frame does not last a whole number of hundredths of a second, two at least.
+    """
+    ticks = round(_GIF_TICKS / fps)
+    if ticks < 2 or not np.isclose(ticks * fps, _GIF_TICKS, rtol=1e-3):
+        raise ValueError(
+            f"a GIF's frames last whole hundredths of a second, two at least: "
+            f"wanted 50, 33.333, 25, 20, 12.5, 10 ... fps; got {fps:g}"
+        )
+
+
+def find_ffmpeg() -> str:
+    """Find the program that writes MP4: imageio-ffmpeg's, or the machine's own.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if importlib.util.find_spec("imageio_ffmpeg"):
+        return str(importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe())
+    if found := shutil.which("ffmpeg"):
+        return found
+    raise ValueError("MP4 needs ffmpeg: pip install imageio-ffmpeg, or put ffmpeg on the path")
+
+
+def write_film(path: Path, clip: Interaction, fps: float) -> None:
+    """Draw every frame of a clip into a film.
+
+    Parameters
+    ----------
+    path : ends in .gif or .mp4
+    fps : frames a second of the film, and of the clip
+
+    Raises
+    ------
+    ValueError
+        If the rate is none of a GIF's, or an MP4 is wanted and there is no ffmpeg.
+    """
+    if path.suffix == ".gif":
+        check_gif_rate(fps)
+        _draw_frames(path, clip, PillowWriter(fps=fps))  # type: ignore[arg-type]  # any number will do
+        return
+    # Players want an even number of pixels and 4:2:0 colour.
+    options = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-loglevel", "error"]
+    with mpl.rc_context({"animation.ffmpeg_path": find_ffmpeg()}):
+        writer = FFMpegWriter(fps=fps, codec="h264", extra_args=options)  # type: ignore[arg-type]
+        _draw_frames(path, clip, writer)
+
+
+def _draw_frames(path: Path, clip: Interaction, writer: AbstractMovieWriter) -> None:
+    figure = Figure(figsize=(_INCHES, ASPECT * _INCHES), dpi=_DPI, facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    seen = choose_camera(clip)
+    box = fit_view(clip, range(len(clip.times)), seen, _MIN_VIEW)
+    with writer.saving(figure, str(path), _DPI):
+        for frame in range(len(clip.times)):
+            axes.clear()
+            draw_interaction(axes, clip, frame, seen=seen, box=box)
+            axes.text(
+                0.97, 0.95, _time_label(clip.times, frame), transform=axes.transAxes, ha="right"
+            )
+            writer.grab_frame()
+
+
+def _time_label(times: NDArray[np.float64], frame: int) -> str:
+    return f"{times[frame] - times[0]:.2f} s"

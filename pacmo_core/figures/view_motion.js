@@ -7,7 +7,7 @@ const Pacmo = { players: [] };
 (() => {
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
 
-  // Whole steps from an origin, as pacmo_core/figures/scenes.py writes them.
+  // Whole steps from an origin, as pacmo_core/figures/viewer.py writes them.
   function unpack(text, origin, step) {
     return Float32Array.from(new Int16Array(bytes(text)), (value, at) => origin[at % 3] + value * step);
   }

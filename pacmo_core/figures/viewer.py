@@ -1,14 +1,182 @@
-"""The viewer: one page that plays clips in 3-D, without a network or a server."""
+"""The 3-D viewer: one page that plays clips without a network or a server.
+
+Clips are packed into the page as 16-bit steps from an origin, base64.
+"""
 
 import base64
 import hashlib
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from importlib.resources import files
+from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
+from numpy.typing import NDArray
 
-from pacmo_core.figures.scenes import Scene, packed_scenes
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.figures.body_shape import make_body_shape
+
+_MAX_STEP = np.iinfo(np.int16).max
+_SOLE_HEIGHT = 0.04  # metres that the ground lies below the lowest joint
+_HEAD_MARGIN = 0.12  # metres that a head rises above its joint
+_SAME_WORLD_DISTANCE = 0.05  # metres between first roots from which two scenes are not of one world
+_SMOOTHING_SECONDS = 0.5  # seconds to either side over which a camera that follows averages
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One clip to be shown: one or two people.
+
+    Parameters
+    ----------
+    label : what is shown, such as a clip's name; shown as it is, never run
+    skeleton : of everybody
+    times : (T,) float64, seconds, rising
+    people : one or two of (T, J, 3) float32, metres, y up, finite
+
+    Raises
+    ------
+    ValueError
+        If there are not one or two people, or a motion has another shape.
+    """
+
+    label: str
+    skeleton: Skeleton
+    times: NDArray[np.float64]
+    people: tuple[Motion, ...]
+
+    def __post_init__(self) -> None:
+        wanted = (len(self.times), len(self.skeleton.joints), 3)
+        shapes = [motion.shape for motion in self.people]
+        if len(shapes) not in (1, 2) or any(shape != wanted for shape in shapes):
+            raise ValueError(f"scene {self.label!r}: wanted one or two of {wanted}; got {shapes}")
+
+    @staticmethod
+    def of(label: str, interaction: Interaction) -> "Scene":
+        """Show both people of an interaction."""
+        people = (interaction.person_a, interaction.person_b)
+        return Scene(label, interaction.skeleton, interaction.times, people)
+
+
+def pack_motion(motion: Motion, origin: NDArray[np.float64], step: float) -> str:
+    """Write a motion as whole steps from ``origin``: half a step off at worst, along each axis.
+
+    Returns
+    -------
+    Base64 of little-endian int16, in the order of the array.
+    """
+    return base64.b64encode(np.rint((motion - origin) / step).astype("<i2").tobytes()).decode()
+
+
+def unpack_motion(text: str, origin: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Read what ``pack`` wrote, as the page does: ``(N, 3)`` metres."""
+    steps = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 3)
+    places: NDArray[np.float64] = origin + steps * step
+    return places
+
+
+def packed_scenes(scenes: Sequence[Scene], *, contact: float) -> list[dict[str, Any]]:
+    """Turn scenes into what the player reads, ready for JSON.
+
+    Scenes of one world, as a capture and reactions in it, share ground and camera.
+
+    Parameters
+    ----------
+    contact : metres between joints of two people that touch
+    """
+    views: list[dict[str, Any]] = []
+    for at, scene in enumerate(scenes):
+        known = [k for k in range(at) if _same_world(scenes[k], scene)]
+        world = [other for other in scenes if _same_world(other, scene)]
+        views.append(views[known[0]] if known else _camera(world))
+    return [
+        _pack_scene(scene, contact) | {"view": view}
+        for scene, view in zip(scenes, views, strict=True)
+    ]
+
+
+def _pack_scene(scene: Scene, contact: float) -> dict[str, Any]:
+    everyone = _all_positions(scene)
+    low, high = everyone.min(axis=(0, 1)), everyone.max(axis=(0, 1))
+    origin = (low + high) / 2
+    step = max(float((high - low).max()) / 2 / _MAX_STEP, 1e-6)
+    return {
+        "label": scene.label,
+        "joints": scene.skeleton.joints,
+        "parents": scene.skeleton.parents,
+        "root": scene.skeleton.root,
+        "body": asdict(make_body_shape(scene.skeleton)),
+        "contact": contact,
+        "times": base64.b64encode((scene.times - scene.times[0]).astype("<f8").tobytes()).decode(),
+        "origin": origin.tolist(),
+        "step": step,
+        "motions": [pack_motion(motion, origin, step) for motion in scene.people],
+    }
+
+
+def _all_positions(scene: Scene) -> NDArray[np.float64]:
+    """``(T, P J, 3)`` metres: the joints of all."""
+    return np.concatenate(scene.people, axis=1).astype(np.float64)
+
+
+def _camera(world: Sequence[Scene]) -> dict[str, Any]:
+    """Say where the ground is, how far people get, and from where they are seen side by side.
+
+    The ground is the median over frames of the lowest joint: a depth camera that leans, or
+    loses a foot, leaves single frames far below the floor.
+    """
+    everyone = [_all_positions(scene) for scene in world]
+    flat = [people[..., [0, 2]] for people in everyone]
+    low, high = np.percentile(np.concatenate([f.reshape(-1, 2) for f in flat]), [1, 99], axis=0)
+    centre = (low + high) / 2
+    near = [f - _camera_path(scene)[:, None] for f, scene in zip(flat, world, strict=True)]
+    return {
+        "centre": centre.round(4).tolist(),
+        "ground": round(float(np.median(everyone[0][..., 1].min(axis=1))) - _SOLE_HEIGHT, 4),
+        "top": round(
+            max(float(np.percentile(p[..., 1].max(axis=1), 95)) for p in everyone) + 0.12, 4
+        ),
+        "reach": max(_radius_of_view(f - centre) for f in flat),
+        "near": max(map(_radius_of_view, near)),
+        "yaw": _yaw(world[0]),
+    }
+
+
+def _top(everyone: NDArray[np.float64]) -> float:
+    return float(np.percentile(everyone[..., 1].max(axis=1), 95))
+
+
+def _radius_of_view(away: NDArray[np.float64]) -> float:
+    return round(float(np.percentile(np.linalg.norm(away, axis=-1), 99)), 4)
+
+
+def _camera_path(scene: Scene) -> NDArray[np.float64]:
+    """``(T, 2)`` metres on the ground: the mean of all roots, averaged over a second."""
+    roots = np.stack([motion[:, scene.skeleton.root] for motion in scene.people])[..., [0, 2]]
+    sums = np.concatenate([np.zeros((1, 2)), roots.mean(axis=0, dtype=np.float64).cumsum(axis=0)])
+    first = np.searchsorted(scene.times, scene.times - _SMOOTHING_SECONDS)
+    last = np.searchsorted(scene.times, scene.times + _SMOOTHING_SECONDS, side="right")
+    path: NDArray[np.float64] = (sums[last] - sums[first]) / (last - first)[:, None]
+    return path
+
+
+def _yaw(scene: Scene) -> float:
+    """Radians about +y at which the camera stands: two people side by side, the first left."""
+    if len(scene.people) < 2:
+        return 0.0
+    apart = (scene.people[1] - scene.people[0]).mean(axis=(0, 1))
+    return round(float(np.arctan2(-apart[2], apart[0])), 4)
+
+
+def _same_world(first: Scene, second: Scene) -> bool:
+    places = [
+        [motion[0, scene.skeleton.root] for motion in scene.people] for scene in (first, second)
+    ]
+    return any(np.linalg.norm(p - q) < _SAME_WORLD_DISTANCE for p in places[0] for q in places[1])
+
 
 LIBRARY = "three.min.js"
 SCRIPTS = (
@@ -21,7 +189,7 @@ SCRIPTS = (
     "view_controls.js",
     "view_player.js",
 )
-MOST = 6  # clips side by side: more are too small to judge
+MAX_CLIPS = 6  # clips side by side: more are too small to judge
 
 
 def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
@@ -40,18 +208,18 @@ def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
     ValueError
         If there are none, or too many.
     """
-    if not 1 <= len(scenes) <= MOST:
-        raise ValueError(f"a page shows 1 to {MOST} clips side by side; got {len(scenes)}")
+    if not 1 <= len(scenes) <= MAX_CLIPS:
+        raise ValueError(f"a page shows 1 to {MAX_CLIPS} clips side by side; got {len(scenes)}")
     library, script = player_scripts()
     return (
-        environment()
+        template_environment()
         .get_template("viewer.html")
         .render(
             title=" · ".join(scene.label for scene in scenes),
             labels=[scene.label for scene in scenes],
             people=max(len(scene.people) for scene in scenes),
             packed=[packed_scenes(scenes, contact=contact)],
-            style=Markup(part("player.css") + part("viewer.css")),
+            style=Markup(read_asset("player.css") + read_asset("viewer.css")),
             scripts=[Markup(library), Markup(script)],
             hashes=[script_hash(library), script_hash(script)],
         )
@@ -60,7 +228,7 @@ def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
 
 def player_scripts() -> tuple[str, str]:
     """Give the library and the player, as they stand in a page."""
-    return part(LIBRARY), "\n".join(part(name) for name in SCRIPTS)
+    return read_asset(LIBRARY), "\n".join(read_asset(name) for name in SCRIPTS)
 
 
 def script_hash(script: str) -> str:
@@ -68,15 +236,15 @@ def script_hash(script: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
-def part(name: str) -> str:
+def read_asset(name: str) -> str:
     """Read a file that stands beside this one."""
     return files("pacmo_core.figures").joinpath(name).read_text(encoding="utf-8")
 
 
-def environment() -> Environment:
+def template_environment() -> Environment:
     """Read templates from beside this file; escape all that is not marked as safe."""
     return Environment(
-        loader=FunctionLoader(part),
+        loader=FunctionLoader(read_asset),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

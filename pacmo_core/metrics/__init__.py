@@ -1,1 +1,1 @@
-"""Metrics of generated reactions, with floors and intervals."""
+"""Metrics of generated reactions, with noise floors and bootstrap intervals."""

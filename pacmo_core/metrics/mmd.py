@@ -1,21 +1,53 @@
 """Maximum mean discrepancy between motions, by frame (A) and by whole sequence (S).
 
-The kernel is k(x, y) = exp(−|x − y|² / b), the value the squared discrepancy without a root.
-MMD-A is the mean over frames of the discrepancy within the frame; as this is linear in the
-kernel, it is one discrepancy with the kernel averaged over frames. MMD-S has the whole sequence as
-one vector.
-
-Two estimators stand here. ``mmd_a`` and ``mmd_s`` are unbiased, zero in the mean for equal laws.
-``mmd_a_published`` and ``mmd_s_published`` follow MUGL (Gupta et al. 2022), whose code PaCMO used,
-and are at least 1/n + 1/m for two sets without a common motion, whatever their laws.
+Unbiased estimates use pairs of samples from different clips (``pair_means``); the published ones
+follow the paper's protocol.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.metrics.pairs import Array, pair_means
-
+Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
+
+
+def pair_means(values: Array, rows: Codes, columns: Codes, counts: Array) -> Array:
+    """Average a function of two samples over all pairs from different clips.
+
+    A clip with count c in a replicate counts c times, but never against its own copies: so the
+    mean over many replicates is that of the data, and no copy makes two samples look alike.
+
+    Parameters
+    ----------
+    values : (n, m), the function for each pair
+    rows, columns : (n,), (m,) int, the clip of each sample, below G
+    counts : (B, G), how often each of B replicates took each clip
+
+    Returns
+    -------
+    (B,)
+
+    Raises
+    ------
+    ValueError
+        If a replicate leaves no pair from different clips.
+    """
+    sums = _clip_sums(values, rows, columns, counts.shape[1])
+    numbers = _clip_sums(np.ones_like(values), rows, columns, counts.shape[1])
+    total = ((counts @ sums) * counts).sum(axis=1)
+    number = ((counts @ numbers) * counts).sum(axis=1)
+    if (number <= 0).any():
+        raise ValueError("wanted samples from at least two clips; a replicate has only one")
+    return np.asarray(total / number)
+
+
+def _clip_sums(values: Array, rows: Codes, columns: Codes, n_clips: int) -> Array:
+    """Sum values over the samples of each pair of clips, (G, G), zero within a clip."""
+    clips = np.arange(n_clips)
+    sums = (rows == clips[:, None]).astype(float) @ values @ (columns[:, None] == clips)
+    np.fill_diagonal(sums, 0.0)
+    return np.asarray(sums)
+
 
 # The 14 bandwidths of MUGL's measure.
 PUBLISHED_BANDWIDTHS: Array = 10.0 ** np.arange(-4, 10, dtype=np.float64)
@@ -129,7 +161,7 @@ def published_statistic(kernels: list[Array], x_counts: Array, y_counts: Array) 
     Parameters
     ----------
     kernels : (K, n, n), (K, m, m), (K, n, m) of the pairs (x, x), (y, y), (x, y)
-    x_counts, y_counts : (n,), (m,) how often each motion was drawn
+    x_counts, y_counts : (n,), (m,) how often each motion was samples
     """
     p, q = x_counts / x_counts.sum(), y_counts / y_counts.sum()
     xx, yy, xy = (k @ b @ a for k, a, b in zip(kernels, (p, q, p), (p, q, q), strict=True))

@@ -1,4 +1,4 @@
-"""One row of a table of metrics: reactions, and all that is known of them."""
+"""The data of one row of a table: reactions, partners, features; resampling to one length."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class Reactions:
     features : (n, C, r), the features of (partner, reaction) on the common grid
     motions : n reactions (T_i, J, 3), metres
     partners : n motions given, (T_i, J, 3), metres, at the same times
-    times : n times (T_i,), seconds, strictly increasing
+    times : n times (T_i,), second_sets, strictly increasing
     clips : the clip that each reaction was recorded in, or generated for
     embedded : (2, n, E) unit vectors of a matcher, of the partners and of the reactions
     further : (S, n, C, r), features of S further reactions to each partner; S may be 0
@@ -80,3 +80,41 @@ class Reactions:
             )
         if not np.isfinite(motion).all():
             raise ValueError(f"sample {i} (clip {self.clips[i]}): its motion is not finite")
+
+
+def to_length(
+    motion: NDArray[np.float32], times: NDArray[np.float64], n_frames: int
+) -> NDArray[np.float64]:
+    """Resample a motion to frames at equal distances from its first to its last instant.
+
+    Linear between frames: a spline would overshoot at the jumps of noisy captures.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    times : (T,) second_sets, strictly increasing
+    n_frames : at least 2
+
+    Returns
+    -------
+    (n_frames, J, 3) float64, metres
+    """
+    if len(times) != len(motion) or n_frames < 2:
+        raise ValueError(
+            f"wanted one time a frame and at least 2 frames; got {len(times)} times, "
+            f"{len(motion)} frames, n_frames {n_frames}"
+        )
+    wanted = np.linspace(times[0], times[-1], n_frames)
+    after = np.searchsorted(times, wanted, side="left").clip(1, len(times) - 1)
+    share = (wanted - times[after - 1]) / (times[after] - times[after - 1])
+    share = share[:, None, None]
+    values = motion.astype(np.float64)
+    return np.asarray((1 - share) * values[after - 1] + share * values[after])
+
+
+def stack_motions(
+    motions: Sequence[NDArray[np.float32]], times: Sequence[NDArray[np.float64]], n_frames: int
+) -> NDArray[np.float64]:
+    """Resample n motions into one array (n, n_frames, J·3), metres."""
+    pairs = zip(motions, times, strict=True)
+    return np.stack([to_length(m, t, n_frames).reshape(n_frames, -1) for m, t in pairs])

@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import min_point_distance
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.metrics.body import Body
 from pacmo_core.metrics.f2id import f2id
-from pacmo_core.metrics.plausibility import points_of
+from pacmo_core.metrics.plausibility import BodyJoints, body_points
 
 Pair = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class RetargetingLimits:
     """What counts as touching, standing and merging.
 
     Parameters
@@ -40,7 +39,7 @@ class Limits:
 
 def joint_error(pair: Pair, truth: Pair) -> Array:
     """``(2,)`` metres, E_r: mean distance of joints from their true places, of each character."""
-    _check(pair, truth)
+    _check_shapes(pair, truth)
     return np.asarray(np.linalg.norm(pair - truth, axis=-1).mean(axis=(0, 2), dtype=np.float64))
 
 
@@ -53,28 +52,30 @@ def bone_error(pair: Pair, template: Pair, scales: Array, skeleton: Skeleton) ->
     ----------
     scales : (2, E), in the order of ``skeleton.bones``
     """
-    _check(pair, template)
+    _check_shapes(pair, template)
     error = np.abs(_lengths(pair, skeleton) - scales * _lengths(template, skeleton))
     return np.asarray(error.mean(axis=(0, 2)))
 
 
 def pair_distance_error(pair: Pair, reference: Pair) -> float:
     """Metres, JPD: mean error of the distance from each joint of one to each of the other."""
-    _check(pair, reference)
+    _check_shapes(pair, reference)
     return float(np.abs(_distances(pair) - _distances(reference)).mean())
 
 
-def contacts_kept(pair: Pair, template: Pair, limits: Limits) -> tuple[int, int]:
+def contacts_kept(pair: Pair, template: Pair, limits: RetargetingLimits) -> tuple[int, int]:
     """Count pairs of joints and frames that touch in the template: those kept, and all."""
     touching = _distances(template) < limits.touching
     kept = touching & (_distances(pair) < limits.touching + limits.slack)
     return int(kept.sum()), int(touching.sum())
 
 
-def slide(pair: Pair, template: Pair, times: Array, body: Body, limits: Limits) -> Array:
+def foot_skate(
+    pair: Pair, template: Pair, times: Array, body: BodyJoints, limits: RetargetingLimits
+) -> Array:
     """Sum the horizontal speed of feet that stand in the template, (2,): metres a second; count.
 
-    A foot stands where it is less than ``foot_height`` above its own lowest place at both ends of
+    A foot stands where it is less than ``foot_height`` above its lowest position at both ends of
     a step.
     """
     feet = list(body.feet)
@@ -86,9 +87,9 @@ def slide(pair: Pair, template: Pair, times: Array, body: Body, limits: Limits) 
     return np.array([speeds[stands].sum(), stands.sum()], dtype=np.float64)
 
 
-def merged_frames(pair: Pair, body: Body, limits: Limits) -> int:
+def penetrating_frames(pair: Pair, body: BodyJoints, limits: RetargetingLimits) -> int:
     """Count frames in which points of the two bodies are nearer than ``body_radius``."""
-    first, second = (points_of(pair[:, person], body) for person in (0, 1))
+    first, second = (body_points(pair[:, person], body) for person in (0, 1))
     return int((min_point_distance(first, second) < limits.body_radius).sum())
 
 
@@ -128,6 +129,6 @@ def _distances(pair: Pair) -> NDArray[np.float32]:
     return between
 
 
-def _check(pair: Pair, other: Pair) -> None:
+def _check_shapes(pair: Pair, other: Pair) -> None:
     if pair.shape != other.shape or pair.ndim != 4 or pair.shape[1] != 2:
         raise ValueError(f"wanted pairs (T, 2, J, 3) of one shape; got {pair.shape}, {other.shape}")

@@ -1,11 +1,11 @@
 """How often people take clips for real: shares with intervals, and a model of who said it of what.
 
 Answers of one person, and of one clip, go together, and an interval that takes them for
-independent is too narrow. The mixed model gives every person and every clip a leaning of its own:
+independent is too narrow. The mixed model gives every person and every clip a random effect:
 
     logit P(taken for real) = a + b [captured] + u_person + v_clip,  u ~ N(0, s^2), v ~ N(0, t^2)
 
-fitted by maximum likelihood, the leanings integrated out by Laplace's method.
+fitted by maximum likelihood, the random effects integrated out by Laplace's method.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from scipy.special import expit
 
 Array = NDArray[np.float64]
 _Z = NormalDist().inv_cdf(0.975)
-_STEPS = 60  # of Newton's method
-_DONE = 1e-9
+_MAX_NEWTON_STEPS = 60  # of Newton's method
+_TOLERANCE = 1e-9
 _LEAST, _MOST = 1e-3, 20.0  # spreads of leanings, in logits
 
 
@@ -36,7 +36,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Mixed:
+class MixedModel:
     """The fitted model.
 
     Parameters
@@ -74,7 +74,7 @@ def fit_mixed(
     clips: Sequence[object],
     captured: Sequence[bool],
     real: Sequence[bool],
-) -> Mixed:
+) -> MixedModel:
     """Fit the mixed model.
 
     Parameters
@@ -106,10 +106,10 @@ def fit_mixed(
     # Without bounds on where it looks, spreads of nothing would go to minus infinity.
     best = minimize(cost, np.log([0.5, 0.5]), method="Nelder-Mead", bounds=bounds)
     spreads = np.exp(best.x)
-    _, found, information = _laplace(design, said, groups, spreads)
+    _, result, information = _laplace(design, said, groups, spreads)
     half = _Z * float(np.sqrt(np.linalg.inv(information)[1, 1]))
-    difference = float(found[1])
-    return Mixed(difference, difference - half, difference + half, *map(float, spreads))
+    difference = float(result[1])
+    return MixedModel(difference, difference - half, difference + half, *map(float, spreads))
 
 
 def _laplace(
@@ -122,12 +122,12 @@ def _laplace(
     # A whisper of a prior keeps kinds of clip that everybody judged alike at a finite logit.
     ridge[:2] = 1e-4
     mode = np.zeros(design.shape[1])
-    for _ in range(_STEPS):
+    for _ in range(_MAX_NEWTON_STEPS):
         chance = expit(design @ mode)
         information = (design * (chance * (1 - chance))[:, None]).T @ design + np.diag(ridge)
         step = np.linalg.solve(information, design.T @ (said - chance) - ridge * mode)
-        mode += step * min(1.0, 4.0 / float(np.abs(step).max() + _DONE))
-        if np.abs(step).max() < _DONE:
+        mode += step * min(1.0, 4.0 / float(np.abs(step).max() + _TOLERANCE))
+        if np.abs(step).max() < _TOLERANCE:
             break
     eta = design @ mode
     log_chance = said @ eta - np.logaddexp(0, eta).sum()

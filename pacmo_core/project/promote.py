@@ -12,7 +12,7 @@ from typing import Any
 
 from pacmo_core import promotion
 from pacmo_core.figures.curves import Curve
-from pacmo_core.figures.history import Row, render_history
+from pacmo_core.figures.history import DecisionRow, render_history
 from pacmo_core.project.records import utc_now
 from pacmo_core.project.workspace import (
     DECISIONS,
@@ -239,9 +239,11 @@ def metrics_over_time(decisions: list[Decision]) -> Curve | None:
     return Curve([float(d.number) for d in measured], terms, x_label="decision")
 
 
-def history_rows(decisions: list[Decision]) -> list[Row]:
+def history_rows(decisions: list[Decision]) -> list[DecisionRow]:
     """Return table rows of the decisions, the last one first."""
     return [
-        Row(d.number, d.at, d.experiment, d.verdict, d.reasons, d.model[:12], d.current_model)
+        DecisionRow(
+            d.number, d.at, d.experiment, d.verdict, d.reasons, d.model[:12], d.current_model
+        )
         for d in reversed(decisions)
     ]

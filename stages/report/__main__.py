@@ -112,14 +112,14 @@ def provenance(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, 
         kind: ", ".join(digest[:16] for digest in pacmo[f"{kind}_sha256"].values())
         for kind in ("extractor", "matcher")
     }
-    same_act = sum(n["same_act_reactions"] for n in pacmo["n"].values())
+    same_action = sum(n["same_action_reactions"] for n in pacmo["n"].values())
     candidates = min(n["matching_candidates"] for n in pacmo["n"].values())
     return {
         "Made by": f"dvc repro, after pacmo use {experiment}",
         "Parameters": f"{PARAMS}, with whatever was edited there since",
         "Runs": f"{count(runs.folds, 'fold')}, {count(runs.seeds, 'seed')} of each model",
         "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip; "
-        f"{same_act} of acts that others perform too",
+        f"{same_action} of acts that others perform too",
         "Features": f"auto-encoder {hashes['extractor']}, a fold each",
         "Matching": f"matcher {hashes['matcher']}, a fold each; among {candidates} partners",
     }

@@ -8,9 +8,8 @@ import numpy as np
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, direction_of, split_variation_name
-from pacmo_core.figures.clips import Panel, PlayedClip
+from pacmo_core.figures.clips import Panel, PlayedClip, played_variation, variation_table
 from pacmo_core.figures.report import Section
-from pacmo_core.figures.variations import variation_table, varied_clip
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
     ACCEPTED,
@@ -97,7 +96,7 @@ def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
     """Give a table a dataset."""
     for dataset, facts in augment.items():
         counts = (
-            f"{facts['planned']} variations of {facts['clips']} clips: {facts['kept']} kept, "
+            f"{facts['planned']} variations of {facts['clips']} clips: {facts['accepted']} accepted, "
             f"{facts['failed']} beyond a limit, {facts['refused']} of clips that were refused."
         )
         reasons = ", ".join(f"{name} {count}" for name, count in facts["failed_by"].items())
@@ -124,4 +123,4 @@ def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
         label = split_variation_name(row.variation)[1]
         mark = "" if row.accepted else " (left out)"
         shown.append((f"{label}{mark}", row.measurements, read_motion(file, row.variation)))
-    return varied_clip(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)
+    return played_variation(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)

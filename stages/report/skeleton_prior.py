@@ -7,17 +7,17 @@ from typing import Any
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import split_variation_name
 from pacmo_core.figures.clips import Panel, PlayedClip
-from pacmo_core.figures.priors import (
-    MODELS,
-    NAMES,
-    SPLITS,
-    eye_table,
-    fewer_table,
-    motion_table,
-    of_source,
-    verdicts,
-)
 from pacmo_core.figures.report import Section
+from pacmo_core.figures.skeleton_prior import (
+    MODELS,
+    MOTIONS,
+    SPLITS,
+    comparison_sentences,
+    few_samples_table,
+    motion_table,
+    plausibility_table,
+    select_source,
+)
 from pacmo_core.store.motions import stream_motions
 from stages.common.files import ALL_SOURCES
 
@@ -43,19 +43,19 @@ FEW_SAMPLES_NOTES = (
 def prior_sections(pooled: dict[str, Any]) -> Iterator[Section]:
     """Give the tables of each dataset, motion by motion, then those of all of its motions."""
     scores = {task: pooled[task] for task in PRIOR_TASKS}
-    names = iter(NAMES)
+    names = iter(MOTIONS)
     for dataset, splits in pooled["data_facts"].items():
-        all_sources = of_source(scores, dataset, ALL_SOURCES)
+        all_sources = select_source(scores, dataset, ALL_SOURCES)
         title = f"Skeleton priors on {dataset}, mean over motions"
-        notes = (*PRIOR_NOTES, *verdicts(all_sources), *data_notes(splits))
-        yield Section(f"{title}: what the eye sees", eye_table(all_sources), notes)
+        notes = (*PRIOR_NOTES, *comparison_sentences(all_sources), *data_notes(splits))
+        yield Section(f"{title}: what the eye sees", plausibility_table(all_sources), notes)
         for source in sources_of(scores, dataset):
-            motion = next(names, NAMES[-1])
-            title = f"Table {NAMES.index(motion) + 1} of the supplement, {motion}, and {source}"
-            yield Section(title, motion_table(of_source(scores, dataset, source), motion))
+            motion = next(names, MOTIONS[-1])
+            title = f"Table {MOTIONS.index(motion) + 1} of the supplement, {motion}, and {source}"
+            yield Section(title, motion_table(select_source(scores, dataset, source), motion))
         if any(name not in SPLITS for name in splits):
             title = f"Table 10 of the supplement, and ours on {dataset}"
-            yield Section(title, fewer_table(all_sources), FEW_SAMPLES_NOTES)
+            yield Section(title, few_samples_table(all_sources), FEW_SAMPLES_NOTES)
 
 
 def sources_of(scores: dict[str, Any], dataset: str) -> list[str]:

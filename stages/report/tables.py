@@ -3,18 +3,24 @@
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from pacmo_core.figures.augmentation import TITLE, answer, augmentation_table
-from pacmo_core.figures.columns import (
+from pacmo_core.figures.paper_tables import CAVEATS, PAPER_TABLES, difference_note, side_by_side
+from pacmo_core.figures.report import Section
+from pacmo_core.figures.tables import (
+    AUGMENTATION_TITLE,
+    augmentation_table,
+    augmentation_verdict,
+    difference_table,
+    insensitive_metrics,
+    sensitivity_table,
+)
+from pacmo_core.metrics.catalogue import (
     FURTHER_COLUMNS,
     MAIN_COLUMNS,
     MAIN_ROWS,
     MODELS,
     PARTNER_COLUMNS,
-    SAME_ACT_ROWS,
+    SAME_ACTION_ROWS,
 )
-from pacmo_core.figures.differences import blind, difference_table, sight_table
-from pacmo_core.figures.paper import CAVEATS, PAPER, beside, differs
-from pacmo_core.figures.report import Section
 from pacmo_core.models import model_names
 
 Pooled = dict[str, Any]
@@ -28,12 +34,12 @@ COMPARED_COLUMNS = {
 
 NO_ORACLE = "recorded captures have no known law of reaction"
 COMPARISONS = {
-    "any_act": "Real, over all acts",
-    "same_act": "Real, within each act",
-    "pacmo_any_act": "PaCMO, over all acts",
-    "pacmo_same_act": "PaCMO, within each act",
+    "any_action": "Real, over all acts",
+    "same_action": "Real, within each act",
+    "pacmo_any_action": "PaCMO, over all acts",
+    "pacmo_same_action": "PaCMO, within each act",
 }
-REAL_COMPARISONS = {"any_act": "across acts", "same_act": "within one act"}
+REAL_COMPARISONS = {"any_action": "across acts", "same_action": "within one act"}
 NOTES = (
     "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
     "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
@@ -69,7 +75,7 @@ def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
     selected = {
         "pacmo": (MAIN_ROWS, MAIN_COLUMNS),
         "pacmo_partner": (MAIN_ROWS, PARTNER_COLUMNS),
-        "pacmo_same_act": (SAME_ACT_ROWS, PARTNER_COLUMNS),
+        "pacmo_same_action": (SAME_ACTION_ROWS, PARTNER_COLUMNS),
         "pacmo_further": (MAIN_ROWS, FURTHER_COLUMNS),
     }
     tables = {
@@ -106,18 +112,20 @@ def reaction_sections(pooled: Pooled, dataset: str) -> Iterator[Section]:
     yield Section("Paired differences", difference_table(differences), DIFFERENCE_NOTES)
     augmentation = augmentation_rows(pooled)
     if augmentation:
-        notes = (answer(augmentation), *AUGMENTATION_NOTES)
-        yield Section(TITLE, augmentation_table(augmentation), notes)
+        notes = (augmentation_verdict(augmentation), *AUGMENTATION_NOTES)
+        yield Section(AUGMENTATION_TITLE, augmentation_table(augmentation), notes)
     sensitivity = pooled["sensitivity"]
     yield Section(
         "Which metrics see the partner: true pairs less shuffled ones",
-        sight_table(sensitivity, COMPARISONS),
+        sensitivity_table(sensitivity, COMPARISONS),
         sensitivity_notes(sensitivity),
     )
-    for paper in PAPER:
+    for paper in PAPER_TABLES:
         title = f"Table {paper.number} of the paper, {paper.name}, and ours beside it"
-        caveats = CAVEATS if paper is PAPER[-1] else ()
-        yield Section(title, beside(paper, pooled["rows"]), (differs(paper, dataset), *caveats))
+        caveats = CAVEATS if paper is PAPER_TABLES[-1] else ()
+        yield Section(
+            title, side_by_side(paper, pooled["rows"]), (difference_note(paper, dataset), *caveats)
+        )
 
 
 def augmentation_rows(pooled: Pooled) -> dict[str, Any]:
@@ -133,7 +141,7 @@ def sensitivity_notes(sensitivity: dict[str, Any]) -> tuple[str, ...]:
     """Name the metrics that real pairs and wrong ones look alike to."""
     notes = ["Marked: the metric tells true pairs from wrong ones, its interval clear of zero."]
     for name, where in REAL_COMPARISONS.items():
-        unseeing = blind(sensitivity[name]) if name in sensitivity else None
+        unseeing = insensitive_metrics(sensitivity[name]) if name in sensitivity else None
         if unseeing is None:
             notes.append(f"Nothing is known {where}: no act is tested in two clips.")
         elif unseeing:

@@ -12,7 +12,7 @@ from pathlib import Path
 import httpx
 
 from pacmo_core.commands.study_store import GENERATED, REAL, Item, write_study
-from pacmo_core.figures.scenes import Scene, packed_scenes
+from pacmo_core.figures.viewer import Scene, packed_scenes
 from tests.figures.samples import interaction
 
 PATIENCE_S = 120.0

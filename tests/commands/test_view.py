@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.figures.scenes import unpack
+from pacmo_core.figures.viewer import unpack_motion
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import VariationRecord, write_variations
@@ -48,7 +48,7 @@ def packed(page: Path) -> list[dict]:
 def motions(facts: dict) -> list[np.ndarray]:
     origin = np.array(facts["origin"])
     shape = (-1, len(facts["joints"]), 3)
-    return [unpack(text, origin, facts["step"]).reshape(shape) for text in facts["motions"]]
+    return [unpack_motion(text, origin, facts["step"]).reshape(shape) for text in facts["motions"]]
 
 
 def refused(said: Result, *texts: str) -> None:

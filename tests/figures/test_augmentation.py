@@ -2,7 +2,7 @@
 
 import pytest
 
-from pacmo_core.figures.augmentation import answer, augmentation_table, verdict
+from pacmo_core.figures.tables import augmentation_table, augmentation_verdict, metric_verdict
 
 
 def cell(low: float, high: float) -> dict[str, float]:
@@ -31,15 +31,15 @@ GOOD, BAD, OPEN = cell(-0.4, -0.1), cell(0.1, 0.4), cell(-0.1, 0.1)
     ],
 )
 def test_the_answer_is_said_whichever_way_it_is(folds, words):
-    assert answer(pooled(**folds)).startswith(words)
+    assert augmentation_verdict(pooled(**folds)).startswith(words)
 
 
 def test_more_of_what_is_good_is_better_and_what_has_no_direction_is_open():
-    assert verdict("matching", BAD) == "better"
-    assert verdict("matching", GOOD) == "worse"
-    assert verdict("diversity", GOOD) == "open"
-    assert verdict("f2id", {}) == "open"
-    assert "diversity" not in answer(pooled(diversity=GOOD, f2id=OPEN)).lower()
+    assert metric_verdict("matching", BAD) == "better"
+    assert metric_verdict("matching", GOOD) == "worse"
+    assert metric_verdict("diversity", GOOD) == "open"
+    assert metric_verdict("f2id", {}) == "open"
+    assert "diversity" not in augmentation_verdict(pooled(diversity=GOOD, f2id=OPEN)).lower()
 
 
 def test_a_line_has_both_figures_both_differences_and_the_folds_won():
@@ -55,5 +55,5 @@ def test_a_line_has_both_figures_both_differences_and_the_folds_won():
 def test_one_fold_alone_decides_nothing():
     one = pooled(ape=GOOD)
     one["folds"] = {}
-    assert "undecided in 1 of 1" in answer(one)
+    assert "undecided in 1 of 1" in augmentation_verdict(one)
     assert augmentation_table(one).lines[0].entries[3].value == "–"

@@ -3,8 +3,8 @@
 import pytest
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
-from pacmo_core.figures.body import body_of
-from pacmo_core.figures.scenes import Scene, packed_scenes
+from pacmo_core.figures.body_shape import make_body_shape
+from pacmo_core.figures.viewer import Scene, packed_scenes
 from tests.figures.samples import interaction
 
 _SIDES = ("Left", "Right")
@@ -37,7 +37,7 @@ def test_a_published_body_has_a_head_a_trunk_and_every_limb(skeleton: Skeleton) 
 
 
 def test_a_captured_body_has_its_head_on_its_neck_and_its_trunk_between_arms_and_legs() -> None:
-    body = body_of(MOCAP)
+    body = make_body_shape(MOCAP)
     assert [MOCAP.joints[j] for j in body.head] == ["Head", "HeadEnd"]
     corners = ["LeftArm", "RightArm", "LeftUpLeg", "RightUpLeg"]
     assert [MOCAP.joints[j] for j, _ in body.trunk] == corners

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pacmo_core.figures import film
-from pacmo_core.figures.film import check_gif_rate, find_ffmpeg, write_film
+from pacmo_core.figures import stills
+from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
 from tests.figures.samples import interaction
 
 CLIP = interaction(1, n_frames=5, fps=25.0)
@@ -35,8 +35,8 @@ def test_other_rates_are_refused_with_those_that_go(fps: float) -> None:
 
 
 def test_an_mp4_without_ffmpeg_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(film.shutil, "which", lambda _: None)
-    monkeypatch.setattr(film.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(stills.shutil, "which", lambda _: None)
+    monkeypatch.setattr(stills.importlib.util, "find_spec", lambda _: None)
     with pytest.raises(ValueError, match="pip install imageio-ffmpeg"):
         find_ffmpeg()
 

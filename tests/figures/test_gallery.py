@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pacmo_core.figures import render_report
-from pacmo_core.figures.variations import varied_clip
+from pacmo_core.figures.clips import played_variation
 from tests.figures.samples import interaction, report
 from tests.figures.test_variations import FIGURES
 
@@ -23,7 +23,7 @@ LAST = "Pacmo.players.at(-1)"
 
 def test_source_and_variations_play_side_by_side_with_their_figures(tmp_path: Path) -> None:
     shown = [("b-child (left out)", FIGURES, interaction(3)), ("r0001", FIGURES, interaction(4))]
-    page = replace(report(n_clips=1), gallery=(varied_clip("salsa", interaction(2), shown),))
+    page = replace(report(n_clips=1), gallery=(played_variation("salsa", interaction(2), shown),))
     (tmp_path / "report.html").write_text(render_report(page), encoding="utf-8")
     with open_page(tmp_path / "report.html", tmp_path / "profile") as tab:
         tab.size(900, 700)

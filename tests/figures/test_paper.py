@@ -2,9 +2,9 @@
 
 import pytest
 
-from pacmo_core.figures.columns import PUBLISHED_COLUMNS
-from pacmo_core.figures.differences import blind, difference_table, sight_table
-from pacmo_core.figures.paper import PAPER, beside, differs
+from pacmo_core.figures.paper_tables import PAPER_TABLES, difference_note, side_by_side
+from pacmo_core.figures.tables import difference_table, insensitive_metrics, sensitivity_table
+from pacmo_core.metrics.catalogue import PUBLISHED_COLUMNS
 from tests.figures.samples import cell
 
 OURS = {
@@ -19,7 +19,7 @@ def texts(table, label, meaning):
 
 
 def test_the_papers_figures_are_shown_as_printed_under_their_columns():
-    one, two = (beside(paper, OURS) for paper in PAPER)
+    one, two = (side_by_side(paper, OURS) for paper in PAPER_TABLES)
     columns = [metric.label for metric in one.metrics]
     assert columns == ["F²ID", "Diversity", "MMD-A", "MMD-S", "APE", "AVE"]
     assert texts(one, "PaCMO", "the paper") == ["0.002", "1.91", "5.8e−3", "3.8e−3", "0.03", "0.23"]
@@ -28,7 +28,7 @@ def test_the_papers_figures_are_shown_as_printed_under_their_columns():
 
 def test_ours_stand_under_the_papers_and_only_what_there_is():
     def rows(ours):
-        return [(line.label, line.meaning) for line in beside(PAPER[0], ours).lines]
+        return [(line.label, line.meaning) for line in side_by_side(PAPER_TABLES[0], ours).lines]
 
     assert [label for label, _ in rows(OURS)] == [
         *("Real Motion", "", "PaCMO", "", "", "GRU baseline", "")
@@ -39,8 +39,8 @@ def test_ours_stand_under_the_papers_and_only_what_there_is():
 
 
 def test_another_data_set_is_said_to_be_one():
-    assert "sbu: another data set" in differs(PAPER[0], "sbu")
-    assert "another data set" not in differs(PAPER[1], "duetdance")
+    assert "sbu: another data set" in difference_note(PAPER_TABLES[0], "sbu")
+    assert "another data set" not in difference_note(PAPER_TABLES[1], "duetdance")
 
 
 @pytest.mark.parametrize(
@@ -55,8 +55,11 @@ def test_a_difference_is_marked_where_the_first_is_better_for_certain(metric, me
 
 
 def test_metrics_that_do_not_see_the_partner_are_named():
-    seen = {"f2id_excess": {**cell(-1), "sees": True}, "mmd_a": {**cell(0), "sees": False}}
-    assert blind(seen) == ["MMD-A"]
-    table = sight_table({"any_act": seen}, {"any_act": "over all"})
+    seen = {
+        "f2id_excess": {**cell(-1), "sensitive": True},
+        "mmd_a": {**cell(0), "sensitive": False},
+    }
+    assert insensitive_metrics(seen) == ["MMD-A"]
+    table = sensitivity_table({"any_action": seen}, {"any_action": "over all"})
     assert [line.entries[0].mark for line in table.lines] == ["best", ""]
     assert table.metrics[0].label == "over all"

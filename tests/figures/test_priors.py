@@ -1,13 +1,17 @@
 """Truth: cells worked out by hand, and the supplement's own text."""
 
-from pacmo_core.figures.paper_priors import COLUMNS, FEWER, TABLES
-from pacmo_core.figures.priors import (
+from pacmo_core.figures.skeleton_prior import (
     MODELS,
-    eye_table,
-    fewer_table,
+    comparison_sentences,
+    few_samples_table,
     motion_table,
-    of_source,
-    verdicts,
+    plausibility_table,
+    select_source,
+)
+from pacmo_core.figures.supplement_tables import (
+    FEW_SAMPLES_TABLE,
+    SUPPLEMENT_COLUMNS,
+    SUPPLEMENT_TABLES,
 )
 
 
@@ -28,14 +32,16 @@ SCORES = {
 
 
 def test_the_supplements_tables_are_whole():
-    assert len(TABLES) == 9 and len(FEWER) == 2
-    for motion, text in TABLES.items():
+    assert len(SUPPLEMENT_TABLES) == 9 and len(FEW_SAMPLES_TABLE) == 2
+    for motion, text in SUPPLEMENT_TABLES.items():
         rows = [line.split() for line in text.split("\n") if line.strip()]
-        assert [len(row) for row in rows] == [len(COLUMNS)] * 24, motion
+        assert [len(row) for row in rows] == [len(SUPPLEMENT_COLUMNS)] * 24, motion
         for row in range(24):
             of_each = row // 4 not in (2, 5)
             assert all("/" in figure or figure == "-" for figure in rows[row]) == of_each
-    missing = [figure for text in TABLES.values() for figure in text.split() if figure == "-"]
+    missing = [
+        figure for text in SUPPLEMENT_TABLES.values() for figure in text.split() if figure == "-"
+    ]
     assert len(missing) == 19
 
 
@@ -53,7 +59,7 @@ def test_a_cell_holds_ours_in_millimetres_and_theirs_below():
 
 
 def test_table_ten_holds_the_best_baseline_and_the_numbers_of_samples_that_were_run():
-    shown = fewer_table(
+    shown = few_samples_table(
         {task: {"cross_scale_interaction_6": SCORES[task]["random"]} for task in SCORES}
     )
     by_name = {(line.label, line.meaning): line.entries for line in shown.lines}
@@ -64,13 +70,13 @@ def test_table_ten_holds_the_best_baseline_and_the_numbers_of_samples_that_were_
 
 
 def test_verdicts_count_the_splits_that_ours_wins():
-    said = list(verdicts(SCORES))
+    said = list(comparison_sentences(SCORES))
     assert len(said) == 6 and all("1 of 1" in line for line in said)
-    table = eye_table(SCORES)
+    table = plausibility_table(SCORES)
     assert len(table.lines) == 2 and table.lines[0].entries[0].value == "0.900"
 
 
 def test_a_sources_figures_leave_out_models_without_it():
     scores = {"retargeting": {"f": {"random": {"kinematic": {"s": metrics(1)}, "f_cnn": {}}}}}
-    found = of_source(scores, "f", "s")
+    found = select_source(scores, "f", "s")
     assert found["retargeting"]["random"].keys() == {"kinematic"}

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import pytest
 
 from pacmo_core.figures import Panel, PlayedClip, Report, render_report
-from pacmo_core.figures.viewer import LIBRARY, part, player_scripts, script_hash
+from pacmo_core.figures.viewer import LIBRARY, player_scripts, read_asset, script_hash
 from tests.figures.samples import interaction, report
 
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror="alert(2)">\'"&<!--{{7*7}}'
@@ -55,7 +55,7 @@ def test_equal_reports_give_equal_bytes() -> None:
 
 def test_the_page_refers_to_nothing_outside_itself() -> None:
     # The library names XML's namespaces; what it asks for, a browser tells in test_player.
-    html = render_report(report()).replace(part(LIBRARY), "")
+    html = render_report(report()).replace(read_asset(LIBRARY), "")
     references = [
         value
         for name, value in Page(html).attributes

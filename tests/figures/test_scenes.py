@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, SBU15
-from pacmo_core.figures.scenes import Scene, packed_scenes, unpack
+from pacmo_core.figures.viewer import Scene, packed_scenes, unpack_motion
 from tests.figures.samples import interaction
 
 
@@ -27,7 +27,7 @@ def test_a_packed_motion_is_off_by_half_a_step_at_most(seed: int, size: float, a
     scene = Scene("x", SBU15, np.arange(6) / 30, (motion.astype(np.float32),))
     facts = packed(scene)
     assert facts["step"] <= 2 * size / 2 / 32767 * 1.001
-    back = unpack(facts["motions"][0], np.array(facts["origin"]), facts["step"])
+    back = unpack_motion(facts["motions"][0], np.array(facts["origin"]), facts["step"])
     off = np.abs(back.reshape(6, 15, 3) - scene.people[0])
     assert off.max() <= facts["step"] / 2 * 1.001
 

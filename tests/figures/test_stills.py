@@ -10,9 +10,9 @@ from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15,
 from pacmo_core.figures.stills import (
     ASPECT,
     bone_widths,
+    choose_camera,
     film_strip,
-    fit,
-    onlooker,
+    fit_view,
     project,
 )
 from pacmo_core.synthesis import sample_interaction, sample_scripts
@@ -25,14 +25,14 @@ def interaction() -> Interaction:
 
 
 def test_a_projection_keeps_distances_and_handedness(interaction: Interaction) -> None:
-    seen = onlooker(interaction)
+    seen = choose_camera(interaction)
     axes = project(np.eye(3) + seen.centre, seen)
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1.0)
 
 
 def test_a_higher_point_is_seen_higher_and_a_nearer_one_lower(interaction: Interaction) -> None:
-    seen = onlooker(interaction)
+    seen = choose_camera(interaction)
     nearer = np.cross(seen.right, [0.0, 1.0, 0.0])
     floor, high, near = project(
         np.array([seen.centre, seen.centre + np.array([0.0, 1.0, 0.0]), seen.centre + nearer]), seen
@@ -42,7 +42,7 @@ def test_a_higher_point_is_seen_higher_and_a_nearer_one_lower(interaction: Inter
 
 
 def test_people_stand_side_by_side(interaction: Interaction) -> None:
-    seen = onlooker(interaction)
+    seen = choose_camera(interaction)
     a, b = (
         project(motion[:, 0].astype(np.float64), seen).mean(axis=0)
         for motion in (interaction.person_a, interaction.person_b)
@@ -51,13 +51,13 @@ def test_people_stand_side_by_side(interaction: Interaction) -> None:
 
 
 def test_a_fitted_picture_shows_both_people_whole(interaction: Interaction) -> None:
-    seen, frames = onlooker(interaction), [0, 20, 40]
-    box = fit(interaction, frames, seen, 0.5)
+    seen, frames = choose_camera(interaction), [0, 20, 40]
+    box = fit_view(interaction, frames, seen, 0.5)
     both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)[frames]
     x, y, _ = project(both.astype(np.float64), seen).reshape(-1, 3).T
     assert box.left < x.min() < x.max() < box.left + box.width
     assert box.bottom < y.min() < y.max() < box.bottom + ASPECT * box.width
-    assert fit(interaction, frames, seen, 9.0).width == 9.0
+    assert fit_view(interaction, frames, seen, 9.0).width == 9.0
 
 
 @pytest.mark.parametrize("skeleton", [NTU25, SBU15, DUET15, EXPI18, INTERHUMAN22])

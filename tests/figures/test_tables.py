@@ -2,12 +2,12 @@
 
 import pytest
 
-from pacmo_core.figures.tables import Cell, markdown_table, number, table
+from pacmo_core.figures.tables import Cell, format_number, markdown_table, metrics_table
 from tests.figures.samples import cell
 
 
 def marks(metric: str, **rows: Cell) -> dict[str, str]:
-    shown = table({name: {metric: value} for name, value in rows.items()})
+    shown = metrics_table({name: {metric: value} for name, value in rows.items()})
     return {line.label: line.entries[0].mark for line in shown.lines if line.entries[0].mark}
 
 
@@ -45,7 +45,7 @@ def test_nothing_is_marked_without_grounds(metric: str, rows: dict[str, Cell]) -
 
 def test_a_missing_value_is_a_dash_with_its_reason_and_never_best() -> None:
     missing: Cell = {"mean": None, "missing": "diverged"}
-    shown = table(
+    shown = metrics_table(
         {"gru": {"ape": missing}, "pacmo": {"ape": {"mean": float("nan")}, "f2id": cell(1)}}
     )
     pacmo, gru = shown.lines
@@ -55,7 +55,7 @@ def test_a_missing_value_is_a_dash_with_its_reason_and_never_best() -> None:
 
 
 def test_known_rows_and_metrics_come_first_in_one_order() -> None:
-    shown = table({"mine": {"x": cell(1), "ape": cell(1)}, "real": {"f2id": cell(1)}})
+    shown = metrics_table({"mine": {"x": cell(1), "ape": cell(1)}, "real": {"f2id": cell(1)}})
     assert [line.label for line in shown.lines] == ["Real motion", "mine"]
     assert [metric.label for metric in shown.metrics] == ["F²ID", "APE", "x"]
 
@@ -79,4 +79,4 @@ def test_markdown_has_one_line_a_row_and_marks_the_best() -> None:
     ],
 )  # fmt: skip
 def test_numbers_are_short_and_keep_the_digits_that_count(value: float, text: str) -> None:
-    assert number(value) == text
+    assert format_number(value) == text

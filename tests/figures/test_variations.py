@@ -5,8 +5,13 @@ import re
 from dataclasses import replace
 
 from pacmo_core.figures import Report, render_report
+from pacmo_core.figures.clips import (
+    MEASUREMENT_COLUMNS,
+    measurement_summary,
+    played_variation,
+    variation_table,
+)
 from pacmo_core.figures.report import Section
-from pacmo_core.figures.variations import COLUMNS, said, variation_table, varied_clip
 from tests.figures.samples import interaction, report
 
 FIGURES = {
@@ -24,13 +29,13 @@ FIGURES = {
 
 def page() -> tuple[Report, str]:
     shown = [("b-child (left out)", FIGURES, interaction(3)), ("r0001", FIGURES, interaction(4))]
-    clip = varied_clip("salsa<1>", interaction(2), shown)
+    clip = played_variation("salsa<1>", interaction(2), shown)
     whole = replace(report(n_clips=2), gallery=(clip,))
     return whole, render_report(whole)
 
 
 def test_a_variation_is_told_in_units_that_people_use() -> None:
-    text = said(FIGURES)
+    text = measurement_summary(FIGURES)
     for words in ("5.7 mm off", "205 if scaled", "99.0 %", "-0.31 cm/s", "4.0 mm deeper", "25 %"):
         assert words in text
 
@@ -57,6 +62,6 @@ def test_kinds_have_a_line_each_in_a_fixed_order() -> None:
     cells = {name: {"mean": value, "low": 0.0, "high": 1.0} for name, value in FIGURES.items()}
     table = variation_table({"single": cells, "uniform": cells})
     assert [line.label for line in table.lines] == ["One body grown or shrunk", "One bone"]
-    assert len(table.metrics) == len(COLUMNS) == len(table.lines[0].entries)
+    assert len(table.metrics) == len(MEASUREMENT_COLUMNS) == len(table.lines[0].entries)
     html = render_report(replace(report(), sections=(Section("Variations", table, ("counts",)),)))
     assert "Contacts kept" in html

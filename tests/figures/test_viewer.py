@@ -11,8 +11,7 @@ from PIL import Image
 
 from pacmo_core.data.interaction import Interaction, min_joint_distance
 from pacmo_core.data.skeleton import NTU25, Skeleton
-from pacmo_core.figures.scenes import Scene
-from pacmo_core.figures.viewer import render_viewer
+from pacmo_core.figures.viewer import Scene, render_viewer
 from pacmo_core.store.motions import read_motion, write_motions
 from tests.figures.samples import interaction
 

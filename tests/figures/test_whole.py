@@ -5,15 +5,15 @@ import dataclasses
 import pytest
 
 from pacmo_core.figures import render_report
-from pacmo_core.figures.history import Row
-from pacmo_core.figures.whole import (
+from pacmo_core.figures.history import (
     LINKS,
     SECTIONS,
-    Beside,
-    Measured,
+    DecisionRow,
+    Measurement,
+    ReportContext,
     StageRun,
     StudyTable,
-    make_whole,
+    add_history,
 )
 from tests.figures.samples import cell, report
 from tests.figures.test_report import HOSTILE, Page
@@ -21,30 +21,30 @@ from tests.figures.test_report import HOSTILE, Page
 NUMBERS = ("0.80 (0.70 … 0.90), 80 of 100", "0.75", "0.81", "0.75")
 
 
-def beside(name: str) -> Beside:
+def beside(name: str) -> ReportContext:
     runs = tuple(
-        Measured(k, "2026-01-01", name, name, "ab" * 32, {"f2id": cell(k / 9), "ape": cell(0.1)})
+        Measurement(k, "2026-01-01", name, name, "ab" * 32, {"f2id": cell(k / 9), "ape": cell(0.1)})
         for k in (1, 2)
     )
-    row = Row(1, "2026-01-01", name, "held", (name,), "ab" * 6, 0)
+    row = DecisionRow(1, "2026-01-01", name, "held", (name,), "ab" * 6, 0)
     stage = StageRun(name, f"python {name}", ((name, "12"),), ((name, "34"),))
     study = StudyTable(((name, *NUMBERS),), (name,))
-    return Beside(study, runs, (row,), (f"git checkout {name}",), (stage,))
+    return ReportContext(study, runs, (row,), (f"git checkout {name}",), (stage,))
 
 
 def test_around_what_is_set_in_the_page_is_the_same() -> None:
     page = render_report(report())
-    whole = make_whole(page, beside("x"))
+    whole = add_history(page, beside("x"))
     start, rest = page.split(LINKS)
     middle, end = rest.split(SECTIONS)
     assert whole.startswith(start)
     assert middle in whole
     assert whole.endswith(end)
-    assert make_whole(page, beside("x")) == whole
+    assert add_history(page, beside("x")) == whole
 
 
 def test_history_study_and_commands_are_shown() -> None:
-    page = Page(make_whole(render_report(report()), beside("x")))
+    page = Page(add_history(render_report(report()), beside("x")))
     assert {"study", "history", "commands"} <= {v for k, v in page.attributes if k == "id"}
     assert set(NUMBERS) <= set(page.texts)
     assert {"0.111", "0.222", "python x", "git checkout x"} <= set(page.texts)
@@ -52,25 +52,25 @@ def test_history_study_and_commands_are_shown() -> None:
 
 def test_names_with_markup_are_shown_and_make_no_tag() -> None:
     page = render_report(report())
-    plain, hostile = (Page(make_whole(page, beside(name))) for name in ("a", HOSTILE))
+    plain, hostile = (Page(add_history(page, beside(name))) for name in ("a", HOSTILE))
     assert hostile.tags == plain.tags
     assert HOSTILE in hostile.texts
 
 
 def test_where_nothing_is_known_nothing_is_said() -> None:
-    whole = make_whole(render_report(report()), Beside())
+    whole = add_history(render_report(report()), ReportContext())
     assert not any(f'id="{name}"' in whole for name in ("study", "history", "commands"))
 
 
 def test_a_mark_in_a_name_is_no_place_to_set_things_in() -> None:
-    make_whole(render_report(report(f"{LINKS}{SECTIONS}")), beside(SECTIONS))
+    add_history(render_report(report(f"{LINKS}{SECTIONS}")), beside(SECTIONS))
 
 
 def test_a_page_without_a_place_is_refused() -> None:
     with pytest.raises(ValueError, match="got 0"):
-        make_whole("<p>no report</p>", Beside())
+        add_history("<p>no report</p>", ReportContext())
 
 
 def test_one_run_alone_is_no_curve() -> None:
     once = dataclasses.replace(beside("x"), runs=beside("x").runs[:1])
-    assert "run by run" not in make_whole(render_report(report()), once)
+    assert "run by run" not in add_history(render_report(report()), once)

@@ -42,7 +42,7 @@ LAB = {
     "train_regression": {**NETWORK, "n_epochs": 2},
     "train_pacmo": {**NETWORK, "n_epochs": 12, "warmup_epochs": 4, "validate_from": 6},
     "train_pacmo_paper": {**NETWORK, "n_epochs": 2, "validate_from": 1, "n_critic": 2},
-    "evaluate_pacmo": {"n_samples": 50, "repeats": 2, "bootstrap": 50, "second_draws": 2},
+    "evaluate_pacmo": {"n_samples": 50, "repeats": 2, "bootstrap": 50, "second_samples": 2},
     "report": {"played_clips": 1},
     # Of networks as small as these no figure is good; only that a worse one is held is asked.
     "nightly": {"gate": {"max_noise_floor_ratio": 1e6}, "settle_s": 1.0},

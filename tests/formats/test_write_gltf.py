@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
-from pacmo_core.figures.body import body_of
-from pacmo_core.figures.flesh import flesh
+from pacmo_core.figures.body_mesh import make_skin
+from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_gltf import (
@@ -33,7 +33,7 @@ FRAMES = [0, 3, 7]
 
 def actor(name: str, motion: np.ndarray, skeleton: Skeleton) -> AnimatedPerson:
     fitted = fit_bones(motion, skeleton)
-    skin = flesh(body_of(skeleton), skeleton, rest_positions(fitted, skeleton))
+    skin = make_skin(make_body_shape(skeleton), skeleton, rest_positions(fitted, skeleton))
     return AnimatedPerson(name, fitted, skin, (0.1, 0.2, 0.9))
 
 
@@ -94,7 +94,7 @@ def test_three_js_moves_the_skin_along_with_the_bones(tmp_path: Path) -> None:
     motion = moving(arm, 6)
     (found,) = written(tmp_path / "arm.glb", arm, [motion])
     seen = node_json("load.mjs", tmp_path / "arm.glb", *[frame / FPS for frame in FRAMES])
-    (_, _, shoulder, elbow), (_, _, _, hand) = body_of(arm).limbs
+    (_, _, shoulder, elbow), (_, _, _, hand) = make_body_shape(arm).limbs
     for frame, skin in zip(FRAMES, np.array(seen["skins"]), strict=True):
         away = np.linalg.norm(skin[:, None] - motion[frame].astype(np.float64)[None], axis=-1)
         radius = np.array([shoulder, elbow, hand])[away.argmin(axis=1)]

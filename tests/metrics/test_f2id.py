@@ -9,10 +9,10 @@ from scipy.linalg import sqrtm
 from pacmo_core.metrics.f2id import (
     common_coordinates,
     f2id,
-    f2id_of_laws,
+    f2id_of_gaussians,
     flatten,
     midpoint_grid,
-    on_grid,
+    resample_to_grid,
     weighted_f2id,
 )
 
@@ -50,7 +50,7 @@ def test_a_shift_and_a_doubling_of_one_process_cost_their_squares(make_grid, r):
     x, w = make_grid(r)
     k = smooth(x, 0.2)
     shift = np.sin(2 * np.pi * x)
-    assert f2id_of_laws((0 * x, shift), (k, 4 * k), w) == pytest.approx(1.5, abs=2e-6)
+    assert f2id_of_gaussians((0 * x, shift), (k, 4 * k), w) == pytest.approx(1.5, abs=2e-6)
 
 
 @GRIDS
@@ -60,7 +60,7 @@ def test_processes_with_one_eigenbasis_differ_by_the_roots_of_their_eigenvalues(
     expected = 0.09 + ((1 / j - j**-1.5) ** 2).sum()
     assert expected == pytest.approx(0.16886956, abs=1e-8)
     laws = diagonal(x, 2.0), diagonal(x, 3.0)
-    found = f2id_of_laws((0 * x, 0 * x + 0.3), laws, w)
+    found = f2id_of_gaussians((0 * x, 0 * x + 0.3), laws, w)
     assert found == pytest.approx(expected, abs=2e-6)
 
 
@@ -68,13 +68,13 @@ def test_processes_with_one_eigenbasis_differ_by_the_roots_of_their_eigenvalues(
 @pytest.mark.parametrize("r", [32, 256])
 def test_brownian_motion_lies_half_from_its_double(make_grid, r):
     x, w = make_grid(r)
-    found = f2id_of_laws((0 * x, 0 * x), (brownian(x), 4 * brownian(x)), w)
+    found = f2id_of_gaussians((0 * x, 0 * x), (brownian(x), 4 * brownian(x)), w)
     assert found == pytest.approx(0.5, abs=1e-6)
 
 
 def test_brownian_motion_and_its_bridge_approach_the_reference_with_resolution():
     coarse, fine = (
-        f2id_of_laws((0 * x, 0 * x), (brownian(x), bridge(x)), w)
+        f2id_of_gaussians((0 * x, 0 * x), (brownian(x), bridge(x)), w)
         for x, w in (midpoint_grid(64), trapezoid_grid(512))
     )
     assert coarse == pytest.approx(0.15407, abs=1e-5)
@@ -83,7 +83,7 @@ def test_brownian_motion_and_its_bridge_approach_the_reference_with_resolution()
 
 def test_processes_of_two_lengths_stand_at_the_reference():
     x, w = trapezoid_grid(256)
-    found = f2id_of_laws((0 * x, 0 * x), (smooth(x, 0.2), smooth(x, 0.1)), w)
+    found = f2id_of_gaussians((0 * x, 0 * x), (smooth(x, 0.2), smooth(x, 0.1)), w)
     assert found == pytest.approx(0.17219, abs=1e-4)
 
 
@@ -95,7 +95,7 @@ def test_the_low_rank_form_is_that_of_the_sample_covariances(n, m):
     flat = [f.reshape(len(f), -1) for f in (x, y)]
     means = tuple(f.mean(axis=0) for f in flat)
     covariances = tuple(np.cov(f.T, ddof=0) for f in flat)
-    assert f2id(x, y, w) == pytest.approx(f2id_of_laws(means, covariances, w), rel=1e-5)
+    assert f2id(x, y, w) == pytest.approx(f2id_of_gaussians(means, covariances, w), rel=1e-5)
 
 
 def test_the_eigenvalue_form_agrees_with_the_square_root_of_a_matrix():
@@ -105,7 +105,7 @@ def test_the_eigenvalue_form_agrees_with_the_square_root_of_a_matrix():
     w = np.full(6, 1 / 6)
     half = sqrtm(a / 6)
     expected = np.trace(a / 6 + b / 6 - 2 * sqrtm(half @ (b / 6) @ half).real)
-    found = f2id_of_laws((np.zeros(6), np.zeros(6)), (a, b), w)
+    found = f2id_of_gaussians((np.zeros(6), np.zeros(6)), (a, b), w)
     assert found == pytest.approx(expected, rel=1e-7)
 
 
@@ -154,14 +154,14 @@ def test_two_samples_of_one_process_stand_at_the_known_floor():
 def test_a_feature_is_the_same_function_from_a_finer_grid_of_its_own():
     grid, _ = midpoint_grid(10)
     own_grids = [np.linspace(0, 1, 40), np.linspace(0, 1, 90)]
-    values = [on_grid(np.sin(3 * own)[None], own, grid) for own in own_grids]
+    values = [resample_to_grid(np.sin(3 * own)[None], own, grid) for own in own_grids]
     np.testing.assert_allclose(values[0], np.sin(3 * grid)[None], atol=1e-6)
     np.testing.assert_allclose(values[0], values[1], atol=1e-6)
 
 
 def test_a_feature_is_not_guessed_beyond_its_own_grid():
     with pytest.raises(ValueError, match=r"within \[0.1, 0.9\]"):
-        on_grid(np.zeros((2, 5)), np.linspace(0.1, 0.9, 5), np.array([0.05, 0.5]))
+        resample_to_grid(np.zeros((2, 5)), np.linspace(0.1, 0.9, 5), np.array([0.05, 0.5]))
 
 
 @pytest.mark.parametrize("weights", [np.full(4, 0.5), np.full(3, 1 / 3), np.array([2, -1, 0, 0.0])])

@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
-from pacmo_core.metrics.extrapolation import N_PARTS, deal_parts, extrapolate
-from pacmo_core.metrics.f2id import f2id_of_laws, midpoint_grid, weighted_f2id
-from pacmo_core.metrics.gaussians import distances, fit_gaussians
+from pacmo_core.metrics.f2id import (
+    N_PARTS,
+    extrapolate_to_infinity,
+    f2id_of_gaussians,
+    fit_gaussians,
+    gaussian_distances,
+    midpoint_grid,
+    split_into_parts,
+    weighted_f2id,
+)
 
 
 def test_all_draws_at_once_are_the_draws_one_by_one():
@@ -13,7 +20,7 @@ def test_all_draws_at_once_are_the_draws_one_by_one():
     x, y = 3 + rng.normal(size=(20, 4)), 2 * rng.normal(size=(14, 4))
     i, j = rng.integers(6, size=20), 3 + rng.integers(6, size=14)
     counts = 1.0 + rng.integers(3, size=(5, 9))
-    found = distances(fit_gaussians(x, i, counts), fit_gaussians(y, j, counts))
+    found = gaussian_distances(fit_gaussians(x, i, counts), fit_gaussians(y, j, counts))
     expected = [weighted_f2id(x, y, draw[i], draw[j]) for draw in counts]
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
@@ -21,20 +28,20 @@ def test_all_draws_at_once_are_the_draws_one_by_one():
 def test_a_set_is_at_no_distance_from_itself_also_with_fewer_samples_than_coordinates():
     x, codes = np.random.default_rng(1).normal(size=(5, 9)), np.arange(5)
     law = fit_gaussians(x, codes, np.ones((2, 5)))
-    np.testing.assert_allclose(distances(law, law), 0, atol=1e-12)
+    np.testing.assert_allclose(gaussian_distances(law, law), 0, atol=1e-12)
     moved = fit_gaussians(x + 1, codes, np.ones((2, 5)))
-    np.testing.assert_allclose(distances(law, moved), 9, rtol=1e-9)
+    np.testing.assert_allclose(gaussian_distances(law, moved), 9, rtol=1e-9)
 
 
 def test_a_draw_without_samples_is_refused():
-    with pytest.raises(ValueError, match="every draw"):
+    with pytest.raises(ValueError, match="every replicate"):
         fit_gaussians(np.zeros((2, 1)), np.array([0, 0]), np.array([[1.0, 0], [0, 2]]))
 
 
 def test_parts_are_everything_three_quarters_and_halves_of_each_group():
     groups = np.repeat([0, 1], [8, 12])
     counts = np.array([[1] * 20, [2, 0] * 4 + [0, 0, 3] * 4]).astype(float)
-    parts = deal_parts(counts, groups, np.random.default_rng(0))
+    parts = split_into_parts(counts, groups, np.random.default_rng(0))
     assert parts.shape == (2, N_PARTS, 20)
     np.testing.assert_array_equal(parts[:, 0], counts)
     np.testing.assert_array_equal(parts[:, 1:5].sum(axis=1), 3 * counts)
@@ -46,7 +53,7 @@ def test_parts_are_everything_three_quarters_and_halves_of_each_group():
 def test_a_line_in_one_over_n_is_read_off_at_infinity():
     inverse = np.repeat([1, 4 / 3, 2], [1, 4, 2])
     noise = np.array([0, 1, -1, 2, -2, 3, -3])  # parts of one size count by their mean
-    assert extrapolate(0.7 + 0.2 * inverse + noise) == pytest.approx(0.7)
+    assert extrapolate_to_infinity(0.7 + 0.2 * inverse + noise) == pytest.approx(0.7)
 
 
 def samples(kernel, mean, n, rng):
@@ -61,15 +68,15 @@ def test_extrapolation_finds_the_distance_of_two_gaussian_processes_that_few_sam
     means = (0 * x, 0.3 * np.sin(2 * np.pi * x))
     kernels = (kernel, 4 * kernel if doubled else kernel)
     # ∫ (0.3 sin)² = 0.045; a doubled process lies its own variance, 1, from itself.
-    assert f2id_of_laws(means, kernels, w) == pytest.approx(0.045 + doubled, abs=1e-6)
+    assert f2id_of_gaussians(means, kernels, w) == pytest.approx(0.045 + doubled, abs=1e-6)
     rng = np.random.default_rng(doubled)
     plain, infinite = [], []
     for _ in range(30):
         a, b = (samples(k, m, 80, rng) / 4 for k, m in zip(kernels, means, strict=True))
         codes = np.arange(80) // 2
-        parts = deal_parts(np.ones((1, 40)), np.zeros(40, dtype=int), rng)[0]
-        values = distances(fit_gaussians(a, codes, parts), fit_gaussians(b, codes, parts))
+        parts = split_into_parts(np.ones((1, 40)), np.zeros(40, dtype=int), rng)[0]
+        values = gaussian_distances(fit_gaussians(a, codes, parts), fit_gaussians(b, codes, parts))
         plain.append(values[0])
-        infinite.append(extrapolate(values))
+        infinite.append(extrapolate_to_infinity(values))
     assert np.mean(plain) > 0.045 + doubled + 0.08
     assert np.mean(infinite) == pytest.approx(0.045 + doubled, abs=0.03)

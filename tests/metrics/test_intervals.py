@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from pacmo_core.metrics.f2id import weighted_f2id
-from pacmo_core.metrics.intervals import (
+from pacmo_core.metrics.bootstrap import (
     Estimate,
     Interval,
+    bootstrap_clips,
     difference,
     interval,
-    repeated,
-    resample_clips,
+    interval_of_repeats,
 )
-from pacmo_core.metrics.pairs import pair_means
+from pacmo_core.metrics.f2id import weighted_f2id
+from pacmo_core.metrics.mmd import pair_means
 
 
 def test_the_bounds_are_the_mirrored_quantiles_of_draws_moved_to_the_plain_value():
@@ -38,18 +38,18 @@ def test_confidence_must_be_a_share(confidence):
 
 
 def test_repeats_are_reported_by_mean_and_extremes():
-    assert repeated(np.array([1.0, 4.0, 1.0])) == Interval(2.0, 1.0, 4.0)
+    assert interval_of_repeats(np.array([1.0, 4.0, 1.0])) == Interval(2.0, 1.0, 4.0)
 
 
 def test_each_group_of_clips_is_drawn_for_itself_and_never_down_to_one():
     groups = np.array([0, 0, 1, 1, 1, 1])
-    counts = resample_clips(groups, 500, np.random.default_rng(0))
+    counts = bootstrap_clips(groups, 500, np.random.default_rng(0))
     np.testing.assert_array_equal(counts[:, :2], 1)  # two clips: no other draw has both
     np.testing.assert_array_equal(counts[:, 2:].sum(axis=1), 4)
     assert (np.count_nonzero(counts[:, 2:], axis=1) >= 2).all()
     np.testing.assert_allclose(counts.mean(axis=0), 1, atol=0.1)
     with pytest.raises(ValueError, match="group 1"):
-        resample_clips(np.array([0, 0, 1]), 5, np.random.default_rng(0))
+        bootstrap_clips(np.array([0, 0, 1]), 5, np.random.default_rng(0))
 
 
 def test_pair_means_are_those_of_a_loop_over_pairs_of_different_clips():
@@ -73,7 +73,7 @@ def test_pair_means_are_those_of_a_loop_over_pairs_of_different_clips():
 def test_the_bootstrap_of_a_pair_mean_is_not_biased():
     rng = np.random.default_rng(2)
     values, clips = rng.exponential(size=(40, 40)), np.arange(40) // 2
-    counts = resample_clips(np.zeros(20, dtype=np.intp), 4000, rng)
+    counts = bootstrap_clips(np.zeros(20, dtype=np.intp), 4000, rng)
     draws = pair_means(values + values.T, clips, clips, counts)
     plain = pair_means(values + values.T, clips, clips, np.ones((1, 20)))[0]
     assert draws.mean() == pytest.approx(plain, abs=4 * draws.std() / np.sqrt(4000))
@@ -98,7 +98,7 @@ def test_intervals_of_f2id_hold_its_mean_at_that_number_of_clips_about_as_often_
     held = []
     for _ in range(60):
         x, y = draw()
-        counts = resample_clips(np.repeat([0, 1], n_clips), 100, rng)
+        counts = bootstrap_clips(np.repeat([0, 1], n_clips), 100, rng)
         others = clips if paired else clips + n_clips
         draws = np.array([weighted_f2id(x, y, c[clips], c[others]) for c in counts])
         found = interval(Estimate(weighted_f2id(x, y, once, once), draws), 0.9)

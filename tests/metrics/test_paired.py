@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_1samp
 
-from pacmo_core.metrics.intervals import Estimate
-from pacmo_core.metrics.paired import fold_differences, mean_of_folds
+from pacmo_core.metrics.bootstrap import Estimate, fold_differences, fold_mean_interval
 
 
 def runs(**values: float) -> dict[int, Estimate]:
@@ -20,13 +19,13 @@ def test_a_folds_difference_is_the_mean_over_the_seeds_that_both_have():
 
 def test_the_interval_over_folds_is_that_of_the_t_test():
     values = np.array([0.1, -0.4, 0.3, 0.8, 0.2])
-    found = mean_of_folds(values, 0.9)
+    found = fold_mean_interval(values, 0.9)
     wanted = ttest_1samp(values, 0.0).confidence_interval(0.9)
     assert (found.mean, found.low, found.high) == pytest.approx((0.2, wanted.low, wanted.high))
 
 
 def test_one_fold_has_no_interval():
-    assert mean_of_folds(np.array([0.3]), 0.95) is None
+    assert fold_mean_interval(np.array([0.3]), 0.95) is None
 
 
 def test_what_cannot_be_paired_is_refused():

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
-from pacmo_core.metrics.body import body_of
-from pacmo_core.metrics.plausibility import contact_agreement, foot_sliding, penetration
-from pacmo_core.metrics.seeing import measure_multimodality, measure_plausibility
-from pacmo_core.metrics.table import Table
+from pacmo_core.metrics.evaluate import Evaluation
+from pacmo_core.metrics.plausibility import (
+    contact_agreement,
+    find_body_joints,
+    foot_skate,
+    penetration,
+)
+from pacmo_core.metrics.row_metrics import measure_multimodality, measure_plausibility
 from tests.metrics.problems import reactions
 from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
 
@@ -25,21 +29,21 @@ from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
     ],
 )
 def test_feet_hands_and_head_are_found_in_every_published_skeleton(skeleton, feet, n_keys):
-    body = body_of(skeleton)
+    body = find_body_joints(skeleton)
     assert {skeleton.joints[i] for i in body.feet} == feet
     assert len(body.keys) == n_keys and body.root in body.keys
 
 
 def test_without_names_every_joint_is_a_key_and_no_foot_slides():
     skeleton = Skeleton("chain", ("a", "b", "c"), (-1, 0, 1))
-    body = body_of(skeleton)
+    body = find_body_joints(skeleton)
     assert body.keys == (0, 1, 2) and body.feet == ()
     rng = np.random.default_rng(3)
     real, train = reactions(5, "test", rng), reactions(9, "train", rng)
     settings = replace(SETTINGS, body=body)
-    table = Table(real=real, train=train, weights=WEIGHTS, settings=settings)
-    found, reasons = measure_plausibility(real, table.yardstick)
-    assert reasons == {"foot_sliding": "the skeleton names no feet"}
+    table = Evaluation(real=real, train=train, weights=WEIGHTS, settings=settings)
+    found, reasons = measure_plausibility(real, table.context)
+    assert reasons == {"foot_skate": "the skeleton names no feet"}
     assert set(found) == {"penetration", "contact_agreement"}
 
 
@@ -63,11 +67,11 @@ def standing_row(offset, drift):
 
 def test_a_foot_on_the_ground_slides_at_its_speed_and_a_lifted_one_does_not():
     real, sliding = standing_row(1.0, 0.0), standing_row(1.0, 0.6)
-    above, below = foot_sliding(sliding, real, BODY, height=0.05)
+    above, below = foot_skate(sliding, real, BODY, height=0.05)
     np.testing.assert_allclose(above / below, 0.6, rtol=1e-4)
     np.testing.assert_array_equal(below, 10)
     lifted = replace(sliding, motions=[m + np.float32([0, 0.1, 0]) for m in sliding.motions])
-    np.testing.assert_array_equal(foot_sliding(lifted, real, BODY, height=0.05), 0)
+    np.testing.assert_array_equal(foot_skate(lifted, real, BODY, height=0.05), 0)
 
 
 def test_bodies_merge_where_the_middle_of_a_bone_is_within_the_radius():
@@ -91,8 +95,8 @@ def test_contact_agrees_by_frame():
 def test_multimodality_is_the_mean_distance_of_the_features_of_one_partners_reactions():
     rng = np.random.default_rng(5)
     real, train = reactions(5, "test", rng, further=2), reactions(9, "train", rng)
-    table = Table(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
-    found, _ = measure_multimodality(real, table.yardstick)
+    table = Evaluation(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
+    found, _ = measure_multimodality(real, table.context)
     sets = [real.features, *real.further]
     pairs = [(0, 1), (0, 2), (1, 2)]
     gaps = [np.sqrt((WEIGHTS * (sets[i] - sets[j]) ** 2).sum(axis=(1, 2))) for i, j in pairs]

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pacmo_core.metrics.intervals import Estimate, Interval
-from pacmo_core.metrics.pooling import pool, pooled_interval
-from pacmo_core.metrics.sensitivity import PERFECT, sensitivity
+from pacmo_core.metrics.bootstrap import Estimate, Interval, pool_folds, pooled_interval
+from pacmo_core.metrics.controls import EXACT_FOR_REAL, sensitivity
 
 
 def constant(value, n=400):
@@ -14,7 +13,7 @@ def constant(value, n=400):
 
 def test_the_value_is_the_mean_over_folds_of_the_mean_over_seeds():
     folds = [{1: constant(1.0), 2: constant(3.0)}, {1: constant(5.0), 2: constant(9.0)}]
-    found = pool(folds, 0)
+    found = pool_folds(folds, 0)
     assert found.plain == pytest.approx(4.5)
     # Within a fold two seeds drawn of two: their mean is 1, 2, 2 or 3; 5, 7, 7 or 9.
     assert set(found.resampled) <= {3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0}
@@ -25,15 +24,15 @@ def test_the_value_is_the_mean_over_folds_of_the_mean_over_seeds():
 def test_one_seed_keeps_its_draws_and_folds_average_draw_by_draw():
     rng = np.random.default_rng(0)
     one, two = (Estimate(0.0, rng.normal(size=50)) for _ in range(2))
-    np.testing.assert_allclose(pool([{1: one}], 3).resampled, one.resampled)
-    both = pool([{1: one}, {1: two}], 3).resampled
+    np.testing.assert_allclose(pool_folds([{1: one}], 3).resampled, one.resampled)
+    both = pool_folds([{1: one}, {1: two}], 3).resampled
     np.testing.assert_allclose(both, (one.resampled + two.resampled) / 2)
 
 
 def test_two_rows_draw_the_same_seeds():
     first = [{1: constant(1.0), 2: constant(2.0), 3: constant(6.0)}]
     second = [{seed: constant(e.plain + 0.5) for seed, e in first[0].items()}]
-    gap = pool(second, 1).minus(pool(first, 1))
+    gap = pool_folds(second, 1).minus(pool_folds(first, 1))
     np.testing.assert_allclose(gap.resampled, 0.5)
 
 
@@ -50,10 +49,10 @@ def test_a_metric_that_cannot_be_negative_is_cut_at_zero():
 
 
 def test_what_has_not_one_number_of_draws_is_refused():
-    with pytest.raises(ValueError, match="one number of draws"):
-        pool([{1: constant(1.0, 5)}, {1: constant(1.0, 6)}], 0)
+    with pytest.raises(ValueError, match="one number of replicates"):
+        pool_folds([{1: constant(1.0, 5)}, {1: constant(1.0, 6)}], 0)
     with pytest.raises(ValueError, match="every fold"):
-        pool([{1: constant(1.0)}, {}], 0)
+        pool_folds([{1: constant(1.0)}, {}], 0)
 
 
 def test_a_metric_sees_when_the_difference_is_clear_of_zero_on_the_good_side():
@@ -74,8 +73,8 @@ def test_a_metric_sees_when_the_difference_is_clear_of_zero_on_the_good_side():
         "ape": constant(1.0, 300),
         "multimodality": constant(1.0, 300),
     }
-    found = sensitivity(true, dealt, 0.95, left_out=PERFECT)
-    sees = {name: seen.sees for name, seen in found.items()}
+    found = sensitivity(true, dealt, 0.95, left_out=EXACT_FOR_REAL)
+    sees = {name: seen.sensitive for name, seen in found.items()}
     assert sees == {"matching": True, "mmd_pair": False, "mmd_s": False, "diversity": True}
     assert found["matching"].mean == pytest.approx(0.5)
     assert found["matching"].low == pytest.approx(0.5 - 0.02 * 1.96, abs=0.01)
@@ -88,5 +87,5 @@ def test_mmd_of_reactions_alone_never_sees_the_partner() -> None:
         for value in (1.0, 2.0)
     )
     found = sensitivity(true, dealt, 0.95)
-    assert found["mmd_pair"].sees
-    assert not found["mmd_a"].sees  # better for certain, and yet by no merit
+    assert found["mmd_pair"].sensitive
+    assert not found["mmd_a"].sensitive  # better for certain, and yet by no merit

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pacmo_core.metrics.resampling import stack_motions, to_length
+from pacmo_core.metrics.reactions import stack_motions, to_length
 
 
 def test_a_straight_motion_is_itself_on_any_clock():

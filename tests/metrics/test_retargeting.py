@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import DUET15
-from pacmo_core.metrics.body import body_of
+from pacmo_core.metrics.plausibility import find_body_joints
 from pacmo_core.metrics.retargeting import (
-    Limits,
+    RetargetingLimits,
     bone_error,
     contacts_kept,
+    foot_skate,
     frechet_distance,
     joint_error,
-    merged_frames,
     pair_distance_error,
+    penetrating_frames,
     sample_diversity,
-    slide,
 )
 
-LIMITS = Limits(touching=0.1, slack=0.02, foot_height=0.05, body_radius=0.05)
+LIMITS = RetargetingLimits(touching=0.1, slack=0.02, foot_height=0.05, body_radius=0.05)
 RANDOM = np.random.default_rng(0)
 
 
@@ -76,21 +76,21 @@ def test_contacts_are_kept_up_to_the_slack():
 
 
 def test_feet_that_stand_in_the_template_slide_at_their_speed():
-    body, template = body_of(DUET15), pair()
+    body, template = find_body_joints(DUET15), pair()
     times = np.arange(6) / 10
     moving = template + np.arange(6, dtype=np.float32)[:, None, None, None] * [0.02, 0, 0]
-    total, count = slide(moving.astype(np.float32), template, times, body, LIMITS)
+    total, count = foot_skate(moving.astype(np.float32), template, times, body, LIMITS)
     assert count == 2 * 2 * 5  # two feet of two people in five steps
     assert total / count == pytest.approx(0.2, rel=1e-4)
     rising = template.copy()
     rising[3, :, :, 1] += 1  # off the ground in one frame: two steps
-    assert slide(moving.astype(np.float32), rising, times, body, LIMITS)[1] == 2 * 2 * 3
+    assert foot_skate(moving.astype(np.float32), rising, times, body, LIMITS)[1] == 2 * 2 * 3
 
 
 def test_bodies_merge_where_points_meet():
-    body = body_of(DUET15)
+    body = find_body_joints(DUET15)
     together = np.concatenate([pair(2, 0.0), pair(3, 50.0)])
-    assert merged_frames(together, body, LIMITS) == 2
+    assert penetrating_frames(together, body, LIMITS) == 2
 
 
 def test_diversity_is_the_mean_over_pairs_of_samples():

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pacmo_core.metrics.closeness import components_of, distance_functions
+from pacmo_core.metrics.context import EvaluationContext
+from pacmo_core.metrics.controls import permute_partners
+from pacmo_core.metrics.evaluate import Evaluation
 from pacmo_core.metrics.mmd import median_bandwidth
-from pacmo_core.metrics.pair_kernels import PairMmd
-from pacmo_core.metrics.partners import wrong_partners
-from pacmo_core.metrics.table import Table
-from pacmo_core.metrics.yardstick import Yardstick
+from pacmo_core.metrics.plausibility import distance_functions, fit_principal_components
+from pacmo_core.metrics.row_metrics import PairMmd
 from tests.metrics.problems import reactions
 from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
 
@@ -26,7 +26,7 @@ def following(n_clips, prefix, rng):
 
 def dealt(row, rng):
     """Deal reactions of one length, so that none is stretched."""
-    chosen = wrong_partners(row.clips, None, rng)
+    chosen = permute_partners(row.clips, None, rng)
     other = row.take(chosen)
     motions = [
         m[: len(p)] if len(m) >= len(p) else np.resize(m, p.shape)
@@ -38,7 +38,7 @@ def dealt(row, rng):
 def test_true_pairs_score_better_than_dealt_ones_where_the_partner_is_all_that_matters():
     rng = np.random.default_rng(0)
     real, train = following(20, "test", rng), following(40, "train", rng)
-    table = Table(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
+    table = Evaluation(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
     true, other = (table.measure(row).estimates for row in (real, dealt(real, rng)))
     for name in ("f2id_distances", "mmd_pair"):
         gap = other[name].minus(true[name])
@@ -63,7 +63,7 @@ def test_distances_between_bodies_do_not_change_when_both_move_together():
 
 def test_all_components_keep_every_distance_and_few_keep_the_largest():
     functions = np.random.default_rng(2).normal(size=(30, 2, 4)) * [[[1.0], [50.0]]]
-    full, few = (components_of(functions, k) for k in (8, 3))
+    full, few = (fit_principal_components(functions, k) for k in (8, 3))
     standard = (functions - full.mean) / full.scale
     expected = np.linalg.norm((standard[0] - standard[1]).ravel()) / 2  # √(mean over 4 instants)
     gap = np.subtract(*full.coordinates(functions)[:2])
@@ -76,12 +76,12 @@ def test_all_components_keep_every_distance_and_few_keep_the_largest():
 def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_group(groups):
     rng = np.random.default_rng(6)
     real, train = following(8, "test", rng), following(12, "train", rng)
-    yardstick = Yardstick(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
+    context = EvaluationContext(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
     partners, motions = (
-        yardstick.sequences(some, real.times)[:, 0] for some in (real.partners, real.motions)
+        context.sequences(some, real.times)[:, 0] for some in (real.partners, real.motions)
     )
     widths = [
-        median_bandwidth(yardstick.sequences(some, train.times))
+        median_bandwidth(context.sequences(some, train.times))
         for some in (train.partners, train.motions)
     ]
 
@@ -89,7 +89,7 @@ def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_grou
         return np.exp(-((x[:, None] - y) ** 2).sum(axis=-1) / width)
 
     kernels = [kernel(x, x, w) for x, w in zip((partners, motions), widths, strict=True)]
-    codes, shares = yardstick.partners, np.bincount(groups) / 16
+    codes, shares = context.partners, np.bincount(groups) / 16
     within = []
     for i in range(16):
         for j in np.flatnonzero(codes != codes[i]):
@@ -99,9 +99,9 @@ def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_grou
             )
             within.append(kernels[0][both].mean() * kernels[1][both].mean())
     expected = []
-    for second in yardstick.seconds:
+    for second in context.second_sets:
         others = [
-            yardstick.sequences(some, second.times)[:, 0]
+            context.sequences(some, second.times)[:, 0]
             for some in (second.partners, second.motions)
         ]
         own = np.prod([kernel(x, x, w) for x, w in zip(others, widths, strict=True)], axis=0)
@@ -114,7 +114,7 @@ def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_grou
             for a, share in enumerate(shares)
         )
         expected.append(np.mean(within) + own[clips[:, None] != clips].mean() - 2 * crossed)
-    found = PairMmd(yardstick).dealt(real, groups)
+    found = PairMmd(context).permuted(real, groups)
     assert found[0] == pytest.approx(np.mean(expected), rel=1e-6)
     assert found.shape == (41,) and np.isfinite(found).all()
 
@@ -137,11 +137,11 @@ def test_where_nobody_heeds_the_partner_dealt_pairs_of_an_act_score_as_true_ones
     rng, gaps, across = np.random.default_rng(7), [], []
     for _ in range(40):
         (real, acts), (train, _) = acting(6, "test", rng), acting(8, "train", rng)
-        settings = replace(SETTINGS, bootstrap=1, second_draws=1)
-        yardstick = Yardstick(real=real, train=train, weights=WEIGHTS, settings=settings)
-        pairs = PairMmd(yardstick)
+        settings = replace(SETTINGS, bootstrap=1, second_samples=1)
+        context = EvaluationContext(real=real, train=train, weights=WEIGHTS, settings=settings)
+        pairs = PairMmd(context)
         true = pairs.measure(real)[0]
-        gaps.append(pairs.dealt(real, acts)[0] - true)
-        across.append(pairs.dealt(real, np.zeros(12, dtype=int))[0] - true)
+        gaps.append(pairs.permuted(real, acts)[0] - true)
+        across.append(pairs.permuted(real, np.zeros(12, dtype=int))[0] - true)
     assert abs(np.mean(gaps)) < 3 * np.std(gaps) / np.sqrt(40)
     assert np.mean(across) > 5 * np.std(gaps) / np.sqrt(40)  # the act itself is seen

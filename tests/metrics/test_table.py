@@ -5,23 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pacmo_core.metrics.body import Body
+from pacmo_core.metrics.bootstrap import interval
+from pacmo_core.metrics.context import EvaluationSettings
+from pacmo_core.metrics.controls import permute_partners
 from pacmo_core.metrics.displacement import ape, ave
+from pacmo_core.metrics.evaluate import Evaluation
 from pacmo_core.metrics.f2id import f2id, midpoint_grid
-from pacmo_core.metrics.intervals import interval
 from pacmo_core.metrics.mmd import median_bandwidth, mmd_a, mmd_s
-from pacmo_core.metrics.partners import wrong_partners
-from pacmo_core.metrics.resampling import stack_motions, to_length
-from pacmo_core.metrics.table import Table
-from pacmo_core.metrics.yardstick import Settings
+from pacmo_core.metrics.plausibility import BodyJoints
+from pacmo_core.metrics.reactions import stack_motions, to_length
 from tests.metrics.problems import reactions
 
-BODY = Body(root=1, keys=(0, 1, 2), feet=(2,), bones=np.array([[0, 1], [1, 2]]))
-SETTINGS = Settings(
+BODY = BodyJoints(root=1, keys=(0, 1, 2), feet=(2,), bones=np.array([[0, 1], [1, 2]]))
+SETTINGS = EvaluationSettings(
     n_samples=60,
     repeats=3,
     bootstrap=40,
-    second_draws=2,
+    second_samples=2,
     n_frames=6,
     n_instants=5,
     n_components=4,
@@ -39,7 +39,7 @@ METRICS = {
     *("diversity", "diversity_l2", "diversity_published"),
     *("ape", "ave", "ape_joints", "ave_joints"),
     *("f2id_distances", "mmd_pair", "matching"),
-    *("foot_sliding", "penetration", "contact_agreement"),
+    *("foot_skate", "penetration", "contact_agreement"),
 }
 
 
@@ -58,7 +58,7 @@ def sets():
 
 
 def table_of(real, train, settings=SETTINGS):
-    return Table(real=real, train=train, weights=WEIGHTS, settings=settings)
+    return Evaluation(real=real, train=train, weights=WEIGHTS, settings=settings)
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_the_real_pairs_are_at_no_distance_from_themselves(measured):
 
 def test_excess_is_the_distance_to_second_draws_less_that_of_the_real_pairs(sets, measured):
     real, train, rows = sets
-    seconds = table_of(real, train).yardstick.seconds
+    seconds = table_of(real, train).context.second_sets
     assert [len(second) for second in seconds] == [24, 24]
     to_seconds = {
         name: np.mean([f2id(row.features, second.features, WEIGHTS) for second in seconds])
@@ -140,7 +140,7 @@ def test_excess_is_the_distance_to_second_draws_less_that_of_the_real_pairs(sets
 
 def test_reactions_dealt_to_wrong_partners_are_still_the_same_motions(sets, measured):
     real, train, _ = sets
-    chosen = wrong_partners(real.clips, None, np.random.default_rng(0))
+    chosen = permute_partners(real.clips, None, np.random.default_rng(0))
     dealt = real.take(chosen)
     on_time = [
         to_length(m, t, len(n)).astype(np.float32)
@@ -186,7 +186,7 @@ def test_one_random_seed_gives_one_table(sets):
 def test_fewer_training_than_test_clips_give_one_second_draw_of_what_there_is(sets):
     real, train, rows = sets
     table = table_of(real, train.take(np.arange(20)))
-    assert [len(second) for second in table.yardstick.seconds] == [20]
+    assert [len(second) for second in table.context.second_sets] == [20]
     far = table.measure(rows["far"]).estimates
     assert np.isfinite([estimate.plain for estimate in far.values()]).all()
     assert table.real(table.measure(real)).estimates["f2id"].plain > 0

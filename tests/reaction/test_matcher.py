@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.metrics.matching import matching as share_matched
+from pacmo_core.metrics.diversity import matching_accuracy as share_matched
 from pacmo_core.reaction import matcher
 from pacmo_core.reaction.data import mirror_interaction, sample_motion_pairs
 from pacmo_core.reaction.settings import MatcherSettings

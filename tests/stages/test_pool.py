@@ -8,7 +8,7 @@ import pytest
 from pacmo_core.store.scores import Score, write_scores
 from stages import pool_pacmo
 
-N = {"test_reactions": 4, "same_act_reactions": 4, "matching_candidates": 3}
+N = {"test_reactions": 4, "same_action_reactions": 4, "matching_candidates": 3}
 VALUES = {  # fold 1 and fold 2
     ("real", 0, "f2id"): (0.3, 0.5),
     ("real", 0, "f2id_halves"): (0.8, 0.8),
@@ -80,9 +80,9 @@ def test_differences_are_paired_where_rows_share_draws(pooled):
 
 
 def test_sensitivity_says_which_metrics_see_the_partner(pooled):
-    assert set(pooled["sensitivity"]) == {"any_act", "pacmo_any_act"}
-    seen = pooled["sensitivity"]["any_act"]["mmd_pair"]
-    assert seen["mean"] == pytest.approx(-0.3) and seen["sees"] is True
+    assert set(pooled["sensitivity"]) == {"any_action", "pacmo_any_action"}
+    seen = pooled["sensitivity"]["any_action"]["mmd_pair"]
+    assert seen["mean"] == pytest.approx(-0.3) and seen["sensitive"] is True
 
 
 def test_what_variations_gain_is_told_fold_by_fold_of_equal_seeds(pooled):

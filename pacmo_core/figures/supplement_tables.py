@@ -1,15 +1,15 @@
-"""Tables 1 to 10 of the two-person augmentation paper's supplement, as printed.
+"""Tables 1 to 10 of the supplement of the two-person augmentation paper, as printed.
 
 Li et al. (2024), *Two-Person Interaction Augmentation with Skeleton Priors*, arXiv 2404.05490. Six
 blocks a table: E_r, E_b, JPD of retargeting, FID, E_b, JPD of generation; in each a row a split:
 random, cross-scale, cross-interaction, cross-scale-interaction; columns F-CNN, F-GCN, M-CNN, M-GCN,
-theirs. A/B where two figures stand: A is the partner, B the one whose body changes. A dash is
-a figure that the text at hand does not hold. Figures that stand in two tables are so printed.
+theirs. A/B where there are two values: A is the partner, B the one whose body changes. A dash is a
+value that the text at hand lacks. Values that are in two tables are so printed.
 """
 
-COLUMNS = ("f_cnn", "f_gcn", "m_cnn", "m_gcn", "paper")
+SUPPLEMENT_COLUMNS = ("f_cnn", "f_gcn", "m_cnn", "m_gcn", "paper")
 
-TABLES = {
+SUPPLEMENT_TABLES = {
     "Judo": """
         0.673/2.569   0.834/5.642   0.517/2.771   0.681/3.447   0.298/1.840
         0.821/4.225   1.684/8.018   1.206/4.060   1.372/3.530   0.463/3.571
@@ -247,7 +247,7 @@ TABLES = {
 }
 
 # Table 10: by motion and training samples, a figure a block.
-FEWER = {
+FEW_SAMPLES_TABLE = {
     "Face-to-back": {
         24: "1.158 0.142 0.892 3.485 0.167 1.428",
         12: "1.347 0.186 0.963 3.676 0.192 1.667",

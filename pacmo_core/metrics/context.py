@@ -1,4 +1,4 @@
-"""What every row of one table is measured with: real motion, second draws, draws of clips."""
+"""What all rows of an evaluation share: settings, real motion, bootstrap replicates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,32 +7,31 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.metrics.body import Body
-from pacmo_core.metrics.extrapolation import deal_parts
-from pacmo_core.metrics.floors import second_draws
-from pacmo_core.metrics.intervals import Array, resample_clips
-from pacmo_core.metrics.matching import candidates_in
+from pacmo_core.metrics.bootstrap import Array, bootstrap_clips
+from pacmo_core.metrics.controls import second_samples
+from pacmo_core.metrics.diversity import n_candidates
+from pacmo_core.metrics.f2id import split_into_parts
 from pacmo_core.metrics.mmd import (
     PUBLISHED_BANDWIDTHS,
     as_sequence,
     mean_kernels,
     median_bandwidth,
 )
-from pacmo_core.metrics.reactions import Reactions
-from pacmo_core.metrics.resampling import stack_motions
+from pacmo_core.metrics.plausibility import BodyJoints
+from pacmo_core.metrics.reactions import Reactions, stack_motions
 
 Codes = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class EvaluationSettings:
     """The numbers of a table's protocol.
 
     Parameters
     ----------
-    n_samples, repeats : the paper's protocol, n drawn with replacement so many times
-    bootstrap : draws of clips for the intervals
-    second_draws : further draws of real motion, from the training clips
+    n_samples, repeats : the paper's protocol, n samples with replacement so many times
+    bootstrap : replicates of clips for the intervals
+    second_samples : further replicates of real motion, from the training clips
     n_frames : common length of motions for MMD
     n_instants, n_components : of the functions of distances between bodies, r and their rank
     candidates : partners to pick the true one among
@@ -40,13 +39,13 @@ class Settings:
     body_radius : metres between a point of either body below which they merge
     contact_distance : metres between joints that touch
     body : the joints that metrics speak of
-    random_seed : for all draws
+    random_seed : for all replicates
     """
 
     n_samples: int
     repeats: int
     bootstrap: int
-    second_draws: int
+    second_samples: int
     n_frames: int
     n_instants: int
     n_components: int
@@ -54,17 +53,17 @@ class Settings:
     foot_height: float
     body_radius: float
     contact_distance: float
-    body: Body
+    body: BodyJoints
     random_seed: int
 
 
-class Yardstick:
-    """Real reactions, second draws of real motion, and draws of clips shared by all rows.
+class EvaluationContext:
+    """Real reactions, second samples of real motion, and bootstrap replicates shared by all rows.
 
     Parameters
     ----------
     real : the real reactions of the test clips
-    train : real reactions of other clips, from which the second draws are taken
+    train : real reactions of other clips, from which the second samples are taken
     weights : (r,) quadrature weights of the features' grid
     settings : the protocol
 
@@ -75,30 +74,32 @@ class Yardstick:
     """
 
     def __init__(
-        self, *, real: Reactions, train: Reactions, weights: Array, settings: Settings
+        self, *, real: Reactions, train: Reactions, weights: Array, settings: EvaluationSettings
     ) -> None:
         shared = sorted({*real.clips} & {*train.clips})
         if shared:
             raise ValueError(f"real and train must share no clip; both hold {shared[:3]}")
-        seconds, draws, paper, parts = np.random.default_rng(settings.random_seed).spawn(4)
+        second_sets, replicates, paper, parts = np.random.default_rng(settings.random_seed).spawn(4)
         self.real = real
         self.train = train
         self.weights = weights
         self.settings = settings
-        self.seconds = [
+        self.second_sets = [
             train.take(indices)
-            for indices in second_draws(train.clips, len(real), settings.second_draws, seconds)
+            for indices in second_samples(
+                train.clips, len(real), settings.second_samples, second_sets
+            )
         ]
         names = [(0, name) for name in sorted({*real.clips})]
-        for number, second in enumerate(self.seconds, start=1):
+        for number, second in enumerate(self.second_sets, start=1):
             names += [(number, name) for name in sorted({*second.clips})]
         self._column = {name: i for i, name in enumerate(names)}
         self.groups = np.array([group for group, _ in names], dtype=np.intp)
-        drawn = resample_clips(self.groups, settings.bootstrap, draws)
+        samples = bootstrap_clips(self.groups, settings.bootstrap, replicates)
         # (1 + bootstrap, G): the first row has every clip once and gives the plain value.
-        self.counts = np.concatenate([np.ones((1, len(names))), drawn])
+        self.counts = np.concatenate([np.ones((1, len(names))), samples])
         self.partners = self.codes(real)
-        # (repeats, 2, n_samples) in [0, 1): the paper's draws, of the real reactions, of a row's.
+        # (repeats, 2, n_samples) in [0, 1): indices of the paper's protocol, real and generated.
         self._paper = paper.random((settings.repeats, 2, settings.n_samples))
         self._parts = parts
 
@@ -107,27 +108,27 @@ class Yardstick:
         """Parts for the extrapolation, (repeats + bootstrap, P, G): all clips ``repeats`` times."""
         repeats = self.settings.repeats
         rows = np.concatenate([np.repeat(self.counts[:1], repeats, axis=0), self.counts[1:]])
-        return deal_parts(rows, self.groups, self._parts)
+        return split_into_parts(rows, self.groups, self._parts)
 
     @property
     def candidates(self) -> int:
         """How many partners there are to pick the true one among."""
-        return candidates_in(self.partners, self.settings.candidates)
+        return n_candidates(self.partners, self.settings.candidates)
 
     def codes(self, row: Reactions, number: int = 0) -> Codes:
         """Look up the column of ``counts`` of each reaction's clip, (n,).
 
         Parameters
         ----------
-        row : reactions of clips of ``real``, or of a second draw
-        number : 0 for those of ``real``, from 1 on for those of a second draw
+        row : reactions of clips of ``real``, or of a second sample
+        number : 0 for those of ``real``, from 1 on for those of a second sample
         """
         unknown = sorted({name for name in row.clips if (number, name) not in self._column})
         if unknown:
             raise ValueError(f"clips must be those of the real reactions; {unknown[:3]} are not")
         return np.array([self._column[number, name] for name in row.clips], dtype=np.intp)
 
-    def drawn(self, row: Reactions) -> list[tuple[Codes, Codes]]:
+    def published_samples(self, row: Reactions) -> list[tuple[Codes, Codes]]:
         """Draw by the paper's protocol, so often: samples of the real reactions, and of a row."""
         sizes = np.array([[len(self.real)], [len(row)]])
         return [(i, j) for i, j in (self._paper * sizes).astype(np.intp)]

@@ -1,7 +1,4 @@
-"""The solids of a body as one mesh in the pose of rest, each vertex tied to the joint it goes with.
-
-The same hulls of spheres as the viewer draws: one ball, two (a limb), four (a trunk).
-"""
+"""The body as one skin mesh in the rest pose, each vertex bound to one joint."""
 
 from collections.abc import Sequence
 
@@ -9,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.figures.body import Body
+from pacmo_core.figures.body_shape import BodyShape
 from pacmo_core.formats.write_gltf import Skin
 
 _ROWS, _COLUMNS = 5, 14
@@ -17,7 +14,7 @@ Array = NDArray[np.float64]
 Sphere = tuple[Array, float, int]  # centre, radius, the joint it goes with
 
 
-def flesh(body: Body, skeleton: Skeleton, rest: Array) -> Skin:
+def make_skin(body: BodyShape, skeleton: Skeleton, rest: Array) -> Skin:
     """Build the mesh.
 
     A limb goes with the joint that it starts from, for that joint's turn moves its far end; a
@@ -39,7 +36,7 @@ def flesh(body: Body, skeleton: Skeleton, rest: Array) -> Skin:
         parts.append(_hull([(centre, body.head_radius, body.head[0])], np.eye(3)))
     if not parts:
         parts = [_hull([(place, 0.05, joint)], np.eye(3)) for joint, place in enumerate(rest)]
-    return _joined(parts)
+    return _concatenate_skins(parts)
 
 
 def _limb(rest: Array, limb: tuple[int, int, float, float]) -> Skin:
@@ -92,7 +89,7 @@ def _faces(rows: int, columns: int) -> NDArray[np.intp]:
     return np.concatenate([np.stack([a, a + 1, b], 1), np.stack([b, a + 1, b + 1], 1)])
 
 
-def _joined(parts: Sequence[Skin]) -> Skin:
+def _concatenate_skins(parts: Sequence[Skin]) -> Skin:
     starts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
     return Skin(
         np.concatenate([part.positions for part in parts]),

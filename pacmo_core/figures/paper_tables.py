@@ -1,14 +1,14 @@
-"""The paper's Tables 1 and 2, and ours beside them.
+"""Tables 1 and 2 of the PaCMO paper, with our rows beside them.
 
-Figures as printed in Rahman et al. (2022), *PaCMO: Partner Dependent Human Motion Generation in
-Dyadic Human Activity using Neural Operators*, arXiv 2211.16210.
+As printed in Rahman et al. (2022), *PaCMO: Partner Dependent Human Motion Generation in Dyadic
+Human Activity using Neural Operators*, arXiv 2211.16210.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pacmo_core.figures.columns import METRICS, PUBLISHED_COLUMNS
-from pacmo_core.figures.tables import Entry, Line, Rows, Table, entry_of
+from pacmo_core.figures.tables import Entry, Line, Rows, Table, make_entry
+from pacmo_core.metrics.catalogue import METRICS, PUBLISHED_COLUMNS
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class PaperTable:
     rows: Mapping[str, tuple[str, ...]]
 
 
-PAPER = (
+PAPER_TABLES = (
     PaperTable(
         1,
         "ntu",
@@ -46,7 +46,7 @@ PAPER = (
 
 LABELS = {"real": "Real Motion", "pacmo": "PaCMO", "gru": "GRU baseline"}
 # Our rows that stand under a row of the paper, and what each is called there.
-OURS = {
+OUR_ROWS = {
     "real": {"real": "here: another draw, not the same set"},
     "pacmo": {"pacmo": "here", "pacmo_paper": "here, in the paper's plain form"},
     "gru": {"gru": "here"},
@@ -66,7 +66,7 @@ CAVEATS = (
 )
 
 
-def beside(paper: PaperTable, ours: Rows) -> Table:
+def side_by_side(paper: PaperTable, ours: Rows) -> Table:
     """Lay out a table of the paper with our rows under the paper's.
 
     Parameters
@@ -78,14 +78,14 @@ def beside(paper: PaperTable, ours: Rows) -> Table:
     for row, printed in paper.rows.items():
         texts = tuple(Entry(text.replace("-", "−"), "", "", "") for text in printed)
         lines.append(Line(LABELS[row], "the paper", is_model=False, entries=texts))
-        for name, called in OURS[row].items():
+        for name, called in OUR_ROWS[row].items():
             if name in ours:
-                cells = tuple(entry_of(ours[name].get(c, {}), "") for c in PUBLISHED_COLUMNS)
+                cells = tuple(make_entry(ours[name].get(c, {}), "") for c in PUBLISHED_COLUMNS)
                 lines.append(Line("", called, is_model=True, entries=cells))
     return Table(tuple(METRICS[column] for column in PUBLISHED_COLUMNS), tuple(lines))
 
 
-def differs(paper: PaperTable, dataset: str) -> str:
+def difference_note(paper: PaperTable, dataset: str) -> str:
     """Say what the data sets mean for a reader of the table."""
     if dataset == paper.dataset:
         return f"Both of {paper.name}, on other splits and features."

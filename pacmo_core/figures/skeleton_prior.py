@@ -1,21 +1,25 @@
-"""Skeleton priors: the supplement's Tables 1 to 10 with ours in the same cells, and what moves."""
+"""Tables of skeleton priors: the supplement's Tables 1 to 10 with our values in the same cells."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pacmo_core.figures.columns import LOWER, UNKNOWN, Metric
-from pacmo_core.figures.paper_priors import COLUMNS, FEWER, TABLES
-from pacmo_core.figures.tables import Entry, Line, Table, entry_of, number
+from pacmo_core.figures.supplement_tables import (
+    FEW_SAMPLES_TABLE,
+    SUPPLEMENT_COLUMNS,
+    SUPPLEMENT_TABLES,
+)
+from pacmo_core.figures.tables import Entry, Line, Table, format_number, make_entry
+from pacmo_core.metrics.catalogue import LOWER, UNKNOWN, Metric
 
 # By model, by metric: mean, low, high.
 Found = Mapping[str, Mapping[str, Mapping[str, float]]]
 # By task, by split: the same.
 Scores = Mapping[str, Mapping[str, Found]]
 
-OURS = "kinematic"
+OUR_MODEL = "kinematic"
 MODELS = {
-    OURS: Metric("Ours", UNKNOWN, "", "bones turned, lengths by forward kinematics"),
+    OUR_MODEL: Metric("Ours", UNKNOWN, "", "bones turned, lengths by forward kinematics"),
     "paper": Metric("Paper's form", UNKNOWN, "", "offsets from the template, one body's scale"),
     "f_cnn": Metric("F-CNN", UNKNOWN, "", "frame by frame, convolutions over joints"),
     "f_gcn": Metric("F-GCN", UNKNOWN, "", "frame by frame, graph convolutions"),
@@ -33,7 +37,7 @@ HARDEST = "cross_scale_interaction"
 
 
 @dataclass(frozen=True)
-class Block:
+class MetricRow:
     """One block of the supplement's tables: a metric of a task.
 
     Parameters
@@ -63,21 +67,21 @@ class Block:
         return (f"{self.metric}_second", f"{self.metric}_first") if self.each else (self.metric,)
 
 
-BLOCKS = (
-    Block("retargeting", "E_r", each=True, unit="mm", factor=1e3),
-    Block("retargeting", "E_b", each=True, unit="mm", factor=1e3),
-    Block("retargeting", "JPD", each=False, unit="mm", factor=1e3),
-    Block("generation", "FID", each=True, unit="", factor=1.0),
-    Block("generation", "E_b", each=True, unit="mm", factor=1e3),
-    Block("generation", "JPD", each=False, unit="mm", factor=1e3),
+METRIC_ROWS = (
+    MetricRow("retargeting", "E_r", each=True, unit="mm", factor=1e3),
+    MetricRow("retargeting", "E_b", each=True, unit="mm", factor=1e3),
+    MetricRow("retargeting", "JPD", each=False, unit="mm", factor=1e3),
+    MetricRow("generation", "FID", each=True, unit="", factor=1.0),
+    MetricRow("generation", "E_b", each=True, unit="mm", factor=1e3),
+    MetricRow("generation", "JPD", each=False, unit="mm", factor=1e3),
 )
-EYE = {
+PLAUSIBILITY_ROWS = {
     "contacts_kept": Metric("Contacts kept", "↑", "", "share of touching pairs and frames"),
     "slide": Metric("Foot sliding", LOWER, "m/s", "of feet that stand in the source"),
     "merged": Metric("Merged", LOWER, "", "share of frames in which the bodies merge"),
     "diversity": Metric("Diversity", UNKNOWN, "m", "distance of joints of two samples of a body"),
 }
-NAMES = tuple(TABLES)
+MOTIONS = tuple(SUPPLEMENT_TABLES)
 
 
 def motion_table(scores: Scores, motion: str) -> Table:
@@ -88,11 +92,11 @@ def motion_table(scores: Scores, motion: str) -> Table:
     scores : of one source, or of all
     motion : of the supplement, whose figures stand beside
     """
-    printed = [line.split() for line in TABLES[motion].split("\n") if line.strip()]
+    printed = [line.split() for line in SUPPLEMENT_TABLES[motion].split("\n") if line.strip()]
     lines = []
-    for number_of_block, block in enumerate(BLOCKS):
+    for number_of_block, block in enumerate(METRIC_ROWS):
         for row, split in enumerate(SPLITS):
-            theirs = dict(zip(COLUMNS, printed[4 * number_of_block + row], strict=True))
+            theirs = dict(zip(SUPPLEMENT_COLUMNS, printed[4 * number_of_block + row], strict=True))
             found = scores.get(block.task, {}).get(split, {})
             if not found:
                 continue
@@ -101,41 +105,43 @@ def motion_table(scores: Scores, motion: str) -> Table:
     return Table(tuple(MODELS.values()), tuple(lines))
 
 
-def fewer_table(scores: Scores) -> Table:
+def few_samples_table(scores: Scores) -> Table:
     """Lay out Table 10: what fewer samples to train on cost ours and the best baseline."""
     lines = []
     for kind in ("", "_24", "_12", "_6"):
         split = HARDEST + kind
         if not any(split in task for task in scores.values()):
             continue
-        for label, models in (("Ours", (OURS,)), ("Best baseline", BASELINES)):
-            entries = tuple(_best(scores, split, models, block) for block in BLOCKS)
+        for label, models in (("Ours", (OUR_MODEL,)), ("Best baseline", BASELINES)):
+            entries = tuple(_best_entry(scores, split, models, block) for block in METRIC_ROWS)
             samples = f"{kind[1:]} samples" if kind else "all samples"
             lines.append(Line(label, samples, is_model=label == "Ours", entries=entries))
-    for motion, rows in FEWER.items():
+    for motion, rows in FEW_SAMPLES_TABLE.items():
         for n, text in rows.items():
             cells = tuple(Entry(value, "", "", "") for value in text.split())
             lines.append(
                 Line(f"Supplement, {motion}", f"{n} samples", is_model=False, entries=cells)
             )
-    metrics = tuple(Metric(block.label, LOWER, "", "mean of both characters") for block in BLOCKS)
+    metrics = tuple(
+        Metric(block.label, LOWER, "", "mean of both characters") for block in METRIC_ROWS
+    )
     return Table(metrics, tuple(lines))
 
 
-def eye_table(scores: Scores) -> Table:
+def plausibility_table(scores: Scores) -> Table:
     """Lay out what an animator looks at."""
     lines = []
     for split in dict.fromkeys(split for task in scores.values() for split in task):
         for model, metric in MODELS.items():
-            cells = [_of(scores, split, model, name) for name in EYE]
+            cells = [_cell_values(scores, split, model, name) for name in PLAUSIBILITY_ROWS]
             if any(cells):
-                entries = tuple(entry_of(cell, "") for cell in cells)
+                entries = tuple(make_entry(cell, "") for cell in cells)
                 name = SPLITS.get(split, split.replace("_", " "))
                 lines.append(Line(metric.label, name, is_model=True, entries=entries))
-    return Table(tuple(EYE.values()), tuple(lines))
+    return Table(tuple(PLAUSIBILITY_ROWS.values()), tuple(lines))
 
 
-def of_source(scores: Mapping[str, Any], family: str, source: str) -> Scores:
+def select_source(scores: Mapping[str, Any], family: str, source: str) -> Scores:
     """Take one source's figures out of a family's: by task, split, model, metric."""
     return {
         task: {
@@ -148,32 +154,35 @@ def of_source(scores: Mapping[str, Any], family: str, source: str) -> Scores:
     }
 
 
-def verdicts(scores: Scores) -> Iterator[str]:
+def comparison_sentences(scores: Scores) -> Iterator[str]:
     """Say in how many splits ours beats every baseline, metric by metric."""
-    for block in BLOCKS:
-        splits = [s for s in SPLITS if OURS in scores.get(block.task, {}).get(s, {})]
-        won = [s for s in splits if _wins(scores[block.task][s], block)]
+    for block in METRIC_ROWS:
+        splits = [s for s in SPLITS if OUR_MODEL in scores.get(block.task, {}).get(s, {})]
+        won = [s for s in splits if _is_best(scores[block.task][s], block)]
         if splits:
             yield f"{block.label}: ours is best in {len(won)} of {len(splits)} splits"
 
 
-def _wins(found: Found, block: Block) -> bool:
-    means = {model: _mean(found[model], block) for model in (OURS, *BASELINES) if model in found}
-    return len(means) > 1 and min(means, key=means.__getitem__) == OURS
+def _is_best(found: Found, block: MetricRow) -> bool:
+    means = {
+        model: _mean(found[model], block) for model in (OUR_MODEL, *BASELINES) if model in found
+    }
+    return len(means) > 1 and min(means, key=means.__getitem__) == OUR_MODEL
 
 
-def _mean(metrics: Mapping[str, Mapping[str, float]], block: Block) -> float:
+def _mean(metrics: Mapping[str, Mapping[str, float]], block: MetricRow) -> float:
     return sum(metrics[part]["mean"] for part in block.parts) / len(block.parts)
 
 
-def _cell(found: Found, model: str, block: Block, printed: str) -> Entry:
+def _cell(found: Found, model: str, block: MetricRow, printed: str) -> Entry:
     theirs = f"[{printed}]" if printed not in ("", "-") else ""
     if model not in found or not all(part in found[model] for part in block.parts):
         return Entry("–", theirs, "", "")
     cells = [found[model][part] for part in block.parts]
-    value = "/".join(number(block.factor * cell["mean"]) for cell in cells)
+    value = "/".join(format_number(block.factor * cell["mean"]) for cell in cells)
     spread = [
-        f"{number(block.factor * cell['low'])} … {number(block.factor * cell['high'])}"
+        f"{format_number(block.factor * cell['low'])} … "
+        f"{format_number(block.factor * cell['high'])}"
         for cell in cells
         if "low" in cell
     ]
@@ -183,14 +192,14 @@ def _cell(found: Found, model: str, block: Block, printed: str) -> Entry:
     return replace(entry, mark="best") if model == best and len(complete) > 1 else entry
 
 
-def _best(scores: Scores, split: str, models: tuple[str, ...], block: Block) -> Entry:
+def _best_entry(scores: Scores, split: str, models: tuple[str, ...], block: MetricRow) -> Entry:
     found = scores.get(block.task, {}).get(split, {})
     means = [_mean(found[model], block) for model in models if model in found]
     if not means:
         return Entry("–", "", "", "")
-    return Entry(number(block.factor * min(means)), "", "", "")
+    return Entry(format_number(block.factor * min(means)), "", "", "")
 
 
-def _of(scores: Scores, split: str, model: str, name: str) -> Mapping[str, float]:
+def _cell_values(scores: Scores, split: str, model: str, name: str) -> Mapping[str, float]:
     tasks = (scores[task].get(split, {}).get(model, {}) for task in scores)
     return next((metrics[name] for metrics in tasks if name in metrics), {})

@@ -1,14 +1,11 @@
-"""How thick a body is: which joints carry a head, a trunk or a limb, read off the joints' names.
-
-Thickness is for the eye alone: no data set publishes it, and no metric reads it.
-"""
+"""The radii of head, trunk and limbs as solids, by the names of the joints."""
 
 import re
 from dataclasses import dataclass
 
 from pacmo_core.data.skeleton import Skeleton
 
-# Radius of the flesh round a joint, metres, of an adult; the first pattern that fits a name holds.
+# Radius of the body at a joint, metres, of an adult; the first pattern that matches a name counts.
 _RADII = (
     (r"head|skull", 0.105),
     (r"tip|thumb|finger|index|ring|pinky", 0.016),
@@ -32,7 +29,7 @@ _SHOULDER_RADIUS, _HIP_RADIUS = 0.070, 0.092
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyShape:
     """The solids that stand for one skeleton, as joint indices and radii in metres.
 
     Parameters
@@ -49,7 +46,7 @@ class Body:
     limbs: tuple[tuple[int, int, float, float], ...]
 
 
-def body_of(skeleton: Skeleton) -> Body:
+def make_body_shape(skeleton: Skeleton) -> BodyShape:
     """Clothe a skeleton: a ball for the head, a hull for the trunk, tapered capsules for the rest.
 
     A skeleton whose names say nothing of elbows and knees gets capsules alone, one a bone.
@@ -61,18 +58,18 @@ def body_of(skeleton: Skeleton) -> Body:
         i for i, name in enumerate(names) if trunk and _MIDDLE.search(name)
     }
     limbs = tuple(
-        (parent, child, *_ends(names[parent], names[child]))
+        (parent, child, *_limb_radii(names[parent], names[child]))
         for parent, child in skeleton.bones.tolist()
         if not (parent in head and child in head) and not {parent, child} <= inside
     )
-    return Body(head, _radius(names[head[0]]) if head else 0.0, trunk, limbs)
+    return BodyShape(head, _radius(names[head[0]]) if head else 0.0, trunk, limbs)
 
 
 def _radius(name: str) -> float:
     return next((r for pattern, r in _RADII if re.search(pattern, name)), _UNNAMED_RADIUS)
 
 
-def _ends(parent: str, child: str) -> tuple[float, float]:
+def _limb_radii(parent: str, child: str) -> tuple[float, float]:
     """Radii at both ends; where a limb leaves a thicker part it starts at its own thickness."""
     if _MIDDLE.search(parent) or re.search(_HEAD, parent + child):
         thin = min(_radius(parent), _radius(child), 0.052)

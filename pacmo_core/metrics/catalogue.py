@@ -1,0 +1,187 @@
+"""The catalogue of metrics and of the rows of the tables.
+
+A further metric is a function and a row of ``METRICS``, which the tables, the promotion gate, the
+pooling, the test of sensitivity and the comparison with reference figures read.
+"""
+
+from dataclasses import dataclass
+
+LOWER, CLOSER_TO_REAL, HIGHER, UNKNOWN = "↓", "→", "↑", ""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A metric: its label, the direction of improvement, its unit and meaning.
+
+    Parameters
+    ----------
+    better : ``↓`` lower, ``↑`` higher, ``→`` closer to the row ``real``, empty if neither
+    tolerance : relative; two trainings of one commit on different processors may differ by it
+    can_be_negative : as unbiased estimates, excesses and extrapolations can
+    exact_for_real : real pairs are compared with themselves, and are perfect by construction
+    partner_independent : of reactions alone: permuted among partners they are the same motions
+    """
+
+    label: str
+    better: str
+    unit: str
+    meaning: str
+    tolerance: float = 0.25
+    can_be_negative: bool = False
+    exact_for_real: bool = False
+    partner_independent: bool = False
+
+
+METRICS = {
+    "f2id": Metric(
+        "F²ID",
+        LOWER,
+        "",
+        "distance of the reference of the features of interactions",
+        tolerance=0.5,
+        exact_for_real=True,
+    ),
+    "f2id_excess": Metric(
+        "F²ID excess",
+        LOWER,
+        "",
+        "F²ID to further real motion, above its noise floor",
+        tolerance=1.0,
+        can_be_negative=True,
+    ),
+    "f2id_infinity": Metric(
+        "F²ID∞",
+        LOWER,
+        "",
+        "F²ID extrapolated to infinitely many samples",
+        tolerance=1.0,
+        can_be_negative=True,
+        exact_for_real=True,
+    ),
+    "fid": Metric(
+        "FID", LOWER, "", "distance of the reference of the features of clips", tolerance=0.5
+    ),
+    "mmd_a": Metric(
+        "MMD-A",
+        LOWER,
+        "",
+        "maximum mean discrepancy, frame by frame",
+        tolerance=1.0,
+        can_be_negative=True,
+        partner_independent=True,
+    ),
+    "mmd_s": Metric(
+        "MMD-S",
+        LOWER,
+        "",
+        "maximum mean discrepancy of whole clips",
+        tolerance=1.0,
+        can_be_negative=True,
+        partner_independent=True,
+    ),
+    "diversity": Metric(
+        "Diversity",
+        CLOSER_TO_REAL,
+        "",
+        "squared distance of the features of two clips",
+        tolerance=0.1,
+    ),
+    # Without a label a metric is in the data and in no table.
+    "diversity_l2": Metric("", CLOSER_TO_REAL, "", "distance of the features of two clips"),
+    "f2id_distances": Metric(
+        "F²ID, distances", LOWER, "", "F²ID of the distances between the two bodies over time"
+    ),
+    "mmd_pair": Metric(
+        "MMD, pairs",
+        LOWER,
+        "",
+        "discrepancy of partner and reaction together",
+        can_be_negative=True,
+    ),
+    "matching": Metric(
+        "Matching", HIGHER, "", "how often the true partner is picked among many", tolerance=0.15
+    ),
+    "contact_agreement": Metric(
+        "Contact",
+        HIGHER,
+        "",
+        "agreement with the real reaction on when the bodies touch",
+        tolerance=0.15,
+        exact_for_real=True,
+    ),
+    "foot_skate": Metric("Foot skate", LOWER, "m/s", "speed of a standing foot on the ground"),
+    "penetration": Metric("Penetration", LOWER, "", "share of frames in which the bodies merge"),
+    "multimodality": Metric(
+        "Multimodality", UNKNOWN, "", "distance of the features of reactions to one partner"
+    ),
+    "ape": Metric(
+        "APE", LOWER, "m", "average position error of the root", tolerance=0.1, exact_for_real=True
+    ),
+    "ave": Metric(
+        "AVE", LOWER, "m²", "average error of the root's variance over time", exact_for_real=True
+    ),
+    "ape_joints": Metric(
+        "APE, joints", LOWER, "m", "average position error of all joints", exact_for_real=True
+    ),
+    "ave_joints": Metric(
+        "AVE, joints", LOWER, "m²", "average variance error of all joints", exact_for_real=True
+    ),
+    "f2id_published": Metric("F²ID", LOWER, "", "1,000 samples with replacement, five times"),
+    "diversity_published": Metric("Diversity", CLOSER_TO_REAL, "", "over 500 disjoint pairs"),
+    "mmd_a_published": Metric("MMD-A", LOWER, "", "biased, many bandwidths; at least 2/n"),
+    "mmd_s_published": Metric("MMD-S", LOWER, "", "biased, many bandwidths; at least 2/n"),
+    "e_r": Metric("E_r", LOWER, "", "reconstruction error", tolerance=0.15),
+    "e_b": Metric("E_b", LOWER, "", "error of bone lengths"),
+    "jpd": Metric(
+        "JPD",
+        LOWER,
+        "",
+        "difference of the distances between the two bodies' joints",
+        tolerance=0.15,
+    ),
+}
+
+# The columns of each table; reports/details.json holds every metric.
+MAIN_COLUMNS = ("f2id", "f2id_excess", "mmd_a", "mmd_s", "diversity", "ape")
+PARTNER_COLUMNS = ("f2id_distances", "mmd_pair", "matching", "contact_agreement", "ape_joints")
+FURTHER_COLUMNS = ("foot_skate", "penetration", "multimodality", "f2id_infinity", "ave")
+PUBLISHED_COLUMNS = (
+    *("f2id_published", "diversity_published", "mmd_a_published", "mmd_s_published"),
+    *("ape", "ave"),
+)
+
+ROWS = {
+    "real": ("Real motion", "of reference a second sample, the floor; else the pairs tested"),
+    "oracle": ("Oracle", "a fresh replicate from the true gaussian: how good a score can get"),
+    "pacmo": ("PaCMO", ""),
+    "pacmo_augmented": ("PaCMO, augmented", "trained on clips and their variations"),
+    "pacmo_paper": ("PaCMO, as in the paper", "adversarial training alone"),
+    "regression": ("Regression", "the same operator, trained to predict one reaction"),
+    "gru": ("GRU", "baseline"),
+    "wrong_partner": ("Wrong partner", "real reactions, shuffled among partners"),
+    "real_pairs": ("Real pairs", "the pairs tested"),
+    "pacmo_permuted": ("PaCMO, wrong partner", "its reactions, shuffled among partners"),
+    "real_pairs_same_action": ("Real pairs", "of actions that others perform too"),
+    "wrong_partner_same_action": (
+        "Wrong partner, same actionion",
+        "real reactions, shuffled within each actionion",
+    ),
+    "pacmo_same_action": ("PaCMO", "of actions that others perform too"),
+    "pacmo_permuted_same_action": (
+        "PaCMO, wrong partner, same actionion",
+        "shuffled within each actionion",
+    ),
+}
+MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
+MAIN_ROWS = ("real", "oracle", *MODELS, "wrong_partner", "pacmo_permuted")
+SAME_ACTION_ROWS = (
+    *("real_pairs_same_action", "wrong_partner_same_action"),
+    *("pacmo_same_action", "pacmo_permuted_same_action"),
+)
+# Never marked as the best of a column: models are compared with them.
+REFERENCE_ROWS = {name for name in ROWS if name not in MODELS}
+
+
+def improvement_sign(name: str) -> int:
+    """Return −1 if lower is better, +1 if higher is, 0 if neither is by itself."""
+    return {LOWER: -1, HIGHER: 1}.get(METRICS[name].better, 0)

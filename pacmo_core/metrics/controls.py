@@ -1,0 +1,177 @@
+"""Controls of an evaluation: second samples of real motion, permuted partners, sensitivity.
+
+Second samples of real motion give the noise floor: the value of a metric for two samples of one
+distribution. Permuted partners show which metrics depend on the partner.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.metrics.bootstrap import Estimate, Interval, difference
+from pacmo_core.metrics.catalogue import METRICS, improvement_sign
+
+Indices = NDArray[np.intp]
+
+
+def second_samples(
+    clips: Sequence[str], n: int, n_replicates: int, generator: np.random.Generator
+) -> list[Indices]:
+    """Draw n samples clip by clip, without replacement, so many times; last clips may be cut short.
+
+    Parameters
+    ----------
+    clips : the clip of each sample
+    n : samples a replicate
+    n_replicates : replicates, each from all samples
+
+    Returns
+    -------
+    ``n_replicates`` times (n,) int; where there are no more than n samples, all of them once
+    """
+    if len(clips) <= n:
+        return [np.arange(len(clips))]
+    return [_shuffled_by_clip(clips, generator)[:n] for _ in range(n_replicates)]
+
+
+def split_halves_by_clip(
+    clips: Sequence[str], generator: np.random.Generator
+) -> tuple[Indices, Indices]:
+    """Deal samples into two halves that share no clip, their numbers as equal as clips allow.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two clips.
+    """
+    order = _shuffled_by_clip(clips, generator)
+    names = np.asarray(clips)[order]
+    starts = np.flatnonzero(names[1:] != names[:-1]) + 1
+    if not len(starts):
+        raise ValueError(f"halves by clip want at least 2 clips; got {sorted(set(clips))}")
+    cut = starts[np.argmin(np.abs(starts - len(order) / 2))]
+    return order[:cut], order[cut:]
+
+
+def _shuffled_by_clip(clips: Sequence[str], generator: np.random.Generator) -> Indices:
+    """Order samples so that clips stand together, the clips in random order."""
+    _, codes = np.unique(np.asarray(clips), return_inverse=True)
+    rank = generator.permutation(int(codes.max()) + 1)
+    return np.argsort(rank[codes], kind="stable")
+
+
+def permute_partners(
+    clips: Sequence[str], actions: Sequence[str] | None, generator: np.random.Generator
+) -> Indices:
+    """Permute reactions so that none stays in its clip, within actions if they are given.
+
+    Parameters
+    ----------
+    clips : the clip of each of n samples (the two people of a clip are two samples)
+    actions : the action of each sample, to exchange within one action only; None for any action
+    generator : deals the partners
+
+    Returns
+    -------
+    (n,) int: partner i gets the reaction of sample ``result[i]``; every reaction is used once
+
+    Raises
+    ------
+    ValueError
+        If a clip holds more than half of the samples among which it may exchange, so that no
+        such permutation exists.
+    """
+    groups = np.zeros(len(clips)) if actions is None else np.asarray(actions)
+    names = np.asarray(clips)
+    result = np.arange(len(clips))
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        if not _all_exchangeable(names[members]):
+            raise ValueError(
+                f"no wrong partners among {len(members)} samples of "
+                f"{'any action' if actions is None else f'action {group}'}: one clip has over half"
+            )
+        result[members] = members[_derangement(names[members], generator)]
+    return result
+
+
+def is_permutable(clips: Sequence[str], actions: Sequence[str]) -> NDArray[np.bool_]:
+    """Tell which samples are of an action whose clips can exchange partners, (n,)."""
+    groups, names = np.asarray(actions), np.asarray(clips)
+    possible = {group: _all_exchangeable(names[groups == group]) for group in np.unique(groups)}
+    return np.array([possible[group] for group in groups], dtype=np.bool_)
+
+
+def _all_exchangeable(names: NDArray[np.str_]) -> bool:
+    return bool(2 * np.unique(names, return_counts=True)[1].max() <= len(names))
+
+
+def _derangement(names: NDArray[np.str_], generator: np.random.Generator) -> Indices:
+    """Shift samples by the largest clip's size, then exchange at random what may be exchanged."""
+    _, codes, sizes = np.unique(names, return_inverse=True, return_counts=True)
+    n = len(names)
+    order = np.lexsort((generator.random(n), generator.permutation(len(sizes))[codes]))
+    result = np.zeros(n, dtype=np.intp)
+    result[order] = np.roll(order, -int(sizes.max()))
+    # The shift alone keeps the order of the clips; random exchanges reach every permutation.
+    for i, j in generator.integers(n, size=(20 * n, 2)):
+        if codes[i] != codes[result[j]] and codes[j] != codes[result[i]]:
+            result[i], result[j] = result[j], result[i]
+    return result
+
+
+# Those that are tested: published protocols have no paired replicates, multimodality no direction.
+TESTED = tuple(
+    name
+    for name, metric in METRICS.items()
+    if metric.better
+    and not name.endswith("_published")
+    and name not in ("fid", "e_r", "e_b", "jpd")
+)
+EXACT_FOR_REAL = frozenset(name for name, metric in METRICS.items() if metric.exact_for_real)
+
+
+@dataclass(frozen=True)
+class SensitivityInterval(Interval):
+    """The paired difference of true pairs less permuted ones, and whether it tells them apart.
+
+    Parameters
+    ----------
+    sensitive : the interval is clear of zero, on the good side where there is one
+    """
+
+    sensitive: bool
+
+
+def sensitivity(
+    true: Mapping[str, Estimate],
+    permuted: Mapping[str, Estimate],
+    confidence: float,
+    *,
+    left_out: frozenset[str] = frozenset(),
+) -> dict[str, SensitivityInterval]:
+    """Compare every metric that both rows have, replicate by replicate.
+
+    Parameters
+    ----------
+    true, permuted : metrics of the true pairs, and of the same reactions at other partners
+    left_out : ``PERFECT`` where the true pairs are the real ones
+    """
+    names = [name for name in TESTED if name in true and name in permuted and name not in left_out]
+    return {
+        name: _sensitivity_of(name, difference(true[name], permuted[name], confidence))
+        for name in names
+    }
+
+
+def _sensitivity_of(name: str, result: Interval) -> SensitivityInterval:
+    below, above = result.high < 0, result.low > 0
+    sensitive = {-1: below, 0: below or above, 1: above}[improvement_sign(name)]
+    return SensitivityInterval(
+        result.mean,
+        result.low,
+        result.high,
+        bool(sensitive) and not METRICS[name].partner_independent,
+    )

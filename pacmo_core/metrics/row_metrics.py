@@ -1,0 +1,404 @@
+"""The metrics of one row: distances of distributions, displacement, dependence on the partner.
+
+F²ID to the real reactions tested may be below that of two samples of real motion, since a row that
+reacts to the very partners tested shares their sampling error. So a row is also compared with
+second samples of real motion, of other people's or other recordings' clips: what it has beyond the
+score that real pairs have there is its excess.
+
+MMD of (partner, reaction) pairs has the kernel k((p, r), (p′, r′)) = k(p, p′) k(r, r′), both
+Gaussian: it is zero only for equal joint distributions (Szabó and Sriperumbudur 2018,
+*Characteristic and universal tensor product kernels*), so it depends on the pairing.
+"""
+
+from functools import cached_property
+
+import numpy as np
+
+from pacmo_core.metrics.bootstrap import Array, Estimate
+from pacmo_core.metrics.context import EvaluationContext
+from pacmo_core.metrics.displacement import position_errors, variance_errors
+from pacmo_core.metrics.diversity import disjoint_pair_mean, feature_distances, matching_accuracy
+from pacmo_core.metrics.f2id import (
+    Codes,
+    Gaussians,
+    common_coordinates,
+    extrapolate_to_infinity,
+    fit_gaussians,
+    flatten,
+    gaussian_distances,
+    weighted_f2id,
+)
+from pacmo_core.metrics.mmd import (
+    as_sequence,
+    mean_kernels,
+    median_bandwidth,
+    pair_means,
+    published_statistic,
+)
+from pacmo_core.metrics.plausibility import (
+    PrincipalComponents,
+    contact_agreement,
+    distance_functions,
+    fit_principal_components,
+    foot_skate,
+    penetration,
+)
+from pacmo_core.metrics.reactions import Reactions
+
+
+class GaussianReference:
+    """Gaussian processes fitted to the real motion, once for all rows.
+
+    Parameters
+    ----------
+    real : (n, D) coordinates of the real reactions tested
+    second_sets : (m, D) of each second sample
+    context : EvaluationContext
+    """
+
+    def __init__(self, real: Array, second_sets: list[Array], context: EvaluationContext) -> None:
+        self._coordinates = real, second_sets
+        self._context = context
+        numbered = enumerate(zip(second_sets, context.second_sets, strict=True), start=1)
+        self._second_codes = [context.codes(second, k) for k, (_, second) in numbered]
+
+    def between(self, row: Array, codes: Codes) -> Array:
+        """Measure F²ID to the real reactions tested, (1 + bootstrap,)."""
+        return gaussian_distances(self._real, fit_gaussians(row, codes, self._context.counts))
+
+    def second(self, row: Array, codes: Codes) -> Array:
+        """Average F²ID to the second samples, (1 + bootstrap,)."""
+        gaussian = fit_gaussians(row, codes, self._context.counts)
+        return np.asarray(
+            np.mean([gaussian_distances(gaussian, second) for second in self._second_sets], axis=0)
+        )
+
+    @cached_property
+    def floor(self) -> Array:
+        """Average F²ID between the real reactions tested and the second samples."""
+        return self.second(self._coordinates[0], self._context.partners)
+
+    def infinity(self, row: Array, codes: Codes) -> Array:
+        """Extrapolate F²ID to infinitely many samples of both, (1 + bootstrap,)."""
+        gaussian = fit_gaussians(row, codes, self._parts)
+        return self._extrapolated(gaussian_distances(self._real_parts, gaussian))
+
+    @cached_property
+    def floor_infinity(self) -> Array:
+        """Extrapolate the floor: what remains is that test and training clips differ."""
+        real = self._real_parts
+        result = [
+            gaussian_distances(real, fit_gaussians(x, codes, self._parts))
+            for x, codes in zip(self._coordinates[1], self._second_codes, strict=True)
+        ]
+        return self._extrapolated(np.mean(result, axis=0))
+
+    def _extrapolated(self, values: Array) -> Array:
+        """Average the repeats of the plain value and put the mean first."""
+        parts = self._context.part_counts
+        result = extrapolate_to_infinity(values.reshape(parts.shape[:2]))
+        repeats = self._context.settings.repeats
+        return np.concatenate([[result[:repeats].mean()], result[repeats:]])
+
+    @property
+    def _parts(self) -> Array:
+        parts = self._context.part_counts
+        return parts.reshape(-1, parts.shape[-1])
+
+    @cached_property
+    def _real(self) -> Gaussians:
+        return fit_gaussians(self._coordinates[0], self._context.partners, self._context.counts)
+
+    @cached_property
+    def _real_parts(self) -> Gaussians:
+        return fit_gaussians(self._coordinates[0], self._context.partners, self._parts)
+
+    @cached_property
+    def _second_sets(self) -> list[Gaussians]:
+        pairs = zip(self._coordinates[1], self._second_codes, strict=True)
+        return [fit_gaussians(x, codes, self._context.counts) for x, codes in pairs]
+
+
+class PairMmd:
+    """Real pairs of second samples, and what can be computed once for all rows.
+
+    Rows are held against second samples, where real pairs have a score of their own.
+
+    Parameters
+    ----------
+    context : EvaluationContext
+    """
+
+    def __init__(self, context: EvaluationContext) -> None:
+        self._context = context
+        train = _motions(context, context.train)
+        self._bandwidths = [np.array([median_bandwidth(side)]) for side in train]
+        self._second_sets = [_motions(context, second) for second in context.second_sets]
+        self._codes = [
+            context.codes(second, k) for k, second in enumerate(context.second_sets, start=1)
+        ]
+        self._within = [
+            pair_means(self._kernel(pairs, pairs), codes, codes, context.counts)
+            for pairs, codes in zip(self._second_sets, self._codes, strict=True)
+        ]
+
+    def measure(self, row: Reactions) -> Array:
+        """Average the unbiased squared discrepancy to the second samples, (1 + bootstrap,)."""
+        pairs, partner_codes = _motions(self._context, row), self._context.partners
+        counts = self._context.counts
+        within = pair_means(self._kernel(pairs, pairs), partner_codes, partner_codes, counts)
+        result = [
+            within
+            + other
+            - 2 * pair_means(self._kernel(pairs, second), partner_codes, codes, counts)
+            for second, codes, other in zip(
+                self._second_sets, self._codes, self._within, strict=True
+            )
+        ]
+        return np.asarray(np.mean(result, axis=0))
+
+    def permuted(self, row: Reactions, groups: Codes) -> Array:
+        """Measure as ``measure`` does, in the mean over all permutations of the reactions.
+
+        Permuted at random within each group, pairs follow the product of the marginals, so the
+        kernel's means are products of means and no permutation is sampled. A replicate's partners
+        and reactions weigh as in ``measure``: their difference is due to the pairing alone. One
+        permutation would add noise of its own, about twice as much.
+
+        Parameters
+        ----------
+        row : reactions to their own partners
+        groups : (n,) int; reactions are permuted within their group
+
+        Returns
+        -------
+        (1 + bootstrap,)
+        """
+        pairs = _motions(self._context, row)
+        members = groups == np.unique(groups)[:, None]
+        samples = members * self._context.counts[:, None, self._context.partners]  # (B, A, n)
+        sizes = samples.sum(axis=2)
+        shares = sizes / sizes.sum(axis=1, keepdims=True)
+        mean = samples / np.maximum(sizes, 1)[:, :, None]  # a group may be absent from a replicate
+        within = self._permuted_within(pairs, samples)
+        result = []
+        for second, codes, other in zip(self._second_sets, self._codes, self._within, strict=True):
+            partner, reaction = self._kernels(pairs, second)
+            weights = self._context.counts[:, codes]
+            weights = weights / weights.sum(axis=1, keepdims=True)
+            between = (mean @ partner) * (mean @ reaction)
+            result.append(within + other - 2 * np.einsum("ba,bam,bm->b", shares, between, weights))
+        return np.asarray(np.mean(result, axis=0))
+
+    def _permuted_within(self, pairs: tuple[Array, Array], samples: Array) -> Array:
+        partner_codes = self._context.partners
+        foreign = (partner_codes[:, None] != partner_codes).astype(np.float64)
+        numbers = _group_sums(samples, foreign)
+        partner, reaction = (
+            _group_sums(samples, kernel * foreign) / np.maximum(numbers, 1)
+            for kernel in self._kernels(pairs, pairs)
+        )
+        # Two groups weigh as many pairs of different clips as they have, as in ``measure``: were a
+        # group's clips compared more often here, permuted pairs would look more alike.
+        return np.asarray((numbers * partner * reaction).sum((1, 2)) / numbers.sum((1, 2)))
+
+    def _kernel(self, first: tuple[Array, Array], second: tuple[Array, Array]) -> Array:
+        partner, reaction = self._kernels(first, second)
+        return np.asarray(partner * reaction)
+
+    def _kernels(
+        self, first: tuple[Array, Array], second: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        sides = zip(first, second, self._bandwidths, strict=True)
+        partner, reaction = (mean_kernels(x, y, bandwidth)[0] for x, y, bandwidth in sides)
+        return partner, reaction
+
+
+def _group_sums(samples: Array, values: Array) -> Array:
+    """Sum (n, n) values over the samples of every two groups, (B, A, A)."""
+    return np.asarray(samples @ values @ samples.transpose(0, 2, 1))
+
+
+def _motions(context: EvaluationContext, row: Reactions) -> tuple[Array, Array]:
+    """Stack partners and reactions as whole sequences, two (n, 1, T·J·3)."""
+    return context.sequences(row.partners, row.times), context.sequences(row.motions, row.times)
+
+
+Estimates = dict[str, Estimate]
+
+
+def measure_f2id(
+    row: Reactions, reference: GaussianReference, context: EvaluationContext
+) -> Estimates:
+    """Measure F²ID: plain, excess over second samples, extrapolated to infinitely many."""
+    x = flatten(row.features, context.weights)
+    codes = context.codes(row)
+    replicates = {
+        "f2id": reference.between(x, codes),
+        "f2id_excess": reference.second(x, codes) - reference.floor,
+        "f2id_infinity": reference.infinity(x, codes),
+    }
+    return {name: as_estimate(values) for name, values in replicates.items()}
+
+
+def measure_published_f2id(row: Reactions, context: EvaluationContext) -> Estimates:
+    """Measure F²ID by the paper's protocol."""
+    vectors = (flatten(part.features, context.weights) for part in (context.real, row))
+    x, y = common_coordinates(*vectors)
+    values = [
+        weighted_f2id(x, y, sample_counts(a, len(x)), sample_counts(b, len(y)))
+        for a, b in context.published_samples(row)
+    ]
+    return {"f2id_published": as_repeats(values)}
+
+
+def measure_mmd(row: Reactions, codes: Codes, context: EvaluationContext) -> Estimates:
+    """Measure MMD-A and MMD-S, unbiased, and by the paper's protocol."""
+    i = context.partners
+    stacked = context.stacked(row)
+    shaped = {"mmd_a": stacked, "mmd_s": as_sequence(stacked)}
+    result: Estimates = {}
+    for name, real in context.real_kernels.items():
+        yy = mean_kernels(shaped[name], shaped[name], real.bandwidths)
+        xy = mean_kernels(real.motions, shaped[name], real.bandwidths)
+        means = [
+            pair_means(kernel[0], *clips, context.counts)
+            for kernel, clips in ((real.kernels, (i, i)), (yy, (codes, codes)), (xy, (i, codes)))
+        ]
+        result[name] = as_estimate(means[0] + means[1] - 2 * means[2])
+        kernels = [real.kernels[1:], yy[1:], xy[1:]]
+        paper = [
+            published_statistic(kernels, sample_counts(a, len(i)), sample_counts(b, len(codes)))
+            for a, b in context.published_samples(row)
+        ]
+        result[f"{name}_published"] = as_repeats(paper)
+    return result
+
+
+def measure_diversity(row: Reactions, codes: Codes, context: EvaluationContext) -> Estimates:
+    """Measure diversity, squared and plain, and by the paper's protocol."""
+    squared = feature_distances(row.features, context.weights, squared=True)
+    replicates = {"diversity": squared, "diversity_l2": np.sqrt(squared)}
+    result = {
+        name: as_estimate(pair_means(distances, codes, codes, context.counts))
+        for name, distances in replicates.items()
+    }
+    paper = [disjoint_pair_mean(squared, samples) for _, samples in context.published_samples(row)]
+    return result | {"diversity_published": as_repeats(paper)}
+
+
+def measure_displacement(row: Reactions, context: EvaluationContext) -> Estimates:
+    """Compare each reaction with the real one to the same partner: APE and AVE."""
+    errors = {
+        "ape": position_errors(row.motions, context.real.motions),
+        "ave": variance_errors(row.motions, context.real.motions),
+    }
+    # Clips are weighted by the partner's, also where the reaction comes from another clip.
+    shares = context.counts[:, context.partners]
+    shares = shares / shares.sum(axis=1, keepdims=True)
+    root = {name: value[:, context.settings.body.root] for name, value in errors.items()}
+    joints = {f"{name}_joints": value.mean(axis=1) for name, value in errors.items()}
+    return {name: as_estimate(shares @ value) for name, value in (root | joints).items()}
+
+
+def as_estimate(replicates: Array) -> Estimate:
+    """Split replicates of which the first has every clip once."""
+    return Estimate(float(replicates[0]), replicates[1:])
+
+
+def as_repeats(values: list[float]) -> Estimate:
+    """Hold repeats of the paper's protocol beside their mean."""
+    return Estimate(float(np.mean(values)), np.array(values))
+
+
+def sample_counts(samples: Codes, n: int) -> Array:
+    """Count how often each of n samples was samples."""
+    return np.bincount(samples, minlength=n).astype(np.float64)
+
+
+Reasons = dict[str, str]
+
+
+class PartnerMetrics:
+    """Metrics that change when reactions are permuted among partners.
+
+    Parameters
+    ----------
+    context : EvaluationContext
+    """
+
+    def __init__(self, context: EvaluationContext) -> None:
+        self._context = context
+        self._components = self._components_of_train()
+        second_sets = [self._coordinates(second) for second in context.second_sets]
+        self._reference = GaussianReference(self._coordinates(context.real), second_sets, context)
+        self._pairs = PairMmd(context)
+
+    def measure(self, row: Reactions) -> Estimates:
+        """Measure F²ID of distances between the bodies, MMD of pairs and matching."""
+        partners, settings = self._context.partners, self._context.settings
+        replicates = {
+            "f2id_distances": self._reference.second(self._coordinates(row), partners),
+            "mmd_pair": self._pairs.measure(row),
+            "matching": matching_accuracy(
+                row.embedded,
+                partners,
+                self._context.counts,
+                candidates=settings.candidates,
+            ),
+        }
+        return {name: as_estimate(values) for name, values in replicates.items()}
+
+    def permuted(self, row: Reactions, groups: Codes) -> Estimates:
+        """Measure what can be had in the mean over all permutations of a row's reactions."""
+        return {"mmd_pair": as_estimate(self._pairs.permuted(row, groups))}
+
+    def _components_of_train(self) -> PrincipalComponents:
+        settings, train = self._context.settings, self._context.train
+        functions = distance_functions(train, settings.body, settings.n_instants)
+        return fit_principal_components(functions, settings.n_components)
+
+    def _coordinates(self, row: Reactions) -> Array:
+        settings = self._context.settings
+        functions = distance_functions(row, settings.body, settings.n_instants)
+        return self._components.coordinates(functions)
+
+
+def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
+    """Measure foot sliding, inter-penetration and agreement of contact; say what cannot be."""
+    settings, real = context.settings, context.real
+    sums = {
+        "penetration": penetration(row, settings.body, radius=settings.body_radius),
+        "contact_agreement": contact_agreement(row, real, distance=settings.contact_distance),
+    }
+    reasons = {"contact_agreement": "no frame with contact", "foot_skate": "no foot stands"}
+    if settings.body.feet:
+        sums["foot_skate"] = foot_skate(row, real, settings.body, height=settings.foot_height)
+    else:
+        reasons["foot_skate"] = "the skeleton names no feet"
+    result: Estimates = {}
+    for name, (above, below) in sums.items():
+        weights = context.counts[:, context.partners]
+        if (weights @ below > 0).all():
+            result[name] = as_estimate((weights @ above) / (weights @ below))
+    return result, {name: reason for name, reason in reasons.items() if name not in result}
+
+
+def measure_multimodality(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
+    """Average the L²(time) distance of features of several reactions to one partner.
+
+    As Guo et al. (2020), *Action2Motion*, for actions: all pairs of a partner's reactions, a mean
+    over partners.
+    """
+    samples = np.concatenate([row.features[None], row.further])
+    if len(samples) < 2:
+        return {}, {"multimodality": "one reaction a partner"}
+    pairs = np.triu_indices(len(samples), k=1)
+    spread = np.array(
+        [
+            feature_distances(samples[:, i], context.weights, squared=False)[pairs].mean()
+            for i in range(len(row))
+        ]
+    )
+    weights = context.counts[:, context.partners]
+    return {"multimodality": as_estimate(weights @ spread / weights.sum(axis=1))}, {}
