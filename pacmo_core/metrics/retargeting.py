@@ -66,8 +66,8 @@ def pair_distance_error(pair: Pair, reference: Pair) -> float:
 def contacts_kept(pair: Pair, template: Pair, limits: RetargetingLimits) -> tuple[int, int]:
     """Count pairs of joints and frames that touch in the template: those kept, and all."""
     touching = _distances(template) < limits.touching
-    kept = touching & (_distances(pair) < limits.touching + limits.slack)
-    return int(kept.sum()), int(touching.sum())
+    is_kept = touching & (_distances(pair) < limits.touching + limits.slack)
+    return int(is_kept.sum()), int(touching.sum())
 
 
 def foot_skate(
