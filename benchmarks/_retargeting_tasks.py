@@ -1,4 +1,4 @@
-"""The 967 variations of nine two-person motions, as the augmentation paper counts them.
+"""The 967 variations of nine two-person motions of the augmentation paper's data set.
 
 Li et al. (2024), supplement, section 1: 363 frames each; all bones of one body, or one bone of its
 upper body, scaled by 0.75 to 1.25 in steps of 0.05.
@@ -67,10 +67,10 @@ def retargeting_tasks() -> tuple[str, list[Task]]:
     root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
     real = [window for name in TAKES for window in _windows(root, name)]
     kind, windows = ("real", real) if len(real) == 9 else ("synthetic", _synthetic())
-    shares = np.diff(np.linspace(0, N_VARIATIONS, len(windows) + 1).round().astype(int))
+    counts = np.diff(np.linspace(0, N_VARIATIONS, len(windows) + 1).round().astype(int))
     return kind, [
-        _task(name, interaction, int(share))
-        for (name, interaction), share in zip(windows, shares, strict=True)
+        _task(name, interaction, int(count))
+        for (name, interaction), count in zip(windows, counts, strict=True)
     ]
 
 

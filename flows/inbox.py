@@ -55,7 +55,7 @@ class Move:
     name : of the sequence
     files : its paths relative to the inbox
     to : the folder that they go to, under the same relative paths
-    reason : why it goes to quarantine; empty if it is taken
+    reason : why it goes to quarantine; empty if it is accepted
     line : of the file, where the error is; 0 if it has none
     """
 
@@ -124,12 +124,12 @@ class IntakeResult:
 
     Parameters
     ----------
-    taken : names of the captures taken
+    accepted : names of the captures that moved to the experiment's
     quarantined : reason by name
     waiting : files that still change, or are no capture of the format
     """
 
-    taken: tuple[str, ...]
+    accepted: tuple[str, ...]
     quarantined: dict[str, str]
     waiting: tuple[str, ...]
 
@@ -165,7 +165,7 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
     moves = _check_captures(ready, params, raw) if ready else []
     move_captures(INBOX, moves, INTAKE_PLAN)
     for move in moves:
-        verdict = "quarantined" if move.reason else "taken"
+        verdict = "quarantined" if move.reason else "accepted"
         log_event(f"{verdict}: {move.name}", reason=move.reason, line=move.line)
     return IntakeResult(
         tuple(move.name for move in moves if not move.reason),

@@ -122,7 +122,7 @@ def _run_steps(experiment: str, run: RunRecord) -> None:
     run.facts["corrupt_objects"] = run_step(remove_corrupt_objects)
     intake = run_step(take_captures, params.settle_s)
     run.facts |= vars(intake)
-    due = is_training_due(read_runs(RUNS), len(intake.taken), params.min_new_captures)
+    due = is_training_due(read_runs(RUNS), len(intake.accepted), params.min_new_captures)
     targets = [] if due else _STAGES_BEFORE_TRAINING
     run.facts["stages"] = run_stale_stages(targets, force=False, limit_s=limit_s)
     run.facts["trained"] = due
@@ -178,7 +178,7 @@ def check_disk(min_free_gb: float) -> None:
         )
 
 
-def is_training_due(runs: list[RunRecord], n_taken: int, min_new_captures: int) -> bool:
+def is_training_due(runs: list[RunRecord], n_accepted: int, min_new_captures: int) -> bool:
     """Return whether to train: unless there are new captures, but fewer than the minimum.
 
     Without new captures it is due: other changes were made by a person.
@@ -186,14 +186,14 @@ def is_training_due(runs: list[RunRecord], n_taken: int, min_new_captures: int) 
     Parameters
     ----------
     runs : records of earlier runs
-    n_taken : captures taken in by this run
+    n_accepted : captures accepted by this run
     min_new_captures : since the last training
     """
-    n_new = n_taken
+    n_new = n_accepted
     for run in reversed(runs):
         if run.facts.get("trained"):
             break
-        n_new += len(run.facts.get("taken", ()))
+        n_new += len(run.facts.get("accepted", ()))
     return not 0 < n_new < min_new_captures
 
 

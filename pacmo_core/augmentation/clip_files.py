@@ -1,4 +1,4 @@
-"""The files of one varied clip: its source, its variations, good or failed, and their records.
+"""The files of one varied clip: its source, its variations, accepted or failed, and their records.
 
 Both the variations and the files are cached (``pacmo_core.store.cache``): a variation under the
 hash of solver, code, source and bodies, the files under the hash of all that they depend on.
@@ -33,7 +33,7 @@ MOTIONS = "motions"
 
 @dataclass(frozen=True)
 class ClipFiles:
-    """What one clip adds to the folder of its dataset.
+    """The files of one clip in the folder of its dataset, and the records of its variations.
 
     Parameters
     ----------

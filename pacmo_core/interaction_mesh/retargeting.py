@@ -1,7 +1,7 @@
 """Retargets a two-person motion: prepares a source once, then solves for any number of bodies.
 
 A body gets several attempts of ADMM with growing penalties, until its result is within the limits.
-The scale that both bodies have in common is taken out before and applied to the whole scene after.
+The scale that both bodies have in common is divided out and applied to the whole scene at the end.
 """
 
 from collections.abc import Iterator

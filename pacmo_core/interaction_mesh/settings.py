@@ -65,7 +65,7 @@ class Attempt:
         compression of bones is so high that they buckle and ADMM cycles; large penalties always
         converge, slowly
     max_iterations : of ADMM
-    separation_penalty : ADMM penalty that keeps close pairs of joints of the two bodies apart;
+    separation_penalty : ADMM penalty of the separation of close pairs of joints of the two bodies;
         0 leaves these constraints out
     tolerance : on the fixed-point residual (``Report.fixed_point_residual``); a body that has not
         converged goes on to the next attempt

@@ -15,6 +15,7 @@ from pacmo_core.project.processes import marked_processes
 from pacmo_core.project.records import read_runs
 from pacmo_core.project.workspace import RUNS
 from tests.flows.projects import ROOT, drop, environment, make_project
+from tests.flows.test_serve import free_port
 
 pytestmark = pytest.mark.slow
 COMMAND = [sys.executable, "-m", "flows.run", "reproduce"]
@@ -82,10 +83,10 @@ def test_a_signal_in_a_stage_ends_the_run_and_its_record_says_so(project, number
 
 
 def test_serving_ends_on_ctrl_c_with_its_server(project):
-    mark = {VARIABLE: str(project)}
+    mark, port = {VARIABLE: str(project)}, free_port()
     with Path("serve.log").open("wb") as log:
         process = subprocess.Popen(
-            [sys.executable, "-m", "flows.serve", "--port", "4391"],
+            [sys.executable, "-m", "flows.serve", "--port", str(port)],
             env={**own_environment(), "PREFECT_HOME": str(project / ".prefect"), **mark},
             stdout=log,
             stderr=log,
@@ -93,7 +94,7 @@ def test_serving_ends_on_ctrl_c_with_its_server(project):
     while "prefect deployment run" not in Path("serve.log").read_text():
         assert process.poll() is None
         time.sleep(0.1)
-    assert "http://127.0.0.1:4391" in Path("serve.log").read_text()
+    assert f"http://127.0.0.1:{port}" in Path("serve.log").read_text()
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=LIMIT_S) == 130
     assert marked_processes(mark) == []

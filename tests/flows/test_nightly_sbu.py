@@ -167,11 +167,11 @@ def test_ten_captures_go_from_the_inbox_to_a_promotion_and_a_worse_model_is_held
     spoilt = {names[number] for number in SPOILT}
     assert (
         set(first.facts["quarantined"]) == spoilt
-        and set(first.facts["taken"]) == set(names) - spoilt
+        and set(first.facts["accepted"]) == set(names) - spoilt
     )
     assert len(list(Path("data/quarantine").rglob("reason.json"))) == len(SPOILT)
     clips = set(pq.read_table("data/clips/clips.parquet")["sequence"].to_pylist())
-    assert set(first.facts["taken"]) <= clips and not spoilt & clips
+    assert set(first.facts["accepted"]) <= clips and not spoilt & clips
 
     assert "; current " in second.reason and current.read_bytes() == good
     assert Path("models/1/pacmo/1/weights.safetensors").read_bytes() != good

@@ -85,7 +85,7 @@ def test_the_scheduled_nightly_promotes_and_then_holds_and_says_so_on_the_server
     port = free_port()
     process = serving(port)
     (first,) = wait_for_nights(1)[:1]
-    assert (first.facts["verdict"], len(first.facts["taken"])) == ("promoted", 7)
+    assert (first.facts["verdict"], len(first.facts["accepted"])) == ("promoted", 7)
     assert len(first.facts["quarantined"]) == 3
     set_params(project, f2id=0.9)
     held = next(run for run in wait_for_nights(3) if run.outcome == "rejected")
@@ -104,7 +104,7 @@ def test_the_scheduled_nightly_promotes_and_then_holds_and_says_so_on_the_server
     drop(project, range(10, 11))
     serving(port)
     later = wait_for_nights(before + 1)[before:]
-    assert "s01s02/01/010" in later[0].facts["taken"]
+    assert "s01s02/01/010" in later[0].facts["accepted"]
 
 
 def test_a_server_that_restarts_in_the_midst_of_a_night_costs_at_most_that_night(
@@ -113,7 +113,11 @@ def test_a_server_that_restarts_in_the_midst_of_a_night_costs_at_most_that_night
     drop(project, range(2))
     whole = Path("make.py").read_text()
     slow = whole.replace("import json, sys", "import json, sys, time")
-    Path("make.py").write_text(slow.replace('== "split":', '== "split":\n    time.sleep(15)'))
+    Path("make.py").write_text(
+        slow.replace(
+            '== "split":', '== "split":\n    while not Path("go").exists(): time.sleep(0.05)'
+        )
+    )
     port = free_port()
     monkeypatch.setenv("PREFECT_HOME", str(project / ".prefect"))
     server = running_server(port)
@@ -123,6 +127,7 @@ def test_a_server_that_restarts_in_the_midst_of_a_night_costs_at_most_that_night
     server.kill()
     server.wait()
     server = running_server(port)
+    Path("go").touch()
     try:
         (first,) = wait_for_nights(1)[:1]
         assert first.outcome in ("done", "failed")

@@ -6,20 +6,23 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from pacmo_core.project.lock import (
     WRITER_VARIABLE,
     BusyError,
-    is_alive,
     kill_orphans,
     lock_holder,
+    writer_environment,
     writer_lock,
 )
+from pacmo_core.project.processes import is_alive, marked_processes
 from pacmo_core.project.records import read_runs, record_run
 from pacmo_core.project.workspace import configure_logging, log_event
-from tests.flows.projects import ROOT
+
+ROOT = Path(__file__).parents[2]
 
 HOLD = """\
 import sys, time
@@ -68,7 +71,8 @@ def test_what_a_killed_writer_started_is_ended_and_nothing_else(tmp_path):
         subprocess.Popen(sleep, env={**os.environ, WRITER_VARIABLE: str(path.resolve()) + "2"}),
         subprocess.Popen(sleep),
     ]
-    time.sleep(0.2)
+    while orphan.pid not in marked_processes(writer_environment(path)):
+        time.sleep(0.01)
     assert kill_orphans(path) == [orphan.pid]
     assert orphan.wait() == -signal.SIGKILL and not is_alive(orphan.pid)
     assert [other.poll() for other in others] == [None, None]
