@@ -126,15 +126,15 @@ class PriorEvaluator:
             oriented(motion, ground_truth),
             oriented(ground_truth.template, ground_truth),
         )
-        kept, touching = retargeting.contacts_kept(predicted, template, self.limits)
+        kept, touching = retargeting.contacts_preserved(predicted, template, self.limits)
         skate, standing = retargeting.foot_skate(
             predicted, template, ground_truth.template.times, self.body, self.limits
         )
         merged = retargeting.penetrating_frames(predicted, self.body, self.limits)
         return {
-            "contacts_kept": (kept, touching),
-            "slide": (float(skate), float(standing)),
-            "merged": (merged, len(predicted)),
+            "contacts_preserved": (kept, touching),
+            "foot_skate": (float(skate), float(standing)),
+            "penetrating": (merged, len(predicted)),
         }
 
 

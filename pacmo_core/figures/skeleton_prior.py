@@ -76,9 +76,9 @@ METRIC_ROWS = (
     MetricRow("generation", "JPD", each=False, unit="mm", factor=1e3),
 )
 PLAUSIBILITY_ROWS = {
-    "contacts_kept": Metric("Contacts kept", "↑", "", "share of touching pairs and frames"),
-    "slide": Metric("Foot sliding", LOWER, "m/s", "of feet that stand in the source"),
-    "merged": Metric("Merged", LOWER, "", "share of frames in which the bodies merge"),
+    "contacts_preserved": Metric("Contacts kept", "↑", "", "share of touching pairs and frames"),
+    "foot_skate": Metric("Foot sliding", LOWER, "m/s", "of feet that stand in the source"),
+    "penetrating": Metric("Merged", LOWER, "", "share of frames in which the bodies merge"),
     "diversity": Metric("Diversity", UNKNOWN, "m", "distance of joints of two samples of a body"),
 }
 MOTIONS = tuple(SUPPLEMENT_TABLES)
