@@ -17,7 +17,9 @@ from pacmo_core.metrics.retargeting import (
     sample_diversity,
 )
 
-LIMITS = RetargetingLimits(contact_distance=0.1, contact_slack=0.02, foot_height=0.05, body_radius=0.05)
+LIMITS = RetargetingLimits(
+    contact_distance=0.1, contact_slack=0.02, foot_height=0.05, body_radius=0.05
+)
 RANDOM = np.random.default_rng(0)
 
 
