@@ -1,0 +1,370 @@
+"""What a researcher uses in a notebook: load, synthesise, train, react, retarget, evaluate, view.
+
+Settings are those of ``params.yaml`` unless an argument says otherwise. Every function checks its
+arguments and raises a ``TypeError`` or ``ValueError`` of one line that names the argument, what was
+wanted and what was got. ``import pacmo_core`` offers all of them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+from ruamel.yaml import YAML
+from torch import nn
+
+from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
+from pacmo_core.formats.registry import FORMATS, open_format
+from pacmo_core.interaction_mesh import Scene as MeshScene
+from pacmo_core.interaction_mesh import Settings, prepare
+from pacmo_core.interaction_mesh import retarget as retarget_scene
+from pacmo_core.metrics.displacement import ape, ave
+from pacmo_core.metrics.diversity import diversity
+from pacmo_core.metrics.f2id import f2id
+from pacmo_core.metrics.mmd import median_bandwidth as kernel_bandwidth
+from pacmo_core.metrics.mmd import mmd_a, mmd_s
+from pacmo_core.metrics.reactions import stack_motions
+from pacmo_core.models import MODELS, load_reaction_model
+from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
+from pacmo_core.reaction.data import to_partner_frame
+from pacmo_core.reaction.react import react as react_to_partner
+from pacmo_core.reaction.windows import ReactionModel, is_deterministic
+from pacmo_core.store.files import write_text
+from pacmo_core.store.motions import stream_motions
+from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
+from pacmo_core.training.loop import TrainingData
+
+_N_FRAMES = 64  # common length of motions for MMD, as in the section evaluate_pacmo
+_CONTACT_DISTANCE = 0.1  # metres, of the viewer's contacts
+
+
+def default_settings(section: str) -> dict[str, Any]:
+    """Read one section of the default ``params.yaml``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such section.
+    """
+    _check("section", section, str)
+    params = _default_params()
+    if section not in params:
+        raise ValueError(f"section must be one of {', '.join(params)}; got {section!r}")
+    return dict(params[section])
+
+
+def load_clips(
+    folder: str | Path,
+    format: str | None = None,  # noqa: A002  # the name of the option everywhere
+    **settings: Any,
+) -> dict[str, Interaction]:
+    """Load two-person clips.
+
+    Parameters
+    ----------
+    folder : of Parquet, such as ``data/clips``, or of raw captures in a format
+    format : of raw captures: ntu, sbu, bvh, cmu, ...; None for Parquet
+    settings : of the format, such as ``fps=30.0``
+
+    Returns
+    -------
+    interactions by name: metres, y up, seconds
+
+    Raises
+    ------
+    FormatError
+        If a capture is broken: with the file, the line and the reason.
+    ValueError
+        If there is no such format or folder, or a setting is wrong.
+    """
+    path = Path(_check("folder", folder, str, Path))
+    if not path.is_dir():
+        raise ValueError(f"folder must be an existing folder; got {str(folder)!r}")
+    if format is None:
+        return dict(stream_motions(path / "motions.parquet"))
+    if format not in FORMATS:
+        raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {format!r}")
+    reader = open_format(format, settings)
+    return {sequence.name: reader.read(sequence).interaction for sequence in reader.find(path)}
+
+
+def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:
+    """Sample clips of the embedded default, whose distribution of reactions is known.
+
+    Parameters
+    ----------
+    n : how many; ten actions by each pair of people
+    random_seed : of the population and of every clip
+
+    Returns
+    -------
+    interactions by name: 25 Kinect joints, 30 frames a second
+    """
+    _check_positive("n", n)
+    _check("random_seed", random_seed, int)
+    scripts = sample_scripts(
+        random_seed,
+        population=random_seed,
+        pairs=-(-n // len(ACTIONS)),
+        actions=tuple(ACTIONS),
+        replications=1,
+    )
+    return {
+        f"{script.action}-{script.pair}": sample_interaction(script, random)
+        for script, random in islice(scripts, n)
+    }
+
+
+def train(
+    name: str,
+    clips: Sequence[Interaction],
+    *,
+    validation: Sequence[Interaction] = (),
+    actions: Sequence[str] = (),
+    random_seed: int = 1,
+    device: str = "cpu",
+    **settings: Any,
+) -> nn.Module:
+    """Train a model of reactions or a feature extractor.
+
+    Parameters
+    ----------
+    name : pacmo, pacmo_paper, regression, gru, autoencoder or matcher
+    clips : that it learns from, all of one skeleton
+    validation : on which the weights are selected; without, the last epoch's are taken
+    actions : label of each clip, for a model that is conditioned on labels
+    random_seed : of weights, batches and noise
+    device : cpu or cuda
+    settings : that replace those of the model's section of ``params.yaml``, such as ``n_epochs=5``
+    """
+    kinds = ("reaction", "features")
+    known = [model.name for model in MODELS.values() if model.kind in kinds]
+    if name not in known:
+        raise ValueError(f"name must be one of {', '.join(known)}; got {name!r}")
+    learnt = _check_clips("clips", clips)
+    held_out = _check_clips("validation", validation, least=0)
+    model = MODELS[name]
+    section = default_settings(model.section) | settings
+    section.pop("threads", None)
+    section.setdefault("random_seed", random_seed)
+    # Without validation there is nothing to select weights by, and no epoch to begin with.
+    if not held_out and "validate_from" in section:
+        section["validate_from"] = min(section["validate_from"], section["n_epochs"])
+    options = _validated(f"settings of {name}", model.settings_class(), section)
+    labels = list(actions) or [""] * len(learnt)
+    if len(labels) != len(learnt):
+        raise ValueError(f"actions must be one for each clip, {len(learnt)}; got {len(labels)}")
+    data = TrainingData(learnt, held_out, labels, [""] * len(held_out))
+    trained: nn.Module = model.build_training(data, options, device=device).finish()
+    return trained
+
+
+def react(
+    model: ReactionModel | str | Path,
+    partner: Interaction,
+    *,
+    person: str = "a",
+    n_samples: int = 1,
+    random_seed: int = 1,
+) -> list[Interaction]:
+    """Generate reactions to one person of a clip, at the clip's frames.
+
+    Parameters
+    ----------
+    model : trained, or the path of its ``weights.safetensors``
+    partner : the clip
+    person : ``a`` or ``b``, who is the partner; the other's motion is not read
+    n_samples : how many; 1 for a deterministic model
+    random_seed : of the noise
+
+    Returns
+    -------
+    interactions: ``person_a`` the partner, ``person_b`` the reaction
+    """
+    _check("partner", partner, Interaction)
+    _check_positive("n_samples", n_samples)
+    if person not in ("a", "b"):
+        raise ValueError(f"person must be a or b; got {person!r}")
+    loaded = load_reaction_model(model) if isinstance(model, str | Path) else model
+    if is_deterministic(loaded) and n_samples != 1:
+        raise ValueError(f"n_samples must be 1 for a deterministic model; got {n_samples}")
+    seen = partner if person == "a" else partner.swapped()
+    random = torch.Generator().manual_seed(random_seed)
+    motions = react_to_partner(
+        loaded, seen.person_a, seen.times, out_times=seen.times, n_samples=n_samples, random=random
+    )
+    return [replace(seen, person_b=motion) for motion in motions]
+
+
+def retarget(
+    clip: Interaction,
+    *,
+    a: Mapping[str, float] | str | None = None,
+    b: Mapping[str, float] | str | None = None,
+) -> Interaction:
+    """Give the two people other bone lengths and keep their interaction (InteractionMesh).
+
+    Parameters
+    ----------
+    clip : the source
+    a, b : of person a and b: scales by segment, such as ``{"left_forearm": 1.2}`` or
+        ``{"uniform": 0.8}``; or the name of a profile, such as ``"child"``; None to keep the body
+
+    Raises
+    ------
+    ValueError
+        If neither body changes, or a segment or profile is not known: with those that are.
+    """
+    _check("clip", clip, Interaction)
+    if a is None and b is None:
+        raise ValueError("a and b must not both be None: one body must change")
+    scales = [
+        _scales(name, change, motion, clip)
+        for name, change, motion in (("a", a, clip.person_a), ("b", b, clip.person_b))
+    ]
+    section = default_settings("augment")["solver"]
+    solver = _validated("settings of the solver", Settings, section)
+    scene = MeshScene((clip.person_a, clip.person_b), (clip.skeleton,) * 2, clip.fps)
+    (points,) = retarget_scene(prepare(scene, solver), np.concatenate(scales)[None]).points
+    people = np.split(points.astype(np.float32), [len(clip.skeleton.joints)], axis=1)
+    person_a, person_b = (np.ascontiguousarray(person) for person in people)
+    return replace(clip, person_a=person_a, person_b=person_b)
+
+
+def evaluate(
+    real: Sequence[Interaction],
+    generated: Sequence[Interaction],
+    *,
+    extractor: Autoencoder | None = None,
+    random_seed: int = 1,
+    **settings: Any,
+) -> dict[str, float]:
+    """Compare generated reactions with the real ones to the same partners.
+
+    Parameters
+    ----------
+    real, generated : n clips each, ``person_a`` the partner, at the same times
+    extractor : the auto-encoder of the features; None to train one on ``real``
+    random_seed : of the extractor and of the pairs of the diversity
+    settings : of the extractor's training, such as ``n_epochs=20``
+
+    Returns
+    -------
+    ``f2id``, ``mmd_a``, ``mmd_s``, ``diversity`` and ``diversity_real``, ``ape`` (m) and ``ave``
+    (m²) of the root; pacmo_core/metrics/catalogue.py says what each is
+    """
+    first, second = (
+        [to_partner_frame(clip) for clip in _check_clips(name, clips, least=2)]
+        for name, clips in (("real", real), ("generated", generated))
+    )
+    if len(first) != len(second):
+        raise ValueError(f"generated must have {len(first)} clips, as real; got {len(second)}")
+    if extractor is None:
+        settings = {"random_seed": random_seed, **settings}
+        extractor = _check("extractor", train("autoencoder", first, **settings), Autoencoder)
+    features = [encode_features(extractor, clips) for clips in (first, second)]
+    weights = np.full(features[0].shape[-1], 1 / features[0].shape[-1])
+    x, y = (_stacked(clips) for clips in (first, second))
+    codes = np.arange(len(first))
+    bandwidths = kernel_bandwidth(x), kernel_bandwidth(x.reshape(len(x), 1, -1))
+    random = [np.random.default_rng(random_seed) for _ in range(2)]
+    root = first[0].skeleton.root
+    motions = [[clip.person_b for clip in clips] for clips in (second, first)]
+    return {
+        "f2id": f2id(features[0], features[1], weights),
+        "mmd_a": mmd_a(x, y, codes, codes, bandwidth=bandwidths[0]),
+        "mmd_s": mmd_s(x, y, codes, codes, bandwidth=bandwidths[1]),
+        "diversity": diversity(features[1], weights, squared=True, generator=random[0]),
+        "diversity_real": diversity(features[0], weights, squared=True, generator=random[1]),
+        "ape": float(ape(*motions, weighting="sequence")[root]),
+        "ave": float(ave(*motions, weighting="sequence")[root]),
+    }
+
+
+def view(clips: Mapping[str, Interaction], path: str | Path) -> Path:
+    """Write a page that plays clips side by side in 3-D; it opens without a network.
+
+    Parameters
+    ----------
+    clips : by label, one to six
+    path : of the page, such as ``view.html``
+    """
+    _check("clips", clips, Mapping)
+    if not 1 <= len(clips) <= MAX_CLIPS:
+        raise ValueError(f"clips must be 1 to {MAX_CLIPS}; got {len(clips)}")
+    file = Path(_check("path", path, str, Path))
+    scenes = [Scene.of(label, _check(label, clip, Interaction)) for label, clip in clips.items()]
+    write_text(file, render_viewer(scenes, contact=_CONTACT_DISTANCE))
+    return file
+
+
+@cache
+def _default_params() -> dict[str, Any]:
+    """Read the packaged ``params.yaml``; in a checkout the root's, its only copy."""
+    packaged = Path(__file__).with_name("params.yaml")
+    file = packaged if packaged.exists() else Path(__file__).parents[1] / "params.yaml"
+    params: dict[str, Any] = YAML(typ="safe").load(file)
+    return params
+
+
+def _scales(
+    name: str, change: Mapping[str, float] | str | None, motion: NDArray[np.float32], clip: Any
+) -> NDArray[np.float64]:
+    body = measure_body(motion, clip.skeleton)
+    try:
+        if isinstance(change, str):
+            return profile_scales(body, change)
+        return segment_scales(body, dict(change or {}))
+    except (KeyError, ValueError) as error:
+        raise ValueError(f"{name}: {error.args[0]}") from None
+
+
+def _stacked(clips: Sequence[Interaction]) -> NDArray[np.float64]:
+    motions, times = [clip.person_b for clip in clips], [clip.times for clip in clips]
+    return stack_motions(motions, times, _N_FRAMES)
+
+
+def _validated(what: str, kind: type[Any], values: Mapping[str, Any]) -> Any:
+    known = set(kind.__dataclass_fields__)
+    unknown = sorted(set(values) - known)
+    if unknown:
+        raise ValueError(f"{what}: wanted {', '.join(sorted(known))}; got {', '.join(unknown)}")
+    try:
+        return TypeAdapter(kind).validate_python(dict(values))
+    except ValidationError as fault:
+        first = fault.errors()[0]
+        key = ".".join(map(str, first["loc"])) or what
+        raise ValueError(f"{key}: {first['msg']}; got {first['input']!r}") from None
+
+
+def _check(name: str, value: Any, *kinds: type) -> Any:
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        wanted = " or ".join(kind.__name__ for kind in kinds)
+        raise TypeError(f"{name} must be {wanted}; got {type(value).__name__}")
+    return value
+
+
+def _check_positive(name: str, value: Any) -> None:
+    if _check(name, value, int) < 1:
+        raise ValueError(f"{name} must be at least 1; got {value}")
+
+
+def _check_clips(name: str, clips: Any, least: int = 1) -> list[Interaction]:
+    """Check that clips are interactions of one skeleton, enough of them."""
+    _check(name, clips, Sequence)
+    for number, clip in enumerate(clips):
+        _check(f"{name}[{number}]", clip, Interaction)
+    if len(clips) < least:
+        raise ValueError(f"{name} must be at least {least} clips; got {len(clips)}")
+    skeletons = {clip.skeleton.name for clip in clips}
+    if len(skeletons) > 1:
+        raise ValueError(f"{name} must be of one skeleton; got {', '.join(sorted(skeletons))}")
+    return list(clips)

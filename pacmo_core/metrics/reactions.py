@@ -16,7 +16,7 @@ class Reactions:
     features : (n, C, r), the features of (partner, reaction) on the common grid
     motions : n reactions (T_i, J, 3), metres
     partners : n motions given, (T_i, J, 3), metres, at the same times
-    times : n times (T_i,), second_sets, strictly increasing
+    times : n times (T_i,), seconds, strictly increasing
     clips : the clip that each reaction was recorded in, or generated for
     embedded : (2, n, E) unit vectors of a matcher, of the partners and of the reactions
     further : (S, n, C, r), features of S further reactions to each partner; S may be 0
@@ -92,7 +92,7 @@ def to_length(
     Parameters
     ----------
     motion : (T, J, 3) metres
-    times : (T,) second_sets, strictly increasing
+    times : (T,) seconds, strictly increasing
     n_frames : at least 2
 
     Returns

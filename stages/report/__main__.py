@@ -38,6 +38,7 @@ PATHS = (
 # The curves and reactions that the page shows, in this order.
 CURVES = (*model_names("features"), *model_names("reaction"))
 REACTIONS = ("oracle", *model_names("reaction"))
+FOLDERS = {"skeleton_prior": "prior"}  # short, so that the table of dvc metrics fits a terminal
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def write_rows_of(folder: Path, compared: dict[str, dict[str, dict[str, float]]]
     """Write a file for each row, so that ``dvc metrics`` prints a line a row."""
     for table, rows in compared.items():
         for row, figures in rows.items():
-            write_json(folder / table / f"{row}.json", figures)
+            write_json(folder / FOLDERS.get(table, table) / f"{row}.json", figures)
 
 
 def provenance(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str]:
