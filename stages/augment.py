@@ -146,8 +146,8 @@ def second_dataset(
         for number, (start, stop) in enumerate(edges):
             name = clip_name(facts.sequence, number, len(edges))
             clips[name] = sequence.frames(start, stop)
-            own = replace(facts, clip=name, duration=clips[name].duration, frames=stop - start)
-            rows[name] = replace(own, start_frame=start)
+            record = replace(facts, clip=name, duration=clips[name].duration, frames=stop - start)
+            rows[name] = replace(record, start_frame=start)
     read = clips.__getitem__
     yield SourceDataset(second.dataset, _select_clips(rows, read, selection, raw), read)
 
@@ -246,8 +246,8 @@ class CacheState:
         """Read what came of each variation."""
         for body, variation in clip.variations:
             entry = cache.get(variation_key(clip.source, body))
-            made = variation_from_entry(entry) if entry else self.refused[clip.source]
-            yield variation, made
+            n_solved = variation_from_entry(entry) if entry else self.refused[clip.source]
+            yield variation, n_solved
 
 
 def variation_key(source: str, body: str) -> str:
@@ -349,8 +349,8 @@ def _store_outcome(outcome: BatchResult, state: CacheState, cache: Cache) -> Non
     """Add a batch to the cache as it is done."""
     if outcome.error:
         state.refused[outcome.source_key] = outcome.error
-    for body, made in outcome.variations.items():
-        cache.put(variation_key(outcome.source_key, body), variation_to_entry(made))
+    for body, n_solved in outcome.variations.items():
+        cache.put(variation_key(outcome.source_key, body), variation_to_entry(n_solved))
         state.cached.add(variation_key(outcome.source_key, body))
 
 

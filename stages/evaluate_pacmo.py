@@ -62,7 +62,7 @@ class DirectedSet:
         """Give partner i the reaction of sample ``order[i]``, and its clip's name with it."""
         sets = [self.interactions, *self.further]
         permuted = [
-            [replace_reaction(own, some[i]) for own, i in zip(some, order, strict=True)]
+            [replace_reaction(original, some[i]) for original, i in zip(some, order, strict=True)]
             for some in sets
         ]
         clips = [self.clips[i] for i in order]
@@ -202,10 +202,10 @@ def evaluate(paths: argparse.Namespace, params: Params) -> None:
             real.take(within),
             [(row, k, directed.take(within)) for row, k, directed in permuted_rows],
         )
-        own = (
+        group_table = (
             table if len(within) == len(real.names) else make_table(extractors, some, train, params)
         )
-        block = RowGroup(extractors, own, some, SAME_ACTION)
+        block = RowGroup(extractors, group_table, some, SAME_ACTION)
         measured += [*block.real_rows()[1:], *block.models(permuted_rows)]
         measured += block.permuted(
             permuted_rows, permutation(some, params.random_seed, actions=True)
@@ -284,10 +284,10 @@ class RowGroup:
         ]
 
     def _dealt(self, directed: DirectedSet, order: Indices, groups: Indices) -> RowMetrics:
-        own, permuted = (
+        original, permuted = (
             self.extractors.reactions(some) for some in (directed, directed.permuted(order))
         )
-        return self.table.measure_permuted(own, permuted, groups)
+        return self.table.measure_permuted(original, permuted, groups)
 
 
 def permutation(real: DirectedSet, random_seed: int, *, actions: bool) -> Indices:

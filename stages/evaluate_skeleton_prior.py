@@ -112,9 +112,9 @@ class PriorEvaluator:
             ground_truth.scales[::-1] if is_b_first(ground_truth.scales) else ground_truth.scales
         )
         skeleton = ground_truth.template.skeleton
-        places = retargeting.joint_error(predicted, expected)
+        paths = retargeting.joint_error(predicted, expected)
         bones = retargeting.bone_error(predicted, template, scales, skeleton)
-        columns = {"E_r": places, "E_b": bones}
+        columns = {"E_r": paths, "E_b": bones}
         return {
             f"{metric}_{name}": float(values[role])
             for metric, values in columns.items()
@@ -126,15 +126,15 @@ class PriorEvaluator:
             oriented(motion, ground_truth),
             oriented(ground_truth.template, ground_truth),
         )
-        kept, touching = retargeting.contacts_kept(predicted, template, self.limits)
+        kept, touching = retargeting.contacts_preserved(predicted, template, self.limits)
         skate, standing = retargeting.foot_skate(
             predicted, template, ground_truth.template.times, self.body, self.limits
         )
         merged = retargeting.penetrating_frames(predicted, self.body, self.limits)
         return {
-            "contacts_kept": (kept, touching),
-            "slide": (float(skate), float(standing)),
-            "merged": (merged, len(predicted)),
+            "contacts_preserved": (kept, touching),
+            "foot_skate": (float(skate), float(standing)),
+            "penetrating": (merged, len(predicted)),
         }
 
 
@@ -208,8 +208,8 @@ def solve_bodies(
     """``(V, T, 2 J, 3)`` metres: what the solver makes of a source on bodies (V, 2, E)."""
     people = (template.person_a, template.person_b)
     scene = Scene(people, (template.skeleton,) * 2, template.fps)
-    made = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
-    return made.points.astype(np.float32)
+    n_solved = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
+    return n_solved.points.astype(np.float32)
 
 
 def evaluate_retargeting(
@@ -301,9 +301,9 @@ def main(paths: argparse.Namespace) -> None:
 def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
     """Train the extractor on both characters of the real variations."""
     motions = [example.variation for example in real]
-    seen = [m for role in (0, 1) for m in characters(motions, real, role)]
+    interaction = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
-    fitted = features.build_extractor_training(seen, skeleton, params.extractor).finish()
+    fitted = features.build_extractor_training(interaction, skeleton, params.extractor).finish()
     return PriorEvaluator(fitted, find_body_joints(skeleton), params.limits)
 
 

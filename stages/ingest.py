@@ -44,13 +44,13 @@ class Params:
 
 def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
     params = read_params("ingest", Params)
-    found = sorted(
+    result = sorted(
         open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
     )
-    included = [sequence for sequence in found if is_included(sequence, raw, params.include)]
+    included = [sequence for sequence in result if is_included(sequence, raw, params.include)]
     if not included:
         raise ValueError(
-            f"{raw}: found {len(found)} captures of format {params.format}, "
+            f"{raw}: found {len(result)} captures of format {params.format}, "
             f"none of them under {', '.join(params.include)}"
         )
 
@@ -74,7 +74,7 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
     counts = {
         "sequences_read": len(included),
         "files_read": sum(len(sequence.files) for sequence in included),
-        "not_included": len(found) - len(included),
+        "not_included": len(result) - len(included),
         "usable": len(rows),
         "quarantined": len(quarantined),
     }

@@ -29,15 +29,15 @@ def main(paths: argparse.Namespace) -> None:
     params = read_settings(model, paths)
     data = read_training_data(paths.clips, paths.splits)
     extra: dict[str, Any] = {}
-    seen = data
+    interaction = data
     if paths.variations:
         extra["variations"] = read_variations(paths)
         # All that it is trained on, and so what a checkpoint depends on.
-        seen = replace(data, train=[*data.train, *extra["variations"].interactions])
+        interaction = replace(data, train=[*data.train, *extra["variations"].interactions])
     task = Task(
         model,
         params,
-        seen,
+        interaction,
         lambda device: model.build_training(data, params, device=device, **extra),
     )
     train(task, paths.model, paths.curve)

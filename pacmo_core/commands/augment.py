@@ -56,8 +56,8 @@ def read_solver_section(params: Path) -> SolverSection:
         return TypeAdapter(SolverSection).validate_python(section)
     except ValidationError as fault:
         first = fault.errors()[0]
-        place = ".".join(map(str, ("augment", *first["loc"])))
-        raise CommandError(f"{params}, {place}: {first['msg']}, got {first['input']!r}") from fault
+        key = ".".join(map(str, ("augment", *first["loc"])))
+        raise CommandError(f"{params}, {key}: {first['msg']}, got {first['input']!r}") from fault
 
 
 First = Annotated[Path, typer.Argument(help="a capture of two people, or of person a")]
@@ -118,13 +118,13 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         scales = _requested_scales(duo, wishes, _profiles(profile))
         label = "_".join([*(f"{p}-{w}" for p, ws in zip(PEOPLE, (a_scale, b_scale), strict=True)
                             for w in ws), *profile]).replace("=", "-")  # fmt: skip
-        found = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
-        moved = duo.moved(_split_people(duo, found.points[0]))
-        places, miss = write_two_people(moved, scales, label, out)
-        figures = report_measurements(found.reports[0]) | _measure(duo, moved, scales)
-        for line in _report_lines(figures, solving.limits, miss):
+        result = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
+        moved = duo.moved(_split_people(duo, result.points[0]))
+        places, max_error = write_two_people(moved, scales, label, out)
+        figures = report_measurements(result.reports[0]) | _measure(duo, moved, scales)
+        for line in _report_lines(figures, solving.limits, max_error):
             typer.echo(line)
-        typer.echo(f"{len(found.points[0])} frames in {', '.join(map(str, places))}")
+        typer.echo(f"{len(result.points[0])} frames in {', '.join(map(str, places))}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -155,12 +155,12 @@ def _requested_scales(
     """Give either person's scales."""
     if not any(wishes) and not profiles:
         raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
-    found = []
+    result = []
     for person, name, factors in zip(duo.people, PEOPLE, wishes, strict=True):
         body = measure_body(person.motion, person.skeleton)
         scales = segment_scales(body, factors)
-        found.append(scales * profile_scales(body, profiles[name]) if name in profiles else scales)
-    return found[0], found[1]
+        result.append(scales * profile_scales(body, profiles[name]) if name in profiles else scales)
+    return result[0], result[1]
 
 
 def _split_people(duo: TwoPersonCapture, points: Scales) -> tuple[Motion, Motion]:
@@ -174,8 +174,8 @@ def _measure(
 ) -> dict[str, float]:
     """Measure the worse of the two trunks."""
     changes = [
-        trunk_deformation(source.motion, varied.motion, source.skeleton, own)
-        for source, varied, own in zip(duo.people, moved.people, scales, strict=True)
+        trunk_deformation(source.motion, varied.motion, source.skeleton, scales_of_person)
+        for source, varied, scales_of_person in zip(duo.people, moved.people, scales, strict=True)
     ]
     return {"trunk_deformation": max(changes)}
 

@@ -109,9 +109,9 @@ def check_output(duo: TwoPersonCapture, out: Path) -> None:
             f"{out}: Parquet holds two people of one skeleton; name a folder for BVH"
         )
     standing = {file.resolve() for file in duo.files}
-    for place in [out] if suffix == ".parquet" else _output_files(duo, out):
-        if place.resolve() in standing:
-            raise CommandError(f"{out}: this would write over {place}; name another place")
+    for file in [out] if suffix == ".parquet" else _output_files(duo, out):
+        if file.resolve() in standing:
+            raise CommandError(f"{out}: this would write over {file}; name another place")
 
 
 def write_two_people(
@@ -134,17 +134,17 @@ def write_two_people(
             pair = Interaction(a.skeleton, times, a.motion, b.motion)
             writer.add(f"{duo.name}~{label}", pair)
         return [out], 0.0
-    places, miss = _output_files(duo, out), 0.0
-    for number, (person, own) in enumerate(zip(duo.people, scales, strict=True)):
+    files, max_error = _output_files(duo, out), 0.0
+    for number, (person, scales_of_person) in enumerate(zip(duo.people, scales, strict=True)):
         if duo.files[0].suffix.lower() == ".bvh":
             file = duo.files[number]
-            written, metres = _rewritten(file, duo.settings, person, own)
-            write_text(places[number], written.text)
-            miss = max(miss, float(written.errors.max()) * metres)
+            written, metres = _rewritten(file, duo.settings, person, scales_of_person)
+            write_text(files[number], written.text)
+            max_error = max(max_error, float(written.errors.max()) * metres)
         else:
             fps = float(1 / np.median(np.diff(person.times)))
-            write_text(places[number], format_bvh(person.motion, fps, person.skeleton))
-    return places, miss
+            write_text(files[number], format_bvh(person.motion, fps, person.skeleton))
+    return files, max_error
 
 
 def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:
@@ -166,7 +166,7 @@ def _rewritten(
     bvh, pairs = read_bvh(file), BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **settings})
     metres = pairs.metres(file)
     x, y, z = np.moveaxis(person.motion.astype(np.float64) / metres, -1, 0)
-    places = np.stack((x, y, z) if pairs.up_axis == "y" else (x, -z, y), axis=-1)
+    files = np.stack((x, y, z) if pairs.up_axis == "y" else (x, -z, y), axis=-1)
     joints = [bvh.joints.index(name) for name in person.skeleton.joints]
     scales = np.ones(len(bvh.joints))
     bones = person.skeleton.bones[:, 1].tolist()
@@ -174,18 +174,18 @@ def _rewritten(
         scales[joints[child]] = scale
     for end in bvh.end_sites:
         scales[end] = scales[bvh.parents[end]]
-    return rewrite_bvh(file, bvh, joints, places, scales), metres
+    return rewrite_bvh(file, bvh, joints, files, scales), metres
 
 
 def _make_capture(
     name: str, files: tuple[Path, ...], settings: Mapping[str, Any], people: list[PersonMotion]
 ) -> TwoPersonCapture:
     a, b = (_without_zero_bones(person) for person in people)
-    said = " and ".join(str(file) for file in files)
+    text = " and ".join(str(file) for file in files)
     if len(a.times) != len(b.times):
-        raise CommandError(f"{said}: {len(a.times)} frames of one, {len(b.times)} of the other")
+        raise CommandError(f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other")
     if not np.allclose(a.times, b.times, rtol=1e-4):
-        raise CommandError(f"{said}: not on one clock; {a.times[-1]:g} s and {b.times[-1]:g} s")
+        raise CommandError(f"{text}: not on one clock; {a.times[-1]:g} s and {b.times[-1]:g} s")
     return TwoPersonCapture(name, files, settings, (a, b))
 
 

@@ -178,29 +178,29 @@ def extract_skeletons(archive: Path) -> Iterator[tuple[str, bytes]]:
     try:
         with zipfile.ZipFile(archive) as opened:
             members = _selected_members(archive, opened.infolist())
-            for place, member in members.items():
-                yield place, opened.read(member)
+            for path, member in members.items():
+                yield path, opened.read(member)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
         raise ArchiveError(f"{_label(archive)}: not a whole zip archive ({error})") from error
 
 
 def _selected_members(archive: Path, members: list[zipfile.ZipInfo]) -> dict[str, zipfile.ZipInfo]:
-    chosen: dict[str, zipfile.ZipInfo] = {}
+    selected: dict[str, zipfile.ZipInfo] = {}
     for member in members:
         _refuse_escape(archive, member)
         match = _TAKE.fullmatch(member.filename)
         if match is None or member.filename.startswith("__MACOSX/"):
             continue
-        if match[1] in chosen:
+        if match[1] in selected:
             raise ArchiveError(f"{_label(archive)}: holds {match[1]} twice")
         if member.file_size > _MAX_BYTES:
             raise ArchiveError(
                 f"{_label(archive)}: {member.filename} claims {member.file_size} bytes"
             )
-        chosen[match[1]] = member
-    if not chosen:
+        selected[match[1]] = member
+    if not selected:
         raise ArchiveError(f"{_label(archive)}: holds no skeleton_pos.txt")
-    return chosen
+    return selected
 
 
 def _refuse_escape(archive: Path, member: zipfile.ZipInfo) -> None:

@@ -213,7 +213,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     options = {"preset": preset, "unit": from_unit, "up": from_up, "fps": from_fps}
     settings = {name: value for name, value in options.items() if value is not None}
     with reading_errors_in_one_line():
-        wanted = ExportOptions(fps, up, unit)
-        wanted.check(out)
-        files, lost = export_scene(read_scene(clip, form, settings), out, wanted)
+        expected = ExportOptions(fps, up, unit)
+        expected.check(out)
+        files, lost = export_scene(read_scene(clip, form, settings), out, expected)
     typer.echo(", ".join(map(str, files)) + (f"; {lost}" if lost else ""))

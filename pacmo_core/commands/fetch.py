@@ -145,7 +145,7 @@ class Fetcher:
     def fetch_archive(self, url: str, folder: str, outcome: Outcome) -> None:
         """Bring the skeletons of the archive at ``url`` to ``folder``, then drop the archive."""
         known = self.sums.places(folder)
-        if known and all(self.sums.verified(place) for place in known):
+        if known and all(self.sums.verified(path) for path in known):
             outcome.there.extend(known)
             return
         archive = self._download(url, self.sums.root / f"{folder}.zip")
@@ -161,14 +161,14 @@ class Fetcher:
     def _unpack(self, archive: PartialFile, folder: str, outcome: Outcome) -> set[str]:
         came = set()
         for name, content in extract_skeletons(archive.file):
-            place = f"{folder}/{name}"
-            part = PartialFile(self.sums.root / place)
+            path = f"{folder}/{name}"
+            part = PartialFile(self.sums.root / path)
             part.file.parent.mkdir(parents=True, exist_ok=True)
             part.file.write_bytes(content)
-            came.add(place)
+            came.add(path)
             try:
-                self._settle(part, place)
-                outcome.fetched.append(place)
+                self._settle(part, path)
+                outcome.fetched.append(path)
             except MismatchError as fault:
                 outcome.faults.append(fault)
         return came
@@ -183,14 +183,18 @@ class Fetcher:
 
         Whatever stood there unverified, and a file that failed, is set aside as ``.aside``.
         """
-        target, wanted, got = self.sums.root / place, self.sums.wanted(place), sha256_of(part.file)
+        target, expected, got = (
+            self.sums.root / place,
+            self.sums.wanted(place),
+            sha256_of(part.file),
+        )
         aside = target.with_name(f"{target.name}.aside")
         if target.exists() and not self.sums.verified(place):
             target.replace(aside)
-        if wanted not in (None, got) and not self.accept_changed:
+        if expected not in (None, got) and not self.accept_changed:
             part.move_to(aside)
             raise MismatchError(
-                f"{target}: wanted SHA-256 {wanted}, got {got}; set aside as {aside.name}"
+                f"{target}: wanted SHA-256 {expected}, got {got}; set aside as {aside.name}"
             )
         self.sums.record(place, got)
         part.move_to(target)
@@ -210,12 +214,12 @@ def fetch_dataset(
     """
     outcome = Outcome()
     for file in [file for part in parts or source.parts for file in source.files(part)]:
-        url, place = f"{base_url.rstrip('/')}/{file}", f"{source.folder}/{file}"
+        url, path = f"{base_url.rstrip('/')}/{file}", f"{source.folder}/{file}"
         try:
             if file.endswith(".zip"):
-                fetcher.fetch_archive(url, place.removesuffix(".zip"), outcome)
+                fetcher.fetch_archive(url, path.removesuffix(".zip"), outcome)
             else:
-                fetcher.fetch_file(url, place, outcome)
+                fetcher.fetch_file(url, path, outcome)
         except (MissingError, MismatchError, ArchiveError) as fault:
             outcome.faults.append(fault)
     return outcome
@@ -316,8 +320,8 @@ def _run(
 
 def _check_usage(source: OpenDataset, base_url: str | None, only: list[str]) -> None:
     if unknown := [part for part in only if part not in source.parts]:
-        wanted = ", ".join(source.parts)
-        raise typer.BadParameter(f"--only {unknown[0]}: {source.name} has {wanted}")
+        expected = ", ".join(source.parts)
+        raise typer.BadParameter(f"--only {unknown[0]}: {source.name} has {expected}")
     if base_url is not None and not _is_web_address(base_url):
         raise typer.BadParameter(f"--base-url must be an http or https address; got {base_url!r}")
 

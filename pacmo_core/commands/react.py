@@ -190,8 +190,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         random = torch.Generator().manual_seed(seed)
         seen = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [seen], n_samples=samples, random=random)
-        shown = sample_poses(Spline(capture.times, capture.motion), at)
-        files = write_reactions(Reactions(name, model.skeleton, at - at[0], shown, motions), out)
+        selected = sample_poses(Spline(capture.times, capture.motion), at)
+        files = write_reactions(Reactions(name, model.skeleton, at - at[0], selected, motions), out)
         typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
 
 

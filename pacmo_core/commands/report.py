@@ -63,8 +63,8 @@ def read_measured(history: Path) -> list[Measurement]:
 
 
 def _measurement(facts: dict[str, Any], digest: str, number: int) -> Measurement:
-    found = facts["pacmo"]["rows"].get(MODEL, {})
-    metrics = {name: found[name] for name in COMPARED_METRICS if name in found}
+    result = facts["pacmo"]["rows"].get(MODEL, {})
+    metrics = {name: result[name] for name in COMPARED_METRICS if name in result}
     return Measurement(number, utc_now(), facts["experiment"], commit(), digest, metrics)
 
 
@@ -110,11 +110,11 @@ def study_table(found: dict[str, Any]) -> StudyTable:
     """Lay out what ``pacmo study report`` counted beside the paper's table 3."""
     lines = tuple(
         (
-            VERDICT_LABELS[said],
-            *(_format_share(found[kind][said]) for kind in (REAL, GENERATED)),
-            *PAPER_STUDY[said],
+            VERDICT_LABELS[text],
+            *(_format_share(found[kind][text]) for kind in (REAL, GENERATED)),
+            *PAPER_STUDY[text],
         )
-        for said in VERDICT_LABELS
+        for text in VERDICT_LABELS
     )
     return StudyTable(lines, tuple(_notes(found)))
 
@@ -129,8 +129,8 @@ def _notes(found: dict[str, Any]) -> Iterator[str]:
     )
     of, digest = Path(found["of"]["reactions"]), found["of"]["reactions_sha256"]
     same = of.exists() and hashlib.sha256(of.read_bytes()).hexdigest() == digest
-    shown = "those of this run" if same else "not those that stand here now: another run's"
-    yield f"The reactions judged are {shown} ({of.as_posix()}, SHA-256 {digest[:16]})."
+    selected = "those of this run" if same else "not those that stand here now: another run's"
+    yield f"The reactions judged are {selected} ({of.as_posix()}, SHA-256 {digest[:16]})."
 
 
 def _format_share(found: dict[str, Any]) -> str:
@@ -153,7 +153,7 @@ def stages_run(lock: Path) -> Iterator[StageRun]:
     stages = YAML(typ="safe").load(lock)["stages"]
     for name, facts in stages.items():
         read, wrote = (
-            tuple((found["path"], str(found.get("md5", ""))) for found in facts.get(kind, ()))
+            tuple((result["path"], str(result.get("md5", ""))) for result in facts.get(kind, ()))
             for kind in ("deps", "outs")
         )
         yield StageRun(name, facts["cmd"].strip(), read, wrote)

@@ -89,16 +89,18 @@ def report(
     with reading_errors_in_one_line():
         opened = Study(study)
         answers = opened.answers()
-        found = {**count_answers(answers), "of": opened.facts()}
+        result = {**count_answers(answers), "of": opened.facts()}
         if out:
-            write_text(out, json.dumps(found, indent=2) + "\n")
+            write_text(out, json.dumps(result, indent=2) + "\n")
     table = Table("", "captured", "generated", box=None)
     for name, verdict in (("taken for real", "real"), ("taken for made up", "made_up")):
         table.add_row(
-            name, *(_share_text(Share(**found[kind][verdict])) for kind in (REAL, GENERATED))
+            name, *(_share_text(Share(**result[kind][verdict])) for kind in (REAL, GENERATED))
         )
     Console().print(table)
-    typer.echo(f"{len(answers)} answers of {found['people']} people. {_bias_text(found['mixed'])}")
+    typer.echo(
+        f"{len(answers)} answers of {result['people']} people. {_bias_text(result['mixed'])}"
+    )
 
 
 def count_answers(answers: list[Answer]) -> dict[str, Any]:
@@ -111,17 +113,17 @@ def count_answers(answers: list[Answer]) -> dict[str, Any]:
     """
     if {answer.kind for answer in answers} != {REAL, GENERATED}:
         raise CommandError(f"wanted answers to clips of both kinds; got {len(answers)} answers")
-    found: dict[str, Any] = {"people": len({answer.person for answer in answers})}
+    result: dict[str, Any] = {"people": len({answer.person for answer in answers})}
     for kind in (REAL, GENERATED):
-        said = [answer.real for answer in answers if answer.kind == kind]
-        taken = sum(said)
-        found[kind] = {
-            "real": asdict(share(taken, len(said))),
-            "made_up": asdict(share(len(said) - taken, len(said))),
+        text = [answer.real for answer in answers if answer.kind == kind]
+        taken_for_real = sum(text)
+        result[kind] = {
+            "real": asdict(share(taken_for_real, len(text))),
+            "made_up": asdict(share(len(text) - taken_for_real, len(text))),
         }
     columns = zip(*((a.person, a.item, a.kind == REAL, a.real) for a in answers), strict=True)
-    found["mixed"] = asdict(fit_mixed(*columns))
-    return found
+    result["mixed"] = asdict(fit_mixed(*columns))
+    return result
 
 
 def _share_text(found: Share) -> str:

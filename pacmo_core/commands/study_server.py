@@ -60,12 +60,12 @@ class RateLimiter:
     def allows(self, address: str, now: float) -> bool:
         """Count a question; say whether it may be answered."""
         with self._lock:
-            left, then = self._seen.pop(address, (self.burst, now))
-            left = min(self.burst, left + (now - then) * self.rate)
-            self._seen[address] = (left - 1 if left >= 1 else left, now)
+            remaining, then = self._seen.pop(address, (self.burst, now))
+            remaining = min(self.burst, remaining + (now - then) * self.rate)
+            self._seen[address] = (remaining - 1 if remaining >= 1 else remaining, now)
             if len(self._seen) > MAX_ADDRESSES:
                 del self._seen[next(iter(self._seen))]
-            return left >= 1
+            return remaining >= 1
 
 
 @dataclass(frozen=True)

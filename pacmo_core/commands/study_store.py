@@ -167,10 +167,10 @@ class Study:
             ).fetchone()
             if begun >= most:
                 return 0
-            chosen = draw(self._candidates())
-            places = [(person, place, item) for place, item in enumerate(chosen)]
+            selected = draw(self._candidates())
+            places = [(person, path, item) for path, item in enumerate(selected)]
             self._database.executemany("INSERT INTO shown VALUES (?, ?, ?)", places)
-        return len(chosen)
+        return len(selected)
 
     def candidates(self) -> list[Candidate]:
         """List the clips, and how often each has been shown."""
@@ -186,7 +186,7 @@ class Study:
             rows = self._database.execute(
                 "SELECT place FROM answers WHERE person = ? ORDER BY place", (person,)
             ).fetchall()
-        return count, [place for (place,) in rows]
+        return count, [path for (path,) in rows]
 
     def scene(self, person: str, place: int) -> str | None:
         """Give the clip at a participant's place; None if there is none."""
@@ -218,8 +218,7 @@ class Study:
                 "JOIN shown USING (person, place) JOIN items USING (item) ORDER BY person, place"
             ).fetchall()
         return [
-            Answer(person, place, item, kind, bool(real))
-            for person, place, item, kind, real in rows
+            Answer(person, path, item, kind, bool(real)) for person, path, item, kind, real in rows
         ]
 
     def _candidates(self) -> list[Candidate]:
@@ -284,14 +283,14 @@ def balanced_sample(
     """
     order = random.permutation(len(candidates))
     waiting = sorted((candidates[k] for k in order), key=lambda c: c.times_shown)
-    wanted = {REAL: count // 2, GENERATED: count // 2}
-    wanted[(REAL, GENERATED)[int(random.integers(2))]] += count % 2
-    chosen: list[int] = []
+    expected = {REAL: count // 2, GENERATED: count // 2}
+    expected[(REAL, GENERATED)[int(random.integers(2))]] += count % 2
+    selected: list[int] = []
     sources: set[str] = set()
     for kind in random.permutation(np.array([REAL, GENERATED])).tolist():
         fitting = [c for c in waiting if c.kind == kind and c.source not in sources]
-        if len(fitting) < wanted[kind]:
+        if len(fitting) < expected[kind]:
             raise ValueError(f"a participant wants {count} sources; the study has fewer")
-        chosen += [c.item for c in fitting[: wanted[kind]]]
-        sources |= {c.source for c in fitting[: wanted[kind]]}
-    return [chosen[k] for k in random.permutation(len(chosen))]
+        selected += [c.item for c in fitting[: expected[kind]]]
+        sources |= {c.source for c in fitting[: expected[kind]]}
+    return [selected[k] for k in random.permutation(len(selected))]

@@ -89,10 +89,10 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         places = _output_files(duo, samples, out)
         wishes = [parse_factors(words) for words in (a_scale, b_scale)]
         random = torch.Generator().manual_seed(seed)
-        found = list(_variations(model, duo, wishes, samples, random))
-        written = _write(duo, found, places)
+        result = list(_variations(model, duo, wishes, samples, random))
+        written = _write(duo, result, places)
         typer.echo(
-            f"{len(found)} x {len(duo.people[0].times)} frames in "
+            f"{len(result)} x {len(duo.people[0].times)} frames in "
             f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
         )
 
@@ -115,12 +115,15 @@ def _variations(
     source = Interaction(model.config.skeleton, a.times - a.times[0], a.motion, b.motion)
     if any(wishes):
         scales = _requested_scales(duo.people, wishes)[None]
-        (found,) = retarget(model, source, scales, samples=samples, random=random)
-        yield from ((pair, scales[0]) for pair in found)
+        (result,) = retarget(model, source, scales, samples=samples, random=random)
+        yield from ((pair, scales[0]) for pair in result)
         return
     scales = generate_skeletons(model, samples, random=random)
-    made = retarget(model, source, scales, samples=1, random=random)
-    yield from ((pair, own) for (pair,), own in zip(made, scales, strict=True))
+    variations = retarget(model, source, scales, samples=1, random=random)
+    yield from (
+        (pair, scales_of_person)
+        for (pair,), scales_of_person in zip(variations, scales, strict=True)
+    )
 
 
 def _requested_scales(
@@ -137,14 +140,14 @@ def _requested_scales(
 def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
     """Say where samples go, before any work is done: one place, or a folder for each."""
     if samples == 1 or is_parquet(out):
-        places = [out]
+        files = [out]
     elif out.suffix and not out.is_dir():
         raise CommandError(f"{out}: wanted a folder or a .parquet file for {samples} samples")
     else:
-        places = [out / str(number) for number in range(samples)]
-    for place in places:
-        check_output(duo, place)
-    return places
+        files = [out / str(number) for number in range(samples)]
+    for file in files:
+        check_output(duo, file)
+    return files
 
 
 def _write(
@@ -157,8 +160,10 @@ def _write(
                 writer.add(f"{duo.name}~{number:04d}", pair)
         return places
     written: list[Path] = []
-    for number, ((pair, own), place) in enumerate(zip(found, places, strict=True)):
+    for number, ((pair, scales_of_person), file) in enumerate(zip(found, places, strict=True)):
         moved = duo.moved((pair.person_a, pair.person_b))
-        files, _ = write_two_people(moved, (own[0], own[1]), str(number), place)
+        files, _ = write_two_people(
+            moved, (scales_of_person[0], scales_of_person[1]), str(number), file
+        )
         written += files
     return written

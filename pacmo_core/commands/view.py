@@ -93,10 +93,10 @@ def _read_captures(files: list[Path], form: str | None, settings: Mapping[str, A
     )
     # Every format of one person a file pairs people; a person paired with himself is one.
     both = (files[0], files[-1]) if pairs else (files[0],)
-    seen = opened.read(RawSequence(files[0].stem, both)).interaction
+    interaction = opened.read(RawSequence(files[0].stem, both)).interaction
     label = " + ".join(file.stem for file in files)
     alone = pairs and len(files) == 1
-    return _make_scene(label, seen) if alone else Scene.of(label, seen)
+    return _make_scene(label, interaction) if alone else Scene.of(label, interaction)
 
 
 def _make_scene(label: str, seen: Interaction) -> Scene:

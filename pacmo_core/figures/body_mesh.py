@@ -35,7 +35,7 @@ def make_skin(body: BodyShape, skeleton: Skeleton, rest: Array) -> Skin:
         centre = rest[list(body.head)].mean(axis=0)
         parts.append(_hull([(centre, body.head_radius, body.head[0])], np.eye(3)))
     if not parts:
-        parts = [_hull([(place, 0.05, joint)], np.eye(3)) for joint, place in enumerate(rest)]
+        parts = [_hull([(position, 0.05, joint)], np.eye(3)) for joint, position in enumerate(rest)]
     return _concatenate_skins(parts)
 
 
@@ -74,9 +74,9 @@ def _hull(spheres: Sequence[Sphere], axes: Array) -> Skin:
     turned = normals.reshape(-1, 3) @ axes
     centres, radii, joints = (np.array(values) for values in zip(*spheres, strict=True))
     flat = which.reshape(-1)
-    places = centres[flat] + turned * radii[flat][:, None]
+    positions = centres[flat] + turned * radii[flat][:, None]
     return Skin(
-        places.astype(np.float32),
+        positions.astype(np.float32),
         turned.astype(np.float32),
         joints[flat],
         _faces(len(rows), len(columns)),

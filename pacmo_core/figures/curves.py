@@ -73,13 +73,13 @@ class Chart:
 def charts(curve: Curve) -> list[Chart]:
     """Draw every term that was measured at least once."""
     steps = np.asarray(curve.steps, dtype=np.float64)
-    drawn = []
+    sampled = []
     for name, term in curve.terms.items():
         values = np.asarray(term, dtype=np.float64)
         known = np.isfinite(values)
         if known.any():
-            drawn.append(_chart(name, curve.x_label, steps[known], values[known]))
-    return drawn
+            sampled.append(_chart(name, curve.x_label, steps[known], values[known]))
+    return sampled
 
 
 def _chart(

@@ -27,8 +27,8 @@ class DecisionRow:
 def render_history(curve: Curve | None, rows: Sequence[DecisionRow]) -> str:
     """Render the page; it needs no network."""
     page = template_environment().get_template("history.html")
-    drawn = charts(replace(curve, terms=_labelled_terms(curve.terms))) if curve else []
-    return page.render(charts=drawn, rows=rows, style=Markup(read_asset("report.css")))
+    sampled = charts(replace(curve, terms=_labelled_terms(curve.terms))) if curve else []
+    return page.render(charts=sampled, rows=rows, style=Markup(read_asset("report.css")))
 
 
 def _labelled_terms(terms: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
@@ -112,21 +112,23 @@ def add_history(page: str, beside: ReportContext) -> str:
         if page.count(mark) != 1:
             raise ValueError(f"wanted one {mark} in the page; got {page.count(mark)}")
     template = template_environment().get_template("whole.html")
-    given = {
+    context = {
         "beside": beside,
         "columns": [METRICS[name] for name in COMPARED_METRICS],
         "by_experiment": _history_charts(beside.runs),
     }
-    links, sections = (template.render(part=part, **given) for part in ("links", "sections"))
+    links, sections = (template.render(part=part, **context) for part in ("links", "sections"))
     return page.replace(LINKS, links).replace(SECTIONS, sections)
 
 
 def _history_charts(runs: Sequence[Measurement]) -> dict[str, list[Chart]]:
     """Draw the metrics of each experiment that ran more than once."""
-    own: dict[str, list[Measurement]] = {}
+    by_experiment: dict[str, list[Measurement]] = {}
     for run in runs:
-        own.setdefault(run.experiment, []).append(run)
-    return {name: charts(_curve(found)) for name, found in own.items() if len(found) > 1}
+        by_experiment.setdefault(run.experiment, []).append(run)
+    return {
+        name: charts(_curve(result)) for name, result in by_experiment.items() if len(result) > 1
+    }
 
 
 def _curve(runs: Sequence[Measurement]) -> Curve:

@@ -76,9 +76,9 @@ METRIC_ROWS = (
     MetricRow("generation", "JPD", each=False, unit="mm", factor=1e3),
 )
 PLAUSIBILITY_ROWS = {
-    "contacts_kept": Metric("Contacts kept", "↑", "", "share of touching pairs and frames"),
-    "slide": Metric("Foot sliding", LOWER, "m/s", "of feet that stand in the source"),
-    "merged": Metric("Merged", LOWER, "", "share of frames in which the bodies merge"),
+    "contacts_preserved": Metric("Contacts kept", "↑", "", "share of touching pairs and frames"),
+    "foot_skate": Metric("Foot sliding", LOWER, "m/s", "of feet that stand in the source"),
+    "penetrating": Metric("Merged", LOWER, "", "share of frames in which the bodies merge"),
     "diversity": Metric("Diversity", UNKNOWN, "m", "distance of joints of two samples of a body"),
 }
 MOTIONS = tuple(SUPPLEMENT_TABLES)
@@ -97,10 +97,10 @@ def motion_table(scores: Scores, motion: str) -> Table:
     for number_of_block, block in enumerate(METRIC_ROWS):
         for row, split in enumerate(SPLITS):
             theirs = dict(zip(SUPPLEMENT_COLUMNS, printed[4 * number_of_block + row], strict=True))
-            found = scores.get(block.task, {}).get(split, {})
-            if not found:
+            result = scores.get(block.task, {}).get(split, {})
+            if not result:
                 continue
-            entries = tuple(_cell(found, model, block, theirs.get(model, "")) for model in MODELS)
+            entries = tuple(_cell(result, model, block, theirs.get(model, "")) for model in MODELS)
             lines.append(Line(block.label, SPLITS[split], is_model=True, entries=entries))
     return Table(tuple(MODELS.values()), tuple(lines))
 
@@ -186,15 +186,17 @@ def _cell(found: Found, model: str, block: MetricRow, printed: str) -> Entry:
         for cell in cells
         if "low" in cell
     ]
-    complete = {m: own for m, own in found.items() if all(part in own for part in block.parts)}
+    complete = {
+        m: metrics for m, metrics in found.items() if all(part in metrics for part in block.parts)
+    }
     best = min(complete, key=lambda m: _mean(complete[m], block))
     entry = Entry(value, "\n".join([*spread, *([theirs] if theirs else [])]), "", "")
     return replace(entry, mark="best") if model == best and len(complete) > 1 else entry
 
 
 def _best_entry(scores: Scores, split: str, models: tuple[str, ...], block: MetricRow) -> Entry:
-    found = scores.get(block.task, {}).get(split, {})
-    means = [_mean(found[model], block) for model in models if model in found]
+    result = scores.get(block.task, {}).get(split, {})
+    means = [_mean(result[model], block) for model in models if model in result]
     if not means:
         return Entry("–", "", "", "")
     return Entry(format_number(block.factor * min(means)), "", "", "")

@@ -109,8 +109,8 @@ def fit_view(interaction: Interaction, frames: Sequence[int], seen: Camera, leas
     flat = project(both.astype(np.float64), seen)[..., :2].reshape(-1, 2)
     low, high = flat.min(axis=0) - MARGIN, flat.max(axis=0) + MARGIN
     width = max(least, high[0] - low[0], (high[1] - low[1]) / ASPECT)
-    left, bottom = 0.5 * (low + high) - 0.5 * width * np.array([1.0, ASPECT])
-    return Box(float(left), float(bottom), float(width))
+    remaining, bottom = 0.5 * (low + high) - 0.5 * width * np.array([1.0, ASPECT])
+    return Box(float(remaining), float(bottom), float(width))
 
 
 def draw_interaction(
@@ -180,12 +180,12 @@ def film_strip(
     rows, columns = len(interactions), len(interactions[0][2])
     figure = Figure(figsize=(columns * inches, rows * ASPECT * inches), facecolor="white")
     for row, (title, interaction, frames) in enumerate(interactions):
-        seen = choose_camera(interaction)
-        box = fit_view(interaction, frames, seen, least)
+        camera = choose_camera(interaction)
+        box = fit_view(interaction, frames, camera, least)
         for column, frame in enumerate(frames):
             corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
             axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
-            draw_interaction(axes, interaction, frame, seen=seen, box=box)
+            draw_interaction(axes, interaction, frame, seen=camera, box=box)
             label = f"{interaction.times[frame]:.2f} s"
             axes.text(
                 0.97, 0.94, label, transform=axes.transAxes, ha="right", fontsize=6, color="#777"
@@ -259,12 +259,12 @@ def _draw_frames(path: Path, clip: Interaction, writer: AbstractMovieWriter) -> 
     figure = Figure(figsize=(_INCHES, ASPECT * _INCHES), dpi=_DPI, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))
-    seen = choose_camera(clip)
-    box = fit_view(clip, range(len(clip.times)), seen, _MIN_VIEW)
+    camera = choose_camera(clip)
+    box = fit_view(clip, range(len(clip.times)), camera, _MIN_VIEW)
     with writer.saving(figure, str(path), _DPI):
         for frame in range(len(clip.times)):
             axes.clear()
-            draw_interaction(axes, clip, frame, seen=seen, box=box)
+            draw_interaction(axes, clip, frame, seen=camera, box=box)
             axes.text(
                 0.97, 0.95, _time_label(clip.times, frame), transform=axes.transAxes, ha="right"
             )

@@ -55,8 +55,8 @@ class Table:
     @property
     def reasons(self) -> list[str]:
         """Why values are missing, each reason once, in the order of the cells."""
-        given = [entry.reason for line in self.lines for entry in line.entries if entry.reason]
-        return list(dict.fromkeys(given))
+        reasons = [entry.reason for line in self.lines for entry in line.entries if entry.reason]
+        return list(dict.fromkeys(reasons))
 
 
 def metrics_table(rows: Rows) -> Table:
@@ -86,10 +86,10 @@ def metrics_table(rows: Rows) -> Table:
 
 def markdown_table(rows: Rows) -> str:
     """Write rows of metrics as a Markdown table: the best model bold, ``≈`` where level with it."""
-    shown = metrics_table(rows)
-    head = ["", *(f"{_plain(m.label)} {m.better}".strip() for m in shown.metrics)]
-    body = [[_plain(line.label), *map(_markdown, line.entries)] for line in shown.lines]
-    ruler = ["---", *["---:"] * len(shown.metrics)]
+    selected = metrics_table(rows)
+    head = ["", *(f"{_plain(m.label)} {m.better}".strip() for m in selected.metrics)]
+    body = [[_plain(line.label), *map(_markdown, line.entries)] for line in selected.lines]
+    ruler = ["---", *["---:"] * len(selected.metrics)]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in [head, ruler, *body]) + "\n"
 
 
@@ -199,9 +199,9 @@ def _transposed_table(
     columns: Rows, labels: Mapping[str, str], marked: Callable[[Cell, str], bool]
 ) -> Table:
     """Make a column of each comparison and a line of each metric that the page knows."""
-    shown = [name for name in METRICS if any(name in cells for cells in columns.values())]
+    selected = [name for name in METRICS if any(name in cells for cells in columns.values())]
     lines = []
-    for name in shown:
+    for name in selected:
         cells = [column.get(name, _REASON) for column in columns.values()]
         entries = tuple(make_entry(cell, "best" if marked(cell, name) else "") for cell in cells)
         metric = METRICS[name]
@@ -260,22 +260,24 @@ def augmentation_table(pooled: Mapping[str, Any]) -> Table:
 
 def augmentation_verdict(pooled: Mapping[str, Any]) -> str:
     """Say in a sentence whether it pays, whichever way that is."""
-    found: dict[str, list[str]] = {BETTER: [], WORSE: [], OPEN: []}
+    result: dict[str, list[str]] = {BETTER: [], WORSE: [], OPEN: []}
     for name in _known_metrics(pooled):
         if METRICS[name].better in (LOWER, HIGHER):
-            found[metric_verdict(name, pooled["folds"].get(name, {}))].append(METRICS[name].label)
-    if found[BETTER] and found[WORSE]:
+            result[metric_verdict(name, pooled["folds"].get(name, {}))].append(METRICS[name].label)
+    if result[BETTER] and result[WORSE]:
         head = "It pays in some metrics and costs in others"
-    elif found[BETTER]:
+    elif result[BETTER]:
         head = "It pays"
-    elif found[WORSE]:
+    elif result[WORSE]:
         head = "It does not pay: it costs"
     else:
         head = "It is not shown to pay, nor to cost"
     said = [
-        f"{what} for certain in {', '.join(found[what])}" for what in (BETTER, WORSE) if found[what]
+        f"{what} for certain in {', '.join(result[what])}"
+        for what in (BETTER, WORSE)
+        if result[what]
     ]
-    said.append(f"undecided in {len(found[OPEN])} of {sum(map(len, found.values()))} metrics")
+    said.append(f"undecided in {len(result[OPEN])} of {sum(map(len, result.values()))} metrics")
     return f"{head}; {'; '.join(said)}."
 
 

@@ -74,8 +74,8 @@ def pack_motion(motion: Motion, origin: NDArray[np.float64], step: float) -> str
 def unpack_motion(text: str, origin: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Read what ``pack`` wrote, as the page does: ``(N, 3)`` metres."""
     steps = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 3)
-    places: NDArray[np.float64] = origin + steps * step
-    return places
+    positions: NDArray[np.float64] = origin + steps * step
+    return positions
 
 
 def packed_scenes(scenes: Sequence[Scene], *, contact: float) -> list[dict[str, Any]]:
@@ -172,10 +172,12 @@ def _yaw(scene: Scene) -> float:
 
 
 def _same_world(first: Scene, second: Scene) -> bool:
-    places = [
+    positions = [
         [motion[0, scene.skeleton.root] for motion in scene.people] for scene in (first, second)
     ]
-    return any(np.linalg.norm(p - q) < _SAME_WORLD_DISTANCE for p in places[0] for q in places[1])
+    return any(
+        np.linalg.norm(p - q) < _SAME_WORLD_DISTANCE for p in positions[0] for q in positions[1]
+    )
 
 
 LIBRARY = "three.min.js"

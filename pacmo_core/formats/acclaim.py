@@ -170,9 +170,9 @@ def _bone_axes(file: Path, values: dict[str, Words], word: str, order: str) -> N
         line = values[word][1]
         raise FormatError(file, f"wanted an axis order such as XYZ; got {order[:10]!r}", line)
     frame = identity_frames(1)
-    for place in (2, 1, 0):
+    for position in (2, 1, 0):
         frame = rotate_about_axis(
-            frame, "xyz".index(order[place].lower()), angles[place : place + 1]
+            frame, "xyz".index(order[position].lower()), angles[position : position + 1]
         )
     return frame[:, :, 0].T
 

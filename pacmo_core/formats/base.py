@@ -176,8 +176,8 @@ def _check_distance(person: Person) -> None:
     far = np.argwhere(~(np.abs(person.positions) <= MAX_DISTANCE))
     if len(far):
         frame, joint = (int(i) for i in far[0][:2])
-        place = person.positions[frame, joint].round(1).tolist()
-        reason = f"frame {frame}, joint {person.skeleton.joints[joint]} is at {place} m"
+        position = person.positions[frame, joint].round(1).tolist()
+        reason = f"frame {frame}, joint {person.skeleton.joints[joint]} is at {position} m"
         raise FormatError(person.file, f"{reason}; wanted at most {MAX_DISTANCE:g} m")
 
 

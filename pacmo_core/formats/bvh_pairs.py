@@ -215,9 +215,9 @@ class BvhPairs:
             _check_end_sites(file, bvh)
         else:
             skeleton = whole.without(bvh.joints[end] for end in bvh.end_sites)
-        places = bvh.positions()[self.skip_frames :, whole.indices(skeleton.joints)]
+        positions = bvh.positions()[self.skip_frames :, whole.indices(skeleton.joints)]
         fps = 1 / bvh.frame_time if self.fps is None else self.fps
-        return Person(file, skeleton, to_y_up(places * self.metres(file), self.up_axis), fps)
+        return Person(file, skeleton, to_y_up(positions * self.metres(file), self.up_axis), fps)
 
     def metres(self, file: Path) -> float:
         """Metres a unit: the same take may come in another unit in a folder of raw files."""

@@ -71,10 +71,10 @@ class DuetDance:
 
     def find(self, root: Path) -> list[RawSequence]:
         """List the clips of two dancers, and every file or clip without the other's."""
-        found = pair_files(root, r"skeleton_.*\.txt", _RULES)
+        result = pair_files(root, r"skeleton_.*\.txt", _RULES)
         for file in matching_files(root, r".*\.mat"):
-            found += _mat_clips(root, file)
-        return sorted(found, key=lambda sequence: sequence.name)
+            result += _mat_clips(root, file)
+        return sorted(result, key=lambda sequence: sequence.name)
 
     def read(self, sequence: RawSequence) -> Reading:
         """Read both dancers.
@@ -98,10 +98,12 @@ def _mat_clips(root: Path, file: Path) -> list[RawSequence]:
     if sex not in ("male", "female") or not partner.is_file() or not ours:
         return [unpaired_sequence(root, file)]
     folder = file.parent.parent.relative_to(root).as_posix()
-    place = dance if folder == "." else f"{folder}/{dance}"
-    pairs = [_clip_sequence(place, dance, name, (file, partner)) for name in ours if name in theirs]
+    position = dance if folder == "." else f"{folder}/{dance}"
+    pairs = [
+        _clip_sequence(position, dance, name, (file, partner)) for name in ours if name in theirs
+    ]
     alone = [
-        _clip_sequence(f"{place}-{sex}", dance, name, (file,))
+        _clip_sequence(f"{position}-{sex}", dance, name, (file,))
         for name in ours
         if name not in theirs
     ]

@@ -62,8 +62,8 @@ class Expi:
         """
         file = sequence.files[0]
         table = _read_table(file).reshape(-1, 2, 18, 3) * _MILLIMETRE
-        places = to_y_up(table, self.up)
-        return pair_people([Person(file, EXPI18, places[:, who], self.fps) for who in (0, 1)])
+        positions = to_y_up(table, self.up)
+        return pair_people([Person(file, EXPI18, positions[:, who], self.fps) for who in (0, 1)])
 
 
 def _sequence(root: Path, file: Path) -> RawSequence:

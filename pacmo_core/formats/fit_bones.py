@@ -102,9 +102,9 @@ def _fit_rotations(
 def _kabsch(targets: NDArray[np.float64], offsets: NDArray[np.float64]) -> NDArray[np.float64]:
     """``(T, 3, 3)`` rotations that take offsets ``(n, 3)`` nearest to ``(T, n, 3)`` (Kabsch)."""
     covariance = np.einsum("tni,nj->tij", targets, offsets)
-    left, _, right = np.linalg.svd(covariance + TWIST_REGULARISATION * np.eye(3))
-    left[..., -1] *= np.linalg.det(left @ right)[:, None]
-    rotations: NDArray[np.float64] = left @ right
+    u, _, right = np.linalg.svd(covariance + TWIST_REGULARISATION * np.eye(3))
+    u[..., -1] *= np.linalg.det(u @ right)[:, None]
+    rotations: NDArray[np.float64] = u @ right
     return rotations
 
 
@@ -298,7 +298,7 @@ def _kabsch_of_lists(directions: list[Array], bones: list[Array], fallback: Arra
     wanted, offsets = np.stack(directions, axis=1), np.stack(bones, axis=1)
     scale = np.maximum(np.square(offsets).sum(axis=(1, 2)), np.finfo(np.float64).tiny)
     covariance = np.einsum("tni,tnj->tij", wanted, offsets) / scale[:, None, None]
-    left, _, right = np.linalg.svd(covariance + ROTATION_REGULARISATION * fallback)
-    left[..., -1] *= np.linalg.det(left @ right)[:, None]
-    nearest: Array = left @ right
+    u, _, right = np.linalg.svd(covariance + ROTATION_REGULARISATION * fallback)
+    u[..., -1] *= np.linalg.det(u @ right)[:, None]
+    nearest: Array = u @ right
     return nearest

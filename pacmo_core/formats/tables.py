@@ -152,9 +152,9 @@ def to_float64(file: Path, table: NDArray[np.generic]) -> NDArray[np.float64]:
         numbers: NDArray[np.float64] = table.astype(np.float64)
     wrong = np.argwhere(~(np.abs(numbers) <= MAX_NUMBER))
     if len(wrong):
-        place = tuple(int(i) for i in wrong[0])
+        position = tuple(int(i) for i in wrong[0])
         raise FormatError(
-            file, f"wanted numbers up to {MAX_NUMBER:g}; {place} has {numbers[place]}"
+            file, f"wanted numbers up to {MAX_NUMBER:g}; {position} has {numbers[position]}"
         )
     return numbers
 

@@ -131,7 +131,7 @@ class Evaluation:
         """
         context = self.context
         second, codes = context.second_sets[0], context.codes(context.second_sets[0], 1)
-        own = {
+        second_metrics = {
             "f2id": as_estimate(self._reference.floor),
             "f2id_infinity": as_estimate(self._reference.floor_infinity),
             "f2id_halves": _halves_distance(context),
@@ -139,7 +139,7 @@ class Evaluation:
             **measure_mmd(second, codes, context),
             **measure_diversity(second, codes, context),
         }
-        return RowMetrics(pairs.estimates | own, pairs.absent)
+        return RowMetrics(pairs.estimates | second_metrics, pairs.absent)
 
 
 def _halves_distance(context: EvaluationContext) -> Estimate:

@@ -95,8 +95,8 @@ def common_coordinates(x: Array, y: Array) -> tuple[Array, Array]:
     stacked = np.concatenate([x, y])
     stacked = stacked - stacked.mean(axis=0)
     _, lengths, axes = np.linalg.svd(stacked, full_matrices=False)
-    kept = lengths > lengths[0] * np.finfo(np.float64).eps * max(stacked.shape)
-    rotated = stacked @ axes[kept].T
+    significant = lengths > lengths[0] * np.finfo(np.float64).eps * max(stacked.shape)
+    rotated = stacked @ axes[significant].T
     return rotated[: len(x)], rotated[len(x) :]
 
 

@@ -25,14 +25,14 @@ class RetargetingLimits:
 
     Parameters
     ----------
-    touching : metres between joints that touch
-    slack : metres by which a contact may part and still be kept
+    contact_distance : metres between joints that touch
+    contact_slack : metres by which a contact may part and still be kept
     foot_height : metres above its own lowest place below which a foot stands
     body_radius : metres between a point of either body below which they merge
     """
 
-    touching: float
-    slack: float
+    contact_distance: float
+    contact_slack: float
     foot_height: float
     body_radius: float
 
@@ -63,11 +63,11 @@ def pair_distance_error(pair: Pair, reference: Pair) -> float:
     return float(np.abs(_distances(pair) - _distances(reference)).mean())
 
 
-def contacts_kept(pair: Pair, template: Pair, limits: RetargetingLimits) -> tuple[int, int]:
+def contacts_preserved(pair: Pair, template: Pair, limits: RetargetingLimits) -> tuple[int, int]:
     """Count pairs of joints and frames that touch in the template: those kept, and all."""
-    touching = _distances(template) < limits.touching
-    kept = touching & (_distances(pair) < limits.touching + limits.slack)
-    return int(kept.sum()), int(touching.sum())
+    touching = _distances(template) < limits.contact_distance
+    is_kept = touching & (_distances(pair) < limits.contact_distance + limits.contact_slack)
+    return int(is_kept.sum()), int(touching.sum())
 
 
 def foot_skate(

@@ -61,21 +61,21 @@ def kill_marked(
     -------
     the numbers of all, and of those that are still alive
     """
-    seen: set[int] = set()
+    known: set[int] = set()
     start = time.monotonic()
     while pids := [pid for pid in marked_processes(mark) if pid != os.getpid()]:
         elapsed = time.monotonic() - start
         if elapsed > timeout_s:
-            return sorted(seen), pids
+            return sorted(known), pids
         for pid in pids:
             with suppress(ProcessLookupError):
                 if elapsed >= terminate_s:
                     os.kill(pid, signal.SIGKILL)
-                elif pid not in seen:
+                elif pid not in known:
                     os.kill(pid, signal.SIGTERM)
-        seen |= set(pids)
+        known |= set(pids)
         time.sleep(0.02)
-    return sorted(seen), []
+    return sorted(known), []
 
 
 def start_process(

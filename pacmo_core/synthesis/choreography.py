@@ -192,22 +192,27 @@ def root_path(x: float, z: float, *moves: RootMove) -> Path:
     """Start at (x, z) facing the partner and make every move; ``bow`` curves it sideways."""
 
     def path(times: Array) -> Array:
-        place = np.tile([x, z, 0.0], (len(times), 1))
+        position = np.tile([x, z, 0.0], (len(times), 1))
         for move in moves:
             fraction = ease_in_out(times, move.start, move.stop, move.ease)
-            place = place + fraction[:, None] * [move.x, move.z, move.yaw]
-            place[:, 0] += move.bow * bump(fraction)
-        return place
+            position = position + fraction[:, None] * [move.x, move.z, move.yaw]
+            position[:, 0] += move.bow * bump(fraction)
+        return position
 
     return path
 
 
 def walk_in(role_view: RoleView, arrive: float, extra: float = 0.0) -> RootMove:
     """Walk in, arriving at ``arrive``."""
-    way = role_view.entry + extra
-    time = 0.5 + way / (1.0 * role_view.subject.tempo * (0.9 + 0.25 * role_view.private.more[0]))
+    distance = role_view.entry + extra
+    time = 0.5 + distance / (
+        1.0 * role_view.subject.tempo * (0.9 + 0.25 * role_view.private.more[0])
+    )
     return RootMove(
-        arrive - time, arrive, z=way, bow=role_view.private.side * 0.05 * role_view.private.more[1]
+        arrive - time,
+        arrive,
+        z=distance,
+        bow=role_view.private.side * 0.05 * role_view.private.more[1],
     )
 
 
@@ -215,24 +220,28 @@ def step_back(role_view: RoleView, start: float, *, always: bool = False) -> tup
     """Step back after the action; unless ``always``, only if the script has it."""
     if role_view.script.stays and not always:
         return ()
-    way = 0.2 + 0.35 * role_view.private.more[2]
+    distance = 0.2 + 0.35 * role_view.private.more[2]
     begin = start + 0.1 + role_view.private.delay
-    return (RootMove(begin, begin + 0.55 + way / 0.9, z=-way, yaw=0.35 * role_view.private.side),)
+    return (
+        RootMove(
+            begin, begin + 0.55 + distance / 0.9, z=-distance, yaw=0.35 * role_view.private.side
+        ),
+    )
 
 
 def free_hand(role_view: RoleView, hand: int) -> tuple[HandTarget, ...]:
     """Rest an unused hand: hanging, on the hip, behind the back or in front of the belly."""
     sign = 1.0 - 2.0 * hand
     size = role_view.subject.body.stature
-    place = (
+    position = (
         None,
         (0.118 * size, -0.245 * size, -0.02, 0.95),
         (0.03 * size, -0.245 * size, -0.15, 0.55),
         (0.03 * size, -0.200 * size, 0.19, 0.25),
     )[role_view.private.idle]
-    if place is None:
+    if position is None:
         return ()
-    x, y, z, flare = place
+    x, y, z, flare = position
     begin = role_view.event + 0.4 if role_view.private.more[3] < 0.25 else -2.0
     interval = TimeInterval(begin, begin + 0.6, 90.0, 91.0)
     bend = (sign * (0.16 if z < 0 else 0.06), 0.0, 0.0)

@@ -80,8 +80,8 @@ def _palm_on_back(role_view: RoleView, hand: int, above: bool) -> Trajectory:
             role_view.contact_end,
         )
         lift = 0.5 - 0.5 * np.cos(2.0 * np.pi * 2.6 * (times - role_view.event - 0.1))
-        place: Array = np.array(spot) + np.outer(patting * lift, [0.0, 0.0, 0.035 * pats])
-        return place
+        position: Array = np.array(spot) + np.outer(patting * lift, [0.0, 0.0, 0.035 * pats])
+        return position
 
     return trajectory
 

@@ -69,12 +69,12 @@ def plan_steps(path: Path, gait: Gait, duration: float) -> list[list[tuple[float
     """
     clock = np.arange(-WALK_IN_SECONDS, duration + 2.5 * gait.step_time + 0.1, PATH_SAMPLE_SECONDS)
     body = path(clock)
-    places = _foot_positions(body, gait)
+    positions = _foot_positions(body, gait)
     ahead = gait.step_time * (0.5 * SWING_SHARE + 1.0)
-    plants = [[(-WALK_IN_SECONDS, places[side, 0])] for side in range(2)]
+    plants = [[(-WALK_IN_SECONDS, positions[side, 0])] for side in range(2)]
     now, side = -WALK_IN_SECONDS + gait.phase * gait.step_time, gait.first
     while now < duration:
-        goal = places[side, int((now + ahead + WALK_IN_SECONDS) / PATH_SAMPLE_SECONDS)].copy()
+        goal = positions[side, int((now + ahead + WALK_IN_SECONDS) / PATH_SAMPLE_SECONDS)].copy()
         landing = body[
             int((now + SWING_SHARE * gait.step_time + WALK_IN_SECONDS) / PATH_SAMPLE_SECONDS), 2
         ]
@@ -92,17 +92,17 @@ def plan_steps(path: Path, gait: Gait, duration: float) -> list[list[tuple[float
 def _foot_positions(body: Array, gait: Gait) -> Array:
     """Where each foot would stand under a body: (2, N, 3) of x, z, yaw."""
     x, z, yaw = body.T
-    places = []
+    positions = []
     for sign in (1.0, -1.0):
         left, front = sign * gait.stance, gait.lead + sign * gait.stagger
-        places.append(
+        positions.append(
             [
                 x + left * np.cos(yaw) + front * np.sin(yaw),
                 z - left * np.sin(yaw) + front * np.cos(yaw),
                 yaw + sign * gait.toe_out,
             ]
         )
-    return np.array(places).transpose(0, 2, 1)
+    return np.array(positions).transpose(0, 2, 1)
 
 
 def sample_footsteps(path: Path, gait: Gait, times: Array, duration: float) -> Feet:
@@ -110,25 +110,25 @@ def sample_footsteps(path: Path, gait: Gait, times: Array, duration: float) -> F
     swing = SWING_SHARE * gait.step_time
     feet = []
     for plants in plan_steps(path, gait, duration):
-        place = np.repeat(plants[0][1][None], len(times), axis=0)
+        position = np.repeat(plants[0][1][None], len(times), axis=0)
         lift, heel, air = np.zeros((3, len(times)))
         for (_, old), (start, new) in pairwise(plants):
             fraction = (times - start) / swing
             length = min(1.0, float(np.hypot(*(new - old)[:2])) / 0.9)
-            place = place + minimum_jerk((fraction - 0.06) / 0.88)[:, None] * (new - old)
+            position = position + minimum_jerk((fraction - 0.06) / 0.88)[:, None] * (new - old)
             air = air + bump(fraction)
             lift = lift + bump(fraction) ** (2 / 3) * gait.clearance * (0.45 + 0.55 * length)
             raised = window(
                 times, start - 0.13, start + 0.3 * swing, start + 0.32 * swing, start + swing
             )
             heel = heel + 0.75 * (0.25 + 0.75 * length) * raised
-        feet.append((place, lift, heel, air))
+        feet.append((position, lift, heel, air))
     toes = np.array(
-        [np.stack([place[:, 0], lift, place[:, 1]], axis=-1) for place, lift, _, _ in feet]
+        [np.stack([position[:, 0], lift, position[:, 1]], axis=-1) for position, lift, _, _ in feet]
     )
     return Feet(
         toes=toes,
-        yaw=np.array([place[:, 2] for place, _, _, _ in feet]),
+        yaw=np.array([position[:, 2] for position, _, _, _ in feet]),
         heel=np.array([heel for _, _, heel, _ in feet]),
         air=np.array([air for _, _, _, air in feet]),
     )

@@ -134,10 +134,10 @@ def two_bone_ik(
     """
     upper, lower = lengths
     along = goal - root
-    wanted = np.linalg.norm(along, axis=-1)
-    distance = soft_max(wanted, MIN_EXTENSION * (upper + lower), LIMIT_WIDTH)
+    target = np.linalg.norm(along, axis=-1)
+    distance = soft_max(target, MIN_EXTENSION * (upper + lower), LIMIT_WIDTH)
     distance = soft_min(distance, MAX_EXTENSION * (upper + lower), LIMIT_WIDTH)
-    along = along / wanted[:, None]
+    along = along / target[:, None]
     side = normalise(pole - (pole * along).sum(axis=-1, keepdims=True) * along)
     foot = (upper**2 - lower**2 + distance**2) / (2.0 * distance)
     height = np.sqrt(upper**2 - foot**2)

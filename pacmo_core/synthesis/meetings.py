@@ -48,10 +48,13 @@ def depart(role_view: RoleView) -> MotionPlan:
     begin = role_view.event + private.delay + (0.35 if private.manner == 1 else 0.0)
     stray = 0.4 * role_view.script.turn + 0.2 * (private.more[1] - 0.5)
     backward = 0.25 if private.manner == 2 else 0.0
-    way = role_view.entry - backward
+    distance = role_view.entry - backward
     pace = 1.05 * role_view.subject.tempo * (0.9 + 0.25 * private.more[0])
     go = RootMove(
-        begin + 0.35, begin + 0.95 + way / pace, -way * np.sin(stray), -way * np.cos(stray)
+        begin + 0.35,
+        begin + 0.95 + distance / pace,
+        -distance * np.sin(stray),
+        -distance * np.cos(stray),
     )
     turn = RootMove(begin, begin + 1.5, yaw=private.side * np.pi + stray, ease=0.4)
     back = RootMove(begin - 0.3, begin + 0.6, z=-backward)

@@ -288,7 +288,7 @@ def _target_position(reach: HandTarget, trunk: Trunk, times: Array) -> Array:
 def _curved_offset(reach: HandTarget, times: Array, upright: Array) -> Array:
     """Curve the way to a target and back, most half way."""
     when = reach.interval
-    way = bump((times - when.start) / (when.arrive - when.start))
-    way = way + bump((times - when.leave) / (when.back - when.leave))
-    bend: Array = way[:, None] * (upright @ np.array(reach.curve))
+    distance = bump((times - when.start) / (when.arrive - when.start))
+    distance = distance + bump((times - when.leave) / (when.back - when.leave))
+    bend: Array = distance[:, None] * (upright @ np.array(reach.curve))
     return bend

@@ -66,7 +66,7 @@ def sample_timing(random: np.random.Generator, action: str, tempo: float) -> Tim
     hold = min(hold, MAX_DURATION - MIN_TAIL - event)
     tail = random.uniform(0.35, 0.7) if action == "approach" else random.uniform(0.8, 1.3)
     tail = max(tail, float(entry.max()) / 1.1 + 1.0) if action == "depart" else tail
-    way = -1.0 if random.random() < 0.5 else 1.0
+    sign = -1.0 if random.random() < 0.5 else 1.0
     return Timing(
         event=event,
         hold=hold,
@@ -74,7 +74,7 @@ def sample_timing(random: np.random.Generator, action: str, tempo: float) -> Tim
         entry=(float(entry[0]), float(entry[1])),
         vigour=float(np.exp(random.normal(0.0, 0.22))),
         beat=float(random.uniform(2.2, 3.2)),
-        turn=float(way * (0.9 * hold if action == "circle dance" else random.uniform(0.0, 0.5))),
+        turn=float(sign * (0.9 * hold if action == "circle dance" else random.uniform(0.0, 0.5))),
         stays=bool(random.random() < 0.6),
     )
 
@@ -107,8 +107,8 @@ def sample_placement(
     lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.17}[
         action
     ]
-    wanted = shoulder + lift + float(random.uniform(-0.05, 0.05))
-    level = _clip_to_reach(wanted, [p.body for p in people])
+    target = shoulder + lift + float(random.uniform(-0.05, 0.05))
+    level = _clip_to_reach(target, [p.body for p in people])
     stretch = 0.70 if action == "circle dance" else 0.80
     near_a, near_b = (ease * _reach_distance(p.body, level, stretch) for p in people)
     sides = [(1.0 - 2.0 * hands[0]), -(1.0 - 2.0 * hands[1])]
@@ -270,9 +270,9 @@ class Script:
         ValueError
             If a variable is missing or unknown.
         """
-        wanted = {field.name for field in fields(cls)}
-        if wanted != set(words):
-            raise ValueError(f"a script has {sorted(wanted)}; got {sorted(words)}")
+        target = {field.name for field in fields(cls)}
+        if target != set(words):
+            raise ValueError(f"a script has {sorted(target)}; got {sorted(words)}")
         values: dict[str, Any] = {
             name: tuple(word) if isinstance(word, list) else word for name, word in words.items()
         }

@@ -62,22 +62,24 @@ def _push_plan(role_view: RoleView) -> MotionPlan:
                 0.4,
             )
         )
-        place = (
+        position = (
             role_view.aside + sign * 0.11,
             role_view.script.level,
             role_view.partner - CHEST_DEPTH - 0.03,
         )
         thrust = TimeInterval(role_view.event - 0.28, role_view.event, back, back + 0.5)
         hand_targets.append(
-            HandTarget(hand, thrust, _follow_through(role_view, place), False, 0.35)
+            HandTarget(hand, thrust, _follow_through(role_view, position), False, 0.35)
         )
     trunk_motion = TrunkMotion(
         TimeInterval(role_view.event - 0.25, role_view.event + 0.12, back, back + 0.6),
         pitch=0.16,
         ahead=0.05,
     )
-    way = 0.12 + 0.12 * private.more[5]
-    path = root_path(0.0, -role_view.stand - role_view.entry - way, *_step_in(role_view, way))
+    distance = 0.12 + 0.12 * private.more[5]
+    path = root_path(
+        0.0, -role_view.stand - role_view.entry - distance, *_step_in(role_view, distance)
+    )
     return MotionPlan(
         path, step_rate_factor=1.2, hand_targets=tuple(hand_targets), trunk_motions=(trunk_motion,)
     )
@@ -139,10 +141,12 @@ def _punch_plan(role_view: RoleView) -> MotionPlan:
     ready = event - 0.55 - private.early
     back = role_view.contact_end + 0.04
     cocked = constant(sign * 0.21, -0.20, 0.16 - 0.04 * private.strength)
-    place = constant(role_view.aside, role_view.script.level, role_view.partner - 0.17)
+    position = constant(role_view.aside, role_view.script.level, role_view.partner - 0.17)
     hand_targets = (
         HandTarget(hand, TimeInterval(ready, ready + 0.35, event - 0.02, back), cocked, True, 0.6),
-        HandTarget(hand, TimeInterval(event - 0.22, event, back, back + 0.45), place, False, 0.55),
+        HandTarget(
+            hand, TimeInterval(event - 0.22, event, back, back + 0.45), position, False, 0.55
+        ),
         HandTarget(
             1 - hand,
             TimeInterval(ready, ready + 0.4, event + 0.3, event + 0.9),
@@ -162,8 +166,10 @@ def _punch_plan(role_view: RoleView) -> MotionPlan:
             ahead=0.06,
         ),
     )
-    way = 0.10 + 0.15 * private.more[5]
-    path = root_path(0.0, -role_view.stand - role_view.entry - way, *_step_in(role_view, way))
+    distance = 0.10 + 0.15 * private.more[5]
+    path = root_path(
+        0.0, -role_view.stand - role_view.entry - distance, *_step_in(role_view, distance)
+    )
     return MotionPlan(
         path, step_rate_factor=1.2, hand_targets=hand_targets, trunk_motions=trunk_motions
     )
@@ -173,10 +179,10 @@ def react_to_push(role_view: RoleView) -> MotionPlan:
     """Stumble back from a push: straight, round to one side, or braced against it."""
     private, begin = role_view.private, role_view.response
     force = float(np.clip(role_view.script.vigour * private.strength, 0.45, 1.9))
-    way = (0.42, 0.36, 0.12)[private.manner] * force
+    distance = (0.42, 0.36, 0.12)[private.manner] * force
     yaw = (0.0, 0.7 * private.side, 0.0)[private.manner]
     aside = (0.0, 0.12 * private.side, 0.0)[private.manner]
-    fall = RootMove(begin - 0.02, begin + 0.55 + 0.35 * way, aside, -way, yaw, ease=0.3)
+    fall = RootMove(begin - 0.02, begin + 0.55 + 0.35 * distance, aside, -distance, yaw, ease=0.3)
     jolt = TimeInterval(begin, begin + 0.18, begin + 0.28, begin + 0.85)
     trunk_motion = TrunkMotion(
         jolt, pitch=-0.20 * force, nod=0.15 * force, crouch=0.03 if private.manner < 2 else 0.08
@@ -202,10 +208,15 @@ def react_to_kick(role_view: RoleView) -> MotionPlan:
     """Take a kick: fold over it, jump aside, or fend it off with a hand."""
     private, begin = role_view.private, role_view.response
     force = float(np.clip(role_view.script.vigour * private.strength, 0.45, 1.8))
-    way = (0.34, 0.16, 0.26)[private.manner] * force
+    distance = (0.34, 0.16, 0.26)[private.manner] * force
     aside = (0.0, 0.30 * private.side, 0.05 * private.side)[private.manner]
     flinch = RootMove(
-        begin, begin + 0.6 + 0.3 * way, aside, -way, -0.3 * np.sign(aside) * abs(aside), ease=0.3
+        begin,
+        begin + 0.6 + 0.3 * distance,
+        aside,
+        -distance,
+        -0.3 * np.sign(aside) * abs(aside),
+        ease=0.3,
     )
     interval = TimeInterval(begin, begin + 0.25, begin + 0.45, begin + 1.05)
     trunk_motion = (
@@ -237,9 +248,11 @@ def react_to_punch(role_view: RoleView) -> MotionPlan:
     """Take a blow at the face: recoil, reel to one side, or cover the face with both hands."""
     private, begin = role_view.private, role_view.response
     force = float(np.clip(role_view.script.vigour * private.strength, 0.45, 1.8))
-    way = (0.26, 0.14, 0.18)[private.manner] * force
+    distance = (0.26, 0.14, 0.18)[private.manner] * force
     aside = (0.0, 0.14 * private.side, 0.0)[private.manner]
-    stagger = RootMove(begin + 0.03, begin + 0.6 + 0.3 * way, aside, -way, 0.6 * aside, ease=0.3)
+    stagger = RootMove(
+        begin + 0.03, begin + 0.6 + 0.3 * distance, aside, -distance, 0.6 * aside, ease=0.3
+    )
     jolt = TimeInterval(begin, begin + 0.17, begin + 0.3, begin + 0.9)
     trunk_motion = (
         TrunkMotion(jolt, pitch=-0.20 * force, nod=-0.22),

@@ -43,8 +43,8 @@ def stream_examples(dataset: Path, splits: Path, split: str) -> Iterator[tuple[s
         raise ValueError(
             f"{splits} wanted a split for each variation of {dataset}; differ in {odd}"
         )
-    wanted = {fact.source for name, fact in facts.items() if stands[name] == split}
-    for clip in sort_clips(wanted):
+    expected = {fact.source for name, fact in facts.items() if stands[name] == split}
+    for clip in sort_clips(expected):
         source = read_motion(motion_file(dataset / SOURCES, clip), clip)
         for name, varied in stream_motions(motion_file(dataset / ACCEPTED, clip)):
             if stands[name] == split:

@@ -62,10 +62,10 @@ def read_params(
 
 
 def _in_words(error: ErrorDetails) -> str:
-    place = "".join(f"{part}." for part in error["loc"])[:-1]
+    position = "".join(f"{part}." for part in error["loc"])[:-1]
     if error["type"] == "value_error":  # a dataclass's own check, which names the values
-        return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
-    return f"{place}: {error['msg']}, got {error['input']!r}"
+        return f"{position}: {error['ctx']['error']}" if position else str(error["ctx"]["error"])
+    return f"{position}: {error['msg']}, got {error['input']!r}"
 
 
 def unknown_keys(values: Any, kind: Any) -> list[str]:

@@ -94,9 +94,9 @@ def first_runs(folder: Path, names: Iterable[str], seed: int) -> dict[str, Path]
 
 def curve_files(folder: Path, seed: int) -> dict[str, Path]:
     """List the training curves ``MODEL.csv`` and ``MODEL/SEED.csv`` that exist."""
-    places = [(name, folder / f"{name}.csv") for name in CURVES]
-    places += [(name, folder / name / f"{seed}.csv") for name in CURVES]
-    return {name: file for name, file in places if file.exists()}
+    paths = [(name, folder / f"{name}.csv") for name in CURVES]
+    paths += [(name, folder / name / f"{seed}.csv") for name in CURVES]
+    return {name: file for name, file in paths if file.exists()}
 
 
 def write_rows_of(folder: Path, compared: dict[str, dict[str, dict[str, float]]]) -> None:

@@ -30,13 +30,17 @@ def played(
 ) -> list[PlayedClip]:
     """Choose test clips, and set what answered beside the captured reaction."""
     clips = {
-        name: (facts.action, seen)
-        for name, facts, seen in directed_clips(*folders, "test")
+        name: (facts.action, interaction)
+        for name, facts, interaction in directed_clips(*folders, "test")
         if direction_of(name) == "b"
     }
-    answers = {row: read_first_reactions(folder) for row, folder in reactions.items()}
-    judged = answers.get(JUDGED, {})
-    errors = {n: error(seen, judged[n]) for n, (_, seen) in clips.items() if n in judged}
+    reactions_by_row = {row: read_first_reactions(folder) for row, folder in reactions.items()}
+    judged_reactions = reactions_by_row.get(JUDGED, {})
+    errors = {
+        n: error(interaction, judged_reactions[n])
+        for n, (_, interaction) in clips.items()
+        if n in judged_reactions
+    }
     remarks = extremes(errors)
     first = list(remarks) + [name for name in in_turn(clips) if name not in remarks]
     return [
@@ -45,7 +49,11 @@ def played(
             clips[name][0],
             (
                 Panel("real", clips[name][1]),
-                *(Panel(row, result[name]) for row, result in answers.items() if name in result),
+                *(
+                    Panel(row, result[name])
+                    for row, result in reactions_by_row.items()
+                    if name in result
+                ),
             ),
             remarks.get(name, ""),
         )
@@ -55,8 +63,8 @@ def played(
 
 def error(seen: Interaction, answer: Interaction) -> float:
     """Metres between joints of the captured and the generated reaction, on average."""
-    apart = np.linalg.norm(seen.person_b - answer.person_b, axis=-1)
-    return float(apart.mean(dtype=np.float64))
+    distance = np.linalg.norm(seen.person_b - answer.person_b, axis=-1)
+    return float(distance.mean(dtype=np.float64))
 
 
 def extremes(errors: dict[str, float]) -> dict[str, str]:
@@ -64,25 +72,25 @@ def extremes(errors: dict[str, float]) -> dict[str, str]:
     order = sorted(errors, key=lambda name: (errors[name], name))
     if not order:
         return {}
-    places = {"Best": 0, "Median": (len(order) - 1) // 2, "Worst": len(order) - 1}
-    told: dict[str, str] = {}
-    for word, place in places.items():
-        name = order[place]
-        told.setdefault(
+    indices = {"Best": 0, "Median": (len(order) - 1) // 2, "Worst": len(order) - 1}
+    remarks: dict[str, str] = {}
+    for word, index in indices.items():
+        name = order[index]
+        remarks.setdefault(
             name,
             f"{word} of {len(order)} answers of {JUDGED}: joints {errors[name]:.3f} m from the "
             "captured reaction on average, which is one of many that would do.",
         )
-    return told
+    return remarks
 
 
 def in_turn(clips: dict[str, tuple[str, Interaction]]) -> Iterator[str]:
     """List the clips, one an action before a second of any."""
-    turn: dict[str, int] = {}
+    rank: dict[str, int] = {}
     order = []
     for name, (action, _) in clips.items():
-        turn[action] = turn.get(action, -1) + 1
-        order.append((turn[action], name))
+        rank[action] = rank.get(action, -1) + 1
+        order.append((rank[action], name))
     yield from (name for _, name in sorted(order))
 
 
@@ -96,7 +104,8 @@ def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
     """Give a table a dataset."""
     for dataset, facts in augment.items():
         counts = (
-            f"{facts['planned']} variations of {facts['clips']} clips: {facts['accepted']} accepted, "
+            f"{facts['planned']} variations of {facts['clips']} clips: "
+            f"{facts['accepted']} accepted, "
             f"{facts['failed']} beyond a limit, {facts['refused']} of clips that were refused."
         )
         reasons = ", ".join(f"{name} {count}" for name, count in facts["failed_by"].items())
@@ -117,10 +126,10 @@ def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]
 
 
 def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
-    shown = []
+    panels = []
     for row in rows:
         file = motion_file(folder / (ACCEPTED if row.accepted else FAILED), clip)
         label = split_variation_name(row.variation)[1]
         mark = "" if row.accepted else " (left out)"
-        shown.append((f"{label}{mark}", row.measurements, read_motion(file, row.variation)))
-    return played_variation(clip, read_motion(motion_file(folder / SOURCES, clip), clip), shown)
+        panels.append((f"{label}{mark}", row.measurements, read_motion(file, row.variation)))
+    return played_variation(clip, read_motion(motion_file(folder / SOURCES, clip), clip), panels)

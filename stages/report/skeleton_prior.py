@@ -60,13 +60,13 @@ def prior_sections(pooled: dict[str, Any]) -> Iterator[Section]:
 
 def sources_of(scores: dict[str, Any], dataset: str) -> list[str]:
     """List a dataset's motions that any split tests."""
-    found = {
+    result = {
         source
         for models in scores[PRIOR_TASKS[0]][dataset].values()
         for sources in models.values()
         for source in sources
     }
-    return sorted(found - {ALL_SOURCES})
+    return sorted(result - {ALL_SOURCES})
 
 
 def data_notes(splits: dict[str, Any]) -> Iterator[str]:

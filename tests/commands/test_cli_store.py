@@ -62,7 +62,7 @@ def test_use_writes_the_parameters_of_an_experiment(tmp_path, monkeypatch):
     assert pacmo("use", "smallest").output == ""
     params = tmp_path / "params.yaml"
     assert params.read_text() == wanted
-    params.write_text(wanted.replace("tested: 2", "tested: 3"))
+    params.write_text(wanted.replace("max_variations: 2", "max_variations: 3"))
     said = pacmo("use", "default").output
     assert said.startswith("the edited params.yaml is saved as history/params/")
 

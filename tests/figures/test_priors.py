@@ -22,7 +22,7 @@ def cell(mean: float, reach: float = 0.0) -> dict[str, float]:
 def metrics(size: float) -> dict[str, dict[str, float]]:
     names = ("E_r", "E_b", "FID")
     each = {f"{n}_{role}": cell(size, 0.001) for n in names for role in ("first", "second")}
-    return {**each, "JPD": cell(size), "contacts_kept": cell(0.9)}
+    return {**each, "JPD": cell(size), "contacts_preserved": cell(0.9)}
 
 
 SCORES = {

@@ -8,7 +8,7 @@ from pacmo_core.metrics.plausibility import find_body_joints
 from pacmo_core.metrics.retargeting import (
     RetargetingLimits,
     bone_error,
-    contacts_kept,
+    contacts_preserved,
     foot_skate,
     frechet_distance,
     joint_error,
@@ -17,7 +17,9 @@ from pacmo_core.metrics.retargeting import (
     sample_diversity,
 )
 
-LIMITS = RetargetingLimits(touching=0.1, slack=0.02, foot_height=0.05, body_radius=0.05)
+LIMITS = RetargetingLimits(
+    contact_distance=0.1, contact_slack=0.02, foot_height=0.05, body_radius=0.05
+)
 RANDOM = np.random.default_rng(0)
 
 
@@ -67,11 +69,11 @@ def test_distances_between_bodies_do_not_mind_where_both_stand():
 
 def test_contacts_are_kept_up_to_the_slack():
     template = pair(apart=0.0)  # each joint on its twin
-    kept, touching = contacts_kept(template, template, LIMITS)
+    kept, touching = contacts_preserved(template, template, LIMITS)
     assert kept == touching >= 6 * 15
     apart = template.copy()
     apart[:3, 1] += 10
-    kept, again = contacts_kept(apart, template, LIMITS)
+    kept, again = contacts_preserved(apart, template, LIMITS)
     assert (kept, again) == (touching / 2, touching)
 
 

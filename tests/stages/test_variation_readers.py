@@ -36,7 +36,7 @@ def test_examples_of_both_sides_are_all_variations_in_order_beside_their_sources
     rows = {row.variation: row for row in read_variations(SMALL / "variations.parquet")}
     for name, example in found.items():
         assert example.source == rows[name].clip
-        np.testing.assert_array_equal(example.varied.person_b, motions[name].person_b)
+        np.testing.assert_array_equal(example.variation.person_b, motions[name].person_b)
         np.testing.assert_array_equal(example.template.person_a, CLIPS[example.source].person_a)
         assert example.scales[0].tolist() == list(rows[name].scales_a.values())
 
