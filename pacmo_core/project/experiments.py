@@ -132,14 +132,13 @@ def remove_unused_outputs() -> list[Path]:
     if not isinstance(runs, dict) or not all(isinstance(runs.get(key), list) for key in keys):
         raise ExperimentError(f"{PARAMS}: runs must have lists of folds and seeds; got {runs}")
     priors = runs.get("priors", {})
-    datasets = priors.get("datasets", priors.get("families", []))
-    split_names, models, seeds = (priors.get(key, []) for key in ("splits", "models", "seeds"))
+    names = (priors.get(key, []) for key in ("datasets", "splits", "models", "seeds"))
     expected = ExpectedRuns(
         folds=runs["folds"],
         seeds=runs["seeds"],
         augmented_folds=augmented.get("folds", []),
         augmented_seeds=augmented.get("seeds", []),
-        priors=ExpectedPriors(datasets, split_names, models, seeds),
+        priors=ExpectedPriors(*names),
     )
     return remove_outputs(PARAMS.parent, expected)
 
