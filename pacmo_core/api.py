@@ -152,12 +152,8 @@ def train(
     learnt = _check_clips("clips", clips)
     held_out = _check_clips("validation", validation, least=0)
     model = MODELS[name]
-    section = default_settings(model.section) | settings
-    section.pop("threads", None)
+    section = _training_section(model.section, settings)
     section.setdefault("random_seed", random_seed)
-    # Without validation there is nothing to select weights by, and no epoch to begin with.
-    if not held_out and "validate_from" in section:
-        section["validate_from"] = min(section["validate_from"], section["n_epochs"])
     options = _validated(f"settings of {name}", model.settings_class(), section)
     labels = list(actions) or [""] * len(learnt)
     if len(labels) != len(learnt):
@@ -307,12 +303,24 @@ def view(clips: Mapping[str, Interaction], path: str | Path) -> Path:
 
 
 @cache
-def _default_params() -> dict[str, Any]:
+def _default_params() -> dict[str, dict[str, Any]]:
     """Read the packaged ``params.yaml``; in a checkout the root's, its only copy."""
     packaged = Path(__file__).with_name("params.yaml")
     file = packaged if packaged.exists() else Path(__file__).parents[1] / "params.yaml"
-    params: dict[str, Any] = YAML(typ="safe").load(file)
+    params: dict[str, dict[str, Any]] = YAML(typ="safe").load(file)
     return params
+
+
+def _training_section(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Override a section; epochs that others count from follow the number of epochs."""
+    default = default_settings(name)
+    default.pop("threads")
+    section: dict[str, Any] = {**default, **settings}
+    n_epochs = section["n_epochs"]
+    if isinstance(n_epochs, int) and n_epochs != default["n_epochs"]:
+        for key in {"validate_from", "warmup_epochs"} & (default.keys() - settings.keys()):
+            section[key] = default[key] * n_epochs // default["n_epochs"]
+    return section
 
 
 def _scales(
@@ -342,6 +350,8 @@ def _validated(what: str, kind: type[Any], values: Mapping[str, Any]) -> Any:
     except ValidationError as fault:
         first = fault.errors()[0]
         key = ".".join(map(str, first["loc"])) or what
+        if first["type"] == "value_error":  # a dataclass's own check, which names the values
+            raise ValueError(f"{key}: {first['ctx']['error']}") from None
         raise ValueError(f"{key}: {first['msg']}; got {first['input']!r}") from None
 
 

@@ -79,11 +79,11 @@ def choose_camera(interaction: Interaction) -> Camera:
     return Camera(centre, np.array([np.cos(angle), 0.0, -np.sin(angle)]))
 
 
-def project(points: Array, seen: Camera) -> Array:
+def project(points: Array, camera: Camera) -> Array:
     """See points (..., 3) as (..., 3): right and up in the picture, and nearness, metres."""
-    away = np.cross(np.array([0.0, 1.0, 0.0]), seen.right)
+    away = np.cross(np.array([0.0, 1.0, 0.0]), camera.right)
     x, y, near = (
-        (points - seen.centre) @ axis for axis in (seen.right, np.array([0.0, 1.0, 0.0]), -away)
+        (points - camera.centre) @ axis for axis in (camera.right, np.array([0.0, 1.0, 0.0]), -away)
     )
     c, s = np.cos(ELEVATION), np.sin(ELEVATION)
     return np.stack([x, c * y - s * near, s * y + c * near], axis=-1)
@@ -98,7 +98,7 @@ def bone_widths(skeleton: Skeleton) -> list[float]:
     ]
 
 
-def fit_view(interaction: Interaction, frames: Sequence[int], seen: Camera, least: float) -> Box:
+def fit_view(interaction: Interaction, frames: Sequence[int], camera: Camera, least: float) -> Box:
     """Give the smallest picture in which both people stand whole at every frame.
 
     Parameters
@@ -106,7 +106,7 @@ def fit_view(interaction: Interaction, frames: Sequence[int], seen: Camera, leas
     least : metres that the picture is wide at least
     """
     both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)[list(frames)]
-    flat = project(both.astype(np.float64), seen)[..., :2].reshape(-1, 2)
+    flat = project(both.astype(np.float64), camera)[..., :2].reshape(-1, 2)
     low, high = flat.min(axis=0) - MARGIN, flat.max(axis=0) + MARGIN
     width = max(least, high[0] - low[0], (high[1] - low[1]) / ASPECT)
     remaining, bottom = 0.5 * (low + high) - 0.5 * width * np.array([1.0, ASPECT])
@@ -114,7 +114,7 @@ def fit_view(interaction: Interaction, frames: Sequence[int], seen: Camera, leas
 
 
 def draw_interaction(
-    axes: Axes, interaction: Interaction, frame: int, *, seen: Camera, box: Box
+    axes: Axes, interaction: Interaction, frame: int, *, camera: Camera, box: Box
 ) -> None:
     """Draw both people at a frame; take one onlooker and one box for a whole strip."""
     axes.set(
@@ -133,13 +133,13 @@ def draw_interaction(
         np.asarray(m[frame], np.float64) for m in (interaction.person_a, interaction.person_b)
     ]
     for pose in people:
-        flat = project(np.where([False, True, False], seen.centre[1], pose), seen)[:, :2]
+        flat = project(np.where([False, True, False], camera.centre[1], pose), camera)[:, :2]
         shadow = [flat[bone] for bone in skeleton.bones]
         axes.add_collection(
             LineCollection(shadow, linewidths=widths, colors=SHADOW, capstyle="round", zorder=0)
         )
     for pose, colour in zip(people, COLOURS, strict=True):
-        _draw_body(axes, skeleton, project(pose, seen), widths, colour)
+        _draw_body(axes, skeleton, project(pose, camera), widths, colour)
 
 
 def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colour: str) -> None:
@@ -185,7 +185,7 @@ def film_strip(
         for column, frame in enumerate(frames):
             corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
             axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
-            draw_interaction(axes, interaction, frame, seen=camera, box=box)
+            draw_interaction(axes, interaction, frame, camera=camera, box=box)
             label = f"{interaction.times[frame]:.2f} s"
             axes.text(
                 0.97, 0.94, label, transform=axes.transAxes, ha="right", fontsize=6, color="#777"
@@ -264,7 +264,7 @@ def _draw_frames(path: Path, clip: Interaction, writer: AbstractMovieWriter) -> 
     with writer.saving(figure, str(path), _DPI):
         for frame in range(len(clip.times)):
             axes.clear()
-            draw_interaction(axes, clip, frame, seen=camera, box=box)
+            draw_interaction(axes, clip, frame, camera=camera, box=box)
             axes.text(
                 0.97, 0.95, _time_label(clip.times, frame), transform=axes.transAxes, ha="right"
             )

@@ -25,39 +25,42 @@ def interaction() -> Interaction:
 
 
 def test_a_projection_keeps_distances_and_handedness(interaction: Interaction) -> None:
-    seen = choose_camera(interaction)
-    axes = project(np.eye(3) + seen.centre, seen)
+    camera = choose_camera(interaction)
+    axes = project(np.eye(3) + camera.centre, camera)
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1.0)
 
 
 def test_a_higher_point_is_seen_higher_and_a_nearer_one_lower(interaction: Interaction) -> None:
-    seen = choose_camera(interaction)
-    nearer = np.cross(seen.right, [0.0, 1.0, 0.0])
+    camera = choose_camera(interaction)
+    nearer = np.cross(camera.right, [0.0, 1.0, 0.0])
     floor, high, near = project(
-        np.array([seen.centre, seen.centre + np.array([0.0, 1.0, 0.0]), seen.centre + nearer]), seen
+        np.array(
+            [camera.centre, camera.centre + np.array([0.0, 1.0, 0.0]), camera.centre + nearer]
+        ),
+        camera,
     )
     assert high[1] > floor[1] > near[1]
     assert near[2] > floor[2]
 
 
 def test_people_stand_side_by_side(interaction: Interaction) -> None:
-    seen = choose_camera(interaction)
+    camera = choose_camera(interaction)
     a, b = (
-        project(motion[:, 0].astype(np.float64), seen).mean(axis=0)
+        project(motion[:, 0].astype(np.float64), camera).mean(axis=0)
         for motion in (interaction.person_a, interaction.person_b)
     )
     assert b[0] - a[0] > 0.8 * np.linalg.norm(b - a)
 
 
 def test_a_fitted_picture_shows_both_people_whole(interaction: Interaction) -> None:
-    seen, frames = choose_camera(interaction), [0, 20, 40]
-    box = fit_view(interaction, frames, seen, 0.5)
+    camera, frames = choose_camera(interaction), [0, 20, 40]
+    box = fit_view(interaction, frames, camera, 0.5)
     both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)[frames]
-    x, y, _ = project(both.astype(np.float64), seen).reshape(-1, 3).T
+    x, y, _ = project(both.astype(np.float64), camera).reshape(-1, 3).T
     assert box.left < x.min() < x.max() < box.left + box.width
     assert box.bottom < y.min() < y.max() < box.bottom + ASPECT * box.width
-    assert fit_view(interaction, frames, seen, 9.0).width == 9.0
+    assert fit_view(interaction, frames, camera, 9.0).width == 9.0
 
 
 @pytest.mark.parametrize("skeleton", [NTU25, SBU15, DUET15, EXPI18, INTERHUMAN22])

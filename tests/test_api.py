@@ -1,0 +1,99 @@
+"""What is trusted: the functions of the packages that the public interface calls."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import pacmo_core
+from pacmo_core.data.interaction import bone_lengths
+
+SMALL = {"n_epochs": 2, "width": 8, "n_points": 17, "modes": [8, 6, 4, 4, 4, 6, 8]}
+
+
+@pytest.fixture(scope="module")
+def clips():
+    return list(pacmo_core.synthesise(12).values())
+
+
+@pytest.fixture(scope="module")
+def regression(clips):
+    return pacmo_core.train("regression", clips, **SMALL)
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    code = "import pacmo_core, sys; print(*sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"torch", "numpy", "scipy", "polars", "dvc"} & set(ended.stdout.split())
+
+
+def test_every_name_of_the_public_interface_is_there():
+    assert all(getattr(pacmo_core, name) is not None for name in pacmo_core.__all__)
+    assert dir(pacmo_core) == pacmo_core.__all__
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = pacmo_core.nothing
+
+
+def test_a_reaction_keeps_the_partner_and_has_the_frames_of_the_clip(clips, regression):
+    (reaction,) = pacmo_core.react(regression, clips[0], person="b")
+    np.testing.assert_array_equal(reaction.person_a, clips[0].person_b)
+    assert reaction.person_b.shape == clips[0].person_a.shape
+
+
+def test_a_generative_model_samples_reactions_that_differ_and_repeat_with_the_seed(clips):
+    model = pacmo_core.train("pacmo", clips, **SMALL)
+    first, second = pacmo_core.react(model, clips[0], n_samples=2)
+    assert np.abs(first.person_b - second.person_b).max() > 0
+    again, _ = pacmo_core.react(model, clips[0], n_samples=2)
+    np.testing.assert_array_equal(first.person_b, again.person_b)
+
+
+def test_retargeting_scales_the_bones_of_one_person_and_keeps_the_others(clips):
+    clip = clips[2]
+    child = pacmo_core.retarget(clip, b={"uniform": 0.8})
+    before, after = (bone_lengths(c.person_b, c.skeleton) for c in (clip, child))
+    np.testing.assert_allclose(after.mean(axis=0), 0.8 * before.mean(axis=0), rtol=0.02)
+    kept = bone_lengths(clip.person_a, clip.skeleton).mean(axis=0)
+    np.testing.assert_allclose(
+        bone_lengths(child.person_a, clip.skeleton).mean(axis=0), kept, rtol=0.02
+    )
+
+
+def test_real_reactions_are_perfect_and_others_are_not(clips, regression):
+    extractor = pacmo_core.train("autoencoder", clips, n_epochs=2, width=8)
+    same = pacmo_core.evaluate(clips, clips, extractor=extractor)
+    assert same["f2id"] == pytest.approx(0, abs=1e-9) and same["ape"] == 0
+    reactions = [pacmo_core.react(regression, clip)[0] for clip in clips]
+    other = pacmo_core.evaluate(clips, reactions, extractor=extractor)
+    assert other["f2id"] > 0.01 and other["ape"] > 0.01
+
+
+def test_defaults_are_those_of_params_yaml():
+    settings = pacmo_core.default_settings("train_gru")
+    assert settings["hidden"] == 200
+    settings["hidden"] = 1
+    assert pacmo_core.default_settings("train_gru")["hidden"] == 200
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda c: pacmo_core.train("x", c), ValueError, "name must be one of pacmo, .* got 'x'"),
+        (lambda c: pacmo_core.train("gru", c, n_epoch=3), ValueError, "wanted .*; got n_epoch"),
+        (lambda c: pacmo_core.train("gru", c, n_epochs="a"), ValueError, "n_epochs: .* got 'a'"),
+        (lambda c: pacmo_core.train("gru", [1]), TypeError, r"clips\[0\] must be Interaction"),
+        (lambda c: pacmo_core.react("none", 3), TypeError, "partner must be Interaction; got int"),
+        (lambda c: pacmo_core.retarget(c[0]), ValueError, "a and b must not both be None"),
+        (lambda c: pacmo_core.retarget(c[0], a="giant"), ValueError, "a: .*giant"),
+        (lambda c: pacmo_core.evaluate(c, c[:3]), ValueError, "generated must have 12 clips"),
+        (lambda c: pacmo_core.view({}, "v.html"), ValueError, "clips must be 1 to 6; got 0"),
+        (lambda c: pacmo_core.load_clips("none"), ValueError, "folder must be an existing folder"),
+        (lambda c: pacmo_core.load_clips(".", "fbx"), ValueError, "format must be one of ntu"),
+        (lambda c: pacmo_core.synthesise(0), ValueError, "n must be at least 1; got 0"),
+    ],
+)
+def test_a_wrong_argument_is_refused_in_one_line_by_its_name(clips, call, error, words):
+    with pytest.raises(error, match=words) as caught:
+        call(clips)
+    assert "\n" not in str(caught.value)

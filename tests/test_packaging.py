@@ -1,0 +1,53 @@
+"""What is trusted: the wheel as pip builds it, and the metadata in pyproject.toml."""
+
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_library_its_defaults_and_nothing_else(tmp_path):
+    tracked = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout.split("\n")  # fmt: skip
+    copy = tmp_path / "copy"  # builds leave folders beside the sources
+    for name in filter(lambda name: (ROOT / name).is_file(), tracked):
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / name).write_bytes((ROOT / name).read_bytes())
+    words = ["pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), "."]
+    subprocess.run([sys.executable, "-m", *words], cwd=copy, check=True)
+    (wheel,) = tmp_path.glob("pacmo-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        assert archive.read("pacmo_core/params.yaml") == (ROOT / "params.yaml").read_bytes()
+        (entry,) = (name for name in names if name.endswith("entry_points.txt"))
+        assert "pacmo = pacmo_core.commands.cli:main" in archive.read(entry).decode()
+    top = {name.split("/")[0] for name in names}
+    assert {name for name in top if not name.endswith(".dist-info")} == {"pacmo_core"}
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    assert {"pacmo_core/py.typed", "pacmo_core/figures/three.min.js"} <= set(names)
+
+
+def test_the_lock_has_a_hash_for_every_file_and_names_no_place():
+    text = (ROOT / "requirements.lock").read_text()
+    pins = [line for line in text.splitlines() if "==" in line]
+    assert all(line.endswith(" \\") for line in pins)
+    assert text.count("--hash=sha256:") >= len(pins)
+    assert "://" not in text and "file:" not in text
+
+
+def test_the_pipeline_is_an_extra():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    base = " ".join(project["dependencies"])
+    assert "dvc" not in base and "prefect" not in base
+    assert {"dvc", "prefect"} <= {
+        requirement.split(">")[0].split("=")[0]
+        for requirement in project["optional-dependencies"]["pipeline"]
+    }
