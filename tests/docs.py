@@ -26,7 +26,7 @@ def blocks(page: Path) -> list[Block]:
     found = []
     for match in _BLOCK.finditer(text):
         before = text[: match.start()].rstrip().rpartition("\n\n")[2]
-        named = re.search(r"`((?:stages|experiments)/\w+\.\w+|dvc\.yaml)`", before)
+        named = re.search(r"`((?:stages|experiments)/\w+\.\w+|(?:params|dvc)\.yaml)`", before)
         found.append(Block(match[1], match[2], named[1] if named else ""))
     return found
 

@@ -1,15 +1,18 @@
 """Truth: the commands as they stand in the documentation, run with small inputs."""
 
+import ast
 import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
+from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from pacmo_core.commands import view
@@ -49,6 +52,18 @@ def test_a_command_in_the_documentation_is_one_that_pacmo_takes(
     group.make_context(" ".join(words), rest) if rest else None
 
 
+def test_stages_that_the_documentation_runs_are_in_dvc_yaml() -> None:
+    stages = {*YAML(typ="safe").load(ROOT / "dvc.yaml")["stages"], "top_speed"}  # of new_stage.md
+    flows = [words[1:] for _, words in each_command("flow")]
+    repros = [words[2:] for _, words in each_command("dvc") if words[1:2] == ["repro"]]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    targets = re.findall(r"targets='\[\"([^\"]+)\"\]'", text)
+    named = {word for words in (*flows, *repros, targets) for word in words}
+    named = {word.partition("@")[0] for word in named if not word.startswith(("[", "-", "..."))}
+    assert {"train_reaction", "cut"} <= named
+    assert named <= stages
+
+
 def test_modules_that_the_documentation_runs_are_there() -> None:
     text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     modules = {m for m in re.findall(r"python -m ([a-z_.]+)", text) if m != "stages.top_speed"}
@@ -63,11 +78,20 @@ def test_pages_refer_to_pages_and_pictures_that_are_there() -> None:
             assert (page.parent / target).exists(), f"{page.name} refers to {target}"
 
 
-def test_python_in_the_documentation_compiles() -> None:
+def test_python_in_the_documentation_compiles_and_imports_names_that_exist() -> None:
     for page in PAGES:
-        for block in blocks(page):
-            if block.language == "python":
-                compile(block.text, page.name, "exec")
+        for block in (block for block in blocks(page) if block.language == "python"):
+            for node in ast.walk(ast.parse(block.text, page.name)):
+                if isinstance(node, ast.ImportFrom) and node.module:
+                    names = {alias.name for alias in node.names}
+                    missing = {name for name in names if not can_be_imported(node.module, name)}
+                    assert missing == set(), f"{page.name}: {node.module} has no {missing}"
+
+
+def can_be_imported(module: str, name: str) -> bool:
+    imported = import_module(module)
+    is_package = hasattr(imported, "__path__")
+    return hasattr(imported, name) or (is_package and find_spec(f"{module}.{name}") is not None)
 
 
 @pytest.fixture

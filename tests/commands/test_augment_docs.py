@@ -20,12 +20,12 @@ from tests.commands.test_augment import CLIP, PARAMS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "augment.md").read_text(encoding="utf-8")
-BY_HAND = [
+COMMANDS = [
     line.partition("  #")[0]
     for line in (PAGE + (ROOT / "README.md").read_text(encoding="utf-8")).splitlines()
     if line.startswith("./run pacmo augment ")
 ]
-# What the options of the commands say of the files: metres a unit, and which axis is up.
+# Options of the commands that state the unit and the upward axis of the files.
 CENTIMETRES, PRESET = "--unit 0.01", "--preset duo_mocap"
 
 
@@ -38,7 +38,7 @@ def bvh(motion: Motion, command: str) -> str:
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Stand where ``./run`` does: parameters, clips and variations at hand."""
+    """Change to a folder with parameters, clips and variations, as ``./run`` does."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "params.yaml").write_text(PARAMS.read_text())
     with write_motions(tmp_path / "data/clips/motions.parquet", SBU15) as writer:
@@ -56,12 +56,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_there_are_commands_to_try():
-    assert len(BY_HAND) >= 3
-    assert any(CENTIMETRES in line for line in BY_HAND)
+    assert len(COMMANDS) >= 3
+    assert any(CENTIMETRES in line for line in COMMANDS)
 
 
-@pytest.mark.parametrize("command", BY_HAND)
-def test_a_command_of_the_page_writes_both_people_in_the_form_they_came_in(command, project):
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_of_the_page_writes_both_people_in_the_format_of_the_input(command, project):
     for person, motion in (("A", CLIP.person_a), ("B", CLIP.person_b)):
         (project / f"DUO_{person}.bvh").write_text(bvh(motion, command))
     _, _, *words = shlex.split(command)
@@ -79,10 +79,10 @@ def test_a_command_of_the_page_writes_both_people_in_the_form_they_came_in(comma
             )
 
 
-def test_the_python_of_the_page_finds_longer_forearms_among_those_kept(project):
+def test_the_python_of_the_page_selects_accepted_variations_with_longer_forearms(project):
     (program,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
     *before, last = program.replace("\n)\n", "\n)").split("\nfacts.")
-    found = {}
-    exec(f"{before[0]}\nfound = facts.{last}", found)  # the page's own words
-    assert found["found"]["variation"].to_list() == ["c~1"]
-    assert isinstance(found["found"], pl.DataFrame)
+    names = {}
+    exec(f"{before[0]}\nresult = facts.{last}", names)  # the page's own code
+    assert names["result"]["variation"].to_list() == ["c~1"]
+    assert isinstance(names["result"], pl.DataFrame)
