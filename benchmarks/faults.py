@@ -36,7 +36,7 @@ WRITTEN_BY_RUNS = (
     "checkpoints",
     "live",
 )
-STAGES = ("train_gru",)
+STAGES = ("train_reaction@gru-1-1",)
 LIMIT_S = 900.0
 
 
@@ -127,7 +127,7 @@ def undisturbed(folder: Path, stages: list[str]) -> Undisturbed:
 def kill_and_recover(
     folder: Path, stages: list[str], expected: Undisturbed, choice: random.Random
 ) -> tuple[bool, bool]:
-    """Kill a run at a random moment and run again: whether it succeeded, whether with equal bytes."""
+    """Kill a run at a random moment and run again: did it succeed, did it end with equal bytes."""
     clear(folder)
     process = start_run(folder, stages)
     time.sleep(choice.uniform(0, expected.seconds))

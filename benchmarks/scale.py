@@ -45,7 +45,7 @@ def measure(folder: Path, n_clips: int) -> dict[str, tuple[float, float]]:
     call(folder, *status)
     found = {"dvc": (processor_seconds() - before, 0.0)}
     for command in plain_commands(folder):
-        name = command.split()[2].removeprefix("stages.")
+        name = _name(command)
         if not _is_wanted(name, command):
             continue
         before = processor_seconds()
@@ -65,8 +65,18 @@ def line(sizes: list[int], values: list[float]) -> tuple[float, float]:
     return slope, last / slope if slope > 0 else 0.0
 
 
+def _name(command: str) -> str:
+    """Return the stage of a command, ``train_MODEL`` for a training."""
+    _, _, module, *rest = command.split()
+    name = module.removeprefix("stages.")
+    if name != "train":
+        return name
+    (model,) = (word.removeprefix("--model=") for word in rest if word.startswith("--model="))
+    return f"train_{model}"
+
+
 def _is_wanted(name: str, command: str) -> bool:
-    if name in ("react", "train_pacmo"):
+    if name == "react":
         return "pacmo/1" in command
     return name in (*STAGES, *NEEDED)
 

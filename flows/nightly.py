@@ -244,10 +244,13 @@ def training_stages(models: list[str]) -> list[str]:
 
 
 def trained_model(stage: str) -> str:
-    """Return the model of ``train_MODEL@FOLD-SEED`` or ``train_pacmo@MODEL-FOLD-SEED``."""
+    """Return the model of a training stage, by the keys of its matrix in ``dvc.yaml``."""
     name, _, keys = stage.partition("@")
-    first = keys.partition("-")[0]
-    return name.removeprefix("train_") if not first or first.isdigit() else first
+    if name in ("train_features", "train_reaction"):  # MODEL-FOLD, MODEL-FOLD-SEED
+        return keys.partition("-")[0]
+    if name == "train_skeleton_prior":  # DATASET-SPLIT-MODEL-SEED
+        return keys.split("-")[-2]
+    return name.removeprefix("train_")
 
 
 def _nightly_runs(runs: list[RunRecord]) -> list[RunRecord]:

@@ -1,8 +1,9 @@
 """Pool the scores of skeleton priors over seeds: means, and intervals for the mean of a training.
 
-Usage: python -m stages.pool_skeleton_prior SCORES POOLED.json
+Usage: python -m stages.pool_skeleton_prior PRIORS POOLED.json
 
-SCORES holds DATASET/SPLIT.json; only the datasets and splits of params.yaml are read.
+PRIORS holds scores/DATASET/SPLIT.json of the datasets and splits of params.yaml; if it names none,
+there is no such folder, and the file of pooled scores has no rows.
 """
 
 import argparse
@@ -26,12 +27,12 @@ class Params:
     confidence: float
 
 
-def main(scores_folder: Path, pooled_file: Path) -> None:
+def main(priors_folder: Path, pooled_file: Path) -> None:
     params = read_params("pool_skeleton_prior", Params)
     rows: dict[str, Any] = {task: {} for task in TASKS}
     data_facts: dict[str, Any] = {}
     for dataset, split in read_prior_runs().groups():
-        scores = read_json(scores_folder / dataset / f"{split}.json")
+        scores = read_json(priors_folder / "scores" / dataset / f"{split}.json")
         data_facts.setdefault(dataset, {})[split] = {
             name: scores[name] for name in ("extractor", "train", "tested")
         }
@@ -73,7 +74,7 @@ def interval(values: list[float], confidence: float) -> dict[str, float]:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    for name in ("scores_folder", "pooled_file"):
+    for name in ("priors_folder", "pooled_file"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()
 

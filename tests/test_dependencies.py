@@ -20,6 +20,7 @@ import pytest
 from dvc.repo import Repo
 from ruamel.yaml import YAML
 
+from flows.nightly import trained_model
 from pacmo_core.models import MODELS
 from pacmo_core.project.experiments import compose_params, experiment_names
 
@@ -280,3 +281,9 @@ def test_the_stages_run_as_modules():
     help_of = [sys.executable, "-m", "stages.train", "--help"]
     ended = subprocess.run(help_of, cwd=ROOT, capture_output=True, text=True, check=True)
     assert "--model" in ended.stdout
+
+
+@pytest.mark.parametrize("stage", sorted(name for name in STAGES if kind(name) in TRAININGS))
+def test_retraining_by_model_finds_the_stage(stage: str) -> None:
+    (model,) = (word for word in STAGES[stage]["cmd"] if word.startswith("--model="))
+    assert trained_model(stage) == model.removeprefix("--model=")

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -114,7 +115,7 @@ def test_the_oracle_keeps_the_partner_and_changes_the_reaction(twins):
 
 
 @pytest.mark.slow
-def test_an_edit_of_a_parameter_runs_just_what_rests_on_it(twins):
+def test_an_edit_of_a_parameter_runs_only_the_stages_that_depend_on_it(twins):
     params = twins[1] / "params.yaml"
     params.write_text(params.read_text().replace("played_clips: 2", "played_clips: 1"))
     said = run(twins[1], sys.executable, "-m", "dvc", "repro")
@@ -123,17 +124,29 @@ def test_an_edit_of_a_parameter_runs_just_what_rests_on_it(twins):
 
 
 @pytest.mark.slow
-def test_another_seed_trains_just_its_own_models(twins):
+def test_a_further_seed_trains_only_its_own_models(twins):
     params = twins[1] / "params.yaml"
     params.write_text(params.read_text().replace("seeds: [1] ", "seeds: [1, 2] ", 1))
     said = run(twins[1], sys.executable, "-m", "dvc", "repro")
     ran = {line.split("'")[1] for line in said.splitlines() if line.startswith("Running stage")}
     assert ran == {
-        *("train_gru@1-2", "train_regression@1-2"),
-        *("train_pacmo@pacmo-1-2", "train_pacmo@pacmo_paper-1-2"),
+        *("train_reaction@gru-1-2", "train_reaction@regression-1-2"),
+        *("train_reaction@pacmo-1-2", "train_reaction@pacmo_paper-1-2"),
         *("react@gru-1-2", "react@regression-1-2", "react@pacmo-1-2", "react@pacmo_paper-1-2"),
         *("evaluate_pacmo@1", "pool_pacmo", "report"),
     }
     models = twins[1] / "models" / "1" / "gru"
     first, second = ((models / seed / "weights.safetensors").read_bytes() for seed in "12")
     assert first != second
+
+
+@pytest.mark.slow
+def test_an_experiment_without_skeleton_priors_ends_with_a_report(twins):
+    params = twins[1] / "params.yaml"
+    params.write_text(params.read_text().replace("datasets: [default]", "datasets: []", 1))
+    for name in ("scores", "samples"):  # as in a checkout that never trained any
+        shutil.rmtree(twins[1] / "data" / "priors" / name)
+    said = run(twins[1], sys.executable, "-m", "dvc", "repro")
+    assert "Running stage 'pool_skeleton_prior'" in said and "Running stage 'train" not in said
+    details = json.loads((twins[1] / "reports" / "details.json").read_text())
+    assert details["skeleton_prior"]["generation"] == {}

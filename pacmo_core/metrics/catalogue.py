@@ -37,7 +37,7 @@ METRICS = {
         "F²ID",
         LOWER,
         "",
-        "distance of the reference of the features of interactions",
+        "Fréchet distance of the features of interactions",
         tolerance=0.5,
         exact_for_real=True,
     ),
@@ -58,9 +58,7 @@ METRICS = {
         can_be_negative=True,
         exact_for_real=True,
     ),
-    "fid": Metric(
-        "FID", LOWER, "", "distance of the reference of the features of clips", tolerance=0.5
-    ),
+    "fid": Metric("FID", LOWER, "", "Fréchet distance of the features of clips", tolerance=0.5),
     "mmd_a": Metric(
         "MMD-A",
         LOWER,
@@ -151,8 +149,11 @@ PUBLISHED_COLUMNS = (
 )
 
 ROWS = {
-    "real": ("Real motion", "of reference a second sample, the floor; else the pairs tested"),
-    "oracle": ("Oracle", "a fresh replicate from the true gaussian: how good a score can get"),
+    "real": (
+        "Real motion",
+        "a second sample of real motion, the noise floor; else the pairs tested",
+    ),
+    "oracle": ("Oracle", "drawn from the true distribution: how good a score can get"),
     "pacmo": ("PaCMO", ""),
     "pacmo_augmented": ("PaCMO, augmented", "trained on clips and their variations"),
     "pacmo_paper": ("PaCMO, as in the paper", "adversarial training alone"),
@@ -163,13 +164,13 @@ ROWS = {
     "pacmo_permuted": ("PaCMO, wrong partner", "its reactions, shuffled among partners"),
     "real_pairs_same_action": ("Real pairs", "of actions that others perform too"),
     "wrong_partner_same_action": (
-        "Wrong partner, same actionion",
-        "real reactions, shuffled within each actionion",
+        "Wrong partner, same action",
+        "real reactions, shuffled within each action",
     ),
     "pacmo_same_action": ("PaCMO", "of actions that others perform too"),
     "pacmo_permuted_same_action": (
-        "PaCMO, wrong partner, same actionion",
-        "shuffled within each actionion",
+        "PaCMO, wrong partner, same action",
+        "shuffled within each action",
     ),
 }
 MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")

@@ -1,7 +1,7 @@
 """Write the page, the figures that people compare, and all others as data.
 
 Usage: python -m stages.report --sequences DIR --clips DIR --split FILE --ingest JSON
-           --split-reports DIR --pooled JSON --variations DIR --augment JSON --prior-samples DIR
+           --split-reports DIR --pooled JSON --variations DIR --augment JSON --priors DIR
            --prior-pooled JSON --curves DIR --reactions DIR --seed S
            --page HTML --metrics JSON --rows DIR --details JSON
 
@@ -32,7 +32,7 @@ SUMMARY = "Reactions generated from the partner's motion, measured on clips that
 
 PATHS = (
     *("sequences", "clips", "split", "ingest", "split_reports", "pooled", "variations", "augment"),
-    *("prior_samples", "prior_pooled", "curves", "reactions"),
+    *("priors", "prior_pooled", "curves", "reactions"),
     *("page", "metrics", "rows", "details"),
 )
 # The curves and reactions that the page shows, in this order.
@@ -74,7 +74,7 @@ def main(paths: argparse.Namespace) -> None:
         clips=tuple(played((paths.clips, paths.split), reactions, params.played_clips)),
         gallery=(
             *gallery(paths.variations, params.varied_clips, params.variations_each),
-            *prior_clips(paths.prior_samples, priors),
+            *prior_clips(paths.priors / "samples", priors),
         ),
     )
     write_text(paths.page, render_report(page))

@@ -32,32 +32,32 @@ COMPARED_COLUMNS = {
     "contact_agreement": "contacts",
 }
 
-NO_ORACLE = "recorded captures have no known law of reaction"
+NO_ORACLE = "recorded captures have no known distribution of reactions"
 COMPARISONS = {
-    "any_action": "Real, over all acts",
-    "same_action": "Real, within each act",
-    "pacmo_any_action": "PaCMO, over all acts",
-    "pacmo_same_action": "PaCMO, within each act",
+    "any_action": "Real, over all actions",
+    "same_action": "Real, within each action",
+    "pacmo_any_action": "PaCMO, over all actions",
+    "pacmo_same_action": "PaCMO, within each action",
 }
-REAL_COMPARISONS = {"any_action": "across acts", "same_action": "within one act"}
+REAL_COMPARISONS = {"any_action": "across actions", "same_action": "within one action"}
 NOTES = (
-    "Real motion is a second draw of real reactions: as many as were tested, taken clip by clip "
-    "from training. Its F²ID is the floor: what the metric says of two samples of real motion of "
-    "this size. A row that answers the very partners tested shares their sampling error, and may "
+    "Real motion is a second sample of real reactions: as many as are tested, drawn by clip from "
+    "training. Its F²ID is the noise floor: the distance between two samples of real motion of "
+    "this size. A row with reactions to the tested partners shares their sampling error, and may "
     "lie below it; F²ID excess is free of that: F²ID to further real motion, less that of the real "
     "pairs tested.",
-    "Features depend on the auto-encoder and matching on the matcher, whose hashes stand below: "
-    "figures compare only under the same ones.",
+    "Features depend on the auto-encoder and matching on the matcher, whose hashes are below: "
+    "figures are comparable only under the same ones.",
     "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
     "so it may fall below zero. APE and AVE are of the root joint, as in the paper's tables; "
     "reports/details.json has them of all joints too.",
-    "A metric of reactions alone cannot see the partner: dealing the real reactions to wrong "
-    "partners leaves MMD at zero. F²ID and diversity are of both people's features.",
+    "A metric of reactions alone does not depend on the partner: permuting the real reactions "
+    "among partners leaves MMD at zero. F²ID and diversity are of both people's features.",
     "Intervals resample clips, and seeds where there are several, and are pooled over folds.",
 )
 DIFFERENCE_NOTES = (
-    "Of the same draws of clips and seeds. Marked: the first is better for certain, its interval "
-    "clear of zero on the good split.",
+    "Over the same resampled clips and seeds. Marked: the first is significantly better, its "
+    "interval excludes zero on the better side.",
 )
 
 

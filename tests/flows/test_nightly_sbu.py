@@ -35,7 +35,10 @@ LAB = {
         "drop_joints": [],
     },
     "split": {"method": "listed", "test_pairs": [["s05+s03", "s03+s04"]]},
-    "augment": {"clips": {"most": 1}, "plan": {"single": {"most": 1}, "bodies": 1}},
+    "augment": {
+        "clips": {"max_clips": 1},
+        "plan": {"single": {"max_variations": 1}, "n_random": 1},
+    },
     "train_autoencoder": {**NETWORK, "n_epochs": 4},
     "train_matcher": {"width": 8, "n_points": 17, "modes": [6, 4, 4], "n_epochs": 2},
     "train_gru": {"hidden": 16, "n_epochs": 1},
