@@ -2,13 +2,13 @@
 
 Usage: python -m benchmarks.interrupts [--moments N] [--experiment NAME] [--json] [STAGE ...]
 
-A run is ``python -m flows.run reproduce STAGE ...``, what ``./run`` becomes, in a clone of the last
-commit and through a pseudo-terminal. For each moment it starts with no output; after a random share
-of an undisturbed run's time Ctrl-C is pressed, and a tenth of a second later again. ``ended``:
-after how many no process of the run was left within 10 s; ``one_line``: how many said so in one
-line, without a traceback; ``identical``: after how many the run that followed left the undisturbed
-run's files under data, models and reports and its entries of ``dvc.lock``. ``slowest_s``: the
-longest time from Ctrl-C to the end of the last process.
+A run is ``./run flow STAGE ...`` in a clone of the last commit, set up before, through a
+pseudo-terminal. For each moment it starts with no output; after a random share of an undisturbed
+run's time Ctrl-C is pressed, and a tenth of a second later again. ``ended``: after how many no
+process of the run was left within 10 s; ``one_line``: how many said so in one line, without a
+traceback; ``done_before``: how many runs had ended before; ``identical``: after how many the run
+that followed left the undisturbed run's files under data, models and reports and its entries of
+``dvc.lock``. ``slowest_s``: the longest time from Ctrl-C to the end of the last process.
 """
 
 import os
@@ -27,7 +27,7 @@ from ruamel.yaml import YAML
 
 from benchmarks._figures import arguments, show
 from benchmarks.faults import clear, hashes, start_run
-from benchmarks.pipeline import clone
+from benchmarks.pipeline import call, clone
 from pacmo_core.project.processes import marked_processes
 
 CTRL_C = b"\x03"
@@ -117,8 +117,7 @@ def measure(
     for number in range(n_moments):
         clear(folder)
         moment = choice.uniform(0, seconds)
-        command = [sys.executable, "-m", "flows.run", "reproduce", *stages]
-        result = interrupt(command, folder, moment)
+        result = interrupt([str(folder / "run"), "flow", *stages], folder, moment)
         succeeded = start_run(folder, stages).wait(timeout=RUN_LIMIT_S) == 0
         same = succeeded and (hashes(folder), lock_entries(folder)) == expected
         print(
@@ -130,6 +129,7 @@ def measure(
     return {
         "moments": n_moments,
         "ended": sum(not result.remaining for result, _ in results),
+        "done_before": sum(result.code == 0 for result, _ in results),
         "one_line": sum(result.in_one_line for result, _ in results),
         "identical": sum(same for _, same in results),
         "slowest_s": max(result.seconds for result, _ in results),
@@ -148,6 +148,7 @@ def main() -> None:
     choice = random.Random(options.seed)
     with tempfile.TemporaryDirectory() as place:
         folder = clone(Path(place) / "clone", options.experiment)
+        call(folder, str(folder / "run"), "setup")
         figures = measure(folder, options.stages, options.moments, choice)
     show(figures, as_json=options.json)
 
