@@ -1,4 +1,4 @@
-"""What is trusted: the meaning of folds and seeds; the graph as DVC reads it."""
+"""Reference: the definition of folds and seeds, and the graph as DVC reads it."""
 
 import shutil
 import subprocess
@@ -13,7 +13,7 @@ from pacmo_core.project.stages import upstream_stages
 ROOT = Path(__file__).parents[2]
 ONCE = {"synthesise", "ingest", "cut", "augment", "split_variations", "pool_skeleton_prior"}
 ONCE |= {"pool_pacmo", "report"}
-ONCE_A_FOLD = {"split", "train_autoencoder", "train_matcher", "react_oracle", "evaluate_pacmo"}
+ONCE_A_FOLD = {"split", "train_features", "react_oracle", "evaluate_pacmo"}
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def graph(tmp_path_factory):
     shutil.copy(ROOT / "dvc.yaml", folder)
     params = YAML(typ="safe").load(ROOT / "params.yaml")
     params["runs"] |= {"folds": [1, 2], "seeds": [1, 2, 3]}
-    params["runs"]["priors"]["datasets"] = []  # no stage of reactions rests on these
+    params["runs"]["priors"]["datasets"] = []  # no stage of reactions depends on these
     YAML(typ="safe").dump(params, folder / "params.yaml")
     dvc = [sys.executable, "-m", "dvc"]
     subprocess.run([*dvc, "init", "-q", "--no-scm"], cwd=folder, check=True)
@@ -40,7 +40,7 @@ def fold_and_seed(stage):
     return stem, fold, seed
 
 
-def test_a_stage_is_made_once_or_for_every_fold_or_for_every_fold_and_seed(graph):
+def test_a_stage_runs_once_or_per_fold_or_per_fold_and_seed(graph):
     counts = {}
     for name in graph:
         stem, fold, seed = fold_and_seed(name)
@@ -50,13 +50,13 @@ def test_a_stage_is_made_once_or_for_every_fold_or_for_every_fold_and_seed(graph
         assert len(made) == wanted, stem
 
 
-def test_no_fold_rests_on_another_and_no_seed_either(graph):
+def test_no_fold_depends_on_another_and_no_seed_either(graph):
     for name, below in graph.items():
         _, fold, seed = fold_and_seed(name)
         for other in below - {name} if fold else ():
             _, other_fold, other_seed = fold_and_seed(other)
-            assert other_fold in ("", fold), f"{name} rests on {other}"
-            assert not seed or other_seed in ("", seed), f"{name} rests on {other}"
+            assert other_fold in ("", fold), f"{name} depends on {other}"
+            assert not seed or other_seed in ("", seed), f"{name} depends on {other}"
 
 
 def test_all_folds_and_seeds_are_pooled(graph):

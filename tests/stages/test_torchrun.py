@@ -19,7 +19,7 @@ EPOCHS = 3
 
 
 def train(launcher: list[str], out: str) -> None:
-    words = ["--seed=1", "clips", "sides.parquet", f"models/{out}", f"{out}.csv"]
+    words = ["--model=pacmo", "--seed=1", "clips", "splits.parquet", f"models/{out}", f"{out}.csv"]
     environment = {
         **os.environ,
         "PYTHONPATH": str(ROOT),
@@ -27,7 +27,7 @@ def train(launcher: list[str], out: str) -> None:
         "GLOO_SOCKET_IFNAME": "lo",
         "DVC_STUDIO_OFFLINE": "true",
     }
-    subprocess.run([*launcher, "stages.train_pacmo", *words], check=True, env=environment)
+    subprocess.run([*launcher, "stages.train", *words], check=True, env=environment)
 
 
 @pytest.mark.slow
