@@ -2,10 +2,11 @@
 
     import pacmo_core
 
-    clips = list(pacmo_core.synthesise(20).values())
+    clips = pacmo_core.synthesise(20)
     model = pacmo_core.train("regression", clips, n_epochs=10)
-    (reaction,) = pacmo_core.react(model, clips[0])
-    pacmo_core.view({"captured": clips[0], "generated": reaction}, "view.html")
+    captured = clips["handshake-1"]
+    (reaction,) = pacmo_core.react(model, captured)
+    pacmo_core.view({"captured": captured, "generated": reaction}, "view.html")
 
 Functions are imported when they are first used, so that ``import pacmo_core`` is quick.
 """
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         load_clips,
         react,
         retarget,
+        save,
         synthesise,
         train,
         view,
@@ -35,6 +37,7 @@ __all__ = [
     "load_clips",
     "react",
     "retarget",
+    "save",
     "synthesise",
     "train",
     "view",

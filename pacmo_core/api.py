@@ -1,4 +1,4 @@
-"""What a researcher uses in a notebook: load, synthesise, train, react, retarget, evaluate, view.
+"""The library in a notebook: load, synthesise, train, save, react, retarget, evaluate, view.
 
 Settings are those of ``params.yaml`` unless an argument says otherwise. Every function checks its
 arguments and raises a ``TypeError`` or ``ValueError`` of one line that names the argument, what was
@@ -39,8 +39,12 @@ from pacmo_core.reaction.react import react as react_to_partner
 from pacmo_core.reaction.windows import ReactionModel, is_deterministic
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.weights import write_weights
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 from pacmo_core.training.loop import TrainingData
+from pacmo_core.training.state import model_config, model_state
+
+Clips = Sequence[Interaction] | Mapping[str, Interaction]
 
 _N_FRAMES = 64  # common length of motions for MMD, as in the section evaluate_pacmo
 _CONTACT_DISTANCE = 0.1  # metres, of the viewer's contacts
@@ -125,9 +129,9 @@ def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:
 
 def train(
     name: str,
-    clips: Sequence[Interaction],
+    clips: Clips,
     *,
-    validation: Sequence[Interaction] = (),
+    validation: Clips = (),
     actions: Sequence[str] = (),
     random_seed: int = 1,
     device: str = "cpu",
@@ -138,29 +142,46 @@ def train(
     Parameters
     ----------
     name : pacmo, pacmo_paper, regression, gru, autoencoder or matcher
-    clips : that it learns from, all of one skeleton
+    clips : training clips, a sequence or a mapping by name, all of one skeleton
     validation : on which the weights are selected; without, the last epoch's are taken
     actions : label of each clip, for a model that is conditioned on labels
     random_seed : of weights, batches and noise
     device : cpu or cuda
     settings : that replace those of the model's section of ``params.yaml``, such as ``n_epochs=5``
     """
-    kinds = ("reaction", "features")
-    known = [model.name for model in MODELS.values() if model.kind in kinds]
-    if name not in known:
-        raise ValueError(f"name must be one of {', '.join(known)}; got {name!r}")
-    learnt = _check_clips("clips", clips)
+    _check_model_name(name)
+    training = _check_clips("clips", clips)
     held_out = _check_clips("validation", validation, least=0)
     model = MODELS[name]
     section = _training_section(model.section, settings)
     section.setdefault("random_seed", random_seed)
     options = _validated(f"settings of {name}", model.settings_class(), section)
-    labels = list(actions) or [""] * len(learnt)
-    if len(labels) != len(learnt):
-        raise ValueError(f"actions must be one for each clip, {len(learnt)}; got {len(labels)}")
-    data = TrainingData(learnt, held_out, labels, [""] * len(held_out))
+    labels = list(actions) or [""] * len(training)
+    if len(labels) != len(training):
+        raise ValueError(f"actions must be one for each clip, {len(training)}; got {len(labels)}")
+    data = TrainingData(training, held_out, labels, [""] * len(held_out))
     trained: nn.Module = model.build_training(data, options, device=device).finish()
     return trained
+
+
+def save(name: str, model: nn.Module, path: str | Path) -> Path:
+    """Write a trained model's weights and configuration as safetensors; ``react`` reads the file.
+
+    Parameters
+    ----------
+    name : of the model, as for ``train``
+    model : trained
+    path : of the file
+
+    Returns
+    -------
+    the path
+    """
+    _check_model_name(name)
+    file = Path(_check("path", path, str, Path))
+    facts = {"model": name, "config": model_config(_check("model", model, nn.Module))}
+    write_weights(file, facts, model_state(model))
+    return file
 
 
 def react(
@@ -236,8 +257,8 @@ def retarget(
 
 
 def evaluate(
-    real: Sequence[Interaction],
-    generated: Sequence[Interaction],
+    real: Clips,
+    generated: Clips,
     *,
     extractor: Autoencoder | None = None,
     random_seed: int = 1,
@@ -247,7 +268,7 @@ def evaluate(
 
     Parameters
     ----------
-    real, generated : n clips each, ``person_a`` the partner, at the same times
+    real, generated : n clips each in the same order, ``person_a`` the partner, at the same times
     extractor : the auto-encoder of the features; None to train one on ``real``
     random_seed : of the extractor and of the pairs of the diversity
     settings : of the extractor's training, such as ``n_epochs=20``
@@ -367,9 +388,17 @@ def _check_positive(name: str, value: Any) -> None:
         raise ValueError(f"{name} must be at least 1; got {value}")
 
 
+def _check_model_name(name: str) -> None:
+    known = [model.name for model in MODELS.values() if model.kind in ("reaction", "features")]
+    if name not in known:
+        raise ValueError(f"name must be one of {', '.join(known)}; got {name!r}")
+
+
 def _check_clips(name: str, clips: Any, least: int = 1) -> list[Interaction]:
     """Check that clips are interactions of one skeleton, enough of them."""
-    _check(name, clips, Sequence)
+    _check(name, clips, Sequence, Mapping)
+    if isinstance(clips, Mapping):
+        clips = list(clips.values())
     for number, clip in enumerate(clips):
         _check(f"{name}[{number}]", clip, Interaction)
     if len(clips) < least:

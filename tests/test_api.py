@@ -41,6 +41,17 @@ def test_a_reaction_keeps_the_partner_and_has_the_frames_of_the_clip(clips, regr
     assert reaction.person_b.shape == clips[0].person_a.shape
 
 
+def test_a_saved_model_gives_the_same_reaction_and_clips_may_have_names(
+    clips, regression, tmp_path
+):
+    path = pacmo_core.save("regression", regression, tmp_path / "weights.safetensors")
+    (expected,), (reaction,) = (pacmo_core.react(model, clips[0]) for model in (regression, path))
+    np.testing.assert_array_equal(reaction.person_b, expected.person_b)
+    named = {str(number): clip for number, clip in enumerate(clips)}
+    again = pacmo_core.train("regression", named, **SMALL)
+    np.testing.assert_array_equal(pacmo_core.react(again, clips[0])[0].person_b, expected.person_b)
+
+
 def test_a_generative_model_samples_reactions_that_differ_and_repeat_with_the_seed(clips):
     model = pacmo_core.train("pacmo", clips, **SMALL)
     first, second = pacmo_core.react(model, clips[0], n_samples=2)
