@@ -168,7 +168,7 @@ class Population:
 
 
 def sample_scales(body: Body, population: Population, name: str) -> Scales:
-    """Sample bone scales ``(E,)`` from a log-normal population.
+    """Sample a random body: bone scales ``(E,)`` from a log-normal population.
 
     The same name gives the same stature on any skeleton and, for corresponding segments, the same
     proportions.

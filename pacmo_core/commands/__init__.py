@@ -1,1 +1,1 @@
-"""TODO: what this package holds."""
+"""The ``pacmo`` command: one module for each group of subcommands, imported when it is used."""
