@@ -1,10 +1,10 @@
-"""Give clips other bodies, and sort out variations that are not good enough to train on.
+"""Retarget clips to other bodies, and mark the variations that training may use.
 
 Usage: python -m stages.augment --cache=DIR CLIPS SECOND VARIATIONS METRICS.json
 
 SECOND is a folder of captures of another skeleton, whose variations are a second dataset. DIR
-caches variations and files of clips across runs (DVC does not manage it): only what is new is
-computed, and the result is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster.
+caches variations and files of clips across runs (DVC does not manage it): only new ones are
+computed, and the result has the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster.
 """
 
 import argparse
@@ -74,7 +74,7 @@ from stages.common.params import read_params
 
 @dataclass(frozen=True)
 class ClipSelection:
-    """Which clips of a dataset are varied."""
+    """The clips of a dataset that are varied."""
 
     include: tuple[str, ...]  # patterns of clips' names
     max_per_sequence: int | None  # those with the most near pairs of joints
@@ -82,7 +82,7 @@ class ClipSelection:
     near_distance: float  # metres between joints that count as near
 
     def must_select(self, n_clips: int) -> bool:
-        """Whether clips of a sequence with so many of them may have to be left out."""
+        """Return whether some of ``n_clips`` clips of a sequence may be left out."""
         max_clips = n_clips if self.max_per_sequence is None else self.max_per_sequence
         return self.max_clips is not None or n_clips > max_clips
 
@@ -109,9 +109,9 @@ class SourceDataset:
 
     Parameters
     ----------
-    name : of the data set
-    clips : facts of the selected ones, by name, sorted
-    read : from a name to the clip
+    name : of the dataset
+    clips : records of the selected clips, by name, sorted
+    read : reads a clip by name
     """
 
     name: str
@@ -120,7 +120,7 @@ class SourceDataset:
 
 
 def main_dataset(clips: Path, selection: ClipSelection) -> SourceDataset:
-    """Choose among the experiment's clips."""
+    """Select clips of the experiment."""
     facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipRecord)}
     read = MotionReader(clips / MOTIONS).read
     selected = _select_clips(facts, read, selection, clips)
@@ -130,7 +130,7 @@ def main_dataset(clips: Path, selection: ClipSelection) -> SourceDataset:
 def second_dataset(
     second: SecondDataset, raw: Path, selection: ClipSelection
 ) -> Iterator[SourceDataset]:
-    """Choose among captures of the second skeleton, where there are any.
+    """Select clips of the second dataset; yields nothing if there is none.
 
     Raises
     ------
@@ -154,8 +154,8 @@ def second_dataset(
 
 def _read_captures(second: SecondDataset, raw: Path) -> Iterator[tuple[ClipRecord, Interaction]]:
     raw_format = open_format(second.format or "", second.settings)
-    state = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
-    recipe = IngestionSettings(
+    sequences = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
+    settings = IngestionSettings(
         dataset=second.dataset,
         root=raw,
         format=raw_format,
@@ -166,10 +166,10 @@ def _read_captures(second: SecondDataset, raw: Path) -> Iterator[tuple[ClipRecor
     )
     included = [
         sequence
-        for sequence in state
+        for sequence in sequences
         if _is_included(sequence.files[0].relative_to(raw).as_posix(), second.include)
     ]
-    for outcome in read_sequences(recipe, included):
+    for outcome in read_sequences(settings, included):
         if not isinstance(outcome, QuarantineRecord):
             yield outcome
 
@@ -184,15 +184,15 @@ def _select_clips(
     selection: ClipSelection,
     where: Path,
 ) -> dict[str, ClipRecord]:
-    """Choose clips by name; only those among which there is a selection are looked into."""
+    """Select clips; motions are read only of sequences from which clips may be left out."""
     rows = [row for row in facts.values() if _is_included(row.clip, selection.include)]
     if not rows:
-        raise ValueError(f"{where}: no clip fits {', '.join(selection.include)}")
+        raise ValueError(f"{where}: no clip matches {', '.join(selection.include)}")
     n_clips = Counter(row.sequence for row in rows)
     candidates = []
     for row in rows:
-        must_look = selection.must_select(n_clips[row.sequence])
-        near_pairs = mean_near_pairs(read(row.clip), selection.near_distance) if must_look else 0.0
+        is_read = selection.must_select(n_clips[row.sequence])
+        near_pairs = mean_near_pairs(read(row.clip), selection.near_distance) if is_read else 0.0
         candidates.append(Candidate(row.clip, row.sequence, row.action, near_pairs))
     names = select_clips(
         candidates, max_per_sequence=selection.max_per_sequence, max_clips=selection.max_clips
@@ -201,23 +201,23 @@ def _select_clips(
 
 
 LOG = logging.getLogger(__name__)
-N_COPY_THREADS = 2  # threads: more wait for each other
+N_COPY_THREADS = 2  # more are not faster
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How clips are varied, and where what was made before is kept."""
+    """Settings of the augmentation, and its caches."""
 
     plan: Plan
     solver: Settings
     limits: VariationLimits
-    variations: Cache  # whatever the plan
-    clips: Cache  # files of clips with all variations of the plan
+    variations: Cache  # of single variations, independent of the plan
+    clips: Cache  # of the files of a clip with all variations of the plan
 
 
 @dataclass(frozen=True)
 class PendingClip:
-    """A clip that is not finished, and the hashes under which all of it is kept."""
+    """A clip that is not in the cache of clips, and its keys."""
 
     clip: str
     key: str
@@ -227,27 +227,29 @@ class PendingClip:
 
 @dataclass(frozen=True)
 class CacheState:
-    """The keys of the variations in the cache, and why sources were refused."""
+    """The keys of the cached variations, and the reasons why sources were refused."""
 
     cached: set[str] = field(default_factory=set)
     refused: dict[str, str] = field(default_factory=dict)
 
     def missing(self, clip: PendingClip) -> list[tuple[str, Variation]]:
-        """List what a clip still waits for: nothing, once its source is refused."""
+        """List the variations of a clip that are not cached; none if its source is refused."""
         if clip.source in self.refused:
             return []
         return [
-            one for one in clip.variations if variation_key(clip.source, one[0]) not in self.cached
+            (body, variation)
+            for body, variation in clip.variations
+            if variation_key(clip.source, body) not in self.cached
         ]
 
     def outcomes(
         self, clip: PendingClip, cache: Cache
     ) -> Iterator[tuple[Variation, SolvedVariation | str]]:
-        """Read what came of each variation."""
+        """Yield each variation with its solution, or with the reason why there is none."""
         for body, variation in clip.variations:
             entry = cache.get(variation_key(clip.source, body))
-            n_solved = variation_from_entry(entry) if entry else self.refused[clip.source]
-            yield variation, n_solved
+            solution = variation_from_entry(entry) if entry else self.refused[clip.source]
+            yield variation, solution
 
 
 def variation_key(source: str, body: str) -> str:
@@ -258,15 +260,15 @@ def variation_key(source: str, body: str) -> str:
 def write_dataset(
     folder: Path, dataset: SourceDataset, augmentation: Augmentation
 ) -> list[VariationRecord]:
-    """Write what is varied, what comes of it and the facts of both, a file a clip."""
+    """Write sources and variations, a file for each clip, and their records."""
     rows, pending = _copy_cached_clips(folder, dataset, augmentation)
-    n_new = sum(len(one.variations) for one in pending)
-    LOG.info("%s: %d planned, %d not finished before", dataset.name, len(rows) + n_new, n_new)
-    for one, state in _solve_pending(dataset, pending, augmentation):
-        source = dataset.read(one.clip)
-        outcomes = state.outcomes(one, augmentation.variations)
-        new = write_clip_files(folder, one.clip, source, outcomes, augmentation.limits)
-        augmentation.clips.put(one.key, new.to_entry())
+    n_new = sum(len(clip.variations) for clip in pending)
+    LOG.info("%s: %d planned, %d of them new", dataset.name, len(rows) + n_new, n_new)
+    for clip, state in _solve_pending(dataset, pending, augmentation):
+        source = dataset.read(clip.clip)
+        outcomes = state.outcomes(clip, augmentation.variations)
+        new = write_clip_files(folder, clip.clip, source, outcomes, augmentation.limits)
+        augmentation.clips.put(clip.key, new.to_entry())
         rows += new.rows
     rows.sort(key=lambda row: row.variation)
     names = [segment.name for segment in segments(dataset.read(min(dataset.clips)).skeleton)]
@@ -278,7 +280,7 @@ def write_dataset(
 def _copy_cached_clips(
     folder: Path, dataset: SourceDataset, augmentation: Augmentation
 ) -> tuple[list[VariationRecord], list[PendingClip]]:
-    """Copy what is finished, beside the reading of what it must rest on; plan the rest."""
+    """Copy the files of cached clips while further clips are read; plan the other clips."""
     copies = []
     with ThreadPoolExecutor(N_COPY_THREADS) as pool:
         for clip in dataset.clips:
@@ -289,14 +291,14 @@ def _copy_cached_clips(
                 (clip, key, source_hash, pool.submit(_copy, augmentation.clips, key, folder, clip))
             )
     rows, pending = list[VariationRecord](), []
-    for clip, key, source_hash, answer in copies:
-        before = answer.result()
-        if before is None:
+    for clip, key, source_hash, future in copies:
+        records = future.result()
+        if records is None:
             pending.append(
                 PendingClip(clip, key, source_hash, _plan_clip(clip, dataset, augmentation.plan))
             )
         else:
-            rows += before
+            rows += records
     return rows, pending
 
 
@@ -317,40 +319,42 @@ def _plan_clip(clip: str, dataset: SourceDataset, plan: Plan) -> list[tuple[str,
         measure_body(source.person_a, source.skeleton),
         measure_body(source.person_b, source.skeleton),
     )
-    state = plan_variations(plan, bodies, clip)
-    return [(body_key(variation.scales), variation) for variation in state]
+    return [
+        (body_key(variation.scales), variation) for variation in plan_variations(plan, bodies, clip)
+    ]
 
 
 def _solve_pending(
     dataset: SourceDataset, pending: Sequence[PendingClip], augmentation: Augmentation
 ) -> Iterator[tuple[PendingClip, CacheState]]:
-    """Yield clips as all their variations are there; make what is not kept, a batch at a time."""
+    """Solve for the variations that are not cached, in batches; yield each completed clip."""
     state = CacheState()
-    keys = {variation_key(one.source, body) for one in pending for body, _ in one.variations}
+    keys = {variation_key(clip.source, body) for clip in pending for body, _ in clip.variations}
     state.cached.update(key for key in sorted(keys) if augmentation.variations.get(key))
     batches = list(_make_batches(dataset, pending, state, augmentation.solver))
     n_bodies, n_done = sum(len(batch.body_keys) for batch in batches), 0
     pending_of_source: dict[str, list[PendingClip]] = {}
-    for one in pending:
-        if state.missing(one):
-            pending_of_source.setdefault(one.source, []).append(one)
+    for clip in pending:
+        if state.missing(clip):
+            pending_of_source.setdefault(clip.source, []).append(clip)
         else:
-            yield one, state
+            yield clip, state
     for outcome in _solve_batches(batches):
         _store_outcome(outcome, state, augmentation.variations)
         n_done += len(outcome.variations)
-        LOG.info("%s: %d of %d made", dataset.name, n_done, n_bodies)
-        if not any(state.missing(one) for one in pending_of_source.get(outcome.source_key, ())):
-            for one in pending_of_source.pop(outcome.source_key, ()):
-                yield one, state
+        LOG.info("%s: %d of %d solved", dataset.name, n_done, n_bodies)
+        clips = pending_of_source.get(outcome.source_key, [])
+        if not any(state.missing(clip) for clip in clips):
+            pending_of_source.pop(outcome.source_key, None)
+            yield from ((clip, state) for clip in clips)
 
 
 def _store_outcome(outcome: BatchResult, state: CacheState, cache: Cache) -> None:
-    """Add a batch to the cache as it is done."""
+    """Add the variations of a batch to the cache."""
     if outcome.error:
         state.refused[outcome.source_key] = outcome.error
-    for body, n_solved in outcome.variations.items():
-        cache.put(variation_key(outcome.source_key, body), variation_to_entry(n_solved))
+    for body, solution in outcome.variations.items():
+        cache.put(variation_key(outcome.source_key, body), variation_to_entry(solution))
         state.cached.add(variation_key(outcome.source_key, body))
 
 
@@ -364,13 +368,13 @@ def _solve_batches(batches: list[Batch]) -> Iterator[BatchResult]:
 def _make_batches(
     dataset: SourceDataset, pending: Sequence[PendingClip], state: CacheState, settings: Settings
 ) -> Iterator[Batch]:
-    """Gather what one source missing, a batch of the solver at a time."""
+    """Yield the missing bodies of each source in batches of the solver."""
     sources: dict[str, dict[str, Variation]] = {}
     clips: dict[str, str] = {}
-    for one in pending:
-        if missing_bodies := state.missing(one):
-            sources.setdefault(one.source, {}).update(missing_bodies)
-            clips.setdefault(one.source, one.clip)
+    for clip in pending:
+        if missing_bodies := state.missing(clip):
+            sources.setdefault(clip.source, {}).update(missing_bodies)
+            clips.setdefault(clip.source, clip.clip)
     for key, bodies in sources.items():
         names = list(bodies)
         source = dataset.read(clips[key])
@@ -382,16 +386,16 @@ def _make_batches(
 
 # Folders of the cache.
 VARIATION_CACHE, CLIP_CACHE = "variations", "clips"
-PERCENTILES = (5, 95)  # percentiles of the figures between which most variations lie
+PERCENTILES = (5, 95)  # of the measurements that are reported
 
 
 @dataclass(frozen=True)
 class Params:
     """The ``augment`` section of ``params.yaml``."""
 
-    clips: ClipSelection  # which are varied
-    second_dataset: SecondDataset  # a second dataset beside the experiment's
-    plan: Plan  # the bodies that each is given
+    clips: ClipSelection
+    second_dataset: SecondDataset
+    plan: Plan  # target bodies of each clip
     solver: Settings
     limits: VariationLimits  # of a variation that is accepted for training
 
@@ -407,7 +411,7 @@ def main(paths: argparse.Namespace) -> None:
         *second_dataset(params.second_dataset, paths.second, params.clips),
     ]
     if paths.variations.exists():
-        # Like DVC before it runs a stage: remove clips that are gone and what a killed run left.
+        # As DVC does before it runs a stage: a killed run may have left files.
         shutil.rmtree(paths.variations)
     metrics = {}
     for dataset in datasets:
@@ -420,7 +424,7 @@ def main(paths: argparse.Namespace) -> None:
 
 
 def summary(rows: Sequence[VariationRecord], limits: VariationLimits) -> dict[str, object]:
-    """Say how many there are, why some are put aside, and how good they are by kind."""
+    """Count variations, accepted and not, with reasons; summarise measurements by kind."""
     refused = [row for row in rows if not row.accepted and not row.measurements]
     failed = [row for row in rows if not row.accepted and row.measurements]
     reasons = Counter(name for row in failed for name in exceeded_limits(row.measurements, limits))
@@ -438,23 +442,21 @@ def summary(rows: Sequence[VariationRecord], limits: VariationLimits) -> dict[st
 
 
 def statistics(rows: Sequence[VariationRecord]) -> dict[str, dict[str, float]]:
-    """Give each figure's mean over variations, and between which values most of them lie."""
-    state = {}
+    """Return the mean and the percentiles of each measurement."""
+    result = {}
     for name in sorted({name for row in rows for name in row.measurements}):
         values = [row.measurements[name] for row in rows if name in row.measurements]
         values = [value for value in values if isfinite(value)]
         if values:
             low, high = np.percentile(values, PERCENTILES)
-            state[name] = {"mean": float(np.mean(values)), "low": float(low), "high": float(high)}
-    return state
+            result[name] = {"mean": float(np.mean(values)), "low": float(low), "high": float(high)}
+    return result
 
 
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    parser.add_argument(
-        "--cache", type=Path, required=True, help="folder of what was computed before"
-    )
+    parser.add_argument("--cache", type=Path, required=True, help="folder of the cache")
     for name in ("clips", "second", "variations", "metrics"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()

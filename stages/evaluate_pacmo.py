@@ -3,8 +3,8 @@
 Usage: python -m stages.evaluate_pacmo --autoencoder DIR --matcher DIR --clips DIR --splits FILE
            --reactions DIR --scores FILE.parquet
 
-Below the folder of reactions is ROW/SEED/motions.parquet. The scores are those of every bootstrap
-sample of clips, for ``pool_pacmo`` to pool.
+The folder of reactions holds ROW/SEED/motions.parquet. Scores are written for every bootstrap
+replicate of the clips; ``pool_pacmo`` pools them.
 """
 
 import argparse
@@ -42,14 +42,14 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class DirectedSet:
-    """Interactions seen from their partners, in the order of the tested clips.
+    """Interactions in the frames of their partners, in the order of the tested clips.
 
     Parameters
     ----------
-    names : of the directed clips, the clip's, ``#`` and the person who reacts
+    names : of the directed clips: clip, ``#`` and the person who reacts
     clips, actions : of each
-    interactions : with the first reaction to each partner
-    further : with the second to each, the third, and so on
+    interactions : with the first sample of each reaction
+    further : with the second sample, the third, and so on
     """
 
     names: list[str]
@@ -59,7 +59,7 @@ class DirectedSet:
     further: list[list[Interaction]]
 
     def permuted(self, order: Indices) -> "DirectedSet":
-        """Give partner i the reaction of sample ``order[i]``, and its clip's name with it."""
+        """Pair partner i with the reaction ``order[i]`` and the name of its clip."""
         sets = [self.interactions, *self.further]
         permuted = [
             [replace_reaction(original, some[i]) for original, i in zip(some, order, strict=True)]
@@ -69,7 +69,7 @@ class DirectedSet:
         return DirectedSet(self.names, clips, self.actions, permuted[0], permuted[1:])
 
     def take(self, indices: Indices) -> "DirectedSet":
-        """Choose samples by index, in that order."""
+        """Select by index, in that order."""
         names, clips, actions = (
             [part[i] for i in indices] for part in (self.names, self.clips, self.actions)
         )
@@ -79,13 +79,13 @@ class DirectedSet:
 
 @dataclass(frozen=True)
 class Extractors:
-    """The two frozen networks that give what metrics compare."""
+    """The two frozen networks whose outputs the metrics compare."""
 
     autoencoder: Autoencoder
     matcher: Matcher
 
     def reactions(self, directed: DirectedSet) -> Reactions:
-        """Add features and embeddings, as the metrics want a row."""
+        """Compute features and embeddings; return a row of the evaluation."""
         features = autoencoder.encode_features(self.autoencoder, directed.interactions)
         further = [autoencoder.encode_features(self.autoencoder, some) for some in directed.further]
         return Reactions(
@@ -100,45 +100,45 @@ class Extractors:
 
 
 def real_split(clips: Path, splits: Path, split: str) -> DirectedSet:
-    """See the recorded clips of a split from either person."""
-    result = list(directed_clips(clips, splits, split))
+    """Read the clips of a split in both directions."""
+    directed = list(directed_clips(clips, splits, split))
     return DirectedSet(
-        [name for name, _, _ in result],
-        [facts.clip for _, facts, _ in result],
-        [facts.action for _, facts, _ in result],
-        [to_partner_frame(interaction) for _, _, interaction in result],
+        [name for name, _, _ in directed],
+        [facts.clip for _, facts, _ in directed],
+        [facts.action for _, facts, _ in directed],
+        [to_partner_frame(interaction) for _, _, interaction in directed],
         [],
     )
 
 
 def read_reactions(file: Path, real: DirectedSet) -> DirectedSet | None:
-    """See a run's reactions to the partners tested; none if the run makes none of these data.
+    """Read the reactions of a run to the tested partners; None if the file is empty.
 
     Raises
     ------
     ValueError
-        If a partner is without its reaction, or has fewer than the others.
+        If a partner has no reaction, or fewer samples than the others.
     """
-    result = dict(stream_motions(file))
-    if not result:
+    motions = dict(stream_motions(file))
+    if not motions:
         return None
-    n_samples = 1 + max(ReactionName.parse(name).sample for name in result)
+    n_samples = 1 + max(ReactionName.parse(name).sample for name in motions)
     expected = [[sample_name(name, k) for name in real.names] for k in range(n_samples)]
-    missing = {name for names in expected for name in names} ^ result.keys()
+    missing = {name for names in expected for name in names} ^ motions.keys()
     if missing:
         raise ValueError(
             f"{file}: wanted {n_samples} reactions to each partner tested, and no others; "
-            f"{min(missing)} is amiss"
+            f"they differ in {min(missing)}"
         )
-    sets = [[to_partner_frame(result[name]) for name in names] for names in expected]
+    sets = [[to_partner_frame(motions[name]) for name in names] for names in expected]
     return DirectedSet(real.names, real.clips, real.actions, sets[0], sets[1:])
 
 
 def read_runs(reactions: Path, real: DirectedSet) -> Iterator[tuple[str, int, DirectedSet]]:
-    """Yield the reactions in ``ROW/SEED`` below a folder; empty runs are left out."""
+    """Yield row, seed and reactions of each ``ROW/SEED`` in a folder; empty ones are skipped."""
     files = sorted(reactions.glob(f"*/*/{MOTIONS}"))
     if not files:
-        raise ValueError(f"{reactions}: wanted ROW/SEED/{MOTIONS} below it, found none")
+        raise ValueError(f"{reactions}: wanted ROW/SEED/{MOTIONS} in it, found none")
     for file in files:
         directed = read_reactions(file, real)
         if directed is not None:
@@ -146,11 +146,11 @@ def read_runs(reactions: Path, real: DirectedSet) -> Iterator[tuple[str, int, Di
 
 
 def permutable_within_action(real: DirectedSet) -> Indices:
-    """Find the samples of actions in which partners can be exchanged."""
+    """Return the indices of reactions whose action is performed in more than one clip."""
     return np.flatnonzero(is_permutable(real.clips, real.actions))
 
 
-# The model whose reactions are permuted to other partners, to learn whether it answers its own.
+# The model whose reactions are also permuted among partners: a row with wrong partners.
 PERMUTED = "pacmo"
 SAME_ACTION = "_same_action"
 
@@ -162,16 +162,16 @@ Scored = tuple[str, int, RowMetrics]
 class Params:
     """The ``evaluate_pacmo`` section of ``params.yaml``."""
 
-    n_samples: int  # the paper's protocol: so many with replacement,
-    repeats: int  # so often
-    bootstrap: int  # draws of clips for the intervals
-    second_samples: int  # of real motion, to hold rows against
+    n_samples: int  # of the paper's protocol, drawn with replacement
+    repeats: int  # of the paper's protocol
+    bootstrap: int  # replicates of clips for the intervals
+    second_samples: int  # of real motion, for the noise floor
     n_frames: int  # common length of motions for MMD
     n_instants: int  # of the distances between bodies, as functions of time
     n_components: int  # principal components of these
-    candidates: int  # partners to pick the true one among
-    foot_height: float  # metres above the ground; a foot below it stands
-    body_radius: float  # metres between points of two bodies that merge
+    candidates: int  # partners among which the true one is picked
+    foot_height: float  # metres above the ground below which a foot is in stance
+    body_radius: float  # metres between points of two bodies that penetrate
     contact_distance: float  # metres between joints that touch
     random_seed: int
 
@@ -179,13 +179,13 @@ class Params:
 def main(paths: argparse.Namespace) -> None:
     params = read_params("evaluate_pacmo", Params)
     torch.set_num_threads(1)
-    # NumPy's linear algebra too: on another number of threads its last digits are others.
+    # NumPy's linear algebra too: its last digits depend on the number of threads.
     with threadpool_limits(1, user_api="blas"):
         evaluate(paths, params)
 
 
 def evaluate(paths: argparse.Namespace, params: Params) -> None:
-    """Measure all rows and write their scores."""
+    """Evaluate all rows and write their scores."""
     extractors = read_extractors(paths.autoencoder, paths.matcher)
     real, train = (real_split(paths.clips, paths.splits, split) for split in ("test", "train"))
     model_rows = list(read_runs(paths.reactions, real))
@@ -231,7 +231,7 @@ def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractor
 def make_table(
     extractors: Extractors, real: DirectedSet, train: DirectedSet, params: Params
 ) -> Evaluation:
-    """Prepare what all rows are measured with."""
+    """Build the evaluation of all rows."""
     features = extractors.reactions(real)
     n_points = features.features.shape[-1]
     return Evaluation(
@@ -246,13 +246,13 @@ def make_table(
 
 @dataclass(frozen=True)
 class RowGroup:
-    """Rows that are measured against the same real reactions.
+    """Rows that are evaluated against the same real reactions.
 
     Parameters
     ----------
-    table : of those
-    real : the same as ``table``'s
-    suffix : of the rows' names; those of the same act are permuted within actions
+    table : the evaluation of these reactions
+    real : the same reactions
+    suffix : of the rows' names; if there is one, reactions are permuted within actions
     """
 
     extractors: Extractors
@@ -261,29 +261,29 @@ class RowGroup:
     suffix: str
 
     def real_rows(self) -> list[Scored]:
-        """Measure real motion: as a second draw, and the pairs tested."""
+        """Evaluate real motion: a second sample, and the tested pairs."""
         pairs = self.table.measure(self.table.context.real)
         return [(REAL, 0, self.table.real(pairs)), (REAL_PAIRS + self.suffix, 0, pairs)]
 
     def models(self, rows: list[Row]) -> list[Scored]:
-        """Measure what models answered."""
+        """Evaluate the reactions of models."""
         return [
             (row + self.suffix, k, self.table.measure(self.extractors.reactions(directed)))
             for row, k, directed in rows
         ]
 
     def permuted(self, rows: list[Row], order: Indices) -> list[Scored]:
-        """Measure reactions permuted to wrong partners: the real ones, and those of models."""
+        """Evaluate reactions permuted among partners: the real ones, and those of models."""
         actions = np.unique(self.real.actions, return_inverse=True)[1]
         groups = actions if self.suffix else np.zeros(len(order), dtype=np.intp)
         named = [("wrong_partner", 0, self.real)]
         named += [(f"{row}_permuted", k, directed) for row, k, directed in rows]
         return [
-            (row + self.suffix, k, self._dealt(directed, order, groups))
+            (row + self.suffix, k, self._permuted(directed, order, groups))
             for row, k, directed in named
         ]
 
-    def _dealt(self, directed: DirectedSet, order: Indices, groups: Indices) -> RowMetrics:
+    def _permuted(self, directed: DirectedSet, order: Indices, groups: Indices) -> RowMetrics:
         original, permuted = (
             self.extractors.reactions(some) for some in (directed, directed.permuted(order))
         )
@@ -291,13 +291,13 @@ class RowGroup:
 
 
 def permutation(real: DirectedSet, random_seed: int, *, actions: bool) -> Indices:
-    """Deal wrong partners, of any act or of the same."""
+    """Return a permutation of reactions among partners, of any action or of the same."""
     generator = np.random.default_rng((random_seed, int(actions)))
     return permute_partners(real.clips, real.actions if actions else None, generator)
 
 
 def score_table(measured: list[Scored]) -> list[Score]:
-    """Lay out every draw."""
+    """Return a score for each row, seed and metric, with all replicates."""
     return [
         Score(row, seed, metric, np.array([estimate.plain, *estimate.resampled]))
         for row, seed, result in measured
@@ -306,12 +306,12 @@ def score_table(measured: list[Scored]) -> list[Score]:
 
 
 def missing_reasons(measured: list[Scored]) -> dict[str, dict[str, str]]:
-    """Say of each row which metrics are missing, and why."""
+    """Return the missing metrics of each row, with the reasons."""
     return {row: result.absent for row, _, result in measured if result.absent}
 
 
 def sample_counts(table: Evaluation, real: DirectedSet, within: Indices) -> dict[str, int]:
-    """Count what the figures rest on."""
+    """Count the tested reactions and clips, and the second samples."""
     seconds = table.context.second_sets
     return {
         "test_reactions": len(real.names),

@@ -1,10 +1,10 @@
-"""Evaluate all skeleton priors of a split: on given bodies, and on bodies that they sample.
+"""Evaluate all skeleton priors of a split, on the test variations' bodies and on sampled ones.
 
 Usage: python -m stages.evaluate_skeleton_prior VARIATIONS SPLITS.parquet MODELS SCORES.json
            SAMPLES.parquet
 
-VARIATIONS is the folder of one dataset. MODELS holds MODEL/SEED. SAMPLES will hold motions to play:
-for each source one sampled body, the solver's variation of it and each model's.
+VARIATIONS is the folder of one dataset. MODELS holds MODEL/SEED. SAMPLES gets motions to play: for
+each source, on one sampled body, the solver's variation and each model's.
 """
 
 import argparse
@@ -36,19 +36,19 @@ from stages.common.examples import stream_examples
 from stages.common.files import ALL_SOURCES, WEIGHTS, write_json
 from stages.common.params import read_params, read_prior_runs
 
-# The supplement's A follows its B; here the second follows the first.
+# The supplement's B is the first character, its A the second, which depends on the first.
 CHARACTERS = ("first", "second")
 
 
 @dataclass(frozen=True)
 class PriorEvaluator:
-    """What all models of a split are evaluated with.
+    """The evaluation that all models of a split share.
 
     Parameters
     ----------
     extractor : of the features of the Fréchet distance
-    body : joints that metrics speak of
-    limits : what counts as touching, standing and merging
+    body : joints that the metrics use
+    limits : distances and speeds that define contact, stance and penetration
     """
 
     extractor: FeatureExtractor
@@ -58,7 +58,7 @@ class PriorEvaluator:
     def retargeted(
         self, motions: Sequence[Interaction], ground_truths: Sequence[Example]
     ) -> dict[str, float]:
-        """Measure motions on given bodies against the solver's."""
+        """Compare motions on the test variations' bodies with the solver's."""
         rows = [
             self._errors(
                 oriented(motion, ground_truth),
@@ -74,7 +74,7 @@ class PriorEvaluator:
     def generated(
         self, motions: Sequence[Interaction], ground_truths: Sequence[Example]
     ) -> dict[str, float]:
-        """Measure motions on sampled bodies; ``ground_truths`` are the solver's on them."""
+        """Compare motions on sampled bodies with the solver's on the same bodies."""
         rows = []
         for motion, ground_truth in zip(motions, ground_truths, strict=True):
             predicted, expected = (
@@ -92,7 +92,7 @@ class PriorEvaluator:
         real: Sequence[Example],
         name: str,
     ) -> dict[str, float]:
-        """Measure the Fréchet distance of motions from real ones, of each character."""
+        """Return the Fréchet distance of motions from real ones, of each character."""
         distances = {}
         for role, character in enumerate(CHARACTERS):
             predicted = self.features(result, bodies, role)
@@ -103,7 +103,7 @@ class PriorEvaluator:
     def features(
         self, motions: Sequence[Interaction], examples: Sequence[Example], role: int
     ) -> NDArray[np.float64]:
-        """Take one character's features, in the frames of the sources."""
+        """Return one character's features, in the frames of the sources."""
         return self.extractor.features(list(characters(motions, examples, role)))
 
     def _errors(self, predicted: Pair, expected: Pair, ground_truth: Example) -> dict[str, float]:
@@ -139,12 +139,12 @@ class PriorEvaluator:
 
 
 def select_source(examples: Sequence[Example], source: str) -> list[Example]:
-    """Take the examples of one source."""
+    """Select the examples of one source."""
     return [example for example in examples if example.source == source]
 
 
 def oriented(motion: Interaction, ground_truth: Example) -> Pair:
-    """``(T, 2, J, 3)`` metres, the character that changes first."""
+    """Return ``(T, 2, J, 3)`` metres; the first character is the one whose body changes."""
     people = [motion.person_a, motion.person_b]
     return np.stack(people[::-1] if is_b_first(ground_truth.scales) else people, axis=1)
 
@@ -163,9 +163,9 @@ def _mean_rows(rows: Sequence[dict[str, float]]) -> dict[str, float]:
 
 
 def _ratio_of_sums(rows: Sequence[dict[str, tuple[float, float]]]) -> dict[str, float]:
-    """Divide sums over all motions; nothing is left out but what was never there."""
+    """Divide sums over all motions; a ratio without a denominator is absent."""
     totals = {name: np.sum([row[name] for row in rows], axis=0) for name in rows[0]}
-    return {name: float(top / below) for name, (top, below) in totals.items() if below}
+    return {name: float(part / whole) for name, (part, whole) in totals.items() if whole}
 
 
 @dataclass(frozen=True)
@@ -174,8 +174,8 @@ class GeneratedSkeletons:
 
     Parameters
     ----------
-    per_source : at least 2
-    n_samples : motions of one of them, for the diversity
+    per_source : skeletons for each source, at least 2
+    n_samples : motions on one of them, for the diversity
     random_seed : int
     """
 
@@ -187,7 +187,7 @@ class GeneratedSkeletons:
 def sample_body_examples(
     model: SkeletonPrior, test: Sequence[Example], bodies: GeneratedSkeletons, solver: Settings
 ) -> list[Example]:
-    """Draw bodies for each source of the test split, and let the solver move them."""
+    """Sample bodies for each source of the test split; the solver retargets the source to them."""
     random = torch.Generator().manual_seed(bodies.random_seed)
     sources = {example.source: example.template for example in test}
     result = []
@@ -205,17 +205,17 @@ def sample_body_examples(
 def solve_bodies(
     template: Interaction, scales: NDArray[np.float64], solver: Settings
 ) -> NDArray[np.float32]:
-    """``(V, T, 2 J, 3)`` metres: what the solver makes of a source on bodies (V, 2, E)."""
+    """Retarget a source to bodies ``(V, 2, E)`` by the solver: ``(V, T, 2 J, 3)`` metres."""
     people = (template.person_a, template.person_b)
     scene = Scene(people, (template.skeleton,) * 2, template.fps)
-    n_solved = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
-    return n_solved.points.astype(np.float32)
+    solution = retarget_by_optimisation(prepare(scene, solver), scales.reshape(len(scales), -1))
+    return solution.points.astype(np.float32)
 
 
 def evaluate_retargeting(
     model: SkeletonPrior, evaluator: PriorEvaluator, test: Sequence[Example]
 ) -> dict[str, float]:
-    """Measure the likeliest motions of one source on given bodies."""
+    """Evaluate the most likely motions of one source on the test variations' bodies."""
     return evaluator.retargeted(predict(model, test, None), test)
 
 
@@ -226,11 +226,11 @@ def evaluate_generation(
     n_samples: int,
     random: torch.Generator,
 ) -> dict[str, float]:
-    """Measure sampled motions of one source on sampled bodies.
+    """Evaluate sampled motions of one source on sampled bodies.
 
     Parameters
     ----------
-    splits : real variations; the solver's on the sampled bodies
+    splits : test variations; the solver's variations on the sampled bodies
     n_samples : motions of one body, for their diversity
     """
     real, sampled = splits
@@ -248,7 +248,7 @@ def evaluate_generation(
 def predict(
     model: SkeletonPrior, examples: Sequence[Example], random: torch.Generator | None
 ) -> list[Interaction]:
-    """Vary one source to each example's body."""
+    """Retarget one source to the body of each example."""
     scales = np.stack([example.scales for example in examples])
     template = examples[0].template
     return [pair for (pair,) in retarget(model, template, scales, samples=1, random=random)]
@@ -308,7 +308,7 @@ def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
 
 
 def sample_test_examples(test: list[Example], most: int, random_seed: int) -> list[Example]:
-    """Draw so many of each source, at most, and keep their order."""
+    """Sample at most ``most`` examples of each source; their order is unchanged."""
     order = np.random.default_rng(random_seed).permutation(len(test))
     n_selected: Counter[str] = Counter()
     selected = set()
@@ -325,7 +325,7 @@ def evaluate_model(
     splits: tuple[list[Example], list[Example]],
     params: Params,
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Measure both tasks: by task, by source, by metric."""
+    """Evaluate both tasks; return the figures by task, source and metric."""
     test, sampled = splits
     result: dict[str, dict[str, dict[str, float]]] = {"retargeting": {}, "generation": {}}
     for source in dict.fromkeys(example.source for example in test):

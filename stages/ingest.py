@@ -1,10 +1,10 @@
-"""Read raw captures into Parquet; quarantine, with the reason, those that cannot be used.
+"""Read raw captures into Parquet; quarantine unusable ones with the reason.
 
 Usage: python -m stages.ingest [--cache=DIR] RAW SEQUENCES METRICS.json
 
-DIR caches readings across runs (DVC does not manage it): only what is new is read, and the result
-is the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster to read on,
-whose workers see RAW under the same path.
+DIR caches readings across runs (DVC does not manage it): only new captures are read, and the
+result has the same bytes as without it. DASK_SCHEDULER_ADDRESS names a cluster that reads them;
+its workers must have RAW under the same path.
 """
 
 import argparse
@@ -34,23 +34,23 @@ class Params:
     dataset: str
     raw: str  # the folder, which is also on the command line
     format: str
-    settings: dict[str, Any]  # what files of this format do not say
+    settings: dict[str, Any]  # facts that files of this format lack
     include: tuple[str, ...]  # patterns of file paths under raw
     drop_joints: tuple[str, ...]
     limits: QualityLimits
     contact_distance: float  # metres between joints that touch
-    stated_fps: float | None  # the rate that the set claims, where its files state their own
+    stated_fps: float | None  # that the dataset states, for formats whose files have times
 
 
 def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
     params = read_params("ingest", Params)
-    result = sorted(
+    found = sorted(
         open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
     )
-    included = [sequence for sequence in result if is_included(sequence, raw, params.include)]
+    included = [sequence for sequence in found if is_included(sequence, raw, params.include)]
     if not included:
         raise ValueError(
-            f"{raw}: found {len(result)} captures of format {params.format}, "
+            f"{raw}: found {len(found)} captures of format {params.format}, "
             f"none of them under {', '.join(params.include)}"
         )
 
@@ -74,7 +74,7 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
     counts = {
         "sequences_read": len(included),
         "files_read": sum(len(sequence.files) for sequence in included),
-        "not_included": len(result) - len(included),
+        "not_included": len(found) - len(included),
         "usable": len(rows),
         "quarantined": len(quarantined),
     }
@@ -84,7 +84,7 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
 
 
 def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
-    """Say how the captures under a folder are read."""
+    """Return the settings with which the captures in a folder are read."""
     return IngestionSettings(
         dataset=params.dataset,
         root=raw,
@@ -97,7 +97,7 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
 
 
 def is_included(sequence: RawSequence, root: Path, patterns: tuple[str, ...]) -> bool:
-    """Say whether a pattern matches the path of the sequence's first file under the root."""
+    """Return whether a pattern matches the path of the sequence's first file under the root."""
     path = sequence.files[0].relative_to(root).as_posix()
     return any(fnmatch(path, pattern) for pattern in patterns)
 
@@ -105,7 +105,7 @@ def is_included(sequence: RawSequence, root: Path, patterns: tuple[str, ...]) ->
 def split_usable(
     outcomes: Iterator[Capture | QuarantineRecord], quarantined: list[QuarantineRecord]
 ) -> Iterator[Capture]:
-    """Yield what can be used, and collect the rest in ``quarantined``."""
+    """Yield the usable captures; append the others to ``quarantined``."""
     for outcome in outcomes:
         if isinstance(outcome, QuarantineRecord):
             quarantined.append(outcome)
@@ -114,7 +114,7 @@ def split_usable(
 
 
 def summarise(rows: list[ClipRecord]) -> dict[str, object]:
-    """Say what the usable sequences amount to."""
+    """Summarise the usable sequences."""
     return {
         "frames": sum(row.frames for row in rows),
         "minutes": round(sum(row.duration for row in rows) / 60, 3),
@@ -124,7 +124,7 @@ def summarise(rows: list[ClipRecord]) -> dict[str, object]:
 
 
 def settings_key(params: Params) -> str:
-    """Say all that a reading rests on beside its files; lists that settings name are read."""
+    """Return a cache key of all that a reading depends on besides its files."""
     lists = [Path(name).read_text("utf-8") for name in params.settings.get("skip_lists", ())]
     return json.dumps([asdict(params), lists], sort_keys=True)
 
@@ -132,7 +132,7 @@ def settings_key(params: Params) -> str:
 def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--cache", type=Path, help="folder of what was read before")
+    parser.add_argument("--cache", type=Path, help="folder of the cache")
     for name in ("raw", "sequences", "metrics"):
         parser.add_argument(name, type=Path)
     return parser.parse_args()

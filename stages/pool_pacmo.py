@@ -25,7 +25,7 @@ from stages.common.params import read_params
 
 WITHOUT, WITH = "pacmo", "pacmo_augmented"
 
-Folds = dict[str, dict[str, list[BySeed]]]  # row, metric, then fold by fold
+Folds = dict[str, dict[str, list[BySeed]]]  # by row and metric, a list of folds
 
 
 def augmentation_effect(
@@ -56,7 +56,7 @@ def augmentation_effect(
 
 
 def round_estimates(metrics: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Round to what the intervals support, so that equal figures read equal."""
+    """Round to six significant digits."""
     return {
         name: {
             part: value if isinstance(value, bool) else float(f"{value:.6g}")
@@ -66,11 +66,11 @@ def round_estimates(metrics: dict[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
-# Of these all other models of reactions are subtracted.
+# The row from which the other models are subtracted.
 REFERENCE_ROW = "pacmo"
 REAL = "real"
 NOISE_FLOORS = {"f2id_floor": "f2id", "f2id_halves": "f2id_halves"}
-# Rows that are no other model's: real motion, and what is permuted to wrong partners.
+# Beginnings of the names of rows that are not models.
 NON_MODEL_ROWS = ("real", "wrong_partner")
 SAME_ACTION = "_same_action"
 PERMUTATION_PAIRS = {
@@ -129,7 +129,7 @@ def read_fold(file: Path) -> dict[str, dict[str, dict[int, Estimate]]]:
 
 
 def align_folds(folds: list[dict[str, dict[str, dict[int, Estimate]]]]) -> Folds:
-    """Line up the folds, and leave out what one of them, or one of a row's seeds, lacks."""
+    """List each metric of each row by fold; drop those that a fold or a seed lacks."""
     first = folds[0]
     return {
         row: {
@@ -143,7 +143,7 @@ def align_folds(folds: list[dict[str, dict[str, dict[int, Estimate]]]]) -> Folds
 
 
 def has_all_seeds(metrics: dict[str, dict[int, Estimate]], metric: str) -> bool:
-    """Tell whether a row has a metric for each of its seeds."""
+    """Return whether a row has a metric for each of its seeds."""
     seeds = {seed for result in metrics.values() for seed in result}
     return metrics.get(metric, {}).keys() == seeds
 
@@ -154,7 +154,7 @@ def seeds_of(metrics: dict[str, list[BySeed]]) -> list[int]:
 
 
 def pooled_row(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, Estimate]:
-    """Pool what can be compared draw by draw."""
+    """Pool the metrics that have bootstrap replicates."""
     return {
         metric: pool_folds(folds, params.random_seed)
         for metric, folds in metrics.items()
@@ -163,7 +163,7 @@ def pooled_row(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, Es
 
 
 def intervals(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, dict[str, float]]:
-    """Give each metric of a row with its bounds."""
+    """Return each metric of a row with its interval."""
     return round_estimates(
         {
             metric: pooled_interval(metric, folds, params.random_seed, params.confidence)
@@ -173,13 +173,13 @@ def intervals(metrics: dict[str, list[BySeed]], params: Params) -> dict[str, dic
 
 
 def add_noise_floors(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Set the floors, which are the row ``real``'s, beside every row's metrics."""
+    """Add the noise floors, metrics of the row ``real``, to every row."""
     floors = {name: rows[REAL][metric] for name, metric in NOISE_FLOORS.items()}
     return {row: metrics | floors for row, metrics in rows.items()}
 
 
 def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> dict[str, Any]:
-    """Subtract every other model from PaCMO, and wrong partners from right ones, draw by draw."""
+    """Subtract each other model from PaCMO and wrong partners from true ones, by replicate."""
     others = [
         row for row in pooled if not row.startswith(NON_MODEL_ROWS) and SAME_ACTION not in row
     ]
@@ -199,7 +199,7 @@ def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> di
 
 
 def sensitivities(pooled: dict[str, dict[str, Estimate]], confidence: float) -> dict[str, Any]:
-    """Say of each metric whether it tells true pairs from those permuted to wrong partners."""
+    """Return for each metric whether it distinguishes true pairs from permuted ones."""
     return {
         name: round_estimates(
             sensitivity(
@@ -215,7 +215,7 @@ def sensitivities(pooled: dict[str, dict[str, Estimate]], confidence: float) -> 
 
 
 def collect_missing(facts: dict[str, dict[str, Any]]) -> dict[str, dict[str, str]]:
-    """Gather the reasons of all folds."""
+    """Merge the reasons of all folds."""
     result: dict[str, dict[str, str]] = {}
     for fold in facts.values():
         for row, reasons in fold["absent"].items():

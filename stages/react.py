@@ -2,7 +2,7 @@
 
 Usage: python -m stages.react --seed=S MODEL CLIPS SPLITS.parquet REACTIONS
 
-A model that samples reactions gives several, a deterministic one gives one.
+A generative model gives several samples, a deterministic one gives one.
 """
 
 import argparse
@@ -27,7 +27,7 @@ class Params:
     """The ``react`` section of ``params.yaml``."""
 
     random_seed: int
-    n_samples: int  # reactions to each partner, of a model that draws them
+    n_samples: int  # reactions to each partner, of a generative model
 
 
 def main(model: Path, clips: Path, splits: Path, reactions: Path, *, seed: int) -> None:

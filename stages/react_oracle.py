@@ -1,8 +1,8 @@
-"""Draw every test clip's reactions once more from the true law, where the captures came with one.
+"""Sample the oracle's reactions: of the true distribution, if the captures are synthetic.
 
 Usage: python -m stages.react_oracle RAW CLIPS SPLITS.parquet REACTIONS
 
-The embedded default does; recorded captures do not, and have no oracle: no reaction is written.
+Recorded captures have no oracle: no reaction is written.
 """
 
 import sys
@@ -19,7 +19,7 @@ from pacmo_core.store.tables import ClipRecord
 from pacmo_core.synthesis.capture import sample_oracle_reaction
 from pacmo_core.synthesis.script import Script
 from stages.common.clips import clip_seed, write_reactions
-from stages.common.files import LAW, MOTIONS, read_json
+from stages.common.files import MOTIONS, SCRIPTS, read_json
 from stages.common.params import read_params
 
 
@@ -32,13 +32,13 @@ class Params:
 
 def main(raw: Path, clips: Path, splits: Path, reactions: Path) -> None:
     params = read_params("react_oracle", Params)
-    if not (raw / LAW).exists():
+    if not (raw / SCRIPTS).exists():
         with write_motions(reactions / MOTIONS, read_skeleton(clips / MOTIONS)):
             return
-    law = read_json(raw / LAW)
+    scripts = read_json(raw / SCRIPTS)
 
     def sample_reaction(name: str, facts: ClipRecord, directed: Interaction) -> list[Motion]:
-        script = Script.from_json(law[facts.sequence])
+        script = Script.from_json(scripts[facts.sequence])
         random = np.random.default_rng(clip_seed(name, params.random_seed))
         motion = sample_oracle_reaction(script, direction_of(name), random)
         window = slice(facts.start_frame, facts.start_frame + facts.frames)

@@ -1,4 +1,4 @@
-"""Put every clip on a split, for one fold.
+"""Assign every clip to a split, for one fold.
 
 Usage: python -m stages.split --fold=K CLIPS SPLITS.parquet METRICS.json
 """
@@ -31,14 +31,14 @@ def main(clips: Path, splits: Path, metrics: Path, *, fold: int) -> None:
 
 
 def people(row: ClipRecord) -> tuple[str, ...]:
-    """Name the people of a clip that its data set names."""
+    """List the people of a clip, as far as its dataset names them."""
     return tuple(person for person in (row.subject_a, row.subject_b) if person)
 
 
 def summary(
     origins: list[ClipOrigin], splits: dict[str, Split], rule: SplitRule
 ) -> dict[str, object]:
-    """Say how the clips were put on splits."""
+    """Count clips, people and recordings by split."""
     counts = Counter(splits.values())
     tested = [origin for origin in origins if splits[origin.clip] == "test"]
     return {

@@ -1,4 +1,4 @@
-"""Make the embedded default: raw NTU files of two people, and the law that made them.
+"""Write the embedded default: raw NTU files of two people, and the scripts they are sampled from.
 
 Usage: python -m stages.synthesise RAW
 """
@@ -11,7 +11,7 @@ from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.store.files import atomic_file
 from pacmo_core.synthesis.capture import sample_interaction
 from pacmo_core.synthesis.script import ACTIONS, file_name, sample_scripts
-from stages.common.files import LAW, write_json
+from stages.common.files import SCRIPTS, write_json
 from stages.common.params import read_params
 
 BODY_ID = 72057594037900000  # the published body numbers have 17 digits and begin like this
@@ -35,14 +35,14 @@ def main(raw: Path) -> None:
         actions=tuple(ACTIONS),
         replications=params.replications,
     )
-    law = {}
+    written = {}
     for number, (script, random) in enumerate(scripts):
         name = file_name(script)
         ids = (BODY_ID + 2 * number, BODY_ID + 2 * number + 1)
         with atomic_file(raw / f"{name}.skeleton") as partial:
             partial.write_bytes(format_ntu(sample_interaction(script, random), ids))
-        law[name] = script.to_json()
-    write_json(raw / LAW, law)
+        written[name] = script.to_json()
+    write_json(raw / SCRIPTS, written)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Train a skeleton prior, ours or a baseline, on the training variations of one split.
+"""Train a skeleton prior or a baseline on the training variations of one split.
 
 Usage: python -m stages.train_skeleton_prior --model=M --seed=S VARIATIONS SPLITS MODEL CURVE.csv
 """
@@ -45,7 +45,9 @@ def main(paths: argparse.Namespace) -> None:
     def build(device: str) -> TrainingLoop[SkeletonPrior]:
         kind = device.partition(":")[0]
         if params.mixed_precision and not supports_bfloat16(kind):
-            Console(stderr=True).print(f"{kind} has no products of bfloat16: training in float32")
+            Console(stderr=True).print(
+                f"{kind} has no bfloat16 matrix products: training in float32"
+            )
         return model.build_training(
             TrainingData(train_examples, validation_examples), params, device=device
         )
@@ -56,7 +58,7 @@ def main(paths: argparse.Namespace) -> None:
 
 
 def _motions(examples: list[Example]) -> list[Interaction]:
-    """List all that a training sees, for the hash that stands beside the weights."""
+    """List the motions of a training, whose hash is metadata of the weights."""
     return [motion for example in examples for motion in (example.template, example.variation)]
 
 

@@ -1,4 +1,4 @@
-"""The clips of a split in a fold, with their facts."""
+"""The clips of a split in a fold, with their records."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
@@ -12,18 +12,18 @@ from stages.common.files import CLIPS, MOTIONS
 
 
 def stream_split(clips: Path, splits: Path, split: str) -> Iterator[tuple[ClipRecord, Interaction]]:
-    """Yield the clips of one split with their facts, in order.
+    """Yield the clips of one split with their records, in order.
 
     Parameters
     ----------
     clips : folder of clips
-    splits : table of the splits of one fold
+    splits : file of the splits of one fold
     split : ``train``, ``validation`` or ``test``
 
     Raises
     ------
     ValueError
-        If the table is of other clips.
+        If the splits are of other clips.
     """
     facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipRecord)}
     split_of_clip = {row.clip: row.split for row in read_rows(splits, SplitRecord)}
@@ -40,9 +40,9 @@ def stream_split(clips: Path, splits: Path, split: str) -> Iterator[tuple[ClipRe
 def directed_clips(
     clips: Path, splits: Path, split: str
 ) -> Iterator[tuple[str, ClipRecord, Interaction]]:
-    """Yield every clip of a split twice, either person as partner: name, facts, partner first.
+    """Yield every clip of a split in both directions: name, record, clip with the partner as a.
 
-    The name is the clip's, ``#`` and the person who reacts.
+    The name is that of the clip, ``#`` and the person who reacts.
     """
     for facts, interaction in stream_split(clips, splits, split):
         for direction in DIRECTIONS:
@@ -56,23 +56,23 @@ def write_reactions(
     reactions: Path,
     react: Callable[[str, ClipRecord, Interaction], Iterable[Motion]],
 ) -> None:
-    """Let ``react`` answer the partner of every test clip, either person, once or more.
+    """Write the reactions that ``react`` generates to each person of every test clip.
 
     Raises
     ------
     ValueError
-        If there are more than ten answers to a partner.
+        If there are more than ten reactions to a partner.
     """
     with write_motions(reactions / MOTIONS, read_skeleton(clips / MOTIONS)) as writer:
         for name, facts, directed in directed_clips(clips, splits, "test"):
-            for number, answer in enumerate(react(name, facts, directed)):
+            for number, reaction in enumerate(react(name, facts, directed)):
                 if number == MAX_SAMPLES:
                     raise ValueError(f"{name}: wanted at most {MAX_SAMPLES} reactions, got more")
-                both = Interaction(directed.skeleton, directed.times, directed.person_a, answer)
+                both = Interaction(directed.skeleton, directed.times, directed.person_a, reaction)
                 writer.add(sample_name(name, number), both)
 
 
 def clip_seed(name: str, random_seed: int) -> int:
-    """Give every reaction a seed of its own, so that another clip changes none."""
+    """Return a seed that depends on the name alone, so that no clip changes another's reaction."""
     digest = hashlib.blake2b(f"{random_seed}\0{name}".encode(), digest_size=7).digest()
     return int.from_bytes(digest)

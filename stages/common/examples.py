@@ -1,4 +1,4 @@
-"""The variations of a dataset, as examples that a skeleton prior learns from."""
+"""The accepted variations of a dataset, as training examples of skeleton priors."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ from pacmo_core.store.tables import (
 
 
 def read_variation_facts(dataset: Path) -> dict[str, VariationScales]:
-    """Read what a split knows of the variations that are good enough to learn from."""
+    """Read the source and the bone scales of every accepted variation, by which it is split."""
     rows = read_variations(dataset / VARIATIONS)
     return {
         row.variation: VariationScales(row.clip, _bone_scales(row)) for row in rows if row.accepted
@@ -34,20 +34,20 @@ def stream_examples(dataset: Path, splits: Path, split: str) -> Iterator[tuple[s
     Raises
     ------
     ValueError
-        If the table of splits is of other variations.
+        If the splits are of other variations.
     """
     facts = read_variation_facts(dataset)
-    stands: Mapping[str, str] = {row.clip: row.split for row in read_rows(splits, SplitRecord)}
-    if facts.keys() != stands.keys():
-        odd = min(facts.keys() ^ stands.keys())
+    split_of: Mapping[str, str] = {row.clip: row.split for row in read_rows(splits, SplitRecord)}
+    if facts.keys() != split_of.keys():
+        differing = min(facts.keys() ^ split_of.keys())
         raise ValueError(
-            f"{splits} wanted a split for each variation of {dataset}; differ in {odd}"
+            f"{splits}: wanted a split for each variation of {dataset}; they differ in {differing}"
         )
-    expected = {fact.source for name, fact in facts.items() if stands[name] == split}
+    expected = {fact.source for name, fact in facts.items() if split_of[name] == split}
     for clip in sort_clips(expected):
         source = read_motion(motion_file(dataset / SOURCES, clip), clip)
         for name, varied in stream_motions(motion_file(dataset / ACCEPTED, clip)):
-            if stands[name] == split:
+            if split_of[name] == split:
                 yield name, Example(clip, source, facts[name].scales, varied)
 
 

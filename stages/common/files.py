@@ -1,4 +1,4 @@
-"""The files that stages hand to each other: their names in a folder, tables of facts and curves."""
+"""The files that stages exchange: their names, JSON and training curves."""
 
 import csv
 import io
@@ -14,23 +14,23 @@ MOTIONS = "motions.parquet"
 CLIPS = "clips.parquet"
 QUARANTINE = "quarantine.parquet"
 WEIGHTS = "weights.safetensors"
-LAW = "law.json"
-ALL_SOURCES = "all"  # the mean over sources, beside each source's own figures
+SCRIPTS = "law.json"  # of the synthetic captures; recorded ones have none
+ALL_SOURCES = "all"  # key of the mean over sources
 
 
 def write_json(path: Path, facts: Mapping[str, Any]) -> None:
-    """Write facts as JSON that a person can read and ``dvc metrics`` can compare."""
+    """Write indented JSON, which ``dvc metrics`` can compare."""
     write_text(path, json.dumps(facts, indent=2, allow_nan=False) + "\n")
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read facts back."""
+    """Read a JSON object."""
     facts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return facts
 
 
 def write_curve(path: Path, rows: Iterable[Mapping[str, float]]) -> None:
-    """Write a training curve, a column a term, as ``dvc plots`` reads it."""
+    """Write a training curve as ``dvc plots`` reads it: a column for each term."""
     rows = list(rows)
     text = io.StringIO()
     table = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
@@ -50,5 +50,5 @@ SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 
 
 def scheduler_address() -> str:
-    """Give the address that the environment names; empty means this machine's processes."""
+    """Return the address of the Dask scheduler; empty for processes of this machine."""
     return os.environ.get(SCHEDULER, "")

@@ -1,4 +1,4 @@
-"""Read a stage's section of ``params.yaml`` into its dataclass, and refuse what does not fit."""
+"""Read a stage's section of ``params.yaml`` into its dataclass; reject what does not fit."""
 
 import argparse
 import sys
@@ -18,7 +18,7 @@ Params = TypeVar("Params")
 
 
 class ParamsError(ValueError):
-    """A section of ``params.yaml`` that is not what its stage wants."""
+    """A section of ``params.yaml`` with a missing, unknown or invalid value."""
 
 
 def read_params(
@@ -27,14 +27,14 @@ def read_params(
     path: Path = PARAMS,
     given: Mapping[str, object] = MappingProxyType({}),
 ) -> Params:
-    """Read one section, key for key.
+    """Read one section; its keys must be those of the dataclass.
 
     Parameters
     ----------
     section : the stage's name, or a dotted path into another section
     kind : a dataclass; its fields are the section's keys, and those of ``given``
     path : the file
-    given : what the command line says instead, such as the seed of a run
+    given : values from the command line, such as the seed of a run
 
     Raises
     ------
@@ -69,7 +69,7 @@ def _in_words(error: ErrorDetails) -> str:
 
 
 def unknown_keys(values: Any, kind: Any) -> list[str]:
-    """List the keys, dotted, that a dataclass or one nested in it does not have."""
+    """List the keys, dotted, that are not fields of a dataclass or of one nested in it."""
     if not (is_dataclass(kind) and isinstance(values, Mapping)):
         return []
     known = {field.name for field in fields(kind)}
@@ -100,7 +100,7 @@ class PriorRuns:
     seeds: list[int]
 
     def groups(self) -> Iterator[tuple[str, str]]:
-        """Yield each dataset and split that models are compared on."""
+        """Yield each dataset and split on which models are compared."""
         return product(self.datasets, self.splits)
 
 
@@ -114,7 +114,7 @@ class Runs:
 
 
 def read_prior_runs() -> PriorRuns:
-    """Read which skeleton priors the experiment trains."""
+    """Read the datasets, splits, models and seeds of the skeleton priors."""
     return read_params("runs", Runs).priors
 
 
@@ -125,7 +125,7 @@ def parse_split_name(name: str) -> tuple[str, int | None]:
 
 
 def run_stage(main: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
-    """Run a stage; refuse contradictory parameters in one line, without a traceback."""
+    """Run a stage; report invalid parameters in one line, without a traceback."""
     try:
         main(arguments)
     except ParamsError as fault:

@@ -1,4 +1,4 @@
-"""How far a running stage is, for the flow that runs it."""
+"""Progress of a running stage, for the flow that runs it."""
 
 import json
 import os
@@ -24,7 +24,7 @@ class Progress:
         self._file = Path(name) if name else None
 
     def update(self, done: int) -> None:
-        """State how many of the total are done."""
+        """Write how many are done."""
         now = time.monotonic()
         if self._file is None or (done < self._total and now - self._written < _INTERVAL_S):
             return

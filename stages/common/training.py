@@ -1,4 +1,4 @@
-"""Run a training: weights, a curve, checkpoints on the way, progress and a live curve."""
+"""Train a model: checkpoints, progress and a live curve, then weights and the curve."""
 
 import math
 import os
@@ -28,19 +28,19 @@ LIVE_FOLDER = Path("live")
 
 
 class TrainingParams(Protocol):
-    """What every training section of ``params.yaml`` says besides its model."""
+    """The parameters that every training section of ``params.yaml`` has."""
 
     @property
     def threads(self) -> int:
-        """Of torch."""
+        """Number of threads of torch."""
 
     @property
     def device(self) -> str:
-        """Where to train: cpu, cuda or auto."""
+        """Device: cpu, cuda or auto."""
 
     @property
     def checkpoint_every(self) -> int:
-        """Epochs."""
+        """Epochs between checkpoints."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class Task:
     ----------
     model : row of the registry
     params : the model's section of ``params.yaml``
-    data : clips that the model is trained and selected on; their hashes stand beside the weights
-    build : device to a training loop
+    data : training and validation clips; their hashes are metadata of the weights
+    build : from a device to a training loop
     """
 
     model: Model
@@ -64,8 +64,8 @@ class Task:
 def train(task: Task, model: Path, curve: Path) -> None:
     """Train, from the last checkpoint if there is one; write weights into ``model``, and the curve.
 
-    Killed and started again, it writes the bytes that it would have written uninterrupted, on a
-    CPU.
+    On a CPU a training that was killed and started again writes the same bytes as an
+    uninterrupted one.
     """
     params = task.params
     with training_device(
@@ -95,7 +95,7 @@ def _metadata(task: Task, loop: TrainingLoop[Any]) -> dict[str, Any]:
             "train": data_hash(task.data.train),
             "validation": data_hash(task.data.validation),
         },
-        # Without the name of the build, by which equal results would differ.
+        # Without the name of the build, so that equal results have equal bytes.
         "torch": torch.__version__.partition("+")[0],
     }
 
@@ -127,7 +127,7 @@ def _rows(curve: list[dict[str, float]]) -> list[dict[str, float]]:
 
 
 class LiveCurve:
-    """A training curve that ``dvc plots show`` and editors draw while it grows."""
+    """A training curve that ``dvc plots show`` and editors plot during the training."""
 
     def __init__(self, live: Live) -> None:
         self._live = live
@@ -142,8 +142,8 @@ class LiveCurve:
 
 @contextmanager
 def live_curve(folder: Path, epochs: Iterable[Mapping[str, float]]) -> Iterator[LiveCurve]:
-    """Open ``live/FOLDER`` anew, with the epochs that a checkpoint holds."""
-    # Nothing is uploaded unless the user has said otherwise.
+    """Create ``live/FOLDER`` with the epochs of the checkpoint."""
+    # Nothing is uploaded unless the user has set this variable.
     os.environ.setdefault("DVC_STUDIO_OFFLINE", "true")
     path = str(LIVE_FOLDER / folder.relative_to(folder.anchor))
     with Live(path, save_dvc_exp=False, dvcyaml=None, monitor_system=False) as live:

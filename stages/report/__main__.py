@@ -1,4 +1,4 @@
-"""Write the page, the figures that people compare, and all others as data.
+"""Write the report: an HTML page, the compared figures and the detailed ones as JSON.
 
 Usage: python -m stages.report --sequences DIR --clips DIR --split FILE --ingest JSON
            --split-reports DIR --pooled JSON --variations DIR --augment JSON --priors DIR
@@ -6,8 +6,8 @@ Usage: python -m stages.report --sequences DIR --clips DIR --split FILE --ingest
            --page HTML --metrics JSON --rows DIR --details JSON
 
 Curves and clips are of the first fold and seed, tables of all. METRICS holds the figures that
-people compare, ROWS the same with a file for each row of the tables, for ``dvc metrics``; DETAILS
-holds everything else, with intervals.
+people compare, ROWS the same in a file for each row of the tables, for ``dvc metrics``; DETAILS
+holds all figures with intervals.
 """
 
 import argparse
@@ -45,8 +45,8 @@ FOLDERS = {"skeleton_prior": "prior"}  # short, so that the table of dvc metrics
 class Params:
     """The ``report`` section of ``params.yaml``."""
 
-    played_clips: int  # at most, one an action before a second of any
-    varied_clips: int  # at most of either dataset, those with the worst variation first
+    played_clips: int  # at most, one of each action before a second of any
+    varied_clips: int  # at most of each dataset, those with the worst variation first
     variations_each: int  # at most, the worst first
 
 
@@ -101,14 +101,14 @@ def curve_files(folder: Path, seed: int) -> dict[str, Path]:
 
 
 def write_rows_of(folder: Path, compared: dict[str, dict[str, dict[str, float]]]) -> None:
-    """Write a file for each row, so that ``dvc metrics`` prints a line a row."""
+    """Write a file for each row, so that ``dvc metrics show`` prints a line for each."""
     for table, rows in compared.items():
         for row, figures in rows.items():
             write_json(folder / FOLDERS.get(table, table) / f"{row}.json", figures)
 
 
 def provenance(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, str]:
-    """Say what made the page."""
+    """Return the provenance of the page."""
     hashes = {
         kind: ", ".join(digest[:16] for digest in pacmo[f"{kind}_sha256"].values())
         for kind in ("extractor", "matcher")
@@ -116,18 +116,18 @@ def provenance(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, 
     same_action = sum(n["same_action_reactions"] for n in pacmo["n"].values())
     candidates = min(n["matching_candidates"] for n in pacmo["n"].values())
     return {
-        "Made by": f"dvc repro, after pacmo use {experiment}",
-        "Parameters": f"{PARAMS}, with whatever was edited there since",
+        "Command": f"./run repro {experiment}",
+        "Parameters": f"{PARAMS}, including any later edits",
         "Runs": f"{count(runs.folds, 'fold')}, {count(runs.seeds, 'seed')} of each model",
         "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip; "
-        f"{same_action} of acts that others perform too",
-        "Features": f"auto-encoder {hashes['extractor']}, a fold each",
-        "Matching": f"matcher {hashes['matcher']}, a fold each; among {candidates} partners",
+        f"{same_action} of actions that occur in several clips",
+        "Features": f"auto-encoder {hashes['extractor']}, one for each fold",
+        "Matching": f"matcher {hashes['matcher']}, one for each fold; {candidates} candidates",
     }
 
 
 def hashes(clips: Path, reactions: dict[str, Path]) -> dict[str, str]:
-    """Say which bytes the tables and the clips are of: the beginnings of SHA-256."""
+    """Return the beginnings of the SHA-256 of clips, reactions and parameters."""
     files = {"clips": clips, **reactions}
     return {
         f"SHA-256, {name}": f"{_sha256(folder / MOTIONS)[:16]} {(folder / MOTIONS).as_posix()}"
@@ -141,23 +141,23 @@ def _sha256(path: Path) -> str:
 
 
 def count(things: list[int], name: str) -> str:
-    """Say how many there are."""
+    """Return a number with its noun."""
     return f"{len(things)} {name}" + ("s" if len(things) > 1 else "")
 
 
 def summarise(
     ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path
 ) -> DataSummary:
-    """Say what was read, what was put aside and why, and how clips were put on splits."""
-    aside = read_rows(sequences / QUARANTINE, QuarantineRecord)
+    """Summarise the captures, the quarantine and the splits."""
+    quarantined = read_rows(sequences / QUARANTINE, QuarantineRecord)
     split = splits[min(splits)]
     actions = ", ".join(f"{name or 'unnamed'} ({n})" for name, n in ingest["actions"].items())
     return DataSummary(
         files_read=ingest["files_read"],
         clips=split["clips"],
-        quarantined=tuple(QuarantineRow(q.file, q.line or None, q.reason) for q in aside),
+        quarantined=tuple(QuarantineRow(q.file, q.line or None, q.reason) for q in quarantined),
         facts={
-            "Data set": f"{ingest['dataset']} ({ingest['format']})",
+            "Dataset": f"{ingest['dataset']} ({ingest['format']})",
             "Sequences": f"{ingest['usable']} usable of {ingest['sequences_read']} read; "
             f"{ingest['not_included']} found and not included",
             "Skeleton": ingest["skeleton"],
@@ -176,10 +176,10 @@ def summarise(
 
 
 def halves_note(rows: dict[str, Any]) -> str:
-    """Say how far two halves of the tested reactions are apart."""
+    """Return a note on the F²ID between two halves of the tested reactions."""
     halves = rows["real"]["f2id_halves"]
     return (
-        f"Two halves of the tested reactions, of one law but half the size, are at F²ID "
+        f"F²ID between two halves of the tested reactions, which have the same distribution, is "
         f"{halves['mean']:.3g} ({halves['low']:.3g} to {halves['high']:.3g}): bias of few samples."
     )
 
@@ -187,7 +187,7 @@ def halves_note(rows: dict[str, Any]) -> str:
 def curve(path: Path) -> Curve:
     """Read a training curve."""
     terms = read_curve(path)
-    return Curve(steps=terms.pop("step"), terms=terms, x_label="round")
+    return Curve(steps=terms.pop("step"), terms=terms, x_label="epoch")
 
 
 def arguments() -> argparse.Namespace:

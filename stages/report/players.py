@@ -1,4 +1,4 @@
-"""Which clips the page plays: the best, the median and the worst answer, then one of each act."""
+"""The clips that the page plays: best, median and worst reaction, then one of each action."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,27 +22,27 @@ from pacmo_core.store.tables import (
 from stages.common.clips import directed_clips
 from stages.common.files import MOTIONS
 
-JUDGED = "pacmo"  # whose answers say which clips are best and worst
+RANKED = "pacmo"  # the model whose errors rank the clips
 
 
 def played(
     folders: tuple[Path, Path], reactions: dict[str, Path], n_clips: int
 ) -> list[PlayedClip]:
-    """Choose test clips, and set what answered beside the captured reaction."""
+    """Select test clips, with the reaction of each row beside the captured one."""
     clips = {
         name: (facts.action, interaction)
         for name, facts, interaction in directed_clips(*folders, "test")
         if direction_of(name) == "b"
     }
     reactions_by_row = {row: read_first_reactions(folder) for row, folder in reactions.items()}
-    judged_reactions = reactions_by_row.get(JUDGED, {})
+    ranked_reactions = reactions_by_row.get(RANKED, {})
     errors = {
-        n: error(interaction, judged_reactions[n])
+        n: error(interaction, ranked_reactions[n])
         for n, (_, interaction) in clips.items()
-        if n in judged_reactions
+        if n in ranked_reactions
     }
     remarks = extremes(errors)
-    first = list(remarks) + [name for name in in_turn(clips) if name not in remarks]
+    first = list(remarks) + [name for name in alternate_actions(clips) if name not in remarks]
     return [
         PlayedClip(
             name,
@@ -61,14 +61,14 @@ def played(
     ]
 
 
-def error(seen: Interaction, answer: Interaction) -> float:
-    """Metres between joints of the captured and the generated reaction, on average."""
-    distance = np.linalg.norm(seen.person_b - answer.person_b, axis=-1)
+def error(captured: Interaction, generated: Interaction) -> float:
+    """Return the mean distance of joints between two reactions, metres."""
+    distance = np.linalg.norm(captured.person_b - generated.person_b, axis=-1)
     return float(distance.mean(dtype=np.float64))
 
 
 def extremes(errors: dict[str, float]) -> dict[str, str]:
-    """Name the clips answered best, worst and as usual, and say how well."""
+    """Return a remark on the clips with the smallest, the median and the largest error."""
     order = sorted(errors, key=lambda name: (errors[name], name))
     if not order:
         return {}
@@ -78,14 +78,14 @@ def extremes(errors: dict[str, float]) -> dict[str, str]:
         name = order[index]
         remarks.setdefault(
             name,
-            f"{word} of {len(order)} answers of {JUDGED}: joints {errors[name]:.3f} m from the "
-            "captured reaction on average, which is one of many that would do.",
+            f"{word} of {len(order)} reactions of {RANKED}: joints {errors[name]:.3f} m from the "
+            "captured reaction on average, which is one of many plausible ones.",
         )
     return remarks
 
 
-def in_turn(clips: dict[str, tuple[str, Interaction]]) -> Iterator[str]:
-    """List the clips, one an action before a second of any."""
+def alternate_actions(clips: dict[str, tuple[str, Interaction]]) -> Iterator[str]:
+    """Yield clip names: one of each action, then a second of each, and so on."""
     rank: dict[str, int] = {}
     order = []
     for name, (action, _) in clips.items():
@@ -101,22 +101,22 @@ def read_first_reactions(folder: Path) -> dict[str, Interaction]:
 
 
 def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
-    """Give a table a dataset."""
+    """Yield a table of measurements for each dataset of variations."""
     for dataset, facts in augment.items():
         counts = (
             f"{facts['planned']} variations of {facts['clips']} clips: "
             f"{facts['accepted']} accepted, "
-            f"{facts['failed']} beyond a limit, {facts['refused']} of clips that were refused."
+            f"{facts['failed']} beyond a limit, {facts['refused']} of refused clips."
         )
         reasons = ", ".join(f"{name} {count}" for name, count in facts["failed_by"].items())
         beyond = (f"Beyond a limit, and left out of training: {reasons}.",) if reasons else ()
-        usual = "Small figures: between which values nine of ten variations lie."
+        usual = "Small figures: the 5th and the 95th percentile."
         title = f"Variations of {dataset}: the same interaction on other bodies"
         yield Section(title, variation_table(facts["kinds"]), (counts, *beyond, usual))
 
 
 def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]:
-    """Set the worst variations of a clip beside it, the clip with the worst of all first."""
+    """Yield clips beside their worst variations, the clip with the worst of all first."""
     for folder in sorted(path for path in variations.iterdir() if path.is_dir()):
         rows = [row for row in read_variations(folder / VARIATIONS) if row.measurements]
         worst = sorted(rows, key=lambda row: (-row.limit_ratio, row.variation))

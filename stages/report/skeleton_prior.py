@@ -1,4 +1,4 @@
-"""The page's part about skeleton priors, out of what ``pool_skeleton_prior`` wrote."""
+"""The sections on skeleton priors, from the output of ``pool_skeleton_prior``."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,29 +26,28 @@ PRIOR_LABELS = {"source": "source", "solver": "solver"} | {
 }
 PRIOR_TASKS = ("retargeting", "generation")
 PRIOR_NOTES = (
-    "Large: ours, A/B where each character has a figure of its own, B the one whose body changes. "
-    "Small: the interval over seeds, and in brackets what the supplement prints, on other motions, "
-    "in a unit that it does not state and of features that it does not describe: compare within a "
-    "line.",
-    "JPD of generation is held against the solver's motion on the drawn body, and FID against the "
+    "Large: ours, A/B for metrics of one character, B the one whose body changes. Small: the "
+    "interval over seeds, and in brackets the supplement's value, which is of other motions, in an "
+    "unstated unit and of undescribed features: compare within a line.",
+    "JPD of generation compares with the solver's motion on the sampled body, FID with the "
     "solver's motions on the same bodies.",
 )
 FEW_SAMPLES_NOTES = (
-    "Weights are chosen on the same validation variations, however few train. Generation compares "
-    "among lines of as many samples, not between these: each number of samples has bodies of its "
-    "own, drawn by what learnt from so many, and for FID features of its own variations.",
+    "Weights are selected on the same validation variations for any number of training samples. "
+    "Generation is comparable among lines with the same number of samples only: each number has "
+    "other sampled bodies and other features for FID.",
 )
 
 
 def prior_sections(pooled: dict[str, Any]) -> Iterator[Section]:
-    """Give the tables of each dataset, motion by motion, then those of all of its motions."""
+    """Yield the tables of each dataset: of all its motions, then of each motion."""
     scores = {task: pooled[task] for task in PRIOR_TASKS}
     names = iter(MOTIONS)
     for dataset, splits in pooled["data_facts"].items():
         all_sources = select_source(scores, dataset, ALL_SOURCES)
         title = f"Skeleton priors on {dataset}, mean over motions"
         notes = (*PRIOR_NOTES, *comparison_sentences(all_sources), *data_notes(splits))
-        yield Section(f"{title}: what the eye sees", plausibility_table(all_sources), notes)
+        yield Section(f"{title}: plausibility", plausibility_table(all_sources), notes)
         for source in sources_of(scores, dataset):
             motion = next(names, MOTIONS[-1])
             title = f"Table {MOTIONS.index(motion) + 1} of the supplement, {motion}, and {source}"
@@ -59,7 +58,7 @@ def prior_sections(pooled: dict[str, Any]) -> Iterator[Section]:
 
 
 def sources_of(scores: dict[str, Any], dataset: str) -> list[str]:
-    """List a dataset's motions that any split tests."""
+    """List the motions of a dataset that occur in a test split."""
     result = {
         source
         for models in scores[PRIOR_TASKS[0]][dataset].values()
@@ -70,7 +69,7 @@ def sources_of(scores: dict[str, Any], dataset: str) -> list[str]:
 
 
 def data_notes(splits: dict[str, Any]) -> Iterator[str]:
-    """Say what was trained and tested on, and whose features those are."""
+    """Yield the numbers of training and test variations of each split."""
     for split, facts in splits.items():
         yield (
             f"{SPLITS.get(split, split)}: {facts['train']} variations to train on, "
@@ -79,20 +78,20 @@ def data_notes(splits: dict[str, Any]) -> Iterator[str]:
 
 
 def prior_clips(samples_folder: Path, pooled: dict[str, Any]) -> Iterator[PlayedClip]:
-    """Set what the models maker of a drawn body beside the source and the solver's."""
+    """Yield, for a sampled body, the source, the solver's motion and each model's."""
     for dataset, splits in pooled["data_facts"].items():
         samples: dict[str, dict[str, Interaction]] = {}
         split = next(iter(splits))
         for name, motion in stream_motions(samples_folder / dataset / f"{split}.parquet"):
-            source, maker = split_variation_name(name)
-            samples.setdefault(source, {})[maker] = motion
-        for source, by_maker in samples.items():
+            source, model = split_variation_name(name)
+            samples.setdefault(source, {})[model] = motion
+        for source, by_model in samples.items():
             panels = tuple(
-                Panel(PRIOR_LABELS[maker], by_maker[maker])
-                for maker in PRIOR_LABELS
-                if maker in by_maker
+                Panel(PRIOR_LABELS[model], by_model[model])
+                for model in PRIOR_LABELS
+                if model in by_model
             )
-            yield PlayedClip(source, f"{dataset}, a drawn body", panels)
+            yield PlayedClip(source, f"{dataset}, a sampled body", panels)
 
 
 def prior_figures(pooled: dict[str, Any]) -> dict[str, dict[str, float]]:

@@ -1,4 +1,4 @@
-"""The tables of the page, out of what ``pool_pacmo`` wrote."""
+"""The tables of reactions, from the output of ``pool_pacmo``."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -62,16 +62,16 @@ DIFFERENCE_NOTES = (
 
 
 AUGMENTATION_NOTES = (
-    "The same settings, seeds, steps and draws of rows and noise; in each epoch a clip is shown as "
-    "it was captured or, as often, as one of its variations. No variation comes of a tested clip.",
-    "Over clips: the bootstrap, with these trainings. Over folds: Student's interval of the folds' "
-    "differences, in which people and trainings are others. Marked: with variations it is better "
-    "for certain over folds. Of twenty such intervals one is clear of zero by luck.",
+    "The same settings, seeds, steps, batches and noise; in each epoch a clip is replaced by one "
+    "of its variations half of the time. No variation is of a tested clip.",
+    "Over clips: bootstrap intervals for these trainings. Over folds: Student's interval of the "
+    "differences of folds, which have other people and trainings. Marked: significantly better "
+    "over folds. One of twenty such intervals excludes zero by chance.",
 )
 
 
 def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
-    """Choose the rows and columns of the page's first tables."""
+    """Select the rows and columns of the first tables."""
     selected = {
         "pacmo": (MAIN_ROWS, MAIN_COLUMNS),
         "pacmo_partner": (MAIN_ROWS, PARTNER_COLUMNS),
@@ -85,7 +85,7 @@ def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
 
 
 def select_cells(pooled: Pooled, rows: Iterable[str], columns: Iterable[str]) -> dict[str, Any]:
-    """Choose rows and columns, with the reason of what is missing."""
+    """Select rows and columns; a missing cell has its reason."""
     result = pooled["rows"]
     present = [column for column in columns if any(column in result.get(row, {}) for row in rows)]
     table = {
@@ -99,14 +99,14 @@ def select_cells(pooled: Pooled, rows: Iterable[str], columns: Iterable[str]) ->
 
 
 def cell(pooled: Pooled, row: str, metric: str) -> dict[str, Any]:
-    """Give a figure with its interval, or the reason why there is none."""
+    """Return a figure with its interval, or the reason why it is missing."""
     missing = pooled.get("absent", {}).get(row, {}).get(metric, "")
     result: dict[str, Any] = pooled["rows"][row].get(metric, {"missing": missing})
     return result
 
 
 def reaction_sections(pooled: Pooled, dataset: str) -> Iterator[Section]:
-    """Give the further tables: differences, what sees the partner, the paper's."""
+    """Yield the further tables: differences, sensitivity to the partner, the paper's tables."""
     models = {f"pacmo_minus_{row}" for row in (*MODELS, "oracle")}
     differences = {name: cells for name, cells in pooled["differences"].items() if name in models}
     yield Section("Paired differences", difference_table(differences), DIFFERENCE_NOTES)
@@ -116,12 +116,12 @@ def reaction_sections(pooled: Pooled, dataset: str) -> Iterator[Section]:
         yield Section(AUGMENTATION_TITLE, augmentation_table(augmentation), notes)
     sensitivity = pooled["sensitivity"]
     yield Section(
-        "Which metrics see the partner: true pairs less shuffled ones",
+        "Sensitivity to the partner: true pairs minus permuted ones",
         sensitivity_table(sensitivity, COMPARISONS),
         sensitivity_notes(sensitivity),
     )
     for paper in PAPER_TABLES:
-        title = f"Table {paper.number} of the paper, {paper.name}, and ours beside it"
+        title = f"Table {paper.number} of the paper, {paper.name}, beside ours"
         caveats = CAVEATS if paper is PAPER_TABLES[-1] else ()
         yield Section(
             title, side_by_side(paper, pooled["rows"]), (difference_note(paper, dataset), *caveats)
@@ -129,7 +129,7 @@ def reaction_sections(pooled: Pooled, dataset: str) -> Iterator[Section]:
 
 
 def augmentation_rows(pooled: Pooled) -> dict[str, Any]:
-    """Set the two rows beside their differences, where PaCMO was trained on variations too."""
+    """Return PaCMO with and without variations and their differences; empty if not trained."""
     result = pooled.get("augmentation", {})
     rows = pooled["rows"]
     if not result:
@@ -138,23 +138,26 @@ def augmentation_rows(pooled: Pooled) -> dict[str, Any]:
 
 
 def sensitivity_notes(sensitivity: dict[str, Any]) -> tuple[str, ...]:
-    """Name the metrics that real pairs and wrong ones look alike to."""
-    notes = ["Marked: the metric tells true pairs from wrong ones, its interval clear of zero."]
+    """Yield notes on the metrics that do not depend on the partner."""
+    notes = [
+        "Marked: the metric separates true pairs from permuted ones: its interval excludes zero."
+    ]
     for name, where in REAL_COMPARISONS.items():
-        unseeing = insensitive_metrics(sensitivity[name]) if name in sensitivity else None
-        if unseeing is None:
-            notes.append(f"Nothing is known {where}: no act is tested in two clips.")
-        elif unseeing:
+        insensitive = insensitive_metrics(sensitivity[name]) if name in sensitivity else None
+        if insensitive is None:
+            notes.append(f"Not measured {where}: no action is tested in two clips.")
+        elif insensitive:
             notes.append(
-                f"These do not see the partner {where}, and gate nothing: {'; '.join(unseeing)}."
+                f"These do not depend on the partner {where}, and the gate does not use them: "
+                f"{'; '.join(insensitive)}."
             )
         else:
-            notes.append(f"All of these see the partner {where}.")
+            notes.append(f"All of these depend on the partner {where}.")
     return tuple(notes)
 
 
 def reaction_figures(pooled: Pooled) -> dict[str, dict[str, float]]:
-    """List the figures that people compare of each row, rounded to what intervals support."""
+    """Return the compared figures of each row, rounded to three significant digits."""
     return {
         row: {
             name: float(f"{cells[column]['mean']:.3g}")

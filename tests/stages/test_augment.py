@@ -220,7 +220,7 @@ def test_plans_that_cannot_be_are_refused_before_any_work(
         tmp_path,
         clips={"include": ["x*"], "max_per_sequence": 1, "max_clips": 1, "near_distance": 0.2},
     )
-    with pytest.raises(ValueError, match=r"no clip fits x\*"):
+    with pytest.raises(ValueError, match=r"no clip matches x\*"):
         run(tmp_path, monkeypatch)
     assert in_process == []
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stages.report.players import error, extremes, in_turn
+from stages.report.players import alternate_actions, error, extremes
 from tests.figures.samples import interaction
 
 
@@ -26,4 +26,4 @@ def test_best_median_and_worst_are_named_each_once() -> None:
 
 def test_the_rest_come_one_of_each_act_before_a_second_of_any() -> None:
     clips = {name: (name[0], interaction(1)) for name in ("p1", "p2", "q1", "q2", "r1")}
-    assert list(in_turn(clips)) == ["p1", "q1", "r1", "p2", "q2"]
+    assert list(alternate_actions(clips)) == ["p1", "q1", "r1", "p2", "q2"]
