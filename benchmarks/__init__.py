@@ -1,1 +1,1 @@
-"""Figures against peers, each printed as JSON."""
+"""Benchmarks: each measures against a peer in the same run and prints JSON."""

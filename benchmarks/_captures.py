@@ -1,4 +1,4 @@
-"""Real captures for the benchmarks, where a machine has them."""
+"""Real captures for the benchmarks, if this machine has them."""
 
 import os
 from pathlib import Path
@@ -19,39 +19,39 @@ BVH = BvhPairs(
     skip_frames=0,
     max_root_distance=2.0,
 )
-# Salsa as it was recorded, at 120 frames a second; SBU comes at 15.
+# Salsa was recorded at 120 fps, SBU at 15.
 SETS: dict[str, tuple[Format, str]] = {
     "sbu": (Sbu(fps=15), "sbu"),
     "salsa": (BVH, "duo_mocap/salsa_raw"),
 }
 SALSA_SECONDS = 4.0
-MOST = 60  # clips of a set
-LEAST_FRAMES = 20
+MAX_CLIPS = 60  # of a dataset
+MIN_FRAMES = 20
 
 
 def captures_of(model: Generator) -> tuple[str, list[Sampled]]:
-    """Name the set whose joints a model has, and read clips no longer than its training's."""
+    """Return the dataset with a model's joints, and clips no longer than in its training."""
     root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
     for name, (form, folder) in SETS.items():
         if not (root / folder).is_dir():
             continue
-        found: list[Sampled] = []
-        for sequence in form.find(root / folder)[:MOST]:
+        clips: list[Sampled] = []
+        for sequence in form.find(root / folder)[:MAX_CLIPS]:
             clip = form.read(sequence).interaction
             if clip.skeleton.joints != model.skeleton.joints:
                 break
-            found += _cut(Sampled(clip.person_a, clip.times), max_duration(model.normalisation))
-        if found:
-            return name, found[:MOST]
+            clips += _cut(Sampled(clip.person_a, clip.times), max_duration(model.normalisation))
+        if clips:
+            return name, clips[:MAX_CLIPS]
     return "", []
 
 
 def _cut(whole: Sampled, longest: float) -> list[Sampled]:
-    """Cut into stretches of four seconds, or less where the model knows only less."""
+    """Cut into clips of four seconds, or of the longest duration that the model knows."""
     fps = (len(whole.times) - 1) / (whole.times[-1] - whole.times[0])
-    # One more than a multiple of four, so that every fourth frame has both ends.
+    # One more than a multiple of four, so that every fourth frame includes both ends.
     size = 4 * int(min(SALSA_SECONDS, longest) * fps // 4) + 1
     starts = range(0, max(1, len(whole.times) - size + 1), size)
     pieces = [Sampled(whole.motion[s : s + size], whole.times[s : s + size]) for s in starts]
     trimmed = [p.first(4 * ((len(p.times) - 1) // 4) + 1) for p in pieces]
-    return [piece for piece in trimmed if len(piece.times) >= LEAST_FRAMES]
+    return [piece for piece in trimmed if len(piece.times) >= MIN_FRAMES]

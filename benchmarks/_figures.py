@@ -1,4 +1,4 @@
-"""How every benchmark speaks: a line a figure for people, or one JSON object last."""
+"""Output of all benchmarks: a line for each figure, and on request one JSON object at the end."""
 
 import argparse
 import json
@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 
 def arguments(description: str) -> argparse.ArgumentParser:
-    """Make the parser that all benchmarks share."""
+    """Return the parser with the options of all benchmarks."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser.add_argument("--json", action="store_true", help="print one JSON object at the end")
     return parser
 
 

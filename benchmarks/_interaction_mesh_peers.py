@@ -48,7 +48,7 @@ def seconds_per_frame_greedy(
 ) -> float | None:
     """Return the process seconds per frame on a few frames; None if the packages are missing."""
     if any(importlib.util.find_spec(name) is None for name in PEER_PACKAGES):
-        print("no per-frame peer here: pip install cvxpy clarabel", file=sys.stderr)
+        print("the per-frame peer is not installed: pip install cvxpy clarabel", file=sys.stderr)
         return None
     target = energy_target(energy, scales[None])[..., 0]
     done = [np.zeros_like(scene.points[0])] * 2

@@ -1,4 +1,4 @@
-"""The operator, the generator and the partner that the benchmark of speed runs."""
+"""The operator, the generator and the partner of the benchmark of speed."""
 
 import math
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ NOISE_CHANNELS = 4
 
 
 def our_operator(in_channels: int, out_channels: int) -> Uno:
-    """Build ours with fresh weights."""
+    """Build our operator with initial weights."""
     uno = Uno(_config(WIDE, in_channels, out_channels))
     initialise_weights(uno, torch.Generator().manual_seed(0))
     return uno
@@ -47,7 +47,7 @@ def trained_shape() -> Shape:
 
 
 def generator(shape: Shape) -> Generator:
-    """Build a generator that believes to have been trained on clips of four seconds."""
+    """Build a generator with the normalisation of clips of four seconds."""
     channels = 3 * len(SKELETON.joints)
     config = GeneratorConfig(
         SKELETON,
@@ -64,7 +64,7 @@ def generator(shape: Shape) -> Generator:
 
 
 def partner(n_frames: int) -> tuple[Motion, NDArray[np.float64]]:
-    """Let a body of random build sway: poses (T, J, 3) and instants (T,)."""
+    """Return a synthetic partner: a random body that sways, (T, J, 3), at times (T,)."""
     random = np.random.default_rng(0)
     times = np.arange(n_frames) / FPS
     build = random.normal(scale=0.4, size=(len(SKELETON.joints), 3))

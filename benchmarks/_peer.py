@@ -1,4 +1,4 @@
-"""The peer: neuraloperator's UNO, of our width, depth, grids, modes and skips."""
+"""The peer: UNO of neuraloperator, with our width, depth, grids, modes and skips."""
 
 import contextlib
 import importlib
@@ -15,13 +15,13 @@ PEER = "neuralop"
 
 
 def peer_operator(in_channels: int, out_channels: int) -> nn.Module | None:
-    """Build the peer with its own fresh weights, or say how to get it.
+    """Build the peer with its own initial weights; None, with a note, if it is not installed.
 
     It has no last skip from the lifted function to the head, no GELU after the sum of its
-    branches, and works on the grid of the data without padding: in all three it does less.
+    branches, and works on the grid of the data without padding: all three make it cheaper.
     """
     if importlib.util.find_spec(PEER) is None:
-        print("no peer here: pip install 'neuraloperator==2.0.0'", file=sys.stderr)
+        print("the peer is not installed: pip install 'neuraloperator==2.0.0'", file=sys.stderr)
         return None
     scalings = [after / before for before, after in pairwise((1.0, *U_SHAPE_RATIOS))]
     with contextlib.redirect_stdout(sys.stderr):  # its constructor prints

@@ -1,4 +1,4 @@
-"""The 967 variations of nine two-person motions of the augmentation paper's data set.
+"""The 967 variations of nine two-person motions of the augmentation paper's dataset.
 
 Li et al. (2024), supplement, section 1: 363 frames each; all bones of one body, or one bone of its
 upper body, scaled by 0.75 to 1.25 in steps of 0.05.

@@ -1,4 +1,4 @@
-"""One partner sampled in several ways, and how far a model's reactions then differ."""
+"""One partner sampled at different times, and the mismatch of a model's reactions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,29 +35,29 @@ class Sampled:
         return Sampled(self.motion[:count], self.times[:count])
 
     def finer(self, random: np.random.Generator) -> "Sampled":
-        """Sample the spline through the frames at 2 T - 1 instants, jittered."""
+        """Sample the spline through the frames at 2 T - 1 jittered times."""
         even = np.linspace(self.times[0], self.times[-1], 2 * len(self.times) - 1)
         times = jittered(even, random)
         return Sampled(Spline(self.times, self.motion)(times).astype(np.float32), times)
 
     def only(self, rows: NDArray[np.intp]) -> "Sampled":
-        """Keep some frames."""
+        """Select frames."""
         return Sampled(self.motion[rows], self.times[rows])
 
 
 @dataclass(frozen=True)
 class Smooth:
-    """A partner who is known at every instant: a pose, and a field that moves its joints."""
+    """A partner as a function of time: a pose, and a random field that moves its joints."""
 
     pose: Motion
     coefficients: torch.Tensor
     duration: float
 
-    def at(self, shares: Times) -> Sampled:
-        """Sample at shares of the duration."""
-        field = FIELD.evaluate(self.coefficients[None], torch.from_numpy(shares))[0].numpy()
+    def at(self, fractions: Times) -> Sampled:
+        """Sample at fractions of the duration."""
+        field = FIELD.evaluate(self.coefficients[None], torch.from_numpy(fractions))[0].numpy()
         motion = self.pose + SWAY * field.reshape(-1, *self.pose.shape)
-        return Sampled(motion.astype(np.float32), shares * self.duration)
+        return Sampled(motion.astype(np.float32), fractions * self.duration)
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class Mismatch:
     Parameters
     ----------
     out : of reactions, metres in the partner's frame
-    varying : the same distance, relative to how reactions vary about the model's mean one
-    into : of the inputs themselves, about the model's mean partner
+    varying : of reactions, relative to their variation about the model's mean reaction
+    into : of the inputs, relative to their variation about the model's mean partner
     """
 
     out: float
@@ -77,7 +77,7 @@ class Mismatch:
 
 
 def smooth_partners(model: Generator, count: int) -> list[Smooth]:
-    """Move the model's mean partner by as many fields."""
+    """Return the model's mean partner, moved by random fields."""
     pose = model.normalisation.partner_mean.numpy().reshape(-1, 3)
     random = torch.Generator().manual_seed(0)
     duration = mean_duration(model.normalisation)
@@ -85,25 +85,25 @@ def smooth_partners(model: Generator, count: int) -> list[Smooth]:
 
 
 def jittered(times: Times, random: np.random.Generator) -> Times:
-    """Move inner instants by up to 40 % of a step."""
+    """Move inner times by up to 40 % of a step."""
     moved = times.copy()
     moved[1:-1] += random.uniform(-0.4, 0.4, len(times) - 2) * (times[1] - times[0])
     return moved
 
 
-def survivors(count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """List the frames that are left when 30 % of the inner ones are dropped."""
+def random_subset(count: int, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return the frames that remain when 30 % of the inner ones are dropped."""
     inner = 1 + random.permutation(count - 2)[: round(0.7 * (count - 2))]
     return np.concatenate([[0], np.sort(inner), [count - 1]])
 
 
 def mismatch(model: Generator, base: Sequence[Sampled], other: Sequence[Sampled]) -> Mismatch:
     """Compare reactions, and inputs, of the same partners sampled in two ways."""
-    shares = np.linspace(0, 1, N_INSTANTS)
-    instants = [b.times[0] + shares * (b.times[-1] - b.times[0]) for b in base]
+    fractions = np.linspace(0, 1, N_INSTANTS)
+    instants = [b.times[0] + fractions * (b.times[-1] - b.times[0]) for b in base]
     norm = model.normalisation
-    reactions = [_reactions(model, side, instants) for side in (base, other)]
-    inputs = [_inputs(model, side, instants) for side in (base, other)]
+    reactions = [_reactions(model, partners, instants) for partners in (base, other)]
+    inputs = [_inputs(model, partners, instants) for partners in (base, other)]
     return Mismatch(
         out=_distance(reactions, np.zeros(())),
         varying=_distance(reactions, norm.reaction_mean.numpy()),
@@ -119,17 +119,19 @@ def _distance(pair: Sequence[NDArray[np.float64]], about: NDArray[np.floating]) 
 def _reactions(
     model: Generator, partners: Sequence[Sampled], instants: Sequence[Times]
 ) -> NDArray[np.float64]:
-    """``(P, S, N, 3 J)`` metres in the partners' frames."""
-    asked = [PartnerMotion(p.motion, p.times, at) for p, at in zip(partners, instants, strict=True)]
+    """Return ``(P, S, N, 3 J)`` metres in the partners' frames."""
+    queries = [
+        PartnerMotion(p.motion, p.times, at) for p, at in zip(partners, instants, strict=True)
+    ]
     random = torch.Generator().manual_seed(0)
-    motions = react_all(model, asked, n_samples=N_NOISES, random=random)
+    motions = react_all(model, queries, n_samples=N_NOISES, random=random)
     return np.stack([_local(model, p, m) for p, m in zip(partners, motions, strict=True)])
 
 
 def _inputs(
     model: Generator, partners: Sequence[Sampled], instants: Sequence[Times]
 ) -> NDArray[np.float64]:
-    """``(P, N, 3 J)`` metres in the partners' frames."""
+    """Return ``(P, N, 3 J)`` metres in the partners' frames."""
     motions = [Spline(p.times, p.motion)(at) for p, at in zip(partners, instants, strict=True)]
     return np.stack([_local(model, p, m) for p, m in zip(partners, motions, strict=True)])
 

@@ -1,6 +1,6 @@
-"""Variations of synthetic clips by one process, or by two Dask workers: turn about, for medians.
+"""Variations of synthetic clips by one process and by two Dask workers, alternately.
 
-Usage: python -m benchmarks._spread    # one process: its seconds, and the hash of what it made
+Usage: python -m benchmarks._spread    # one process: its seconds, and the hash of its results
 """
 
 import hashlib
@@ -26,11 +26,11 @@ from pacmo_core.augmentation.run import (
 )
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 
-PAIRS = 4  # of people, one clip an act each
+PAIRS = 4  # of people, one clip per action each
 SCALES = (0.9, 1.1)  # of person a
 WORKERS = 2
 REPEATS = 3
-# Its sampling of every thread, a hundred times a second, takes a twentieth of these two cores.
+# Dask's profiler takes 5 % of two cores.
 QUIET = {"distributed.worker.profile.enabled": False}
 
 
@@ -56,15 +56,15 @@ def timed(do: Callable[[list[Batch]], Iterable[BatchResult]]) -> tuple[float, st
     digest = hashlib.sha256()
     for outcome in sorted(outcomes, key=lambda outcome: outcome.source_key):
         digest.update(f"{outcome.source_key} {outcome.error}".encode())
-        for name, made in sorted(outcome.variations.items()):
-            digest.update(f"{name} {made.measurements}".encode() + made.motions.tobytes())
+        for name, variation in sorted(outcome.variations.items()):
+            digest.update(f"{name} {variation.measurements}".encode() + variation.motions.tobytes())
     return seconds, digest.hexdigest()
 
 
 def spread() -> dict[str, float]:
-    """Compare two Dask workers with one process; nothing where Dask is not installed."""
+    """Compare two Dask workers with one process; empty if Dask is not installed."""
     if find_spec("distributed") is None:
-        print("dask_speedup wants the extra dask, which is not installed", file=sys.stderr)
+        print("dask_speedup needs the extra dask, which is not installed", file=sys.stderr)
         return {}
     distributed, dask = map(importlib.import_module, ("distributed", "dask"))
     ratios, digests = [], set()

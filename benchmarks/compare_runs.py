@@ -104,27 +104,27 @@ def contents(path: Path, significant: int) -> Values:
 def read(root: Path, significant: int) -> dict[Path, Values]:
     """Read every file of a checkout that holds values."""
     files = [path for folder in FOLDERS for path in sorted((root / folder).rglob("*"))]
-    found = {p.relative_to(root): contents(p, significant) for p in files if p.is_file()}
-    return {path: values for path, values in found.items() if values}
+    values_of = {p.relative_to(root): contents(p, significant) for p in files if p.is_file()}
+    return {path: values for path, values in values_of.items() if values}
 
 
 def missing(before: dict[Path, Values], after: dict[Path, Values]) -> Iterator[tuple[Path, Values]]:
-    """Find the values of each file that no counterpart has.
+    """Yield the values of each file that no counterpart has.
 
     Tables and weights have one counterpart, the file with most values in common; the numbers of
-    JSON files and reports may have moved to another file, so all of them together are looked in.
+    JSON files and reports may have moved to another file, so that all of them are searched.
     """
     pools = {suffix: _pool(after, suffix) for suffix in (".json", ".html")}
     for path, values in before.items():
         if path.suffix in pools:
             pool = pools[path.suffix]
-            lacking = Counter({v: n for v, n in values.items() if v not in pool})
+            missing_values = Counter({v: n for v, n in values.items() if v not in pool})
         else:
             same_kind = [v for p, v in after.items() if p.suffix == path.suffix]
             nearest = max(same_kind, key=lambda other: (values & other).total(), default=Counter())
-            lacking = values - nearest
-        if lacking:
-            yield path, lacking
+            missing_values = values - nearest
+        if missing_values:
+            yield path, missing_values
 
 
 def _pool(files: dict[Path, Values], suffix: str) -> Values:
@@ -139,24 +139,24 @@ def main() -> int:
     parser.add_argument(
         "--significant", type=int, default=0, help="decimal digits that must be equal; 0: all bits"
     )
-    given: argparse.Namespace = parser.parse_args()
-    before, after = (read(root, given.significant) for root in (given.before, given.after))
+    options: argparse.Namespace = parser.parse_args()
+    before, after = (read(root, options.significant) for root in (options.before, options.after))
     if not before:
         sys.exit(
-            f"{given.before}: wanted the outputs of a run below {', '.join(FOLDERS)}; got none"
+            f"{options.before}: wanted the outputs of a run below {', '.join(FOLDERS)}; got none"
         )
-    lacking = dict(missing(before, after))
-    for path, values in lacking.items():
+    missing_values = dict(missing(before, after))
+    for path, values in missing_values.items():
         some = ", ".join(value[:24] for value in list(values)[:MAX_SHOWN])
-        print(f"{path}: {values.total()} of {before[path].total()} values not found: {some}")
+        print(f"{path}: {values.total()} of {before[path].total()} values missing: {some}")
     figures = {
         "files": len(before),
         "values": sum(values.total() for values in before.values()),
-        "files_that_differ": len(lacking),
-        "values_that_differ": sum(values.total() for values in lacking.values()),
+        "files_that_differ": len(missing_values),
+        "values_that_differ": sum(values.total() for values in missing_values.values()),
     }
-    show(figures, as_json=given.json)
-    return 1 if lacking else 0
+    show(figures, as_json=options.json)
+    return 1 if missing_values else 0
 
 
 if __name__ == "__main__":

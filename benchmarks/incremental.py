@@ -1,13 +1,14 @@
-"""What one more capture costs beside all of them, and what a flow with nothing to do costs.
+"""Cost of one more capture relative to a clean run, and of a flow with nothing to do.
 
 Usage: python -m benchmarks.incremental [--captures N] [--json] [PART ...]
 
 ``one_more_share``: with N captures in, the seconds that one more costs in ``ingest``, ``cut``,
 ``split`` and ``augment`` (four variations a clip, a quarter of the experiment's plan: of all of it
-the share is less, and a clean run takes half an hour), as a share of their clean run; both are the
-stages' own commands in this run. ``same_bytes``: whether what they then leave is what a clean run
-of all leaves, of a tenth of the captures.
-``flow_noop_extra_s``: what ``python -m flows.run reproduce`` takes more than ``dvc repro`` where
+the share is smaller, and a clean run takes half an hour), relative to their clean run; both run the
+commands of the stages. ``same_bytes``: whether the files are then those of a clean run of all
+captures, for a tenth of the captures.
+
+``flow_noop_extra_s``: additional time of ``python -m flows.run reproduce`` over ``dvc repro`` if
 nothing is stale. ``dask_speedup``: two Dask
 workers beside one process, on variations (wants the extra ``dask``). ``..._processor_...``: the
 same in processor seconds, which others' load on the machine does not change.
@@ -31,19 +32,19 @@ from benchmarks.faults import hashes
 from benchmarks.pipeline import PATH, call, clone, plain_commands, processor_seconds
 
 MEASURED = ("ingest", "cut", "split", "augment")
-ACTS, REPLICATIONS = 10, 2
+N_ACTIONS, REPLICATIONS = 10, 2
 REPEATS = 3
-FEWEST = 40  # of fewer, no clip may be left to test on
+MIN_CAPTURES = 40  # fewer may leave no clip to test on
 
 
 def set_captures(folder: Path, n_captures: int) -> Path:
-    """Make N captures, all to be varied as wholes, and put one away; give the one."""
+    """Make N captures and one more, which is set aside; return the path of the latter."""
     path, yaml = folder / "params.yaml", YAML()
     params = yaml.load(path)
-    pairs = -(-(n_captures + 1) // (ACTS * REPLICATIONS))
+    pairs = -(-(n_captures + 1) // (N_ACTIONS * REPLICATIONS))
     params["synthesise"] |= {"n_pairs": pairs, "replications": REPLICATIONS}
-    params["augment"]["clips"]["most"] = None
-    params["augment"]["plan"] |= {"profiles": [], "bodies": 0}
+    params["augment"]["clips"]["max_clips"] = None
+    params["augment"]["plan"] |= {"profiles": [], "n_random": 0}
     params["augment"]["plan"]["single"]["scales"] = []
     yaml.dump(params, path)
     call(folder, sys.executable, "-m", "stages.synthesise", "data/raw")
@@ -56,42 +57,42 @@ def set_captures(folder: Path, n_captures: int) -> Path:
 
 
 def run_measured(folder: Path) -> dict[str, float]:
-    """Run the measured stages' own commands; seconds of each."""
+    """Run the commands of the measured stages; return the seconds of each."""
     commands = {c.split()[2].removeprefix("stages."): c for c in plain_commands(folder)}
     return {name: call(folder, "sh", "-c", commands[name]) for name in MEASURED}
 
 
 def one_more(folder: Path, n_captures: int) -> dict[str, float]:
-    """Run clean, then with one more."""
+    """Run from nothing, then with one more capture."""
     away = set_captures(folder, n_captures)
     start = processor_seconds()
     clean = run_measured(folder)
     shutil.move(away, folder / "data/raw" / away.name)
     middle = processor_seconds()
     more = run_measured(folder)
-    found = {
+    figures = {
         "one_more_share": sum(more.values()) / sum(clean.values()),
         "one_more_processor_share": (processor_seconds() - middle) / (middle - start),
     }
     for name in MEASURED:
-        found |= {f"{name}_clean_s": clean[name], f"{name}_one_more_s": more[name]}
-    return found
+        figures |= {f"{name}_clean_s": clean[name], f"{name}_one_more_s": more[name]}
+    return figures
 
 
 def same_bytes(folder: Path, n_captures: int) -> dict[str, float]:
-    """Tell whether one more leaves what a clean run of all leaves."""
+    """Compare the files after one more capture with those of a clean run."""
     one_more(folder, n_captures)
-    found = hashes(folder)
+    expected = hashes(folder)
     shutil.rmtree(folder / "checkpoints")
     for path in sorted((folder / "data").iterdir()):
         if path.name != "raw":
             shutil.rmtree(path)
     run_measured(folder)
-    return {"same_bytes": float(hashes(folder) == found)}
+    return {"same_bytes": float(hashes(folder) == expected)}
 
 
 def cost(folder: Path, command: list[str], **environment: str) -> tuple[float, float]:
-    """Give the median of a command's time, and of its processor's."""
+    """Return the median wall time and processor time of a command."""
     settings = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
     settings |= {"PATH": PATH, "PYTHONPATH": str(folder), **environment}
     times, worked = [], []
@@ -104,7 +105,7 @@ def cost(folder: Path, command: list[str], **environment: str) -> tuple[float, f
 
 
 def noop(folder: Path) -> dict[str, float]:
-    """Measure what a flow adds where nothing is stale."""
+    """Measure the cost of a flow if nothing is stale."""
     dvc = [sys.executable, "-m", "dvc", "repro", "split@1"]
     flow = [sys.executable, "-m", "flows.run", "reproduce", "split"]
     call(folder, *dvc)
@@ -117,8 +118,8 @@ def noop(folder: Path) -> dict[str, float]:
 
 
 def parts(place: Path, n_captures: int) -> dict[str, Callable[[], dict[str, float]]]:
-    """Name what is measured, the quick before the slow."""
-    few = max(n_captures // 10, FEWEST)
+    """Return the measurements by name, quick ones first."""
+    few = max(n_captures // 10, MIN_CAPTURES)
     return {
         "noop": lambda: noop(clone(place / "noop", "smallest")),
         "dask": spread,
@@ -133,13 +134,13 @@ def main() -> None:
     parser.add_argument("--captures", type=int, default=1000)
     parser.add_argument("parts", nargs="*", help="noop, dask, bytes, one_more; none: all")
     options = parser.parse_args()
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as place:
         for name, measure in parts(Path(place), options.captures).items():
             if not options.parts or name in options.parts:
-                found |= measure()
-                print(f"{name} measured: {found}", file=sys.stderr, flush=True)
-    show(found, as_json=options.json)
+                figures |= measure()
+                print(f"{name} measured: {figures}", file=sys.stderr, flush=True)
+    show(figures, as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Press Ctrl-C at random moments of a run; every process must end, and the next run must go on.
+"""Press Ctrl-C at random moments of a run; every process must end, and the next run must continue.
 
 Usage: python -m benchmarks.interrupts [--moments N] [--experiment NAME] [--json] [STAGE ...]
 
@@ -90,7 +90,7 @@ def _read(terminal: int, deadline: float) -> bytes:
         if select.select([terminal], [], [], left)[0]:
             try:
                 part = os.read(terminal, 4096)
-            except OSError:  # how Linux tells the end of a terminal
+            except OSError:  # the end of a terminal on Linux
                 break
             if not part:
                 break

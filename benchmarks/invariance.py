@@ -1,10 +1,11 @@
-"""How far reactions depend on the frames that showed the partner.
+"""Dependence of reactions on the frames at which the partner was sampled.
 
 Usage: python -m benchmarks.invariance [--weights FILE] [--real FILE ...] [--json]
 
 The same noise and the same partner are sampled in two ways; a mismatch is the relative L2 distance
 of the reactions at common instants, metres in the partner's frame; ``..._varying`` is the same
-distance relative to how reactions vary about their mean (which standing a metre away flatters not).
+distance relative to the variation of reactions about their mean, which a large distance between the
+two people does not reduce.
 
 Band-limited partners are the mean partner that the model was trained on, moved by a Gaussian field
 of 16 modes on 1.25 of the model's usual duration: at most 12.8 cycles. 129 frames resolve 64.
@@ -15,8 +16,8 @@ Real partners are captures under PACMO_REAL_DATA of the joints that a model has:
 a second, salsa at 120. For each model of ``--real`` (or ``--weights``): ``SET_half``, ``_quarter``
 and ``_dropped`` against all frames; ``_finer``, the spline through all frames at 2 T - 1 jittered
 instants, against them; and ``SET_input_...``, how far the splines of the two inputs differ
-themselves: frames that are noisy or few leave out what the others show, and a model that listens
-must differ too. ``mismatch_real`` is the worst of half and dropped.
+themselves: noisy or few frames lack information of the others, so that reactions that depend on
+the partner must differ too. ``mismatch_real`` is the worst of half and dropped.
 """
 
 from pathlib import Path
@@ -26,7 +27,7 @@ import torch
 
 from benchmarks._captures import captures_of
 from benchmarks._figures import arguments, show
-from benchmarks._sampling import jittered, mismatch, smooth_partners, survivors
+from benchmarks._sampling import jittered, mismatch, random_subset, smooth_partners
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction.generator import Generator
 
@@ -66,15 +67,15 @@ def band_limited(model: Generator) -> dict[str, float]:
         "2x": np.linspace(0, 1, 2 * N_FRAMES - 1),
         "4x": np.linspace(0, 1, 4 * N_FRAMES - 3),
         "jitter": jittered(times, random),
-        "dropped": times[survivors(N_FRAMES, random)],
+        "dropped": times[random_subset(N_FRAMES, random)],
         "half": times[::2],
     }
     partners = smooth_partners(model, N_PARTNERS)
     base = [partner.at(times) for partner in partners]
     figures: dict[str, float] = {}
     for name, other in others.items():
-        found = mismatch(model, base, [partner.at(other) for partner in partners])
-        figures |= {f"mismatch_{name}": found.out, f"mismatch_{name}_varying": found.varying}
+        result = mismatch(model, base, [partner.at(other) for partner in partners])
+        figures |= {f"mismatch_{name}": result.out, f"mismatch_{name}_varying": result.varying}
     return figures
 
 
@@ -87,14 +88,14 @@ def captured(model: Generator) -> dict[str, float]:
     others = {
         "half": [c.only(np.arange(0, len(c.times), 2)) for c in whole],
         "quarter": [c.only(np.arange(0, len(c.times), 4)) for c in whole],
-        "dropped": [c.only(survivors(len(c.times), random)) for c in whole],
+        "dropped": [c.only(random_subset(len(c.times), random)) for c in whole],
         "finer": [c.finer(random) for c in whole],
     }
     figures: dict[str, float] = {}
     for kind, other in others.items():
-        found = mismatch(model, whole, other)
-        figures |= {f"{name}_real_{kind}": found.out, f"{name}_input_{kind}": found.into}
-        figures |= {f"{name}_real_{kind}_varying": found.varying}
+        result = mismatch(model, whole, other)
+        figures |= {f"{name}_real_{kind}": result.out, f"{name}_input_{kind}": result.into}
+        figures |= {f"{name}_real_{kind}_varying": result.varying}
     return figures
 
 

@@ -1,4 +1,4 @@
-"""How fast the operator is, beside neuraloperator's UNO, and what reactions cost.
+"""Speed of the operator against UNO of neuraloperator, and cost of reactions.
 
 Usage: python -m benchmarks.operator [--json]
 
@@ -55,7 +55,7 @@ def main() -> None:
         return
     torch.set_num_threads(1)
     figures = {f"{name}_t{n}": value for n in (64, 256) for name, value in beside_peer(n).items()}
-    figures |= reaction() | stream() | in_process_of_its_own()
+    figures |= reaction() | stream() | in_new_process()
     show(figures, as_json=options.json)
 
 
@@ -80,7 +80,7 @@ def beside_peer(n_frames: int) -> dict[str, float]:
 
 
 def descend(network: torch.nn.Module, out: torch.Tensor) -> None:
-    """Take the gradient of a simple loss for all weights."""
+    """Compute the gradient of a simple loss for all weights."""
     network.zero_grad()
     out.square().mean().backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
 
@@ -96,7 +96,7 @@ def reaction() -> dict[str, float]:
 
         return run
 
-    # One after the other: in turn, each would find the caches full of the other's weights.
+    # One after the other: alternate runs would evict each other's weights from the caches.
     (trained,), (wide,) = (medians([by(generator(shape))]) for shape in (trained_shape(), WIDE))
     return {"reaction_ms": trained, "reaction_wide_ms": wide}
 
@@ -113,8 +113,8 @@ def stream() -> dict[str, float]:
     return {"stream_ms_per_frame": statistics.median(taken[len(taken) // 2 :])}
 
 
-def in_process_of_its_own() -> dict[str, float]:
-    """Run the long partner where nothing else has taken memory."""
+def in_new_process() -> dict[str, float]:
+    """Run the long partner in a new process."""
     command = [sys.executable, "-m", "benchmarks.operator", "--long"]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     figures: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
@@ -122,7 +122,7 @@ def in_process_of_its_own() -> dict[str, float]:
 
 
 def long_partner(n_frames: int) -> dict[str, float]:
-    """React to one long partner, with as many threads as torch takes."""
+    """React to one long partner, with torch's number of threads."""
     model, (motion, times) = generator(WIDE), partner(n_frames)
     random = torch.Generator().manual_seed(0)
     before, start = resident("VmRSS"), time.perf_counter()
@@ -134,22 +134,22 @@ def long_partner(n_frames: int) -> dict[str, float]:
 
 
 def resident(which: str) -> float:
-    """Megabytes of this process in memory, now (``VmRSS``) or at most (``VmHWM``)."""
+    """Return the resident memory in megabytes: now (``VmRSS``) or peak (``VmHWM``)."""
     with Path("/proc/self/status").open() as lines:
         (line,) = (line for line in lines if line.startswith(which))
     return int(line.split()[1]) / 1e3
 
 
 def medians(runs: Sequence[Callable[[], None]]) -> list[float]:
-    """Milliseconds of process time of each, taken in turn after two rounds to warm up."""
+    """Return medians of process time in milliseconds; runs alternate, after two warm-up rounds."""
     taken: list[list[float]] = [[] for _ in runs]
     for number in range(N_ROUNDS + 2):
-        for run, found in zip(runs, taken, strict=True):
+        for run, times in zip(runs, taken, strict=True):
             start = time.process_time()
             run()
             if number >= 2:
-                found.append(1e3 * (time.process_time() - start))
-    return [statistics.median(found) for found in taken]
+                times.append(1e3 * (time.process_time() - start))
+    return [statistics.median(times) for times in taken]
 
 
 if __name__ == "__main__":

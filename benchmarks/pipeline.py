@@ -1,10 +1,10 @@
-"""How long the embedded default takes in a new clone, and when there is nothing to do.
+"""Time of the embedded default in a new clone, and of a run with nothing to do.
 
 Usage: python -m benchmarks.pipeline [--experiment NAME] [--json]
 
 ``cold_s``: ``dvc repro`` in a clone with an empty cache; ``noop_s``: again. The peer in the same
 run is the same commands called one after the other without DVC, on the smallest experiment:
-``times_plain`` is what DVC's bookkeeping costs there.
+``times_plain`` is the ratio, the overhead of DVC.
 """
 
 import ctypes
@@ -38,12 +38,12 @@ def call(folder: Path, *command: str) -> float:
 def processor_seconds() -> float:
     """Return the processor seconds of all commands that have ended, and of all that they started.
 
-    Processes that outlive their parents for an instant, as a fork server does, are included: they
+    Processes that outlive their parents for a moment, as a fork server does, are included: they
     become children of this one, which waits for them.
     """
     ctypes.CDLL(None).prctl(SUBREAPER, 1, 0, 0, 0)
     deadline = time.monotonic() + _WAIT_S
-    with suppress(ChildProcessError):  # there are no more
+    with suppress(ChildProcessError):  # none is left
         while time.monotonic() < deadline:
             if os.waitpid(-1, os.WNOHANG) == (0, 0):
                 time.sleep(0.02)

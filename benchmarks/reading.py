@@ -1,4 +1,4 @@
-"""How fast NTU skeleton text is read, against a plain reader that goes line by line.
+"""Speed of reading NTU skeleton files, against a plain reader that reads line by line.
 
 Usage: python -m benchmarks.reading [--json]
 
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def write_clips(folder: Path, n_bytes: int) -> int:
-    """Write clips of two people who drift and tremble until there are ``n_bytes`` of them."""
+    """Write at least ``n_bytes`` of random clips of two people."""
     generator = np.random.default_rng(0)
     written = 0
     while written < n_bytes:
@@ -76,7 +76,7 @@ def compare(sequences: list[RawSequence], n_bytes: int) -> dict[str, float]:
 def seconds(
     read: Callable[[RawSequence], object], sequences: list[RawSequence]
 ) -> tuple[float, float]:
-    """Process time and wall time to read all."""
+    """Return the process time and the wall time to read all files."""
     process, wall = time.process_time(), time.perf_counter()
     for sequence in sequences:
         read(sequence)
@@ -89,7 +89,7 @@ def read_ours(sequence: RawSequence) -> object:
 
 
 def read_plainly(sequence: RawSequence) -> object:
-    """Read line by line into two arrays, unchecked: what the public loaders do."""
+    """Read line by line into two arrays without checks, as public loaders do."""
     people: dict[str, list[list[list[float]]]] = {}
     with sequence.files[0].open() as lines:
         for _ in range(int(next(lines))):

@@ -29,11 +29,11 @@ def deviations(figures: Tables, reference: Tables) -> Iterator[tuple[str, float]
     for table, rows in reference.items():
         real = rows.get("real", {})
         for row, columns in rows.items():
-            found = figures.get(table, {}).get(row, {})
+            values = figures.get(table, {}).get(row, {})
             for name, expected in columns.items():
                 tolerance = METRICS[CATALOGUE_NAMES.get(name, name)].tolerance
                 allowed = tolerance * max(abs(expected), abs(real.get(name, 0.0)))
-                difference = abs(found.get(name, float("inf")) - expected)
+                difference = abs(values.get(name, float("inf")) - expected)
                 deviation = difference / allowed if allowed else float("inf")
                 yield f"{table}.{row}.{name}", deviation if difference else 0.0
 

@@ -1,12 +1,12 @@
-"""What a stage costs at three sizes, and what a million clips would cost by the line through them.
+"""Cost of each stage at three sizes, extrapolated by a line to a million clips.
 
 Usage: python -m benchmarks.scale [--sizes 50 100 200] [--clips 1000000] [--json]
 
 The stages' own commands, on synthetic captures of the NTU format
 (``augment``: one variation a clip; ``train_pacmo``: one epoch of the default's network, the others
 as ``smallest`` has them). For each stage: processor ``ms`` a clip, processor ``hours`` and
-``gb`` of what it leaves for all clips, and ``bend``: what a clip costs between the two larger
-sizes, as a share of that; far above 1, the line is not to be trusted.
+``gb`` of its outputs for all clips, and ``bend``: the cost of a clip between the two larger sizes
+relative to the slope; far above 1 the extrapolation is not valid.
 ``dvc``: one ``dvc status``, which looks at every raw file.
 """
 
@@ -25,7 +25,7 @@ from pacmo_core.project.experiments import default_params
 
 STAGES = ("ingest", "cut", "split", "augment", "train_pacmo", "react", "evaluate_pacmo")
 NEEDED = ("train_autoencoder", "train_matcher", "react_oracle")
-LEAVES = {
+OUTPUTS = {
     "ingest": "data/sequences",
     "cut": "data/clips",
     "split": "data/splits",
@@ -37,13 +37,13 @@ HOUR, GB = 3600.0, 1e9
 
 
 def measure(folder: Path, n_clips: int) -> dict[str, tuple[float, float]]:
-    """Run the stages with N captures in; processor seconds and bytes of each."""
+    """Run the stages with N captures; return processor seconds and bytes of each."""
     set_captures(folder, n_clips)
     _set_network(folder)
     status = (sys.executable, "-m", "dvc", "status", "--json")
     before = processor_seconds()
     call(folder, *status)
-    found = {"dvc": (processor_seconds() - before, 0.0)}
+    figures = {"dvc": (processor_seconds() - before, 0.0)}
     for command in plain_commands(folder):
         name = _name(command)
         if not _is_wanted(name, command):
@@ -51,15 +51,15 @@ def measure(folder: Path, n_clips: int) -> dict[str, tuple[float, float]]:
         before = processor_seconds()
         call(folder, "sh", "-c", command)
         if name in STAGES:
-            found[name] = (
+            figures[name] = (
                 processor_seconds() - before,
-                float(_size(folder / LEAVES.get(name, "none"))),
+                float(_size(folder / OUTPUTS.get(name, "none"))),
             )
-    return found
+    return figures
 
 
 def line(sizes: list[int], values: list[float]) -> tuple[float, float]:
-    """Fit a line; what each further clip costs, and its bend."""
+    """Fit a line; return its slope, and the last slope relative to it."""
     slope = float(np.polyfit(sizes, values, 1)[0])
     last = (values[-1] - values[-2]) / (sizes[-1] - sizes[-2])
     return slope, last / slope if slope > 0 else 0.0
@@ -82,7 +82,7 @@ def _is_wanted(name: str, command: str) -> bool:
 
 
 def _set_network(folder: Path) -> None:
-    """Give PaCMO the default's network, for one epoch."""
+    """Set the default's network of PaCMO, for one epoch."""
     path, yaml = folder / "params.yaml", YAML()
     params = yaml.load(path)
     network = YAML(typ="safe").load(default_params())["train_pacmo"]

@@ -1,4 +1,4 @@
-"""Reading one clip of 1,000 must not read the file: bytes read, against reading it whole.
+"""Bytes read for one clip of 1,000, relative to reading the whole file.
 
 Usage: python -m benchmarks.store [--json]
 
@@ -28,10 +28,10 @@ N_FRAMES = 90
 def bytes_read(action: Callable[[], object]) -> int:
     """Count the bytes that this process asks the system for during an action."""
     counts = Path("/proc/self/io")
-    before, own = (_read_characters(counts.read_text()) for _ in range(2))
+    before, overhead = (_read_characters(counts.read_text()) for _ in range(2))
     action()
     after = _read_characters(counts.read_text())
-    return after - own - (own - before)
+    return after - overhead - (overhead - before)
 
 
 def _read_characters(text: str) -> int:
@@ -39,7 +39,7 @@ def _read_characters(text: str) -> int:
 
 
 def make_clip(random: np.random.Generator) -> Interaction:
-    """Draw a smooth motion with a depth camera's noise."""
+    """Sample a smooth motion with the noise of a depth camera."""
     shape = (N_FRAMES, len(NTU25.joints), 3)
     motions = [
         np.cumsum(0.01 * random.standard_normal(shape), axis=0)

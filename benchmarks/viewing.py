@@ -1,11 +1,12 @@
-"""How long a frame of the viewer takes to script: four clips of two people, everything shown.
+"""Script time of a frame of the viewer: four clips of two people, with all overlays.
 
 Usage: python -m benchmarks.viewing [--json]
 
-The picture itself is the graphics card's, and a machine without one paints it in software: calls
-that paint are answered by nothing, all else is done as in a page that plays, in headless Chromium.
-``script_ms`` is the median of 500 frames; sixty a second leave 16.7 ms. The slowest frames wait
-for the browser's own compositor, in software too, and say nothing of a machine with a card.
+Drawing itself is done by the graphics card; without one it is done in software. WebGL calls that
+draw are therefore replaced by empty functions; everything else runs as in a page that plays, in
+headless Chromium.
+``script_ms`` is the median of 500 frames; 60 fps leave 16.7 ms. The slowest frames wait
+for the software compositor of the browser, which a machine with a graphics card does not use.
 """
 
 import tempfile
@@ -26,17 +27,17 @@ FRAMES = """(() => {
     WebGL2RenderingContext.prototype[call] = () => {};
   for (let frame = 0; frame < 600; frame += 1) {
     player.time = (frame / 60) % player.length;
-    const began = performance.now();
+    const start = performance.now();
     player.draw();
     player.say();
-    costs.push(performance.now() - began);
+    costs.push(performance.now() - start);
   }
   return costs.slice(100);
 })()"""
 
 
 def clips() -> list[Scene]:
-    """Invent four clips of two people, two at 30 and two at 120 frames a second."""
+    """Return four synthetic clips of two people, two at 30 and two at 120 fps."""
     scripts = sample_scripts(4, population=1, pairs=1, actions=tuple(ACTIONS)[:4], replications=1)
     seen = [sample_interaction(script, random) for script, random in scripts]
     finer = [*seen[:2], *map(four_times, seen[2:])]
@@ -44,7 +45,7 @@ def clips() -> list[Scene]:
 
 
 def four_times(clip: Interaction) -> Interaction:
-    """Put three frames between any two, straight."""
+    """Insert three linearly interpolated frames between any two."""
     at = np.arange(4 * len(clip.times) - 3)
     low, share = np.minimum(at // 4, len(clip.times) - 2), (at - 4 * (at // 4)) / 4.0
     share = np.where(at // 4 > low, 1.0, share)

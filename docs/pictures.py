@@ -72,7 +72,7 @@ def main(folder: Path) -> None:
     names = list(ACTIONS)
     pictures = {"acts_1": acts(names[:5]), "acts_2": acts(names[5:]), "oracle": oracle()}
     for name, rows in pictures.items():
-        figure = film_strip(rows, least=1.9, inches=1.9)
+        figure = film_strip(rows, min_width=1.9, inches=1.9)
         figure.savefig(folder / f"{name}.png", dpi=100, metadata={"Software": None})
 
 

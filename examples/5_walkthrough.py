@@ -24,4 +24,4 @@ retargeted = pacmo_core.retarget(clip, a="tall_adult", b="child")
 frames = [round(share * (len(clip.times) - 1)) for share in (0.0, 0.3, 0.45, 0.6, 1.0)]
 rows = {"captured": clip, "reaction to a": reaction, "retargeted": retargeted}
 strip = [(title, interaction, frames) for title, interaction in rows.items()]
-film_strip(strip, least=1.9, inches=1.8).savefig(folder / "library.png", dpi=90)
+film_strip(strip, min_width=1.9, inches=1.8).savefig(folder / "library.png", dpi=90)

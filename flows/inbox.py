@@ -3,9 +3,9 @@
     python -m flows.inbox
 
 A capture lies in the inbox under the path that it gets in the folder of captures. It is taken once
-it no longer changes, and read as the stage ``ingest`` would read it. A usable one goes to the
-captures, another to the quarantine, with the reason beside it. Files that are no capture of the
-experiment's format stay.
+it no longer changes, and read as the stage ``ingest`` would read it. A usable one is moved
+to the captures, any other to the quarantine, with the reason beside it. Files that are not captures
+of the experiment's format stay.
 
 All moves are first written to a plan. Every file is copied, and only then are they removed from the
 inbox. The plan of a killed run is carried out again from its start: each step may be repeated.
@@ -48,14 +48,14 @@ from stages.ingest import Params, ingestion_settings, is_included
 
 @dataclass(frozen=True)
 class Move:
-    """Where one capture of the inbox goes.
+    """The move of one capture of the inbox.
 
     Parameters
     ----------
     name : of the sequence
     files : its paths relative to the inbox
-    to : the folder that they go to, under the same relative paths
-    reason : why it goes to quarantine; empty if it is accepted
+    to : target folder, in which the relative paths are the same
+    reason : of the quarantine; empty if the capture is accepted
     line : of the file, where the error is; 0 if it has none
     """
 
@@ -175,11 +175,11 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
 
 
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
-    recipe = ingestion_settings(params, INBOX)
+    settings = ingestion_settings(params, INBOX)
     known = _known_contents()
     time_stamp = utc_now().replace(":", "")
     moves = []
-    for sequence, outcome in zip(ready, read_sequences(recipe, ready), strict=True):
+    for sequence, outcome in zip(ready, read_sequences(settings, ready), strict=True):
         if isinstance(outcome, QuarantineRecord):
             reason, line = outcome.reason, outcome.line
         else:
@@ -250,7 +250,7 @@ def _is_stage_output(raw: Path) -> bool:
 def main() -> None:
     """Take captures in."""
     with (
-        end_on_signal(lambda: "interrupted; the next run goes on"),
+        end_on_signal(lambda: "interrupted; the next run continues"),
         errors_in_one_line(),
         writer_lock("intake", LOCK),
         record_run("intake", RUNS) as run,

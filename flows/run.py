@@ -6,8 +6,8 @@
     python -m flows.run prune
 
 This process, the supervisor, imports neither Prefect nor torch. If no stage is stale it says so
-and ends. Else it starts a Prefect server, where none is running, and the flow as a process of its
-own; it shows the events of the flow, and on Ctrl-C or SIGTERM it ends every process of the run.
+and ends. Otherwise it starts a Prefect server, if none is running, and the flow in its own process.
+It shows the events of the flow, and on Ctrl-C or SIGTERM it ends every process of the run.
 
 Exit codes: 0 done, or nothing is stale; 1 failed; 2 wrong usage; 3 the gate rejected the model;
 4 another run writes; 130 interrupted.
@@ -129,11 +129,11 @@ def run_flow(entrypoint: str, arguments: Mapping[str, Any], mark: Mapping[str, s
 
 @contextmanager
 def supervised(command: str = "./run") -> Iterator[dict[str, str]]:
-    """Give a mark for the processes of a run, and end them with the block or on a signal.
+    """Return a mark for the processes of a run; end them after the block or on a signal.
 
     Parameters
     ----------
-    command : that goes on with an interrupted run, for the message
+    command : that continues an interrupted run, for the message
     """
     mark = {RUN_VARIABLE: f"{LOCK.resolve()}:{os.getpid()}"}
     with end_on_signal(lambda: _interrupt(mark, command)):
@@ -144,7 +144,7 @@ def supervised(command: str = "./run") -> Iterator[dict[str, str]]:
 
 
 def execute(entrypoint: str, arguments: Mapping[str, Any]) -> int:
-    """Call a flow in this process, once its server answers.
+    """Call a flow in this process, once its server is healthy.
 
     Returns
     -------

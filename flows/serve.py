@@ -86,7 +86,7 @@ def serve_deployments() -> None:
         if has_missed_nightly(entry, datetime.now(UTC)):
             log_event(f"{entry['name']} was missed and starts now")
             _start_now(make_deployment(entry))
-    # Schedules stay active when this ends, so that a server that goes on records late runs.
+    # Schedules stay active when this ends, so that a server that keeps running records late runs.
     serve(*deployments, pause_on_shutdown=False, print_starting_message=False)
 
 

@@ -1,4 +1,4 @@
-"""The Prefect server of a run: one that is named, one that already runs, or one of its own.
+"""The Prefect server of a run: one that is configured, one that is running, or a temporary one.
 
 Nothing here imports Prefect: the process that starts a server and waits for it is small.
 """
@@ -25,7 +25,7 @@ _REQUEST_S = 5.0
 
 
 class ServerError(CommandError):
-    """No Prefect server answers."""
+    """There is no healthy Prefect server."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +68,14 @@ def find_server(port: int = PORT) -> Server | None:
     named = _named_address()
     if named:
         if not is_healthy(named):
-            raise ServerError(f"PREFECT_API_URL is {named}; no Prefect server answers there")
+            raise ServerError(f"PREFECT_API_URL is {named}; no Prefect server responds there")
         return Server(named)
     local = _local_address(port)
     return Server(local) if is_healthy(local) else None
 
 
 def start_server(mark: Mapping[str, str], port: int = PORT) -> Server:
-    """Start a server for schedules: with Prefect's services and its data base in ``.prefect``.
+    """Start a server for schedules: with Prefect's services and its database in ``.prefect``.
 
     Raises
     ------
@@ -89,9 +89,9 @@ def start_server(mark: Mapping[str, str], port: int = PORT) -> Server:
 
 
 def start_temporary_server(mark: Mapping[str, str]) -> Server:
-    """Start a server that ends with the run, on a free port and with a data base of its own.
+    """Start a server that ends with the run, on a free port and with its own database.
 
-    With the data base of ``start_server``, and flows being served at the same time, two servers
+    With the database of ``start_server``, and flows being served at the same time, two servers
     would write to one SQLite file.
     """
     with socket.socket() as probe:

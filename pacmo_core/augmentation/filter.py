@@ -1,4 +1,4 @@
-"""Selects the clips that are varied, and the variations that are good enough to train on."""
+"""Selects the clips that are varied, and accepts variations by limits on their measurements."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass

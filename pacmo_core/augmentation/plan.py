@@ -33,7 +33,7 @@ class SingleBones:
     Parameters
     ----------
     bones : patterns of segment names, or ``upper`` for all above the hips
-    scales : of the bone; 1, the source's own, is left out
+    scales : of the bone; 1 is omitted
     max_variations : of a source; those with the lowest hashes
     """
 
@@ -48,8 +48,8 @@ class Plan:
 
     Parameters
     ----------
-    people : whose body changes, one at a time: ``a``, ``b``
-    uniform : scales of the whole body; 1, the source's own, is left out
+    people : ``a``, ``b``: persons whose body changes, one at a time
+    uniform : scales of the whole body; 1 is omitted
     single : one bone at a time
     profiles : names of ``bodies.PROFILES``
     n_random : number of random pairs of bodies, of both people at once

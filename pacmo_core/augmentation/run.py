@@ -101,9 +101,9 @@ def body_key(scales: tuple[Scales, Scales]) -> str:
 
 
 def solve_with_processes(batches: Sequence[Batch], *, processes: int) -> Iterator[BatchResult]:
-    """Solve batches in at most so many processes; yield results in order of completion.
+    """Solve batches in processes; yield results in order of completion.
 
-    One process is this one.
+    With one process, this process solves them.
     """
     count = min(processes, len(batches))
     if count <= 1:

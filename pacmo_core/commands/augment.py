@@ -1,4 +1,4 @@
-"""The solver's settings and what a variation must keep within, out of ``params.yaml``."""
+"""``pacmo augment``: retarget two people's motion to other bodies by InteractionMesh."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,7 +33,7 @@ from pacmo_core.store.files import StoreError
 
 @dataclass(frozen=True)
 class SolverSection:
-    """What the section ``augment`` says of solving."""
+    """The section ``augment``, as far as the command uses it: solver and limits."""
 
     solver: Settings
     limits: VariationLimits
@@ -45,7 +45,7 @@ def read_solver_section(params: Path) -> SolverSection:
     Raises
     ------
     CommandError
-        If there is no such file or section, or it does not fit.
+        If there is no such file or section, or a value is invalid.
     """
     if not params.is_file():
         raise CommandError(f"no {params}: give --params, such as a params.yaml")
@@ -61,18 +61,27 @@ def read_solver_section(params: Path) -> SolverSection:
 
 
 First = Annotated[Path, typer.Argument(help="a capture of two people, or of person a")]
-Second = Annotated[Path | None, typer.Argument(help="of person b, where each has a file")]
+Second = Annotated[
+    Path | None, typer.Argument(help="the capture of person b, if each person has a file")
+]
 Out = Annotated[Path, typer.Option(help="a folder or FILE.bvh for BVH files, or FILE.parquet")]
 AScale = Annotated[list[str], typer.Option("--a-scale", help="SEGMENT=SCALE of person a")]
 BScale = Annotated[list[str], typer.Option("--b-scale", help="SEGMENT=SCALE of person b")]
 Profile = Annotated[list[str], typer.Option("--profile", help="PERSON=NAME: b=child, a=long_arms")]
-Clip = Annotated[str, typer.Option(help="of a .parquet or .mat file")]
-FormatName = Annotated[str | None, typer.Option("--format", help="if the ending does not tell")]
-Preset = Annotated[str | None, typer.Option(help="of BVH files: duo_mocap, cmu_18_19, ...")]
-Unit = Annotated[float | None, typer.Option(help="metres a unit of a BVH file")]
-Up = Annotated[str | None, typer.Option(help="the capture's upward axis, y or z")]
-Fps = Annotated[float | None, typer.Option(help="where the capture states none, or a wrong one")]
-Params = Annotated[Path, typer.Option(help="where the solver's settings stand")]
+Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
+FormatName = Annotated[
+    str | None,
+    typer.Option("--format", help="format of the capture; default: by the file's suffix"),
+]
+Preset = Annotated[str | None, typer.Option(help="preset of BVH files: duo_mocap, cmu_18_19, ...")]
+Unit = Annotated[float | None, typer.Option(help="metres per unit of a BVH file")]
+Up = Annotated[str | None, typer.Option(help="up axis of the capture, y or z")]
+Fps = Annotated[
+    float | None, typer.Option(help="frame rate of the capture, if it states none or a wrong one")
+]
+Params = Annotated[
+    Path, typer.Option(help="file with the settings of the solver, in section augment")
+]
 
 Scales = NDArray[np.float64]
 
@@ -93,7 +102,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     fps: Fps = None,
     params: Params = Path("params.yaml"),
 ) -> None:
-    """Give two people other bodies, and let them interact as before.
+    """Retarget two people's motion to other bodies; contacts and near distances are preserved.
 
     pacmo augment DUO_A.bvh DUO_B.bvh --unit 0.01 --up y --b-scale left_forearm=1.2 --out other
 
@@ -102,10 +111,10 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo augment data/clips/motions.parquet --clip NAME --profile b=tall_adult --out x.parquet
 
-    A segment is a bone by what it is, left_forearm or right_thigh, whatever its joints are called;
-    uniform is all of them. A wrong name is answered with those that there are. Scales and a profile
-    of the same person multiply. Any capture that ``pacmo react`` reads can be varied. BVH files
-    come out with the tree, channels, unit and axes that they came in with.
+    A segment is a bone by its anatomical name, such as left_forearm or right_thigh, whatever its
+    joints are called; uniform is all of them. The message for an unknown name lists the known ones.
+    Scales and a profile of the same person multiply. The command reads the same formats as
+    ``pacmo react``. BVH files are written with the hierarchy, channels, unit and axes of the input.
     """
     options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
     settings = {name: value for name, value in options.items() if value is not None}
@@ -114,17 +123,17 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         solving = read_solver_section(params)
         duo = read_two_people(files, form, settings, clip)
         check_output(duo, out)
-        wishes = [parse_factors(words) for words in (a_scale, b_scale)]
-        scales = _requested_scales(duo, wishes, _profiles(profile))
-        label = "_".join([*(f"{p}-{w}" for p, ws in zip(PEOPLE, (a_scale, b_scale), strict=True)
-                            for w in ws), *profile]).replace("=", "-")  # fmt: skip
-        result = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
-        moved = duo.moved(_split_people(duo, result.points[0]))
-        places, max_error = write_two_people(moved, scales, label, out)
-        figures = report_measurements(result.reports[0]) | _measure(duo, moved, scales)
+        factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
+        scales = _requested_scales(duo, factors_of_people, _profiles(profile))
+        label = "_".join([*(f"{p}-{w}" for p, words in zip(PEOPLE, (a_scale, b_scale), strict=True)
+                            for w in words), *profile]).replace("=", "-")  # fmt: skip
+        solution = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
+        moved = duo.moved(_split_people(duo, solution.points[0]))
+        written, max_error = write_two_people(moved, scales, label, out)
+        figures = report_measurements(solution.reports[0]) | _measure(duo, moved, scales)
         for line in _report_lines(figures, solving.limits, max_error):
             typer.echo(line)
-        typer.echo(f"{len(result.points[0])} frames in {', '.join(map(str, places))}")
+        typer.echo(f"{len(solution.points[0])} frames in {', '.join(map(str, written))}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -150,13 +159,13 @@ def _profiles(words: list[str]) -> dict[str, str]:
 
 
 def _requested_scales(
-    duo: TwoPersonCapture, wishes: list[dict[str, float]], profiles: dict[str, str]
+    duo: TwoPersonCapture, factors_of_people: list[dict[str, float]], profiles: dict[str, str]
 ) -> tuple[Scales, Scales]:
-    """Give either person's scales."""
-    if not any(wishes) and not profiles:
+    """Return the bone scales of person a and of person b."""
+    if not any(factors_of_people) and not profiles:
         raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
     result = []
-    for person, name, factors in zip(duo.people, PEOPLE, wishes, strict=True):
+    for person, name, factors in zip(duo.people, PEOPLE, factors_of_people, strict=True):
         body = measure_body(person.motion, person.skeleton)
         scales = segment_scales(body, factors)
         result.append(scales * profile_scales(body, profiles[name]) if name in profiles else scales)
@@ -172,7 +181,7 @@ def _split_people(duo: TwoPersonCapture, points: Scales) -> tuple[Motion, Motion
 def _measure(
     duo: TwoPersonCapture, moved: TwoPersonCapture, scales: tuple[Scales, Scales]
 ) -> dict[str, float]:
-    """Measure the worse of the two trunks."""
+    """Return the trunk deformation of the person whose trunk deforms more."""
     changes = [
         trunk_deformation(source.motion, varied.motion, source.skeleton, scales_of_person)
         for source, varied, scales_of_person in zip(duo.people, moved.people, scales, strict=True)
@@ -180,19 +189,21 @@ def _measure(
     return {"trunk_deformation": max(changes)}
 
 
-def _report_lines(figures: dict[str, float], limits: VariationLimits, miss: float) -> Iterator[str]:
-    """Say how good the variation is."""
+def _report_lines(
+    figures: dict[str, float], limits: VariationLimits, max_error: float
+) -> Iterator[str]:
+    """Yield the lines that summarise the measurements."""
     yield measurement_summary(figures)
-    if miss:
-        yield f"a BVH's stiff joints keep it from that by {1e3 * miss:.1f} mm at worst"
+    if max_error:
+        yield f"constant bones in the BVH file move joints by {1e3 * max_error:.1f} mm at most"
     reason = rejection_reason(figures, limits)
     if reason:
-        yield f"not good enough to train on: {reason}"
+        yield f"outside the limits for training: {reason}"
 
 
 @contextmanager
 def solver_errors_in_one_line(files: str) -> Iterator[None]:
-    """Turn what may be wrong with two people's files into a line."""
+    """Report errors of reading, solving and writing in one line that names the files."""
     with errors_in_one_line():
         try:
             yield

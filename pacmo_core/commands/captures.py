@@ -1,4 +1,4 @@
-"""Two people of any capture: read, and written in the format that they came in."""
+"""Captures of two people: read from any format, written in the same format."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,20 +26,20 @@ from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
-MIN_BONE_LENGTH = 1e-3  # metres: a bone shorter than this all the time is none
+MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
 PEOPLE = ("a", "b")
 
 
 @dataclass(frozen=True)
 class TwoPersonCapture:
-    """Two people at the same instants.
+    """The motions of two people at the same times.
 
     Parameters
     ----------
     name : of the capture
-    files : it came from: one, or person a's and person b's
+    files : one of both people, or those of person a and person b
     settings : of BVH files
-    people : person a and person b, bones without length left out
+    people : person a and person b, without bones of length zero
     """
 
     name: str
@@ -49,13 +49,13 @@ class TwoPersonCapture:
 
     @property
     def scene(self) -> Scene:
-        """Both as the solver wants them."""
+        """Both people as input of the solver."""
         a, b = self.people
         fps = float(1 / np.median(np.diff(a.times)))
         return Scene((a.motion, b.motion), (a.skeleton, b.skeleton), fps)
 
     def moved(self, motions: tuple[Motion, Motion]) -> "TwoPersonCapture":
-        """Give both other motions."""
+        """Return the capture with other motions of the same people."""
         a, b = (
             replace(person, motion=motion)
             for person, motion in zip(self.people, motions, strict=True)
@@ -66,12 +66,12 @@ class TwoPersonCapture:
 def read_two_people(
     files: tuple[Path, ...], form: str | None, settings: Mapping[str, Any], clip: str
 ) -> TwoPersonCapture:
-    """Read one file of two people, or two of one.
+    """Read one file of two people, or two files of one person each.
 
     Raises
     ------
     CommandError
-        If the files are not those of two people on one clock.
+        If the files are not those of two people at the same times.
     """
     first = files[0]
     if first.suffix.lower() == ".parquet":
@@ -95,12 +95,12 @@ def read_two_people(
 
 
 def is_parquet(out: Path) -> bool:
-    """Whether a place that was asked for is one Parquet file, not a folder of that name."""
+    """Return whether the output is one Parquet file, not a folder of that name."""
     return out.suffix.lower() == ".parquet" and not out.is_dir()
 
 
 def check_output(duo: TwoPersonCapture, out: Path) -> None:
-    """Refuse a place that says no format, or where the capture itself stands."""
+    """Reject an output without a known suffix, or one that would overwrite the capture."""
     suffix = out.suffix.lower()
     if suffix not in (".parquet", ".bvh", "") and not out.is_dir():
         raise CommandError(f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files")
@@ -108,10 +108,10 @@ def check_output(duo: TwoPersonCapture, out: Path) -> None:
         raise CommandError(
             f"{out}: Parquet holds two people of one skeleton; name a folder for BVH"
         )
-    standing = {file.resolve() for file in duo.files}
+    inputs = {file.resolve() for file in duo.files}
     for file in [out] if suffix == ".parquet" else _output_files(duo, out):
-        if file.resolve() in standing:
-            raise CommandError(f"{out}: this would write over {file}; name another place")
+        if file.resolve() in inputs:
+            raise CommandError(f"{out}: this would overwrite {file}; name another output")
 
 
 def write_two_people(
@@ -120,12 +120,12 @@ def write_two_people(
     label: str,
     out: Path,
 ) -> tuple[list[Path], float]:
-    """Write both people; say where, and how far joints had to stay from their places, in metres.
+    """Write both people; return the files, and the largest error of a joint in them, in metres.
 
     Parameters
     ----------
-    scales : of each bone of either, which BVH files state as offsets
-    label : what the variation is, for Parquet
+    scales : of the bones of each person, from which the offsets of BVH files follow
+    label : name of the variation in a Parquet file
     """
     a, b = duo.people
     if is_parquet(out):
@@ -148,7 +148,7 @@ def write_two_people(
 
 
 def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:
-    """Name the BVH files: as they came in, where it is a folder; so that they pair, otherwise."""
+    """Return the BVH files: in a folder under the names of the input, else NAME_A and NAME_B."""
     if out.suffix.lower() == ".bvh" and not out.is_dir():
         return [out.with_name(f"{out.stem}_{person.upper()}.bvh") for person in PEOPLE]
     if duo.files[0].suffix.lower() == ".bvh":
@@ -160,9 +160,9 @@ def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:
 
 
 def _rewritten(
-    file: Path, settings: Mapping[str, Any], person: PersonMotion, own: NDArray[np.float64]
+    file: Path, settings: Mapping[str, Any], person: PersonMotion, bone_scales: NDArray[np.float64]
 ) -> tuple[Rewritten, float]:
-    """Put a person back into the file's own tree, unit and axes."""
+    """Write a motion in the hierarchy, unit and axes of its BVH file."""
     bvh, pairs = read_bvh(file), BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **settings})
     metres = pairs.metres(file)
     x, y, z = np.moveaxis(person.motion.astype(np.float64) / metres, -1, 0)
@@ -170,7 +170,7 @@ def _rewritten(
     joints = [bvh.joints.index(name) for name in person.skeleton.joints]
     scales = np.ones(len(bvh.joints))
     bones = person.skeleton.bones[:, 1].tolist()
-    for child, scale in zip(bones, own.tolist(), strict=True):
+    for child, scale in zip(bones, bone_scales.tolist(), strict=True):
         scales[joints[child]] = scale
     for end in bvh.end_sites:
         scales[end] = scales[bvh.parents[end]]
@@ -185,12 +185,14 @@ def _make_capture(
     if len(a.times) != len(b.times):
         raise CommandError(f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other")
     if not np.allclose(a.times, b.times, rtol=1e-4):
-        raise CommandError(f"{text}: not on one clock; {a.times[-1]:g} s and {b.times[-1]:g} s")
+        raise CommandError(
+            f"{text}: not at the same times; they end at {a.times[-1]:g} s and {b.times[-1]:g} s"
+        )
     return TwoPersonCapture(name, files, settings, (a, b))
 
 
 def _without_zero_bones(person: PersonMotion) -> PersonMotion:
-    """Leave out joints that never leave their parent, as some programs write them."""
+    """Remove joints that coincide with their parent in every frame, as some programs write them."""
     body = person.skeleton
     parent, child = body.bones.T
     lengths = np.linalg.norm(person.motion[:, child] - person.motion[:, parent], axis=-1)

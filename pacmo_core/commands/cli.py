@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 # Name: module of this package, function or typer application in it, first line of its help.
 COMMANDS = {
-    "fetch": ("fetch", "app", "Fetch a data set that anyone may download."),
+    "fetch": ("fetch", "app", "Download a public dataset."),
     "use": ("workspace", "use", "Write the parameters of an experiment to params.yaml."),
     "experiments": ("workspace", "experiments", "List the experiments."),
     "clips": ("clips", "clips", "List the clips of a folder."),
@@ -23,7 +23,11 @@ COMMANDS = {
     "vary": ("vary", "vary", "Retarget two people's motion by a trained skeleton prior."),
     "view": ("view", "view", "Show clips side by side in a page that plays them."),
     "export": ("export", "export", "Write a clip in another tool's format."),
-    "study": ("study", "app", "Run a perceptual study: can people tell generated motion?"),
+    "study": (
+        "study",
+        "app",
+        "Run a perceptual study: can people distinguish generated from captured motion?",
+    ),
     "report": ("report", "report", "Write the report with the history of runs and decisions."),
     "status": (
         "workspace",

@@ -14,7 +14,7 @@ from pacmo_core.store.files import StoreError
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, read_rows
 
 Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequences")]
-Matching = Annotated[str, typer.Option(help="only rows that hold this text")]
+Matching = Annotated[str, typer.Option(help="only rows that contain this text")]
 
 Splits = Annotated[
     Path | None, typer.Option(help="show the split of each clip, such as data/splits/1.parquet")

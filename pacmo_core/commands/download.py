@@ -1,7 +1,7 @@
-"""A file on its way: its bytes in ``NAME.part``, and the note of their version beside them.
+"""Resumable downloads, their checksums, and the extraction of skeletons from archives.
 
-The note is JSON in ``NAME.part.json``. Without it the bytes could belong to any version, and are
-not built upon.
+The bytes of an unfinished download are in ``NAME.part``, the version of the file on the server in
+``NAME.part.json``. Without a known version a download starts again from the beginning.
 """
 
 import hashlib
@@ -22,18 +22,18 @@ from pacmo_core.project.workspace import CommandError
 
 @dataclass(frozen=True)
 class FileVersion:
-    """Which version of a file a server sends: its mark, and its length if the server says."""
+    """The version of a file on a server: ETag or date, and the length if the server states it."""
 
     validator: str | None = None
     length: int | None = None
 
 
 class PartialFile:
-    """A file on its way: what is at hand, and of which version.
+    """An unfinished download.
 
     Parameters
     ----------
-    target : where the whole file will stand; the part stands beside it
+    target : path of the complete file; the partial file is in the same folder
     """
 
     def __init__(self, target: Path) -> None:
@@ -42,40 +42,40 @@ class PartialFile:
 
     @property
     def size(self) -> int:
-        """Bytes at hand."""
+        """Number of bytes downloaded so far."""
         return self.file.stat().st_size if self.file.exists() else 0
 
     @property
     def version(self) -> FileVersion:
-        """The version that the bytes are of, as far as it is known."""
+        """The version that the bytes belong to; empty if it is unknown."""
         try:
             version = FileVersion(**json.loads(self._note.read_text(encoding="utf-8")))
         except (FileNotFoundError, ValueError, TypeError):
-            return FileVersion()  # no note, or half of one: the bytes are of an unknown version
+            return FileVersion()  # the version file is missing or damaged
         return version if version.length is None or self.size <= version.length else FileVersion()
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is missing."""
+        """Whether the download is complete."""
         return self.file.exists() and self.version.length == self.size
 
     def begin(self, version: FileVersion) -> None:
-        """Start from nothing: old bytes go before the note of a new version comes."""
+        """Start again: remove the bytes, then write the new version."""
         self.file.parent.mkdir(parents=True, exist_ok=True)
         self.file.write_bytes(b"")
         self.note(version)
 
     def note(self, version: FileVersion) -> None:
-        """Write down which version the bytes are of."""
+        """Write the version that the bytes belong to."""
         self._note.write_text(json.dumps(asdict(version)), encoding="utf-8")
 
     def discard(self) -> None:
-        """Forget the bytes and their note."""
+        """Remove the bytes and the version."""
         self.file.unlink(missing_ok=True)
         self._note.unlink(missing_ok=True)
 
     def move_to(self, target: Path) -> None:
-        """Give the whole file its name, in one step."""
+        """Rename the complete file, atomically."""
         self.file.replace(target)
         self._note.unlink(missing_ok=True)
 
@@ -85,7 +85,7 @@ _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")
 
 
 def shipped_checksums() -> dict[str, str]:
-    """Read the SHA-256 of every file that was at hand when this was written, by its place."""
+    """Read the SHA-256 checksums that come with this package, by path."""
     text = (
         resources.files("pacmo_core.commands")
         .joinpath("known_checksums.json")
@@ -96,23 +96,23 @@ def shipped_checksums() -> dict[str, str]:
 
 
 def sha256_of(file: Path) -> str:
-    """Compute a file's SHA-256 without holding the file in memory."""
+    """Compute the SHA-256 of a file in chunks."""
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 class Checksums:
-    """The sums that files under one folder should have.
+    """The expected checksums of the files in a folder.
 
     Parameters
     ----------
-    root : holds ``SHA256SUMS``, in the format that ``sha256sum --check`` reads
-    known : sums that are known beforehand, by place under ``root``
+    root : folder with ``SHA256SUMS``, in the format of ``sha256sum --check``
+    known : checksums that come with this package, by path relative to ``root``
 
     Raises
     ------
     CommandError
-        If ``SHA256SUMS`` has a line that is not a sum and a place.
+        If ``SHA256SUMS`` has a line that is not a checksum and a path.
     """
 
     def __init__(self, root: Path, known: dict[str, str]) -> None:
@@ -120,23 +120,23 @@ class Checksums:
         self.recorded = _read(root / FILE_NAME)
 
     def wanted(self, place: str) -> str | None:
-        """Return the sum that the file should have; None before its first download.
+        """Return the expected checksum of a file; None before its first download.
 
-        A record goes before a shipped sum: the two differ only if a person chose the server's.
+        A recorded checksum takes precedence: the two differ only after ``--accept-changed``.
         """
         return self.recorded.get(place) or self.known.get(place)
 
     def places(self, folder: str) -> list[str]:
-        """List every file that is known or recorded under ``folder``."""
+        """List the known and recorded files in ``folder``."""
         return sorted(p for p in {*self.known, *self.recorded} if p.startswith(f"{folder}/"))
 
     def verified(self, place: str) -> bool:
-        """Say whether the file is there and holds what it should."""
+        """Return whether the file exists and has its expected checksum."""
         file = self.root / place
         return file.is_file() and sha256_of(file) == self.wanted(place)
 
     def record(self, place: str, sha256: str) -> None:
-        """Write a file's sum down, so that later runs hold the file against it."""
+        """Record the checksum of a file, against which later runs verify it."""
         self.recorded[place] = sha256
         lines = [f"{self.recorded[name]}  {name}\n" for name in sorted(self.recorded)]
         temporary = self.root / f"{FILE_NAME}.new"
@@ -157,23 +157,23 @@ def _read(file: Path) -> dict[str, str]:
 
 
 class ArchiveError(CommandError):
-    """An archive that is broken, unsafe, or not what it should be."""
+    """An archive that is damaged, unsafe, or has unexpected contents."""
 
 
 _TAKE = re.compile(r"(?:.*/)?(\d\d/\d\d\d/skeleton_pos\.txt)")
-_MAX_BYTES = 8 << 20  # bytes; the longest take at hand has 46 frames in about 40 kB
+_MAX_BYTES = 8 << 20  # bytes; a take of 46 frames has about 40 kB
 
 
 def extract_skeletons(archive: Path) -> Iterator[tuple[str, bytes]]:
-    """Yield ``<action>/<take>/skeleton_pos.txt`` and its bytes, whatever folders lie above.
+    """Yield ``<action>/<take>/skeleton_pos.txt`` and its bytes, without leading folders.
 
-    The names in the archive are never used as paths. One that would lead out of the folder
-    condemns the archive all the same: nobody ships such a file by accident.
+    The names in the archive are never used as paths. An archive with a name that leads out of the
+    folder is rejected as a whole: such a name is not there by accident.
 
     Raises
     ------
     ArchiveError
-        If the archive is broken, unsafe, holds a take twice, or none.
+        If the archive is damaged, unsafe, holds a take twice, or holds none.
     """
     try:
         with zipfile.ZipFile(archive) as opened:
@@ -181,7 +181,7 @@ def extract_skeletons(archive: Path) -> Iterator[tuple[str, bytes]]:
             for path, member in members.items():
                 yield path, opened.read(member)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise ArchiveError(f"{_label(archive)}: not a whole zip archive ({error})") from error
+        raise ArchiveError(f"{_label(archive)}: not a complete zip archive ({error})") from error
 
 
 def _selected_members(archive: Path, members: list[zipfile.ZipInfo]) -> dict[str, zipfile.ZipInfo]:
@@ -213,29 +213,29 @@ def _refuse_escape(archive: Path, member: zipfile.ZipInfo) -> None:
 
 
 def _label(archive: Path) -> str:
-    return archive.name.removesuffix(".part")  # the name that the server knows it by
+    return archive.name.removesuffix(".part")  # the name on the server
 
 
-Report = Callable[[int, int | None], None]  # bytes at hand, bytes in all if the server says
+Report = Callable[[int, int | None], None]  # bytes so far, total bytes if known
 
 _CONTENT_RANGE = re.compile(r"bytes (\d+)-\d+/(\d+)")
 
 
 class MissingError(CommandError):
-    """The server answers, and does not have the file."""
+    """The server responds and does not have the file."""
 
 
 class _TransientError(Exception):
-    """A fault that may pass: worth another attempt."""
+    """A fault that another attempt may not meet."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RetryPolicy:
-    """How long to bear with a server.
+    """How often and how long to retry.
 
     Parameters
     ----------
-    attempts : failures in a row, none of them bringing the file further, before giving up
+    attempts : consecutive failures without a further byte before giving up
     first_wait : seconds before the second attempt; doubled for each further one
     timeout : seconds without a byte that count as a failure
     """
@@ -246,17 +246,17 @@ class RetryPolicy:
 
 
 def download(
-    client: httpx.Client, url: str, part: PartialFile, patience: RetryPolicy, report: Report
+    client: httpx.Client, url: str, part: PartialFile, retry: RetryPolicy, report: Report
 ) -> None:
-    """Fill ``part`` with the whole of ``url``.
+    """Download ``url`` into ``part``, from where it was interrupted.
 
     Raises
     ------
     MissingError
         If the server does not have the file.
     CommandError
-        If the server cannot be reached, keeps failing, or answers with something else. What
-        has come so far stays for the next run.
+        If the server cannot be reached, keeps failing, or responds with something else. The
+        partial file is kept for the next run.
     """
     failures, longest = 0, part.size
     while not part.whole:
@@ -267,9 +267,9 @@ def download(
         except (httpx.TransportError, _TransientError) as error:
             failures = 1 if part.size > longest else failures + 1
             longest = max(longest, part.size)
-            if failures >= patience.attempts:
+            if failures >= retry.attempts:
                 raise CommandError(_failure_message(url, error)) from error
-            time.sleep(patience.first_wait * 2 ** (failures - 1))
+            time.sleep(retry.first_wait * 2 ** (failures - 1))
 
 
 def _attempt(client: httpx.Client, url: str, part: PartialFile, report: Report) -> None:
@@ -280,7 +280,7 @@ def _attempt(client: httpx.Client, url: str, part: PartialFile, report: Report) 
     with client.stream("GET", url, headers=headers) as response:
         if "Range" in headers and response.status_code == 416:
             part.discard()
-            raise _TransientError("the part is not one of the file's any more")
+            raise _TransientError("the partial file does not match the file on the server")
         _refuse(url, response)
         _check_offset(response, part)
         with part.file.open("ab") as stream:
@@ -291,7 +291,7 @@ def _attempt(client: httpx.Client, url: str, part: PartialFile, report: Report) 
 
 
 def _check_offset(response: httpx.Response, part: PartialFile) -> None:
-    """Go on at the end of the part if the answer does so too, else start from nothing."""
+    """Append if the response continues the partial file; otherwise start again."""
     new = FileVersion(_validator(response), _length(response))
     if response.status_code != 206:
         part.begin(new)
@@ -304,7 +304,7 @@ def _check_offset(response: httpx.Response, part: PartialFile) -> None:
     ):
         part.discard()
         raise _TransientError(
-            "the file on the server has changed, or its answer is not the rest of it"
+            "the file on the server has changed, or the response does not continue the partial file"
         )
     part.note(FileVersion(new.validator, int(span[2])))
 
@@ -315,7 +315,7 @@ def _is_same_version(old: FileVersion, new: FileVersion, length: int) -> bool:
 
 def _close(part: PartialFile) -> None:
     version = part.version
-    if version.length is None:  # the server sent chunks: their end mark came, so that was all
+    if version.length is None:  # chunked transfer: its end marker has arrived
         part.note(FileVersion(version.validator, part.size))
     elif part.size != version.length:
         raise _TransientError(f"wanted {version.length} bytes, got {part.size}")
@@ -336,11 +336,11 @@ def _refuse(url: str, response: httpx.Response) -> None:
             f"{url}: wanted the file, got a web page (a log-in page of the network?)"
         )
     if response.headers.get("Content-Encoding", "identity") != "identity":
-        raise CommandError(f"{url}: wanted the file as it is, got it packed by the server")
+        raise CommandError(f"{url}: wanted the file as it is, got it compressed by the server")
 
 
 def _validator(response: httpx.Response) -> str | None:
-    """Return the mark that If-Range accepts: a strong ETag, else the date (RFC 9110, 13.1.5)."""
+    """Return the validator for If-Range: a strong ETag, else the date (RFC 9110, 13.1.5)."""
     etag: str | None = response.headers.get("ETag")
     if etag and not etag.startswith("W/"):
         return etag
@@ -352,7 +352,7 @@ def _length(response: httpx.Response) -> int | None:
     stated = response.headers.get("Content-Length")
     if stated is None and response.headers.get("Transfer-Encoding") != "chunked":
         raise CommandError(
-            f"{response.url}: the server states no length, so a cut would go unnoticed"
+            f"{response.url}: no length stated, so an incomplete file could not be detected"
         )
     return None if stated is None else int(stated)
 
@@ -361,8 +361,8 @@ def _failure_message(url: str, error: Exception) -> str:
     if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout | httpx.ProxyError):
         return (
             f"cannot reach {httpx.URL(url).host} ({error}); is this machine online, does it need "
-            "HTTPS_PROXY? What has come so far is kept: run the same command again, or name a "
-            "mirror by --base-url"
+            "HTTPS_PROXY? The partial file is kept: run the same command again, or name a mirror "
+            "with --base-url"
         )
     reason = str(error) or type(error).__name__
-    return f"{url}: gave up ({reason}); what has come so far is kept: run the same command again"
+    return f"{url}: gave up ({reason}); the partial file is kept: run the same command again"

@@ -1,4 +1,4 @@
-"""A clip in other tools' formats, by the ending of the file."""
+"""``pacmo export``: a clip in the format of another tool, by the suffix of the file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -32,51 +32,51 @@ from pacmo_core.store.files import atomic_file, write_text
 
 FILM_FPS = 25.0
 COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
-# glTF's own standard says metres, y up; a film shows no axis.
+# The glTF standard prescribes metres and y up; a film shows no axis.
 FIXED_UNIT_SUFFIXES = (".glb", ".gltf", ".mp4", ".gif")
 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """How to write: frames a second (None: as they are), the upward axis, metres a unit."""
+    """Frames per second (None: those of the clip), up axis, metres per unit."""
 
     fps: float | None
     up: str
     unit: float
 
     def check(self, out: Path) -> None:
-        """Refuse what a format cannot hold, before any work is done.
+        """Reject options that the format does not support.
 
         Raises
         ------
         CommandError
-            If the ending is none of ours, or the format fixes the axis and the unit.
+            If the suffix is unknown, or the format fixes the axis and the unit.
         """
-        ending = out.suffix.lower()
-        if ending not in WRITERS:
-            raise CommandError(f"{out}: wanted an ending of {', '.join(WRITERS)}")
+        suffix = out.suffix.lower()
+        if suffix not in WRITERS:
+            raise CommandError(f"{out}: wanted a suffix of {', '.join(WRITERS)}")
         check_up(self.up)
         if not 0 < self.unit <= MAX_DISTANCE:
             raise CommandError(
                 f"--unit must be > 0 and <= {MAX_DISTANCE:g} metres; got {self.unit}"
             )
-        if ending in FIXED_UNIT_SUFFIXES and (self.up, self.unit) != ("y", 1.0):
-            raise CommandError(f"{out}: {ending} is always metres, y up; leave out --up and --unit")
-        if ending == ".gif":
+        if suffix in FIXED_UNIT_SUFFIXES and (self.up, self.unit) != ("y", 1.0):
+            raise CommandError(f"{out}: {suffix} is always metres, y up; leave out --up and --unit")
+        if suffix == ".gif":
             check_gif_rate(self.fps or FILM_FPS)
-        if ending == ".mp4":
+        if suffix == ".mp4":
             find_ffmpeg()
 
 
 def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Path], str]:
-    """Write each file whole or not at all; list them, and say what was lost."""
-    ending = out.suffix.lower()
-    fps = FILM_FPS if form.fps is None and ending in (".mp4", ".gif") else form.fps
-    return WRITERS[ending](out, scene if fps is None else resample_scene(scene, fps), form)
+    """Write the files, each atomically; return them and a summary of the errors."""
+    suffix = out.suffix.lower()
+    fps = FILM_FPS if form.fps is None and suffix in (".mp4", ".gif") else form.fps
+    return WRITERS[suffix](out, scene if fps is None else resample_scene(scene, fps), form)
 
 
 def resample_scene(scene: Scene, fps: float) -> Scene:
-    """Sample a scene anew."""
+    """Return the scene at another frame rate."""
     at = sample_times(scene.times, fps)
     people = tuple(resample(motion, scene.times, at) for motion in scene.people)
     return replace(scene, times=at - at[0], people=people)
@@ -91,29 +91,29 @@ def _convert(scene: Scene, form: ExportOptions) -> list[Motion]:
 
 
 def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    files, lost = [], []
+    files, errors = [], []
     for person, motion in zip("AB", scene.people, strict=False):
         fitted = fit_bones(from_y_up(motion, form.up), scene.skeleton)
-        lost.append(_position_errors(fitted, from_y_up(motion, form.up), scene))
+        errors.append(_position_errors(fitted, from_y_up(motion, form.up), scene))
         in_units = replace(fitted, offsets=fitted.offsets / form.unit, root=fitted.root / form.unit)
         alone = len(scene.people) == 1
         files.append(out if alone else out.with_name(f"{out.stem}_{person}{out.suffix}"))
         write_text(files[-1], format_bvh_of_fit(in_units, _fps(scene), scene.skeleton))
-    return files, _error_summary(lost)
+    return files, _error_summary(errors)
 
 
 def _gltf(out: Path, scene: Scene, _: ExportOptions) -> tuple[list[Path], str]:
-    actors, lost = [], []
+    actors, errors = [], []
     for person, motion, colour in zip("ab", scene.people, COLOURS, strict=False):
         fitted = fit_bones(motion, scene.skeleton)
-        lost.append(_position_errors(fitted, motion, scene))
+        errors.append(_position_errors(fitted, motion, scene))
         rest = rest_positions(fitted, scene.skeleton)
         skin = make_skin(make_body_shape(scene.skeleton), scene.skeleton, rest)
         actors.append(AnimatedPerson(person, fitted, skin, colour))
     document, data = gltf_document(scene.skeleton, scene.times, actors)
     write = to_glb if out.suffix.lower() == ".glb" else to_gltf
     _write_bytes(out, write(document, data))
-    return [out], _error_summary(lost)
+    return [out], _error_summary(errors)
 
 
 def _csv(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
@@ -129,10 +129,10 @@ def _npz(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]
 
 
 def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    # Stills draw their first person orange; the viewer's first is blue.
+    # The first person is orange in stills and blue in the viewer.
     clip = Interaction(scene.skeleton, scene.times, scene.people[-1], scene.people[0])
     with atomic_file(out) as partial:
-        # Writers go by the ending.
+        # The film writers choose the format by the suffix.
         named = partial.with_name(partial.name + out.suffix.lower())
         try:
             write_film(named, clip, form.fps or FILM_FPS)
@@ -150,14 +150,17 @@ def _write_bytes(out: Path, content: bytes) -> None:
 def _position_errors(
     fitted: ConstantBoneMotion, motion: Motion, scene: Scene
 ) -> NDArray[np.float64]:
-    """``(T, J)`` metres between joints as they moved and as constant bones move them."""
-    off: NDArray[np.float64] = np.linalg.norm(fitted.positions(scene.skeleton) - motion, axis=-1)
-    return off
+    """Return ``(T, J)`` metres between the joints and those of the fit with constant bones."""
+    errors: NDArray[np.float64] = np.linalg.norm(fitted.positions(scene.skeleton) - motion, axis=-1)
+    return errors
 
 
-def _error_summary(lost: list[NDArray[np.float64]]) -> str:
-    off = 1000 * np.stack(lost)
-    return f"constant bones moved joints by {off.mean():.1f} mm on average, {off.max():.1f} at most"
+def _error_summary(errors: list[NDArray[np.float64]]) -> str:
+    millimetres = 1000 * np.stack(errors)
+    return (
+        f"constant bones moved joints by {millimetres.mean():.1f} mm on average, "
+        f"{millimetres.max():.1f} at most"
+    )
 
 
 WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]]] = {
@@ -173,16 +176,23 @@ WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]
 
 Clip = Annotated[str, typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FILE or FILE+FILE")]
 Out = Annotated[Path, typer.Option(help="FILE.bvh, .glb, .gltf, .csv, .npz, .mp4 or .gif")]
-Fps = Annotated[float | None, typer.Option(help="of the file; the clip's own, a film's 25")]
-Up = Annotated[str, typer.Option(help="the file's upward axis, y or z")]
-Unit = Annotated[float, typer.Option(help="metres a unit of the file; 0.01 is centimetres")]
-FormatName = Annotated[
-    str | None, typer.Option("--format", help="of a capture, if the ending does not tell")
+Fps = Annotated[
+    float | None,
+    typer.Option(help="frame rate of the file; default: that of the clip, 25 for films"),
 ]
-Preset = Annotated[str | None, typer.Option(help="of BVH captures: duo_mocap, cmu_18_19, ...")]
-FromUnit = Annotated[float | None, typer.Option(help="metres a unit of a BVH capture")]
-FromUp = Annotated[str | None, typer.Option(help="a capture's upward axis, y or z")]
-FromFps = Annotated[float | None, typer.Option(help="where a capture states none, or a wrong one")]
+Up = Annotated[str, typer.Option(help="up axis of the file, y or z")]
+Unit = Annotated[float, typer.Option(help="metres per unit of the file; 0.01 is centimetres")]
+FormatName = Annotated[
+    str | None, typer.Option("--format", help="format of a capture; default: by the suffix")
+]
+Preset = Annotated[
+    str | None, typer.Option(help="preset of BVH captures: duo_mocap, cmu_18_19, ...")
+]
+FromUnit = Annotated[float | None, typer.Option(help="metres per unit of a BVH capture")]
+FromUp = Annotated[str | None, typer.Option(help="up axis of a capture, y or z")]
+FromFps = Annotated[
+    float | None, typer.Option(help="frame rate of a capture, if it states none or a wrong one")
+]
 
 
 def export(  # noqa: PLR0913  # typer reads the options off the signature
@@ -197,7 +207,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     from_up: FromUp = None,
     from_fps: FromFps = None,
 ) -> None:
-    """Write a clip for another tool; the file's ending says for which.
+    """Write a clip in the format of another tool, by the suffix of the file.
 
     pacmo export S001C001P001R001A050 --out push.glb
 
@@ -205,15 +215,16 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo export walk_A.bvh+walk_B.bvh --from-unit 0.01 --from-up y --out walk.gif
 
-    .bvh: a file a person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with
-    skeleton, skin and animation, metres, y up. Both have rotations of constant bones, and the
-    command says how far that moved joints. .csv: a row a frame. .npz: NumPy. .mp4, .gif: a film;
-    MP4 needs ffmpeg (pip install imageio-ffmpeg). A CLIP is named as for ``pacmo view``.
+    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with
+    skeleton, skin and animation, in metres, y up. These formats hold rotations of bones of constant
+    length; the command prints how far that moved joints. .csv: one row per frame. .npz: NumPy
+    arrays. .mp4, .gif: a film; MP4 needs ffmpeg (pip install imageio-ffmpeg). A CLIP is named as
+    for ``pacmo view``.
     """
     options = {"preset": preset, "unit": from_unit, "up": from_up, "fps": from_fps}
     settings = {name: value for name, value in options.items() if value is not None}
     with reading_errors_in_one_line():
-        expected = ExportOptions(fps, up, unit)
-        expected.check(out)
-        files, lost = export_scene(read_scene(clip, form, settings), out, expected)
-    typer.echo(", ".join(map(str, files)) + (f"; {lost}" if lost else ""))
+        form_of_file = ExportOptions(fps, up, unit)
+        form_of_file.check(out)
+        files, summary = export_scene(read_scene(clip, form, settings), out, form_of_file)
+    typer.echo(", ".join(map(str, files)) + (f"; {summary}" if summary else ""))

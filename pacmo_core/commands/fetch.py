@@ -1,15 +1,15 @@
-"""Where the openly downloadable data sets are, and which files belong to them.
+"""``pacmo fetch``: download public datasets and verify their files.
 
-SBU Kinect Interaction v2.0 (Yun et al., HAU3D-CVPRW 2012): the data set's own README.txt, which
-stands in the same folder, lists the 21 archives of the clean version by these addresses and asks
-for research use and a citation. Each archive holds colour and depth pictures besides the
-skeletons. Not tried from here: the server may have moved since; ``--base-url`` names a mirror.
+SBU Kinect Interaction v2.0 (Yun et al., HAU3D-CVPRW 2012): the README.txt of the dataset, in the
+same folder of its server, lists the 21 archives of the clean version and asks for research use and
+a citation. Each archive holds colour and depth pictures besides the skeletons. The addresses are
+from that file and untested; ``--base-url`` names a mirror.
 
 CMU Graphics Lab Motion Capture Database: free for research and in products, not to be resold as
 data; it asks for the acknowledgement "The data used in this project was obtained from
 mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217." Addresses follow
-the site's own rule, ``subjects/<subject>/<subject>.asf`` and ``<subject>_<trial>.amc``. The counts
-of trials are the database index's; a trial that is listed may be absent from the server.
+the rule of the site, ``subjects/<subject>/<subject>.asf`` and ``<subject>_<trial>.amc``. The
+numbers of trials are from the index of the database; a listed trial may be absent from the server.
 """
 
 from collections.abc import Callable, Iterator
@@ -41,15 +41,15 @@ from pacmo_core.project.workspace import CommandError, errors_in_one_line
 
 @dataclass(frozen=True)
 class OpenDataset:
-    """A data set on a web server.
+    """A dataset on a web server.
 
     Parameters
     ----------
-    name : what it is fetched by
-    folder : its folder under the destination
-    base_url : where its files are, without a slash at the end
-    parts : what ``--only`` may name
-    files : a part's files, relative to ``base_url``
+    name : of the subcommand
+    folder : relative to the destination
+    base_url : address of its files, without a slash at the end
+    parts : valid values of ``--only``
+    files : from a part to its files, relative to ``base_url``
     """
 
     name: str
@@ -77,9 +77,9 @@ SBU = OpenDataset(
     files=_sbu_files,
 )
 
-# Two subjects recorded together: the same trial number is the same instant.
+# Subjects recorded together: the same trial number is the same recording.
 CMU_PAIRS = (("18", "19"), ("20", "21"), ("22", "23"), ("33", "34"), ("60", "61"))
-CMU_TRIALS = {"18": 15, "20": 13, "22": 25, "33": 2, "60": 15}  # of either subject of the pair
+CMU_TRIALS = {"18": 15, "20": 13, "22": 25, "33": 2, "60": 15}  # of each subject of the pair
 
 
 def _cmu_files(subject: str) -> list[str]:
@@ -98,103 +98,100 @@ CMU = OpenDataset(
 )
 
 
-Follow = Callable[[str], Report]  # the name of a file that begins -> who hears of its bytes
+Follow = Callable[[str], Report]  # from the name of a file to the callback for its progress
 
 
 class MismatchError(CommandError):
-    """A file came whole and does not hold what it should."""
+    """A file was downloaded completely and has another checksum than expected."""
 
 
 @dataclass
 class Outcome:
-    """What a run of fetching did, by place under the destination."""
+    """Files of a run, as paths relative to the destination, and its errors."""
 
-    there: list[str] = field(default_factory=list)
+    existing: list[str] = field(default_factory=list)
     fetched: list[str] = field(default_factory=list)
     faults: list[CommandError] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fetcher:
-    """All that fetching a file needs.
+    """Download files and verify their checksums.
 
     Parameters
     ----------
-    client : speaks to the server
-    sums : what the files should hold, and the folder where they go
-    patience : how long to bear with the server
+    client : for all requests
+    sums : expected checksums, and the destination
+    retry : how often and how long to retry
     follow : shows progress
-    accept_changed : take the server's file where it differs from a sum, and record its own
+    accept_changed : accept files that differ from their checksums, and record the new ones
     """
 
     client: httpx.Client
     sums: Checksums
-    patience: RetryPolicy
+    retry: RetryPolicy
     follow: Follow
     accept_changed: bool
 
     def fetch_file(self, url: str, place: str, outcome: Outcome) -> None:
-        """Bring ``url`` to ``place`` unless a verified file stands there."""
+        """Download ``url`` to ``place`` unless a verified file is there."""
         if self.sums.verified(place):
-            outcome.there.append(place)
+            outcome.existing.append(place)
             return
         part = self._download(url, self.sums.root / place)
         self._settle(part, place)
         outcome.fetched.append(place)
 
     def fetch_archive(self, url: str, folder: str, outcome: Outcome) -> None:
-        """Bring the skeletons of the archive at ``url`` to ``folder``, then drop the archive."""
+        """Extract the skeletons of the archive at ``url`` to ``folder``; remove the archive."""
         known = self.sums.places(folder)
         if known and all(self.sums.verified(path) for path in known):
-            outcome.there.extend(known)
+            outcome.existing.extend(known)
             return
         archive = self._download(url, self.sums.root / f"{folder}.zip")
         try:
-            came = self._unpack(archive, folder, outcome)
+            extracted = self._unpack(archive, folder, outcome)
         except ArchiveError:
-            archive.discard()  # so that the next run does not meet the same bytes again
+            archive.discard()  # so that the next run downloads it again
             raise
         archive.discard()
-        if lacking := sorted(set(known) - came):
-            raise MismatchError(f"{url}: lacks {len(lacking)} files, first {lacking[0]}")
+        if missing := sorted(set(known) - extracted):
+            raise MismatchError(f"{url}: {len(missing)} files are missing, first {missing[0]}")
 
     def _unpack(self, archive: PartialFile, folder: str, outcome: Outcome) -> set[str]:
-        came = set()
+        extracted = set()
         for name, content in extract_skeletons(archive.file):
             path = f"{folder}/{name}"
             part = PartialFile(self.sums.root / path)
             part.file.parent.mkdir(parents=True, exist_ok=True)
             part.file.write_bytes(content)
-            came.add(path)
+            extracted.add(path)
             try:
                 self._settle(part, path)
                 outcome.fetched.append(path)
             except MismatchError as fault:
                 outcome.faults.append(fault)
-        return came
+        return extracted
 
     def _download(self, url: str, target: Path) -> PartialFile:
         part = PartialFile(target)
-        download(self.client, url, part, self.patience, self.follow(target.name))
+        download(self.client, url, part, self.retry, self.follow(target.name))
         return part
 
     def _settle(self, part: PartialFile, place: str) -> None:
-        """Give the whole file its name if it holds what it should.
+        """Rename the complete file if its checksum is the expected one.
 
-        Whatever stood there unverified, and a file that failed, is set aside as ``.aside``.
+        An unverified file of that name, or one that fails the check, is renamed to ``.aside``.
         """
-        target, expected, got = (
-            self.sums.root / place,
-            self.sums.wanted(place),
-            sha256_of(part.file),
-        )
+        target = self.sums.root / place
+        expected, got = self.sums.wanted(place), sha256_of(part.file)
         aside = target.with_name(f"{target.name}.aside")
         if target.exists() and not self.sums.verified(place):
             target.replace(aside)
         if expected not in (None, got) and not self.accept_changed:
             part.move_to(aside)
             raise MismatchError(
-                f"{target}: wanted SHA-256 {expected}, got {got}; set aside as {aside.name}"
+                f"{target}: wanted SHA-256 {expected}, got {got}; renamed to {aside.name}"
             )
         self.sums.record(place, got)
         part.move_to(target)
@@ -203,9 +200,9 @@ class Fetcher:
 def fetch_dataset(
     source: OpenDataset, fetcher: Fetcher, base_url: str, parts: list[str]
 ) -> Outcome:
-    """Fetch the named parts of a source, or all, one file after another.
+    """Download the named parts of a dataset, or all, one file after another.
 
-    A file that the server lacks, or that does not hold what it should, does not stop the rest.
+    A file that is not on the server, or fails its check, does not stop the others.
 
     Raises
     ------
@@ -244,26 +241,22 @@ RETRY_POLICY = RetryPolicy(attempts=4, first_wait=1.0, timeout=30.0)
 Dest = Annotated[
     Path, typer.Argument(metavar="DEST", help="folder of all captures, e.g. data/captures")
 ]
-BaseUrl = Annotated[
-    str | None, typer.Option(help="where the files are instead, e.g. a mirror (http or https)")
-]
-Only = Annotated[
-    list[str] | None, typer.Option(help="fetch this part only; may be given more than once")
-]
+BaseUrl = Annotated[str | None, typer.Option(help="address of a mirror (http or https)")]
+Only = Annotated[list[str] | None, typer.Option(help="download this part only; may be repeated")]
 AcceptChanged = Annotated[
-    bool, typer.Option("--accept-changed", help="take files that differ from their known sums")
+    bool, typer.Option("--accept-changed", help="accept files that differ from their checksums")
 ]
 
 
 @app.callback()
 def fetch_help() -> None:
-    """Fetch a data set that anyone may download.
+    """Download a public dataset.
 
-    Run again, it fetches what is missing and nothing else. A download that was cut goes on
-    where it stopped. Every file is held against its SHA-256: the sum shipped with this program
-    where there is one, else the sum of the first download, which is written to DEST/SHA256SUMS
-    and binds every later run. A file that does not match is set aside as NAME.aside and named.
-    Behind a proxy, set HTTP_PROXY and HTTPS_PROXY.
+    A second run downloads only missing files, and an interrupted download continues where it
+    stopped. Every file is verified by its SHA-256 checksum: the one that comes with this program
+    if there is one, otherwise that of the first download, which is recorded in DEST/SHA256SUMS.
+    A file that does not match is renamed to NAME.aside and reported. Behind a proxy, set
+    HTTP_PROXY and HTTPS_PROXY.
     """
 
 
@@ -274,11 +267,11 @@ def fetch_sbu(
     only: Only = None,
     accept_changed: AcceptChanged = False,
 ) -> None:
-    """Fetch SBU: 21 pairs of people, 8 acts.
+    """Download SBU: 21 pairs of people, 8 actions.
 
-    SBU Kinect Interaction v2.0, clean version, 282 takes; for research, citation asked. Only
-    the skeletons are kept, as DEST/sbu/<pair>/<action>/<take>/skeleton_pos.txt; the archives
-    also hold pictures, so much more is downloaded than stays.
+    SBU Kinect Interaction v2.0, clean version, 282 takes; for research; a citation is asked for.
+    Only the skeletons are kept, as DEST/sbu/<pair>/<action>/<take>/skeleton_pos.txt; the archives
+    also hold pictures, so that the downloads are much larger than the result.
     """
     _run(SBU, dest, base_url, only or [], accept_changed)
 
@@ -290,11 +283,11 @@ def fetch_cmu(
     only: Only = None,
     accept_changed: AcceptChanged = False,
 ) -> None:
-    """Fetch CMU's pairs: 10 subjects, 70 trials.
+    """Download the CMU pairs: 10 subjects, 70 trials.
 
     CMU motion capture of subjects 18/19, 20/21, 22/23, 33/34 and 60/61, each pair recorded
-    together; acknowledgement asked. Kept as DEST/cmu_two_person/<subject>/<subject>.asf and
-    <subject>_<trial>.amc.
+    together; an acknowledgement is asked for. Saved as
+    DEST/cmu_two_person/<subject>/<subject>.asf and <subject>_<trial>.amc.
     """
     _run(CMU, dest, base_url, only or [], accept_changed)
 
@@ -308,7 +301,7 @@ def _run(
         fetcher = Fetcher(
             client=client,
             sums=Checksums(dest, shipped_checksums()),
-            patience=RETRY_POLICY,
+            retry=RETRY_POLICY,
             follow=follow,
             accept_changed=accept_changed,
         )
@@ -342,7 +335,7 @@ def _client() -> httpx.Client:
 
 @contextmanager
 def _progress() -> Iterator[Follow]:
-    """Show a bar a file on stderr, gone when the file is there; nothing without a terminal."""
+    """Show a progress bar on stderr for the current file; nothing without a terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
     console = Console(stderr=True)
     with Progress(
@@ -363,8 +356,8 @@ def _progress() -> Iterator[Follow]:
 
 def _summary(source: OpenDataset, dest: Path, outcome: Outcome) -> str:
     return (
-        f"{source.name}: {len(outcome.fetched)} files fetched, {len(outcome.there)} already there "
-        f"and verified, in {dest / source.folder}; sums in {dest / FILE_NAME}"
+        f"{source.name}: {len(outcome.fetched)} files downloaded, {len(outcome.existing)} existing "
+        f"verified, in {dest / source.folder}; checksums in {dest / FILE_NAME}"
     )
 
 

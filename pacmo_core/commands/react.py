@@ -1,4 +1,4 @@
-"""Frames in on standard input, answers out on standard output, one line each."""
+"""``pacmo react``: reactions to a capture, or to frames on standard input."""
 
 import json
 import sys
@@ -28,7 +28,7 @@ from pacmo_core.store.motions import read_motion, write_motions
 
 
 def react_to_lines(lines: Iterable[str], live: ReactionStream, n_joints: int) -> Iterator[str]:
-    """Answer each line in its own form: JSON, or numbers between blanks."""
+    """Yield the reaction to each line in the format of the line: JSON, or numbers."""
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
@@ -43,10 +43,10 @@ def react_to_lines(lines: Iterable[str], live: ReactionStream, n_joints: int) ->
 def _parse_frame(line: str, n_joints: int) -> tuple[float, Motion, bool]:
     as_json = line.lstrip().startswith("{")
     if as_json:
-        facts: dict[str, Any] = json.loads(line)
-        if set(facts) != {"time", "pose"}:
-            raise ValueError(f"wanted the keys time and pose; got {sorted(facts)}")
-        return float(facts["time"]), np.array(facts["pose"], np.float32), True
+        frame: dict[str, Any] = json.loads(line)
+        if set(frame) != {"time", "pose"}:
+            raise ValueError(f"wanted the keys time and pose; got {sorted(frame)}")
+        return float(frame["time"]), np.array(frame["pose"], np.float32), True
     values = np.array(line.replace(",", " ").split(), np.float64)
     if len(values) != 1 + 3 * n_joints:
         raise ValueError(f"wanted a time and {3 * n_joints} numbers; got {len(values)} in all")
@@ -82,13 +82,13 @@ class Reactions:
 
 
 def check_reactions_output(out: Path) -> None:
-    """Refuse a place that says no format, before any work is done."""
+    """Reject an output without a known suffix."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
         raise CommandError(f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files")
 
 
 def write_reactions(reactions: Reactions, out: Path) -> list[Path]:
-    """Write each file whole or not at all; list them."""
+    """Write the files, each atomically; return them."""
     if is_parquet(out):
         with write_motions(out, reactions.skeleton) as writer:
             for number, reaction in enumerate(reactions.samples):
@@ -115,27 +115,33 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str) -> list[Path]:
 
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
-MIN_FRAMES = 4  # frames: a cubic has no fewer
+MIN_FRAMES = 4  # of a cubic spline
 
 PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
 Weights = Annotated[Path, typer.Option(help="a trained model")]
-Fps = Annotated[float | None, typer.Option(help="of the reaction; the partner's own if not given")]
-Samples = Annotated[int, typer.Option(min=1, help="reactions to draw")]
-Seed = Annotated[int, typer.Option(min=0, help="the same seed draws the same reactions")]
+Fps = Annotated[
+    float | None, typer.Option(help="frame rate of the reaction; default: that of the partner")
+]
+Samples = Annotated[int, typer.Option(min=1, help="number of reactions to sample")]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same reactions")]
 PersonName = Annotated[
-    str | None, typer.Option(help="who is the partner, where there are two: a, b")
+    str | None, typer.Option(help="the partner, a or b, if the capture has two people")
 ]
-Action = Annotated[str, typer.Option(help="its label, for a model trained on labels")]
-Clip = Annotated[str, typer.Option(help="of a .parquet or .mat file")]
-FormatName = Annotated[str | None, typer.Option("--format", help="if the ending does not tell")]
-Preset = Annotated[str | None, typer.Option(help="of a BVH file: duo_mocap, cmu_18_19, ...")]
-Unit = Annotated[float | None, typer.Option(help="metres a unit of a BVH file")]
-Up = Annotated[str | None, typer.Option(help="the capture's upward axis, y or z")]
+Action = Annotated[
+    str, typer.Option(help="action label of the capture, for a model trained with labels")
+]
+Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
+FormatName = Annotated[
+    str | None, typer.Option("--format", help="format of the capture; default: by the suffix")
+]
+Preset = Annotated[str | None, typer.Option(help="preset of a BVH file: duo_mocap, cmu_18_19, ...")]
+Unit = Annotated[float | None, typer.Option(help="metres per unit of a BVH file")]
+Up = Annotated[str | None, typer.Option(help="up axis of the capture, y or z")]
 PartnerFps = Annotated[
-    float | None, typer.Option(help="where the capture states none, or a wrong one")
+    float | None, typer.Option(help="frame rate of the capture, if it states none or a wrong one")
 ]
-Live = Annotated[bool, typer.Option("--stream", help="answer frames on standard input")]
+Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
 
 
 def react(  # noqa: PLR0913  # typer reads the options off the signature
@@ -161,17 +167,18 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
 
-    Read are BVH, ASF/AMC, NTU .skeleton, ExPI .tsv, InterHuman .npy, DuetDance .mat and .txt
+    Input formats: BVH, ASF/AMC, NTU .skeleton, ExPI .tsv, InterHuman .npy, DuetDance .mat and .txt
     (--format duetdance), SBU .txt (--format sbu) and this project's Parquet. The capture must have
-    the model's joints, by name; others are left out. Parquet holds an interaction a sample:
-    person_a is the partner, person_b the reaction. BVH holds a file a person a sample, NAME_0_A.bvh
-    the partner and NAME_0_B.bvh the reaction, metres, y up, bones made constant.
+    the joints of the model, by name; further joints are ignored. A Parquet output has one
+    interaction per sample: person_a is the partner, person_b the reaction. BVH outputs are one file
+    per person and sample, NAME_0_A.bvh the partner and NAME_0_B.bvh the reaction, in metres, y up,
+    with constant bone lengths.
 
-    --stream answers frame by frame. A frame is a line: the time in seconds, then x y z of every
-    joint in the model's order, metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z], ...]}. The
-    answer is a line of the same form, {"time": 0.1, "reactions": [[[x, y, z], ...], ...]} or the
-    numbers of all samples in turn. Joints are listed on standard error. ``python -m
-    benchmarks.operator`` measures how long an answer takes on a machine: a few milliseconds.
+    --stream reacts frame by frame. A frame is a line: the time in seconds, then x y z of every
+    joint in the order of the model, in metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z],
+    ...]}. The reaction is a line of the same format, {"time": 0.1, "reactions": [[[x, y, z], ...],
+    ...]}, or the time and the numbers of all samples in order. The joints are listed on standard
+    error. ``python -m benchmarks.operator`` measures the latency, which is a few milliseconds.
     """
     options = {"preset": preset, "unit": unit, "up": up, "fps": partner_fps}
     settings = {name: value for name, value in options.items() if value is not None}
@@ -188,10 +195,11 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         name = clip or partner.stem
         at = _sample_times(capture, fps, name)
         random = torch.Generator().manual_seed(seed)
-        seen = PartnerMotion(capture.motion, capture.times, at, action)
-        (motions,) = react_all(model, [seen], n_samples=samples, random=random)
-        selected = sample_poses(Spline(capture.times, capture.motion), at)
-        files = write_reactions(Reactions(name, model.skeleton, at - at[0], selected, motions), out)
+        partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
+        (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
+        partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
+        reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
+        files = write_reactions(reactions, out)
         typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
 
 
@@ -206,12 +214,12 @@ def _capture(
 
 
 def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArray[np.float64]:
-    """List the instants to react at."""
+    """Return the times of the frames of the reaction."""
     if len(capture.times) < MIN_FRAMES:
         raise CommandError(f"{name}: wanted {MIN_FRAMES} frames or more; got {len(capture.times)}")
     at = capture.times if fps is None else sample_times(capture.times, fps)
     if len(at) < 2:
-        raise CommandError(f"{name} is too short for two frames at {fps:g} a second")
+        raise CommandError(f"{name}: too short for two frames at {fps:g} fps")
     return at
 
 
@@ -219,6 +227,6 @@ def _stream(model: ReactionModel, samples: int, seed: int, action: str) -> None:
     random = torch.Generator().manual_seed(seed)
     live = ReactionStream(model, n_samples=samples, random=random, action=action)
     typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
-    for answer in react_to_lines(sys.stdin, live, len(model.skeleton.joints)):
-        sys.stdout.write(f"{answer}\n")
+    for line in react_to_lines(sys.stdin, live, len(model.skeleton.joints)):
+        sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

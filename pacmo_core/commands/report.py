@@ -1,4 +1,4 @@
-"""A line a run of what it measured, so that runs can be compared when their files are gone."""
+"""``pacmo report``: the report of a run with the history of runs and decisions."""
 
 import hashlib
 import json
@@ -41,9 +41,9 @@ _NO_COMMIT = "unknown"
 
 
 def record_measurement(metrics: Path, history: Path) -> list[Measurement]:
-    """Add a run to the history unless its metrics stand there already; give the history.
+    """Add a run to the history unless its metrics are there already; return the history.
 
-    A line of the history that a fault has cut short is an error: nothing is dropped in silence.
+    An incomplete line of the history is an error: nothing is dropped silently.
     """
     runs = read_measured(history)
     content = metrics.read_bytes()
@@ -55,21 +55,21 @@ def record_measurement(metrics: Path, history: Path) -> list[Measurement]:
 
 
 def read_measured(history: Path) -> list[Measurement]:
-    """Read the history; there is none before the first run."""
+    """Read the history; empty before the first run."""
     if not history.exists():
         return []
     lines = history.read_text(encoding="utf-8").splitlines()
     return [Measurement(**json.loads(line)) for line in lines]
 
 
-def _measurement(facts: dict[str, Any], digest: str, number: int) -> Measurement:
-    result = facts["pacmo"]["rows"].get(MODEL, {})
-    metrics = {name: result[name] for name in COMPARED_METRICS if name in result}
-    return Measurement(number, utc_now(), facts["experiment"], commit(), digest, metrics)
+def _measurement(details: dict[str, Any], digest: str, number: int) -> Measurement:
+    row = details["pacmo"]["rows"].get(MODEL, {})
+    metrics = {name: row[name] for name in COMPARED_METRICS if name in row}
+    return Measurement(number, utc_now(), details["experiment"], commit(), digest, metrics)
 
 
 def commit() -> str:
-    """Name the commit of the code, and say if it was edited since."""
+    """Return the commit of the code, marked if the code was edited since."""
     words = ["git", "describe", "--always", f"--dirty={EDITED}", "--exclude=*", "--abbrev=12"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     return done.stdout.strip() if done.returncode == 0 else _NO_COMMIT
@@ -78,22 +78,22 @@ def commit() -> str:
 LOCK = Path("dvc.lock")
 # Rahman et al. (2022), table 3.
 PAPER_STUDY = {"real": ("0.81", "0.75"), "made_up": ("0.19", "0.25")}
-VERDICT_LABELS = {"real": "taken for real", "made_up": "taken for made up"}
+VERDICT_LABELS = {"real": "judged real", "made_up": "judged generated"}
 
 
 def write_report_with_history(out: Path = REPORT_WITH_HISTORY) -> Path:
-    """Write the page.
+    """Write the report of the run with the history.
 
     Raises
     ------
     CommandError
-        If there is no run's page.
+        If there is no report of a run.
     """
     for path in (REPORT, DETAILS):
         if not path.exists():
-            raise CommandError(f"no {path}: reproduce first")
+            raise CommandError(f"no {path}: run ./run first")
     runs = record_measurement(DETAILS, MEASUREMENTS)
-    beside = ReportContext(
+    context = ReportContext(
         study=study_table(json.loads(STUDY.read_text(encoding="utf-8")))
         if STUDY.exists()
         else None,
@@ -102,46 +102,47 @@ def write_report_with_history(out: Path = REPORT_WITH_HISTORY) -> Path:
         commands=_commands(runs),
         stages=tuple(stages_run(LOCK)) if LOCK.exists() else (),
     )
-    write_text(out, add_history(REPORT.read_text(encoding="utf-8"), beside))
+    write_text(out, add_history(REPORT.read_text(encoding="utf-8"), context))
     return out
 
 
-def study_table(found: dict[str, Any]) -> StudyTable:
-    """Lay out what ``pacmo study report`` counted beside the paper's table 3."""
+def study_table(result: dict[str, Any]) -> StudyTable:
+    """Return the result of ``pacmo study report`` beside table 3 of the paper."""
     lines = tuple(
         (
             VERDICT_LABELS[text],
-            *(_format_share(found[kind][text]) for kind in (REAL, GENERATED)),
+            *(_format_share(result[kind][text]) for kind in (REAL, GENERATED)),
             *PAPER_STUDY[text],
         )
         for text in VERDICT_LABELS
     )
-    return StudyTable(lines, tuple(_notes(found)))
+    return StudyTable(lines, tuple(_notes(result)))
 
 
-def _notes(found: dict[str, Any]) -> Iterator[str]:
-    mixed = found["mixed"]
-    yield f"{found['people']} people; intervals by Wilson's score, answers taken for independent."
+def _notes(result: dict[str, Any]) -> Iterator[str]:
+    mixed = result["mixed"]
+    yield f"{result['people']} people; Wilson score intervals, which take answers as independent."
     yield (
-        f"With a leaning of every person (spread {mixed['person_spread']:.2f}) and every clip "
-        f"({mixed['clip_spread']:.2f}), captured clips are taken for real more often by "
-        f"{mixed['difference']:.2f} logits ({mixed['low']:.2f} to {mixed['high']:.2f})."
+        f"Logistic model with random intercepts of people (standard deviation "
+        f"{mixed['person_spread']:.2f}) and clips ({mixed['clip_spread']:.2f}): captured clips are "
+        f"judged real more often by {mixed['difference']:.2f} logits "
+        f"({mixed['low']:.2f} to {mixed['high']:.2f})."
     )
-    of, digest = Path(found["of"]["reactions"]), found["of"]["reactions_sha256"]
+    of, digest = Path(result["of"]["reactions"]), result["of"]["reactions_sha256"]
     same = of.exists() and hashlib.sha256(of.read_bytes()).hexdigest() == digest
-    selected = "those of this run" if same else "not those that stand here now: another run's"
-    yield f"The reactions judged are {selected} ({of.as_posix()}, SHA-256 {digest[:16]})."
+    origin = "those of this run" if same else "those of another run"
+    yield f"The judged reactions are {origin} ({of.as_posix()}, SHA-256 {digest[:16]})."
 
 
-def _format_share(found: dict[str, Any]) -> str:
-    low, high = found["low"], found["high"]
-    return f"{found['mean']:.2f} ({low:.2f} … {high:.2f}), {found['count']} of {found['of']}"
+def _format_share(share: dict[str, Any]) -> str:
+    low, high = share["low"], share["high"]
+    return f"{share['mean']:.2f} ({low:.2f} … {high:.2f}), {share['count']} of {share['of']}"
 
 
 def _commands(runs: list[Measurement]) -> tuple[str, ...]:
     digest = hashlib.sha256(DETAILS.read_bytes()).hexdigest()
     run = next(run for run in runs if run.digest == digest)
-    mark = "    # and what was edited since" if run.commit.endswith(EDITED) else ""
+    mark = "    # and the edits since then" if run.commit.endswith(EDITED) else ""
     return (
         f"git checkout {run.commit.removesuffix(EDITED)}{mark}",
         f"./run repro {run.experiment}",
@@ -149,25 +150,25 @@ def _commands(runs: list[Measurement]) -> tuple[str, ...]:
 
 
 def stages_run(lock: Path) -> Iterator[StageRun]:
-    """Read from DVC's lock how every stage was run, and the hashes of what it read and wrote."""
+    """Yield the command of every stage in dvc.lock, and the hashes of its inputs and outputs."""
     stages = YAML(typ="safe").load(lock)["stages"]
-    for name, facts in stages.items():
+    for name, stage in stages.items():
         read, wrote = (
-            tuple((result["path"], str(result.get("md5", ""))) for result in facts.get(kind, ()))
+            tuple((file["path"], str(file.get("md5", ""))) for file in stage.get(kind, ()))
             for kind in ("deps", "outs")
         )
-        yield StageRun(name, facts["cmd"].strip(), read, wrote)
+        yield StageRun(name, stage["cmd"].strip(), read, wrote)
 
 
-Out = Annotated[Path, typer.Option(help="the page")]
+Out = Annotated[Path, typer.Option(help="the HTML file to write")]
 
 
 def report(out: Out = REPORT_WITH_HISTORY) -> None:
-    """Write the run's page with the history of runs and decisions, the study, every command.
+    """Write the report of the run with the history, the study and every command.
 
-    reports/report.html rests on its run alone. This page is the same and holds beside it what
-    other runs measured (each time this is called, the run that stands here is remembered), the
-    decisions of the nights, history/study.json if there is one, and dvc.lock in full.
+    reports/report.html describes its run alone. This page adds the measurements of earlier runs
+    (each call adds the present run to the history), the decisions of the nightly runs,
+    history/study.json if there is one, and all stages of dvc.lock.
     """
     with errors_in_one_line():
         typer.echo(f"{write_report_with_history(out)}")

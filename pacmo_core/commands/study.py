@@ -1,4 +1,4 @@
-"""What a study shows, and to whom: blind, balanced, no clip twice in two forms to one person."""
+"""``pacmo study``: a perceptual study, blind and balanced; nobody sees a clip in both forms."""
 
 import hashlib
 import json
@@ -25,20 +25,24 @@ from pacmo_core.metrics.survey import Share, fit_mixed, share
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
 
-app = typer.Typer(no_args_is_help=True, help="Can people tell generated motion from captured?")
+app = typer.Typer(
+    no_args_is_help=True, help="Can people distinguish generated from captured motion?"
+)
 MAX_CONNECTIONS = 2000
-File = Annotated[Path, typer.Argument(help="the study's file")]
+File = Annotated[Path, typer.Argument(help="file of the study")]
 
 
 @app.command()
 def make(
     study: File,
     clips: Annotated[Path, typer.Option(help="captured clips")] = Path("data/clips"),
-    reactions: Annotated[Path, typer.Option(help="a model's")] = Path("data/reactions/1/pacmo/1"),
-    count: Annotated[int, typer.Option(min=2, help="clips to draw, shown in both forms")] = 40,
+    reactions: Annotated[Path, typer.Option(help="reactions of a model")] = Path(
+        "data/reactions/1/pacmo/1"
+    ),
+    count: Annotated[int, typer.Option(min=2, help="number of clips, each in both forms")] = 40,
     seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> None:
-    """Draw clips into a new study: each as captured, and with a model's reaction."""
+    """Create a study of random clips: each as captured, and with the reaction of a model."""
     with reading_errors_in_one_line():
         random = np.random.default_rng(seed)
         items = list(sample_items(clips, reactions, count, random))
@@ -51,23 +55,23 @@ def make(
 @app.command()
 def serve(  # noqa: PLR0913  # typer reads the options off the signature
     study: File,
-    host: Annotated[str, typer.Option(help="0.0.0.0 lets others in")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="address to listen on; 0.0.0.0 for all")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8000,
-    per_person: Annotated[int, typer.Option(min=1, help="clips that a participant judges")] = 14,
-    people: Annotated[int, typer.Option(min=1, help="at most; the rest are turned away")] = 1000,
-    rate: Annotated[float, typer.Option(min=0.1, help="questions a second an address")] = 10,
-    burst: Annotated[float, typer.Option(min=1, help="questions at once an address")] = 100,
+    per_person: Annotated[int, typer.Option(min=1, help="clips per participant")] = 14,
+    people: Annotated[int, typer.Option(min=1, help="maximum number of participants")] = 1000,
+    rate: Annotated[float, typer.Option(min=0.1, help="requests per second and address")] = 10,
+    burst: Annotated[float, typer.Option(min=1, help="requests at once per address")] = 100,
 ) -> None:
-    """Serve the page until stopped; answers are kept as they come, and a restart goes on.
+    """Serve the study until stopped. Answers are saved at once; a restarted server continues.
 
-    Put it on the web behind a proxy on this machine that speaks HTTPS and sets X-Forwarded-For:
-    from there, and from nowhere else, the address in it is believed, to limit the rate of each.
+    On the web, run it behind an HTTPS proxy on this machine that sets X-Forwarded-For. The address
+    in this header is trusted from the proxy only; it serves to limit the rate of requests.
     """
     with reading_errors_in_one_line():
         opened = Study(study)
         page = create_app(opened, StudySettings(per_person, people), RateLimiter(rate, burst))
     typer.echo(f"http://{host}:{port}", err=True)
-    # No log of who came: addresses are personal.
+    # No access log: addresses are personal data.
     uvicorn.run(
         page,
         host=host,
@@ -83,9 +87,10 @@ def serve(  # noqa: PLR0913  # typer reads the options off the signature
 
 @app.command()
 def report(
-    study: File, out: Annotated[Path | None, typer.Option(help="also as JSON")] = None
+    study: File,
+    out: Annotated[Path | None, typer.Option(help="also write the result as JSON")] = None,
 ) -> None:
-    """Count the answers: the share of either kind that was taken for real (PaCMO, table 3)."""
+    """Count the answers: the share of each kind that was judged real (PaCMO, table 3)."""
     with reading_errors_in_one_line():
         opened = Study(study)
         answers = opened.answers()
@@ -93,7 +98,7 @@ def report(
         if out:
             write_text(out, json.dumps(result, indent=2) + "\n")
     table = Table("", "captured", "generated", box=None)
-    for name, verdict in (("taken for real", "real"), ("taken for made up", "made_up")):
+    for name, verdict in (("judged real", "real"), ("judged generated", "made_up")):
         table.add_row(
             name, *(_share_text(Share(**result[kind][verdict])) for kind in (REAL, GENERATED))
         )
@@ -104,34 +109,34 @@ def report(
 
 
 def count_answers(answers: list[Answer]) -> dict[str, Any]:
-    """Give the table and the mixed model, ready for JSON.
+    """Return the shares and the mixed model as JSON values.
 
     Raises
     ------
     CommandError
-        If not both kinds were judged.
+        If clips of one kind were not judged.
     """
     if {answer.kind for answer in answers} != {REAL, GENERATED}:
         raise CommandError(f"wanted answers to clips of both kinds; got {len(answers)} answers")
     result: dict[str, Any] = {"people": len({answer.person for answer in answers})}
     for kind in (REAL, GENERATED):
-        text = [answer.real for answer in answers if answer.kind == kind]
-        taken_for_real = sum(text)
+        verdicts = [answer.real for answer in answers if answer.kind == kind]
+        n_real = sum(verdicts)
         result[kind] = {
-            "real": asdict(share(taken_for_real, len(text))),
-            "made_up": asdict(share(len(text) - taken_for_real, len(text))),
+            "real": asdict(share(n_real, len(verdicts))),
+            "made_up": asdict(share(len(verdicts) - n_real, len(verdicts))),
         }
     columns = zip(*((a.person, a.item, a.kind == REAL, a.real) for a in answers), strict=True)
     result["mixed"] = asdict(fit_mixed(*columns))
     return result
 
 
-def _share_text(found: Share) -> str:
-    return f"{found.mean:.2f} ({found.low:.2f} … {found.high:.2f}), {found.count} of {found.of}"
+def _share_text(real: Share) -> str:
+    return f"{real.mean:.2f} ({real.low:.2f} … {real.high:.2f}), {real.count} of {real.of}"
 
 
 def _bias_text(mixed: dict[str, float]) -> str:
     return (
-        "Captured clips are taken for real more often by {difference:.2f} logits ({low:.2f} to "
-        "{high:.2f}), people leaning by {person_spread:.2f} and clips by {clip_spread:.2f}."
+        "Captured clips are judged real more often by {difference:.2f} logits ({low:.2f} to "
+        "{high:.2f}); standard deviation of people {person_spread:.2f}, of clips {clip_spread:.2f}."
     ).format(**mixed)

@@ -1,7 +1,7 @@
-"""The study's web server: one page and four questions, safe to put on the web.
+"""The web server of a study: one page and four endpoints, safe on the public web.
 
-It says nothing of the machine, keeps no address, takes small and well-formed questions only, and
-slows down who asks too fast.
+It reveals nothing about the machine, stores no addresses, accepts small and well-formed requests
+only, and limits their rate.
 """
 
 import secrets
@@ -23,21 +23,21 @@ from pacmo_core.figures.history import render_study
 TOKEN = r"^[A-Za-z0-9_-]{22}$"  # 128 random bits
 MAX_BODY = 1000  # bytes
 MAX_REFERENCES = 1000
-MAX_ADDRESSES = 50_000  # addresses
+MAX_ADDRESSES = 50_000
 Person = Annotated[str, Path(pattern=TOKEN)]
 Place = Annotated[int, Path(ge=0, lt=MAX_REFERENCES)]
 Next = Callable[[Request], Awaitable[Response]]
 
 
 class ConsentForm(BaseModel):
-    """A participant agrees."""
+    """The consent of a participant."""
 
     model_config = ConfigDict(extra="forbid")
     consent: Literal[True]
 
 
 class AnswerForm(BaseModel):
-    """A participant takes a clip for real, or not."""
+    """The answer of a participant: whether a clip is real."""
 
     model_config = ConfigDict(extra="forbid")
     person: str = Field(pattern=TOKEN)
@@ -47,9 +47,14 @@ class AnswerForm(BaseModel):
 
 @dataclass
 class RateLimiter:
-    """So many questions a second from one address, and a few more at once.
+    """A token bucket for each address.
 
-    Addresses live in memory alone and are forgotten when they have been quiet.
+    Addresses are held in memory only; those with the oldest requests are removed.
+
+    Parameters
+    ----------
+    rate : requests per second
+    burst : requests at once
     """
 
     rate: float
@@ -58,7 +63,7 @@ class RateLimiter:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def allows(self, address: str, now: float) -> bool:
-        """Count a question; say whether it may be answered."""
+        """Count a request; return whether it is within the limit."""
         with self._lock:
             remaining, then = self._seen.pop(address, (self.burst, now))
             remaining = min(self.burst, remaining + (now - then) * self.rate)
@@ -70,28 +75,28 @@ class RateLimiter:
 
 @dataclass(frozen=True)
 class StudySettings:
-    """What a study allows: clips that a participant judges, and participants at most."""
+    """Clips per participant, and the maximum number of participants."""
 
     per_person: int
     people: int
 
 
-def create_app(study: Study, terms: StudySettings, limiter: RateLimiter) -> FastAPI:
-    """Serve a study.
+def create_app(study: Study, settings: StudySettings, limiter: RateLimiter) -> FastAPI:
+    """Return the web application of a study.
 
     Raises
     ------
     ValueError
-        If the study has too few.
+        If the study has too few clips.
     """
     random = np.random.default_rng()
-    balanced_sample(study.candidates(), terms.per_person, random)
+    balanced_sample(study.candidates(), settings.per_person, random)
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     page, policy = render_study()
 
     @app.middleware("http")
-    async def guard(request: Request, answer: Next) -> Response:
-        response = _refusal(request, limiter) or await answer(request)
+    async def guard(request: Request, call_next: Next) -> Response:
+        response = _refusal(request, limiter) or await call_next(request)
         response.headers["Content-Security-Policy"] = policy
         response.headers["X-Content-Type-Options"] = "nosniff"
         response.headers["Referrer-Policy"] = "no-referrer"
@@ -100,29 +105,29 @@ def create_app(study: Study, terms: StudySettings, limiter: RateLimiter) -> Fast
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_: Request, __: RequestValidationError) -> Response:
-        return JSONResponse({"error": "not a question of this study"}, 422)
+        return JSONResponse({"error": "malformed request"}, 422)
 
     @app.get("/")
     def show() -> Response:
         return HTMLResponse(page)
 
-    app.include_router(_questions(study, terms, random))
+    app.include_router(_endpoints(study, settings, random))
     return app
 
 
-def _questions(study: Study, terms: StudySettings, random: np.random.Generator) -> APIRouter:
-    """Answer a participant's browser."""
+def _endpoints(study: Study, settings: StudySettings, random: np.random.Generator) -> APIRouter:
+    """Return the endpoints that the page in the browser uses."""
     router = APIRouter()
 
     @router.post("/begin")
     def begin(_: ConsentForm) -> Response:
         person = secrets.token_urlsafe(16)
-        # The study calls back under its lock: one draw at a time.
+        # The study calls this under its lock: one sample at a time.
         count = study.begin(
-            person, lambda seen: balanced_sample(seen, terms.per_person, random), terms.people
+            person, lambda seen: balanced_sample(seen, settings.per_person, random), settings.people
         )
         if not count:
-            return JSONResponse({"error": "the study has all its participants"}, 410)
+            return JSONResponse({"error": "the study is complete"}, 410)
         return JSONResponse({"person": person, "count": count})
 
     @router.get("/progress/{person}")
@@ -139,8 +144,8 @@ def _questions(study: Study, terms: StudySettings, random: np.random.Generator) 
 
     @router.post("/answer")
     def answer(verdict: AnswerForm) -> Response:
-        kept = study.answer(verdict.person, verdict.place, real=verdict.real)
-        return JSONResponse({"kept": True}) if kept else _not_found()
+        saved = study.answer(verdict.person, verdict.place, real=verdict.real)
+        return JSONResponse({"kept": True}) if saved else _not_found()
 
     return router
 
@@ -150,7 +155,7 @@ def _not_found() -> Response:
 
 
 def _refusal(request: Request, limiter: RateLimiter) -> Response | None:
-    """Refuse what is too big or comes too fast, before anything reads it."""
+    """Reject requests that are too large or too frequent, before they are read."""
     length = request.headers.get("content-length", "")
     if request.method == "POST" and not (length.isdecimal() and int(length) <= MAX_BODY):
         return JSONResponse({"error": "too large"}, 413)

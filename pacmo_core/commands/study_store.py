@@ -1,4 +1,4 @@
-"""What stands in a study's file: its tables, their rows, and a new one."""
+"""The SQLite file of a study: its tables, their rows, and the sampling of clips."""
 
 import json
 import sqlite3
@@ -41,8 +41,8 @@ class Item:
     Parameters
     ----------
     kind : ``real`` or ``generated``
-    source : the captured clip that it is, or reacts to
-    scene : what the player reads, as JSON
+    source : name of the captured clip
+    scene : JSON for the player
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A clip as far as drawing goes: how often it has been shown."""
+    """A clip and how often it has been shown, for sampling."""
 
     item: int
     kind: str
@@ -62,7 +62,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Answer:
-    """One answer: who, where, of which clip of which kind, and whether it was taken for real."""
+    """One answer: the participant, the place in the order, the clip, its kind, the verdict."""
 
     person: str
     place: int
@@ -72,11 +72,11 @@ class Answer:
 
 
 def write_study(path: Path, items: Iterable[Item], facts: Mapping[str, str]) -> None:
-    """Write a study that nobody has answered.
+    """Write a new study.
 
     Parameters
     ----------
-    facts : what it was made of; never shown to who takes part
+    facts : origin of the clips; never sent to participants
 
     Raises
     ------
@@ -150,35 +150,35 @@ class Study:
         self._database.close()
 
     def facts(self) -> dict[str, str]:
-        """Say what the study was made of."""
+        """Return the origin of the clips."""
         with self._lock:
             return dict(self._database.execute("SELECT name, value FROM facts ORDER BY name"))
 
     def begin(
-        self, person: str, draw: Callable[[Sequence[Candidate]], Sequence[int]], most: int
+        self, person: str, sample: Callable[[Sequence[Candidate]], Sequence[int]], limit: int
     ) -> int:
-        """Lay out the clips for a new participant, as ``draw`` chooses; say how many.
+        """Store the clips of a new participant, selected by ``sample``; return how many.
 
-        None, if ``most`` people have begun already: nobody can fill the disk.
+        Returns 0 if there are ``limit`` participants already, so that nobody can fill the disk.
         """
-        with self._lock, self._all_or_nothing():
-            (begun,) = self._database.execute(
+        with self._lock, self._transaction():
+            (n_people,) = self._database.execute(
                 "SELECT COUNT(*) FROM shown WHERE place = 0"
             ).fetchone()
-            if begun >= most:
+            if n_people >= limit:
                 return 0
-            selected = draw(self._candidates())
-            places = [(person, path, item) for path, item in enumerate(selected)]
+            selected = sample(self._candidates())
+            places = [(person, place, item) for place, item in enumerate(selected)]
             self._database.executemany("INSERT INTO shown VALUES (?, ?, ?)", places)
         return len(selected)
 
     def candidates(self) -> list[Candidate]:
-        """List the clips, and how often each has been shown."""
+        """Return the clips, and how often each has been shown."""
         with self._lock:
             return self._candidates()
 
     def progress(self, person: str) -> tuple[int, list[int]]:
-        """Say how many clips a participant has, and which places are answered."""
+        """Return the number of clips of a participant, and the answered places."""
         with self._lock:
             (count,) = self._database.execute(
                 "SELECT COUNT(*) FROM shown WHERE person = ?", (person,)
@@ -186,10 +186,10 @@ class Study:
             rows = self._database.execute(
                 "SELECT place FROM answers WHERE person = ? ORDER BY place", (person,)
             ).fetchall()
-        return count, [path for (path,) in rows]
+        return count, [place for (place,) in rows]
 
     def scene(self, person: str, place: int) -> str | None:
-        """Give the clip at a participant's place; None if there is none."""
+        """Return the clip at a place of a participant; None if there is none."""
         with self._lock:
             row = self._database.execute(
                 "SELECT scene FROM shown JOIN items USING (item) WHERE person = ? AND place = ?",
@@ -198,7 +198,7 @@ class Study:
         return row[0] if row else None
 
     def answer(self, person: str, place: int, *, real: bool) -> bool:
-        """Keep an answer unless the place has one; say whether the place is the participant's."""
+        """Save an answer unless the place has one; return whether the place exists."""
         with self._lock:
             self._database.execute(
                 "INSERT OR IGNORE INTO answers SELECT person, place, ? FROM shown "
@@ -211,14 +211,15 @@ class Study:
         return row is not None
 
     def answers(self) -> list[Answer]:
-        """List every answer."""
+        """Return all answers."""
         with self._lock:
             rows = self._database.execute(
                 "SELECT person, place, item, kind, real FROM answers "
                 "JOIN shown USING (person, place) JOIN items USING (item) ORDER BY person, place"
             ).fetchall()
         return [
-            Answer(person, path, item, kind, bool(real)) for person, path, item, kind, real in rows
+            Answer(person, place, item, kind, bool(real))
+            for person, place, item, kind, real in rows
         ]
 
     def _candidates(self) -> list[Candidate]:
@@ -229,7 +230,7 @@ class Study:
         return [Candidate(*row) for row in rows]
 
     @contextmanager
-    def _all_or_nothing(self) -> Iterator[None]:
+    def _transaction(self) -> Iterator[None]:
         self._database.execute("BEGIN IMMEDIATE")
         try:
             yield
@@ -242,39 +243,39 @@ class Study:
 def sample_items(
     clips: Path, reactions: Path, count: int, random: np.random.Generator
 ) -> Iterator[Item]:
-    """Draw captured clips that a model answered, and beside each its first answer.
+    """Sample captured clips; yield each as captured and with the first reaction of a model.
 
     Raises
     ------
     CommandError
-        If the model answered too few.
+        If there are reactions to too few clips.
     """
     named = ((ReactionName.parse(n), motion) for n, motion in stream_motions(reactions / MOTIONS))
-    answered = {name: motion for name, motion in named if name.sample == 0}
-    sources = sorted({name.clip for name in answered})
+    reacted = {name: motion for name, motion in named if name.sample == 0}
+    sources = sorted({name.clip for name in reacted})
     if len(sources) < count:
-        raise CommandError(f"{reactions}: wanted answers to {count} clips; got {len(sources)}")
+        raise CommandError(f"{reactions}: wanted reactions to {count} clips; got {len(sources)}")
     for source in random.choice(np.array(sources), count, replace=False).tolist():
-        names = [name for name in answered if name.clip == source]
+        names = [name for name in reacted if name.clip == source]
         name = names[int(random.integers(len(names)))]
-        reaction = answered[name].swapped() if name.direction == "a" else answered[name]
+        reaction = reacted[name].swapped() if name.direction == "a" else reacted[name]
         yield _item(REAL, source, read_motion(clips / MOTIONS, source))
         yield _item(GENERATED, source, reaction)
 
 
 def _item(kind: str, source: str, shown: Interaction) -> Item:
-    """Pack a clip without a word of what it is."""
+    """Pack a clip without its name and kind."""
     return Item(kind, source, json.dumps(packed_scenes([Scene.of("", shown)], contact=0.0)))
 
 
 def balanced_sample(
     candidates: Sequence[Candidate], count: int, random: np.random.Generator
 ) -> list[int]:
-    """Choose half of each kind, those least shown first, each source once, in random order.
+    """Select half of each kind, the least shown first, each source once, in random order.
 
     Parameters
     ----------
-    count : how many; of an odd one, chance says which kind has one more
+    count : number of clips; if odd, one kind at random has one more
 
     Raises
     ------
@@ -282,15 +283,15 @@ def balanced_sample(
         If there are too few sources.
     """
     order = random.permutation(len(candidates))
-    waiting = sorted((candidates[k] for k in order), key=lambda c: c.times_shown)
+    by_times_shown = sorted((candidates[k] for k in order), key=lambda c: c.times_shown)
     expected = {REAL: count // 2, GENERATED: count // 2}
     expected[(REAL, GENERATED)[int(random.integers(2))]] += count % 2
     selected: list[int] = []
     sources: set[str] = set()
     for kind in random.permutation(np.array([REAL, GENERATED])).tolist():
-        fitting = [c for c in waiting if c.kind == kind and c.source not in sources]
-        if len(fitting) < expected[kind]:
+        eligible = [c for c in by_times_shown if c.kind == kind and c.source not in sources]
+        if len(eligible) < expected[kind]:
             raise ValueError(f"a participant wants {count} sources; the study has fewer")
-        selected += [c.item for c in fitting[: expected[kind]]]
-        sources |= {c.source for c in fitting[: expected[kind]]}
+        selected += [c.item for c in eligible[: expected[kind]]]
+        sources |= {c.source for c in eligible[: expected[kind]]}
     return [selected[k] for k in random.permutation(len(selected))]

@@ -1,4 +1,4 @@
-"""``pacmo vary``: two people's motion on other bodies, by a trained skeleton prior."""
+"""``pacmo vary``: retarget two people's motion to other bodies by a trained skeleton prior."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -45,8 +45,8 @@ from pacmo_core.store.motions import write_motions
 WEIGHTS = Path("models/priors/default/random/kinematic/1/weights.safetensors")
 
 Weights = Annotated[Path, typer.Option(help="a trained skeleton prior")]
-Samples = Annotated[int, typer.Option(min=1, help="interactions to draw")]
-Seed = Annotated[int, typer.Option(min=0, help="the same seed draws the same interactions")]
+Samples = Annotated[int, typer.Option(min=1, help="number of interactions to sample")]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same interactions")]
 
 Scales = NDArray[np.float64]
 
@@ -68,16 +68,17 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     up: Up = None,
     fps: Fps = None,
 ) -> None:
-    """Give two people other bodies with a trained model, in a moment.
+    """Retarget two people's motion to other bodies by a trained skeleton prior.
 
     pacmo vary DUO_A.bvh DUO_B.bvh --preset duo_mocap --samples 20 --weights W --out other
 
     pacmo vary DUO_A.bvh DUO_B.bvh --unit 0.01 --up y --b-scale left_forearm=1.2 --weights W
     --out other
 
-    Without scales the bodies are drawn too, a new one for person b each time. The capture must
-    have the model's joints, by name; others are left out. Several samples come as folders 0, 1, ...
-    of BVH files, or in one Parquet file. ``pacmo augment`` solves for the same and takes longer.
+    Without scales the bodies are sampled too, a new one of person b for each sample. The capture
+    must have the joints of the model, by name; further joints are ignored. Several samples are
+    written to folders 0, 1, ... of BVH files, or to one Parquet file. ``pacmo augment`` solves the
+    same problem by optimisation, which takes longer.
     """
     options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
     settings = {name: value for name, value in options.items() if value is not None}
@@ -87,18 +88,18 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         model = load_skeleton_prior(weights)
         duo = _select_joints(read_two_people(files, form, settings, clip), model.config.skeleton)
         places = _output_files(duo, samples, out)
-        wishes = [parse_factors(words) for words in (a_scale, b_scale)]
+        factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         random = torch.Generator().manual_seed(seed)
-        result = list(_variations(model, duo, wishes, samples, random))
-        written = _write(duo, result, places)
+        variations = list(_variations(model, duo, factors_of_people, samples, random))
+        written = _write(duo, variations, places)
         typer.echo(
-            f"{len(result)} x {len(duo.people[0].times)} frames in "
+            f"{len(variations)} x {len(duo.people[0].times)} frames in "
             f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
         )
 
 
 def _select_joints(duo: TwoPersonCapture, skeleton: Skeleton) -> TwoPersonCapture:
-    """Take the model's joints of either person."""
+    """Select the joints of the model of both people."""
     a, b = (person.select_joints(skeleton) for person in duo.people)
     return replace(duo, people=(a, b))
 
@@ -106,15 +107,15 @@ def _select_joints(duo: TwoPersonCapture, skeleton: Skeleton) -> TwoPersonCaptur
 def _variations(
     model: SkeletonPrior,
     duo: TwoPersonCapture,
-    wishes: list[dict[str, float]],
+    factors_of_people: list[dict[str, float]],
     samples: int,
     random: torch.Generator,
 ) -> Iterator[tuple[Interaction, Scales]]:
-    """Yield interactions and the scales (2, E) of their bodies: asked for, or drawn."""
+    """Yield interactions and the scales (2, E) of their bodies: given, or sampled."""
     a, b = duo.people
     source = Interaction(model.config.skeleton, a.times - a.times[0], a.motion, b.motion)
-    if any(wishes):
-        scales = _requested_scales(duo.people, wishes)[None]
+    if any(factors_of_people):
+        scales = _requested_scales(duo.people, factors_of_people)[None]
         (result,) = retarget(model, source, scales, samples=samples, random=random)
         yield from ((pair, scales[0]) for pair in result)
         return
@@ -127,18 +128,18 @@ def _variations(
 
 
 def _requested_scales(
-    people: tuple[PersonMotion, PersonMotion], wishes: list[dict[str, float]]
+    people: tuple[PersonMotion, PersonMotion], factors_of_people: list[dict[str, float]]
 ) -> Scales:
     return np.stack(
         [
             segment_scales(measure_body(person.motion, person.skeleton), factors)
-            for person, factors in zip(people, wishes, strict=True)
+            for person, factors in zip(people, factors_of_people, strict=True)
         ]
     )
 
 
 def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
-    """Say where samples go, before any work is done: one place, or a folder for each."""
+    """Return the output of each sample: one file or folder, or a folder for each."""
     if samples == 1 or is_parquet(out):
         files = [out]
     elif out.suffix and not out.is_dir():
@@ -151,16 +152,16 @@ def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
 
 
 def _write(
-    duo: TwoPersonCapture, found: list[tuple[Interaction, Scales]], places: list[Path]
+    duo: TwoPersonCapture, variations: list[tuple[Interaction, Scales]], places: list[Path]
 ) -> list[Path]:
-    """Write all samples: into one Parquet file, or each into its own place."""
+    """Write all samples: to one Parquet file, or each to its own output."""
     if is_parquet(places[0]):
         with write_motions(places[0], duo.people[0].skeleton) as writer:
-            for number, (pair, _) in enumerate(found):
+            for number, (pair, _) in enumerate(variations):
                 writer.add(f"{duo.name}~{number:04d}", pair)
         return places
     written: list[Path] = []
-    for number, ((pair, scales_of_person), file) in enumerate(zip(found, places, strict=True)):
+    for number, ((pair, scales_of_person), file) in enumerate(zip(variations, places, strict=True)):
         moved = duo.moved((pair.person_a, pair.person_b))
         files, _ = write_two_people(
             moved, (scales_of_person[0], scales_of_person[1]), str(number), file

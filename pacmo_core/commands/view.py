@@ -1,4 +1,4 @@
-"""Clips named on the command line: of the store, or captures of any format that is read."""
+"""``pacmo view``: clips of the store or captures of any format, played in a page."""
 
 import webbrowser
 from collections.abc import Mapping
@@ -21,21 +21,21 @@ CLIPS_FOLDER = Path("data/clips")
 
 
 def read_scene(word: str, form: str | None, settings: Mapping[str, Any]) -> Scene:
-    """Read what a word of the command line names.
+    """Read the clip that an argument of the command line names.
 
     Parameters
     ----------
     word : ``NAME`` of a clip in ``data/clips``, ``STORE:NAME`` of one in another folder or file
         (a variation's name is ``CLIP~NAME``), ``FILE`` of a capture, or ``FILE+FILE`` of two people
-    form : the captures' format, None to go by their endings
-    settings : what differs from the format's published facts
+    form : format of captures; None to infer it from their suffixes
+    settings : overrides of the default settings of the format
 
     Raises
     ------
     CommandError
-        If the word names nothing, or what it names needs more to be said.
+        If there is no such clip, or the argument is ambiguous.
     FormatError, StoreError, KeyError, ValueError
-        As the readers say.
+        If the clip cannot be read.
     """
     store, colon, name = word.partition(":")
     if colon and Path(store).exists():
@@ -46,36 +46,36 @@ def read_scene(word: str, form: str | None, settings: Mapping[str, Any]) -> Scen
     if (CLIPS_FOLDER / MOTIONS).exists() and len(files) == 1:
         return _read_stored(CLIPS_FOLDER, word)
     raise CommandError(
-        f"{word}: no such file, and no {CLIPS_FOLDER / MOTIONS} here to hold a clip of that name; "
+        f"{word}: no such file, and no {CLIPS_FOLDER / MOTIONS} with a clip of that name; "
         "a clip of another folder is FOLDER:NAME"
     )
 
 
 def _read_stored(store: Path, name: str) -> Scene:
-    """Show a clip of the store; a reaction keeps the colour of the person who reacts."""
+    """Read a clip of the store; the colour of a person does not depend on who reacts."""
     if not name:
         raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
-    found = read_motion(_file_of(store, name) if store.is_dir() else store, name)
-    # A reaction is told from others to the same partner by its folder, as pacmo/1.
+    clip = read_motion(_file_of(store, name) if store.is_dir() else store, name)
+    # The folder distinguishes reactions to the same partner, such as pacmo/1.
     folder = "/".join(store.parts[-2:]) if is_reaction(name) and store.is_dir() else ""
     label = f"{folder} · {name}" if folder else name
     swap = is_reaction(name) and ReactionName.parse(name).direction == "a"
-    return Scene.of(label, found.swapped() if swap else found)
+    return Scene.of(label, clip.swapped() if swap else clip)
 
 
 def _file_of(folder: Path, name: str) -> Path:
-    """Say which file of a folder holds a clip; in one of variations each source has its own."""
-    facts = folder / VARIATIONS
-    if not facts.exists():
+    """Return the file of a folder that has a clip; variations have one file for each source."""
+    table = folder / VARIATIONS
+    if not table.exists():
         return folder / MOTIONS
-    rows = [row for row in read_variations(facts) if name in (row.variation, row.clip)]
+    rows = [row for row in read_variations(table) if name in (row.variation, row.clip)]
     if not rows:
-        raise CommandError(f"{facts}: no variation {name}, and no clip of that name was varied")
+        raise CommandError(f"{table}: no variation and no source named {name}")
     row = rows[0]
     if name == row.clip:
         return motion_file(folder / SOURCES, row.clip)
     if not row.measurements:
-        raise CommandError(f"{facts}: {name} was not made: {row.reason}")
+        raise CommandError(f"{table}: {name} has no motion: {row.reason}")
     return motion_file(folder / (ACCEPTED if row.accepted else FAILED), row.clip)
 
 
@@ -91,22 +91,22 @@ def _read_captures(files: list[Path], form: str | None, settings: Mapping[str, A
     opened = open_format(
         form, {**DEFAULT_SETTINGS[form], **_settings_with_rates(files, form, settings)}
     )
-    # Every format of one person a file pairs people; a person paired with himself is one.
+    # Formats with one person per file pair two files; one file is paired with itself.
     both = (files[0], files[-1]) if pairs else (files[0],)
     interaction = opened.read(RawSequence(files[0].stem, both)).interaction
     label = " + ".join(file.stem for file in files)
     alone = pairs and len(files) == 1
-    return _make_scene(label, interaction) if alone else Scene.of(label, interaction)
+    return _one_person_scene(label, interaction) if alone else Scene.of(label, interaction)
 
 
-def _make_scene(label: str, seen: Interaction) -> Scene:
-    return Scene(label, seen.skeleton, seen.times, (seen.person_a,))
+def _one_person_scene(label: str, interaction: Interaction) -> Scene:
+    return Scene(label, interaction.skeleton, interaction.times, (interaction.person_a,))
 
 
 def _settings_with_rates(
     files: list[Path], form: str, settings: Mapping[str, Any]
 ) -> Mapping[str, Any]:
-    """CMU's rates go by subject, which is the first word of a file's name."""
+    """Return the settings with frame rates by subject, as the format cmu has them."""
     if form != "cmu" or "fps" not in settings:
         return settings
     return {**settings, "fps": {file.stem.partition("_")[0]: settings["fps"] for file in files}}
@@ -115,17 +115,21 @@ def _settings_with_rates(
 Clips = Annotated[
     list[str], typer.Argument(metavar="CLIP...", help="NAME, FOLDER:NAME, FILE or FILE+FILE")
 ]
-Out = Annotated[Path, typer.Option(help="the page")]
-Contact = Annotated[float, typer.Option(min=0, help="metres between joints that touch")]
+Out = Annotated[Path, typer.Option(help="the HTML file to write")]
+Contact = Annotated[
+    float,
+    typer.Option(min=0, help="distance in metres below which joints are marked as in contact"),
+]
 Open = Annotated[bool, typer.Option("--open/--no-open", help="open it in the browser")]
 FormatName = Annotated[
-    str | None, typer.Option("--format", help="of captures, if the ending does not tell")
+    str | None, typer.Option("--format", help="format of captures; default: by the suffix")
 ]
-Preset = Annotated[str | None, typer.Option(help="of BVH files: duo_mocap, cmu_18_19, ...")]
-Unit = Annotated[float | None, typer.Option(help="metres a unit of a BVH file")]
-Up = Annotated[str | None, typer.Option(help="the captures' upward axis, y or z")]
+Preset = Annotated[str | None, typer.Option(help="preset of BVH files: duo_mocap, cmu_18_19, ...")]
+Unit = Annotated[float | None, typer.Option(help="metres per unit of a BVH file")]
+Up = Annotated[str | None, typer.Option(help="up axis of the captures, y or z")]
 CaptureFps = Annotated[
-    float | None, typer.Option("--fps", help="where a capture states none, or a wrong one")
+    float | None,
+    typer.Option("--fps", help="frame rate of a capture, if it states none or a wrong one"),
 ]
 
 
@@ -140,7 +144,7 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
     up: Up = None,
     fps: CaptureFps = None,
 ) -> None:
-    """Play clips side by side in 3-D, in a page of one file.
+    """Play clips side by side in 3-D, in one HTML page.
 
     pacmo view S001C001P001R001A050
 
@@ -148,9 +152,9 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo view walk_A.bvh+walk_B.bvh --unit 0.01 --up y
 
-    A CLIP is the name of one in data/clips, FOLDER:NAME of one in another folder of the store (or
-    in a Parquet file), a capture's FILE, or FILE+FILE where each person has one; up to six, on one
-    clock, whatever their rates. The page needs no network and no server, and opens by double click.
+    A CLIP is the name of a clip in data/clips, FOLDER:NAME or FILE.parquet:NAME elsewhere, the FILE
+    of a capture, or FILE+FILE if each person has a file. Up to six clips play at the same time,
+    whatever their frame rates. The page is one file and needs neither network nor server.
     """
     options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
     settings = {name: value for name, value in options.items() if value is not None}

@@ -11,18 +11,18 @@ from pacmo_core.formats.write_gltf import Skin
 
 _ROWS, _COLUMNS = 5, 14
 Array = NDArray[np.float64]
-Sphere = tuple[Array, float, int]  # centre, radius, the joint it goes with
+Sphere = tuple[Array, float, int]  # centre, radius, the joint that it is bound to
 
 
 def make_skin(body: BodyShape, skeleton: Skeleton, rest: Array) -> Skin:
     """Build the mesh.
 
-    A limb goes with the joint that it starts from, for that joint's turn moves its far end; a
-    corner of the trunk with the joint above it, lest a shoulder turn with its arm.
+    A limb is bound to the joint at which it starts, whose rotation moves its other end. A corner
+    of the trunk is bound to the parent of its joint: a shoulder must not rotate with the arm.
 
     Parameters
     ----------
-    rest : (J, 3) metres: where joints are in the pose of rest
+    rest : (J, 3) metres, joints in the rest pose
     """
     parts = [_limb(rest, limb) for limb in body.limbs if np.ptp(rest[list(limb[:2])], axis=0).any()]
     if body.trunk:
@@ -49,13 +49,13 @@ def _limb(rest: Array, limb: tuple[int, int, float, float]) -> Skin:
 
 
 def _axes(x: Array, z: Array) -> Array:
-    """Rows x, y, z, at right angles, from two that are."""
+    """Return the unit vectors x, y, z as rows, from orthogonal x and z."""
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     return np.stack([x, np.cross(z, x), z])
 
 
 def _hull(spheres: Sequence[Sphere], axes: Array) -> Skin:
-    """Wrap one sphere, two (above, below) or four (above left, right, below left, right)."""
+    """Return the hull of one, two (above, below) or four spheres (above and below, left first)."""
     count = len(spheres)
     half = np.pi / 2
     below = [(a, count // 2) for a in np.linspace(-half, 0, _ROWS + 1)]
@@ -71,13 +71,13 @@ def _hull(spheres: Sequence[Sphere], axes: Array) -> Skin:
         np.broadcast_arrays(np.cos(lat) * np.cos(lon), np.sin(lat), -np.cos(lat) * np.sin(lon)), -1
     )
     which = np.array([d for _, d in rows])[:, None] + np.array([s for _, s in columns])[None]
-    turned = normals.reshape(-1, 3) @ axes
+    rotated = normals.reshape(-1, 3) @ axes
     centres, radii, joints = (np.array(values) for values in zip(*spheres, strict=True))
     flat = which.reshape(-1)
-    positions = centres[flat] + turned * radii[flat][:, None]
+    positions = centres[flat] + rotated * radii[flat][:, None]
     return Skin(
         positions.astype(np.float32),
-        turned.astype(np.float32),
+        rotated.astype(np.float32),
         joints[flat],
         _faces(len(rows), len(columns)),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from pacmo_core.data.skeleton import Skeleton
 
-# Radius of the body at a joint, metres, of an adult; the first pattern that matches a name counts.
+# Radius of the body at a joint, metres, of an adult; the first matching pattern applies.
 _RADII = (
     (r"head|skull", 0.105),
     (r"tip|thumb|finger|index|ring|pinky", 0.016),
@@ -30,13 +30,13 @@ _SHOULDER_RADIUS, _HIP_RADIUS = 0.070, 0.092
 
 @dataclass(frozen=True)
 class BodyShape:
-    """The solids that stand for one skeleton, as joint indices and radii in metres.
+    """The solids of the body of one skeleton, as joint indices and radii in metres.
 
     Parameters
     ----------
-    head : joints whose mean is the centre of the head; empty where no joint is named so
+    head : joints whose mean is the centre of the head; empty if no joint has such a name
     head_radius : metres
-    trunk : (joint, radius) of the spheres whose hull is the trunk; empty where it is not known
+    trunk : (joint, radius) of the spheres whose hull is the trunk; empty if it is unknown
     limbs : (parent, child, radius at the parent, radius at the child)
     """
 
@@ -47,9 +47,9 @@ class BodyShape:
 
 
 def make_body_shape(skeleton: Skeleton) -> BodyShape:
-    """Clothe a skeleton: a ball for the head, a hull for the trunk, tapered capsules for the rest.
+    """Return a sphere for the head, a hull for the trunk and tapered capsules for the limbs.
 
-    A skeleton whose names say nothing of elbows and knees gets capsules alone, one a bone.
+    A skeleton without names of elbows and knees gets one capsule per bone.
     """
     names = [joint.lower() for joint in skeleton.joints]
     head = tuple(i for i, name in enumerate(names) if re.search(_HEAD, name))
@@ -70,7 +70,7 @@ def _radius(name: str) -> float:
 
 
 def _limb_radii(parent: str, child: str) -> tuple[float, float]:
-    """Radii at both ends; where a limb leaves a thicker part it starts at its own thickness."""
+    """Return the radii at both ends; at the trunk a limb has the radius of its other end."""
     if _MIDDLE.search(parent) or re.search(_HEAD, parent + child):
         thin = min(_radius(parent), _radius(child), 0.052)
         return thin, thin
@@ -78,7 +78,7 @@ def _limb_radii(parent: str, child: str) -> tuple[float, float]:
 
 
 def _trunk(skeleton: Skeleton, names: list[str]) -> tuple[tuple[int, float], ...]:
-    """Find the joints above both elbows and above both knees."""
+    """Return the parents of both elbows and of both knees."""
     corners = [
         (skeleton.parents[joint], radius)
         for pattern, radius in ((_ELBOW, _SHOULDER_RADIUS), (_KNEE, _HIP_RADIUS))

@@ -12,11 +12,11 @@ from pacmo_core.metrics.catalogue import HIGHER, LOWER, UNKNOWN, Metric
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture of a clip: ``person_a`` is the partner, ``person_b`` the reaction.
+    """One view of a clip: ``person_a`` is the partner, ``person_b`` the reaction.
 
     Parameters
     ----------
-    label : what is shown, such as ``real`` or ``oracle``
+    label : of the view, such as ``real`` or ``oracle``
     interaction : both people
     """
 
@@ -26,13 +26,13 @@ class Panel:
 
 @dataclass(frozen=True)
 class PlayedClip:
-    """Panels that play side by side on one clock, in one world, under one camera.
+    """Panels that play side by side at the same time, in one world, with one camera.
 
     Parameters
     ----------
-    name, action : shown as they are, never run
-    panels : at least one; the first sets the ground and the camera
-    remark : why it is shown
+    name, action : shown as text; markup is escaped
+    panels : at least one; the first determines the ground and the camera
+    remark : reason why the clip is shown
 
     Raises
     ------
@@ -51,47 +51,51 @@ class PlayedClip:
 
     @property
     def labels(self) -> list[str]:
-        """What each panel shows."""
+        """Labels of the panels."""
         return [panel.label for panel in self.panels]
 
     def scenes(self) -> list[Scene]:
-        """Give the panels to the player."""
+        """Return the panels as scenes of the player."""
         return [Scene.of(panel.label, panel.interaction) for panel in self.panels]
 
 
 MEASUREMENT_COLUMNS = {
     "near_distance_error": Metric(
-        "Near pairs", LOWER, "m", "change of the distances between joints of the two that are near"
+        "Near pairs", LOWER, "m", "change of the distances between near joints of the two people"
     ),
     "near_distance_error_naive": Metric(
-        "scaled in place", UNKNOWN, "m", "the same, each body for itself"
+        "Near pairs, scaled", UNKNOWN, "m", "the same if each body is only scaled"
     ),
-    "far_distance_error": Metric("Far pairs", LOWER, "m", "the same of all other pairs"),
-    "contacts_preserved": Metric("Contacts kept", HIGHER, "", "share of touching pairs and frames"),
+    "far_distance_error": Metric("Far pairs", LOWER, "m", "the same for all other pairs"),
+    "contacts_preserved": Metric(
+        "Contacts kept", HIGHER, "", "share of contacts over pairs and frames"
+    ),
     "added_foot_skate": Metric(
-        "Added sliding", LOWER, "m/s", "of standing feet, over the source's"
+        "Added foot skate", LOWER, "m/s", "of feet in stance, relative to the source"
     ),
-    "penetration": Metric("Deeper", LOWER, "m", "how much closer than in the source, at worst"),
+    "penetration": Metric(
+        "Penetration", LOWER, "m", "largest decrease of a distance below that of the source"
+    ),
     "acceleration_peak_ratio": Metric(
-        "Seam ratio", LOWER, "", "sharpest jolt over the motion around it"
+        "Peak acceleration", LOWER, "", "largest acceleration over that of the frames around it"
     ),
     "bend_flip_fraction": Metric(
-        "Flips", LOWER, "", "share of frames with an elbow or knee bent back"
+        "Flips", LOWER, "", "share of frames with an elbow or knee bent backwards"
     ),
     "trunk_deformation": Metric(
-        "Trunk bent", LOWER, "", "share by which two joints of a trunk are nearer than they should"
+        "Trunk deformation", LOWER, "", "largest relative decrease of a distance within a trunk"
     ),
 }
 KINDS = {
-    "uniform": ("One body grown or shrunk", "all bones alike"),
+    "uniform": ("One body scaled", "all bones by one factor"),
     "single": ("One bone", "of the upper body"),
-    "profile": ("A given body", "child, tall adult, long arms"),
-    "random": ("Two drawn bodies", "log-normal stature and proportions"),
+    "profile": ("One profile", "child, tall adult, long arms"),
+    "random": ("Two sampled bodies", "log-normal stature and proportions"),
 }
 
 
 def variation_table(kinds: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Table:
-    """Lay out each kind's figures: the mean, and between which values most lie."""
+    """Return a table of each kind's measurements: means and percentiles."""
     return Table(
         metrics=tuple(MEASUREMENT_COLUMNS.values()),
         lines=tuple(
@@ -109,29 +113,29 @@ def variation_table(kinds: Mapping[str, Mapping[str, Mapping[str, float]]]) -> T
 
 
 def played_variation(
-    name: str, source: Interaction, shown: Sequence[tuple[str, Mapping[str, Any], Interaction]]
+    name: str, source: Interaction, variations: Sequence[tuple[str, Mapping[str, Any], Interaction]]
 ) -> PlayedClip:
-    """Set variations beside their source.
+    """Return variations beside their source as a clip to play.
 
     Parameters
     ----------
-    shown : label, figures and motion of each variation, in order
+    variations : label, measurements and motion of each, in order
     """
     panels = [
-        Panel(f"{label}: {measurement_summary(figures)}", interaction)
-        for label, figures, interaction in shown
+        Panel(f"{label}: {measurement_summary(measurements)}", interaction)
+        for label, measurements, interaction in variations
     ]
     return PlayedClip(name, "", (Panel("source", source), *panels))
 
 
-def measurement_summary(figures: Mapping[str, float]) -> str:
-    """Say a variation's figures in a line."""
+def measurement_summary(measurements: Mapping[str, float]) -> str:
+    """Return the measurements of a variation in one line."""
     return (
-        f"near pairs {1e3 * figures['near_distance_error']:.1f} mm off "
-        f"({1e3 * figures['near_distance_error_naive']:.0f} if scaled in place), "
-        f"contacts {100 * figures['contacts_preserved']:.1f} %, "
-        f"sliding {100 * figures['added_foot_skate']:+.2f} cm/s, "
-        f"{1e3 * figures['penetration']:.1f} mm deeper, "
-        f"seam {figures['acceleration_peak_ratio']:.2f}, "
-        f"trunk bent {100 * figures['trunk_deformation']:.0f} %"
+        f"near distances changed by {1e3 * measurements['near_distance_error']:.1f} mm "
+        f"({1e3 * measurements['near_distance_error_naive']:.0f} if only scaled), "
+        f"contacts kept {100 * measurements['contacts_preserved']:.1f} %, "
+        f"foot skate {100 * measurements['added_foot_skate']:+.2f} cm/s, "
+        f"penetration {1e3 * measurements['penetration']:.1f} mm, "
+        f"peak acceleration {measurements['acceleration_peak_ratio']:.2f}, "
+        f"trunk deformation {100 * measurements['trunk_deformation']:.0f} %"
     )

@@ -1,4 +1,4 @@
-"""Training curves as small charts, one per term, each with an axis of its own."""
+"""Training curves as small charts, one per term, each with its own axis."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,19 +10,19 @@ from pacmo_core.figures.tables import format_number
 
 _WIDTH, _HEIGHT = 300.0, 150.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 16.0, 8.0, 20.0
-_MOST_POINTS = 240  # a chart this wide shows no more
+_MAX_POINTS = 240  # of a chart; more are not visible
 _LOG_FROM = 100.0  # ratio of the largest to the smallest value from which the axis is logarithmic
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What a training run wrote down.
+    """The logged values of a training run.
 
     Parameters
     ----------
-    steps : (N,) rising, N >= 1
-    terms : by name (N,) values; one that was not measured at a step is NaN
-    x_label : what a step is
+    steps : (N,) increasing, N >= 1
+    terms : (N,) values by name; NaN where a term was not measured
+    x_label : unit of the steps
 
     Raises
     ------
@@ -38,14 +38,14 @@ class Curve:
         wrong = {name: len(term) for name, term in self.terms.items()}
         if not self.steps or any(n != len(self.steps) for n in wrong.values()):
             raise ValueError(
-                f"a curve wants at least one step and a value a step; "
+                f"a curve wants at least one step and one value per step; "
                 f"got {len(self.steps)} steps and {wrong}"
             )
 
 
 @dataclass(frozen=True)
 class Tick:
-    """A mark on an axis: where it stands in the picture, and what it says."""
+    """A tick on an axis: its position in the chart and its label."""
 
     at: float
     text: str
@@ -53,7 +53,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Chart:
-    """One term, drawn: SVG paths and ticks in a picture of ``width`` by ``height``."""
+    """One term as SVG paths and ticks in a chart of ``width`` by ``height``."""
 
     name: str
     x_label: str
@@ -71,22 +71,22 @@ class Chart:
 
 
 def charts(curve: Curve) -> list[Chart]:
-    """Draw every term that was measured at least once."""
+    """Return a chart of every term that was measured at least once."""
     steps = np.asarray(curve.steps, dtype=np.float64)
-    sampled = []
+    result = []
     for name, term in curve.terms.items():
         values = np.asarray(term, dtype=np.float64)
         known = np.isfinite(values)
         if known.any():
-            sampled.append(_chart(name, curve.x_label, steps[known], values[known]))
-    return sampled
+            result.append(_chart(name, curve.x_label, steps[known], values[known]))
+    return result
 
 
 def _chart(
     name: str, x_label: str, steps: NDArray[np.float64], values: NDArray[np.float64]
 ) -> Chart:
     log = values.min() > 0 and values.max() > _LOG_FROM * values.min()
-    bins = np.array_split(np.arange(len(steps)), min(len(steps), _MOST_POINTS))
+    bins = np.array_split(np.arange(len(steps)), min(len(steps), _MAX_POINTS))
     scaled = np.log10(values) if log else values
     x = _Axis.over(steps, _LEFT, _WIDTH - _RIGHT)
     y = _Axis.over(scaled, _HEIGHT - _BOTTOM, _TOP)
@@ -116,15 +116,15 @@ class _Axis:
     @classmethod
     def over(cls, values: NDArray[np.float64], start: float, stop: float) -> "_Axis":
         low, high = float(values.min()), float(values.max())
-        room = 0.5 * max(abs(low), 1e-6) if low == high else 0.0
-        return cls(low - room, high + room, start, stop)
+        margin = 0.5 * max(abs(low), 1e-6) if low == high else 0.0
+        return cls(low - margin, high + margin, start, stop)
 
     def place(self, value: float) -> float:
-        share = (value - self.low) / (self.high - self.low)
-        return self.start + share * (self.stop - self.start)
+        fraction = (value - self.low) / (self.high - self.low)
+        return self.start + fraction * (self.stop - self.start)
 
     def ticks(self, *, log: bool) -> tuple[Tick, ...]:
-        """Mark a few round values: 1, 2 or 5 times a power of ten; whole powers if logarithmic."""
+        """Return a few ticks: 1, 2 or 5 times a power of ten; powers of ten if logarithmic."""
         rough = max((self.high - self.low) / 4, 1.0 if log else 0.0)
         power = 10.0 ** np.floor(np.log10(rough))
         step = power * next(m for m in (1, 2, 5, 10) if m * power >= rough)

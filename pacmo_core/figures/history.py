@@ -1,4 +1,4 @@
-"""The report with history: decisions, earlier runs and the perceptual study; the study's page."""
+"""The report with decisions, earlier runs and the perceptual study; the page of the study."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +13,7 @@ from pacmo_core.metrics.catalogue import METRICS
 
 @dataclass(frozen=True)
 class DecisionRow:
-    """One decision as shown."""
+    """One decision as it is displayed."""
 
     number: int
     at: str
@@ -27,8 +27,8 @@ class DecisionRow:
 def render_history(curve: Curve | None, rows: Sequence[DecisionRow]) -> str:
     """Render the page; it needs no network."""
     page = template_environment().get_template("history.html")
-    sampled = charts(replace(curve, terms=_labelled_terms(curve.terms))) if curve else []
-    return page.render(charts=sampled, rows=rows, style=Markup(read_asset("report.css")))
+    terms = charts(replace(curve, terms=_labelled_terms(curve.terms))) if curve else []
+    return page.render(charts=terms, rows=rows, style=Markup(read_asset("report.css")))
 
 
 def _labelled_terms(terms: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
@@ -37,20 +37,20 @@ def _labelled_terms(terms: Mapping[str, Sequence[float]]) -> dict[str, Sequence[
     return {labels.get(name, name): values for name, values in terms.items()}
 
 
-# Comments of our own making: of a text with markup in it nothing stays markup.
+# Unique comments: markup within texts is escaped and cannot contain them.
 LINKS, SECTIONS = "<!-- links -->", "<!-- sections -->"
 COMPARED_METRICS = ("f2id", "f2id_excess", "mmd_s", "diversity", "matching", "ape")
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What one run measured of its model.
+    """The metrics of the model of one run.
 
     Parameters
     ----------
     number : from 1, in the order of the runs
     at : UTC, ISO 8601
-    experiment : its name
+    experiment : name
     commit : of the code
     digest : SHA-256 of its metrics
     metrics : mean, low and high by metric
@@ -64,7 +64,7 @@ class Measurement:
     metrics: Mapping[str, Cell]
 
     def entries(self) -> list[Entry]:
-        """Write the metrics that are compared."""
+        """Return the compared metrics as table entries."""
         return [
             make_entry(self.metrics.get(name, {"missing": "not measured"}), "")
             for name in COMPARED_METRICS
@@ -73,7 +73,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class StageRun:
-    """A stage as it was run: its command, and the MD5 of each file that it read and wrote."""
+    """A stage of a run: its command, and the MD5 hashes of its inputs and outputs."""
 
     name: str
     command: str
@@ -83,7 +83,7 @@ class StageRun:
 
 @dataclass(frozen=True)
 class StudyTable:
-    """What people said: lines of a name and four cells, ours and the paper's of either kind."""
+    """Results of the study: a name and four cells a line, ours and the paper's of each kind."""
 
     lines: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...]
@@ -91,7 +91,7 @@ class StudyTable:
 
 @dataclass(frozen=True)
 class ReportContext:
-    """All that is set into the page; what is empty is left out."""
+    """All that is inserted into the report; empty parts are omitted."""
 
     study: StudyTable | None = None
     runs: tuple[Measurement, ...] = ()
@@ -100,34 +100,36 @@ class ReportContext:
     stages: tuple[StageRun, ...] = field(default=())
 
 
-def add_history(page: str, beside: ReportContext) -> str:
-    """Set sections into a run's page.
+def add_history(page: str, context: ReportContext) -> str:
+    """Insert the sections into the report of a run.
 
     Raises
     ------
     ValueError
-        If the page has no one place for them.
+        If the page does not have exactly one place for them.
     """
     for mark in (LINKS, SECTIONS):
         if page.count(mark) != 1:
             raise ValueError(f"wanted one {mark} in the page; got {page.count(mark)}")
     template = template_environment().get_template("whole.html")
-    context = {
-        "beside": beside,
+    values = {
+        "context": context,
         "columns": [METRICS[name] for name in COMPARED_METRICS],
-        "by_experiment": _history_charts(beside.runs),
+        "by_experiment": _history_charts(context.runs),
     }
-    links, sections = (template.render(part=part, **context) for part in ("links", "sections"))
+    links, sections = (template.render(part=part, **values) for part in ("links", "sections"))
     return page.replace(LINKS, links).replace(SECTIONS, sections)
 
 
 def _history_charts(runs: Sequence[Measurement]) -> dict[str, list[Chart]]:
-    """Draw the metrics of each experiment that ran more than once."""
+    """Return charts of the metrics of each experiment that ran more than once."""
     by_experiment: dict[str, list[Measurement]] = {}
     for run in runs:
         by_experiment.setdefault(run.experiment, []).append(run)
     return {
-        name: charts(_curve(result)) for name, result in by_experiment.items() if len(result) > 1
+        name: charts(_curve(measured))
+        for name, measured in by_experiment.items()
+        if len(measured) > 1
     }
 
 
@@ -152,7 +154,7 @@ STUDY_POLICY = (
 
 
 def render_study() -> tuple[str, str]:
-    """Write the page, and the policy with which a server must send it."""
+    """Return the page and the content security policy with which a server must send it."""
     scripts = (*player_scripts(), read_asset("study.js"))
     policy = STUDY_POLICY.format(scripts=" ".join(f"'{script_hash(script)}'" for script in scripts))
     page = (

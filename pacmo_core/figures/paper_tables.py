@@ -13,7 +13,7 @@ from pacmo_core.metrics.catalogue import METRICS, PUBLISHED_COLUMNS
 
 @dataclass(frozen=True)
 class PaperTable:
-    """One table of the paper: by row, what is printed in the columns of ``PUBLISHED_COLUMNS``."""
+    """One table of the paper: printed values by row, in the columns of ``PUBLISHED_COLUMNS``."""
 
     number: int
     dataset: str
@@ -45,51 +45,51 @@ PAPER_TABLES = (
 )
 
 LABELS = {"real": "Real Motion", "pacmo": "PaCMO", "gru": "GRU baseline"}
-# Our rows that stand under a row of the paper, and what each is called there.
+# Our rows below a row of the paper, with their labels.
 OUR_ROWS = {
-    "real": {"real": "here: another draw, not the same set"},
-    "pacmo": {"pacmo": "here", "pacmo_paper": "here, in the paper's plain form"},
+    "real": {"real": "here: a second sample, not the same set"},
+    "pacmo": {"pacmo": "here", "pacmo_paper": "here, as published, without additions"},
     "gru": {"gru": "here"},
 }
 
 CAVEATS = (
-    "F²ID and diversity are of features, and the paper's auto-encoder was never released: these "
-    "columns compare rows of one table, not the paper with us.",
-    "The paper's real motion and PaCMO, 0.001 and 0.002 in F²ID, are closer together than two "
-    "draws of 1,000 from one law are likely to be: they cannot be told apart.",
-    "MMD as published is biased: for two sets of n it is at least 2/n whatever their laws, "
-    "0.002 for n = 1,000; 0 is a set against itself. Our real motion is a second draw.",
-    "APE 0.03 m and AVE 0.23 m² on NTU RGB+D 120 contradict each other for motion in metres: so "
-    "small an error of position would want roots that wander by some 3.8 m.",
-    "Here n reactions are drawn with replacement, five times, as in the paper; small figures are "
-    "the smallest and largest repeat, of APE and AVE the interval over clips.",
+    "F²ID and diversity depend on features, and the paper's auto-encoder was never released: these "
+    "columns compare rows within the paper or within this report, not between them.",
+    "The paper's real motion and PaCMO, 0.001 and 0.002 in F²ID, differ by less than two samples "
+    "of 1,000 from one distribution typically do: the difference is not significant.",
+    "MMD as published is biased: for two sets of n it is at least 2/n for any distributions, "
+    "0.002 for n = 1,000; 0 is a set compared with itself. Our real motion is a second sample.",
+    "APE 0.03 m and AVE 0.23 m² on NTU RGB+D 120 are inconsistent for motion in metres: such a "
+    "variance with so small a position error requires root displacements of about 3.8 m.",
+    "Here n reactions are sampled with replacement, five times, as in the paper; the small numbers "
+    "are the smallest and largest repeat, of APE and AVE the interval over clips.",
 )
 
 
 def side_by_side(paper: PaperTable, ours: Rows) -> Table:
-    """Lay out a table of the paper with our rows under the paper's.
+    """Return a table of the paper with our rows below those of the paper.
 
     Parameters
     ----------
-    paper : the paper's
-    ours : row to metric to cell; rows that we do not have are left out
+    paper : table of the paper
+    ours : cells by row and metric; missing rows are omitted
     """
     lines = []
     for row, printed in paper.rows.items():
         texts = tuple(Entry(text.replace("-", "−"), "", "", "") for text in printed)
         lines.append(Line(LABELS[row], "the paper", is_model=False, entries=texts))
-        for name, called in OUR_ROWS[row].items():
+        for name, label in OUR_ROWS[row].items():
             if name in ours:
                 cells = tuple(make_entry(ours[name].get(c, {}), "") for c in PUBLISHED_COLUMNS)
-                lines.append(Line("", called, is_model=True, entries=cells))
+                lines.append(Line("", label, is_model=True, entries=cells))
     return Table(tuple(METRICS[column] for column in PUBLISHED_COLUMNS), tuple(lines))
 
 
 def difference_note(paper: PaperTable, dataset: str) -> str:
-    """Say what the data sets mean for a reader of the table."""
+    """Return a note on what can be compared in the table."""
     if dataset == paper.dataset:
-        return f"Both of {paper.name}, on other splits and features."
+        return f"Both on {paper.name}, with different splits and features."
     return (
-        f"The paper's figures are of {paper.name}, ours of {dataset}: another data set. The order "
-        "of rows may be compared, the figures may not."
+        f"The paper's values are for {paper.name}, ours for {dataset}. The order of rows can be "
+        "compared, the values cannot."
     )

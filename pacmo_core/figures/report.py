@@ -18,20 +18,20 @@ from pacmo_core.figures.viewer import (
 )
 
 SECTIONS = {
-    "pacmo": "Reactions, generated from the partner alone",
-    "pacmo_partner": "Do reactions answer their partner?",
-    "pacmo_same_action": "The same within one act",
-    "pacmo_further": "Feet, bodies, variety",
+    "pacmo": "Reactions, generated from the motion of the partner",
+    "pacmo_partner": "Do reactions depend on their partner?",
+    "pacmo_same_action": "The same, with partners permuted within an action",
+    "pacmo_further": "Plausibility and diversity",
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
 }
 
-CONTACT = 0.1  # metres; for the eye alone, metrics have a setting of their own
+CONTACT = 0.1  # metres; for display only, metrics have their own setting
 
 
 @dataclass(frozen=True)
 class Section:
-    """A table that is laid out already, with notes of its own."""
+    """A further table with its notes."""
 
     title: str
     table: Table
@@ -40,7 +40,7 @@ class Section:
 
 @dataclass(frozen=True)
 class QuarantineRow:
-    """A raw file that was moved out of the way, and why."""
+    """A raw file in quarantine, with the reason."""
 
     file: str
     line: int | None
@@ -49,15 +49,15 @@ class QuarantineRow:
 
 @dataclass(frozen=True)
 class DataSummary:
-    """What was read.
+    """The dataset of a run.
 
     Parameters
     ----------
-    files_read : raw files that were opened
-    clips : clips that came of them
-    quarantined : the rest
-    facts : what the set is, by name: people, actions, duration, frames, fps, skeleton
-    split : how it was divided, by name: method, clips per side, dropped
+    files_read : number of raw files
+    clips : number of clips cut from them
+    quarantined : files that could not be used
+    facts : by name: people, actions, duration, frames, fps, skeleton
+    split : by name: method, clips in each split, dropped clips
     """
 
     files_read: int
@@ -69,21 +69,21 @@ class DataSummary:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that the page shows.
+    """The contents of the report.
 
     Parameters
     ----------
-    title : the experiment's name
-    summary : what it is, one or two sentences
-    facts : commands and hashes that made it, by name
-    data : what was read
+    title : name of the experiment
+    summary : one or two sentences
+    facts : commands and hashes of the run, by name
+    data : the dataset
     tables : section to rows to metrics to ``{mean, low, high}``, or ``{missing: reason}``
-    notes : footnotes of the tables: what the floor is, which extractor
-    sections : further tables, each with notes of its own
-    curves : training runs by name
-    clips : clips that play
-    contact : metres between joints of two people that touch
-    gallery : clips and their variations, which play too
+    notes : footnotes of the tables, such as the noise floor and the extractor
+    sections : further tables with their notes
+    curves : training curves by name
+    clips : clips to play
+    contact : distance in metres below which joints of two people are marked as in contact
+    gallery : clips with their variations, to play
     """
 
     title: str
@@ -100,10 +100,10 @@ class Report:
 
 
 def render_report(report: Report) -> str:
-    """Write the report as one HTML document that refers to nothing outside itself.
+    """Return the report as one self-contained HTML document.
 
-    Equal reports give equal bytes. Every text is escaped; the page's own policy lets no script
-    run but the player's, by their hashes.
+    Equal reports give equal bytes. Every text is escaped; the content security policy of the page
+    allows only the scripts of the player, by their hashes.
     """
     scripts = player_scripts() if report.clips else ()
     return (

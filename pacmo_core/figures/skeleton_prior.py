@@ -12,15 +12,15 @@ from pacmo_core.figures.supplement_tables import (
 from pacmo_core.figures.tables import Entry, Line, Table, format_number, make_entry
 from pacmo_core.metrics.catalogue import LOWER, UNKNOWN, Metric
 
-# By model, by metric: mean, low, high.
-Found = Mapping[str, Mapping[str, Mapping[str, float]]]
-# By task, by split: the same.
-Scores = Mapping[str, Mapping[str, Found]]
+# By model and metric: mean, low, high.
+ModelScores = Mapping[str, Mapping[str, Mapping[str, float]]]
+# By task and split.
+Scores = Mapping[str, Mapping[str, ModelScores]]
 
 OUR_MODEL = "kinematic"
 MODELS = {
-    OUR_MODEL: Metric("Ours", UNKNOWN, "", "bones turned, lengths by forward kinematics"),
-    "paper": Metric("Paper's form", UNKNOWN, "", "offsets from the template, one body's scale"),
+    OUR_MODEL: Metric("Ours", UNKNOWN, "", "bone rotations; lengths by forward kinematics"),
+    "paper": Metric("Paper's form", UNKNOWN, "", "offsets from the template, scale of one body"),
     "f_cnn": Metric("F-CNN", UNKNOWN, "", "frame by frame, convolutions over joints"),
     "f_gcn": Metric("F-GCN", UNKNOWN, "", "frame by frame, graph convolutions"),
     "m_cnn": Metric("M-CNN", UNKNOWN, "", "whole motions, convolutions"),
@@ -43,10 +43,10 @@ class MetricRow:
     Parameters
     ----------
     task : retargeting or generation
-    metric : its name; with ``_first`` and ``_second`` where it is of each character
-    each : whether it is
-    unit : of the figures as shown
-    factor : from metres to that
+    metric : name; with suffixes ``_first`` and ``_second`` if there is one for each character
+    each : whether there is one for each character
+    unit : of the displayed values
+    factor : from metres to this unit
     """
 
     task: str
@@ -57,13 +57,13 @@ class MetricRow:
 
     @property
     def label(self) -> str:
-        """Name it as the first column does."""
+        """Label in the first column."""
         unit = f", {self.unit}" if self.unit else ""
         return f"{self.metric}, {self.task}{unit}"
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Name the figures of a cell, A's first as the supplement has them."""
+        """Names of the values in a cell; A first, as in the supplement."""
         return (f"{self.metric}_second", f"{self.metric}_first") if self.each else (self.metric,)
 
 
@@ -76,37 +76,43 @@ METRIC_ROWS = (
     MetricRow("generation", "JPD", each=False, unit="mm", factor=1e3),
 )
 PLAUSIBILITY_ROWS = {
-    "contacts_preserved": Metric("Contacts kept", "↑", "", "share of touching pairs and frames"),
-    "foot_skate": Metric("Foot sliding", LOWER, "m/s", "of feet that stand in the source"),
-    "penetrating": Metric("Merged", LOWER, "", "share of frames in which the bodies merge"),
-    "diversity": Metric("Diversity", UNKNOWN, "m", "distance of joints of two samples of a body"),
+    "contacts_preserved": Metric(
+        "Contacts kept", "↑", "", "share of contacts over pairs and frames"
+    ),
+    "foot_skate": Metric("Foot skate", LOWER, "m/s", "of feet that are in stance in the source"),
+    "penetrating": Metric(
+        "Penetration", LOWER, "", "share of frames in which the bodies penetrate"
+    ),
+    "diversity": Metric(
+        "Diversity", UNKNOWN, "m", "distance of joints between two samples on the same body"
+    ),
 }
 MOTIONS = tuple(SUPPLEMENT_TABLES)
 
 
 def motion_table(scores: Scores, motion: str) -> Table:
-    """Lay out one motion as the supplement does, its figures small below ours, by splits run.
+    """Return the table of one motion in the layout of the supplement, with its values below ours.
 
     Parameters
     ----------
     scores : of one source, or of all
-    motion : of the supplement, whose figures stand beside
+    motion : of the supplement
     """
     printed = [line.split() for line in SUPPLEMENT_TABLES[motion].split("\n") if line.strip()]
     lines = []
-    for number_of_block, block in enumerate(METRIC_ROWS):
+    for number, block in enumerate(METRIC_ROWS):
         for row, split in enumerate(SPLITS):
-            theirs = dict(zip(SUPPLEMENT_COLUMNS, printed[4 * number_of_block + row], strict=True))
-            result = scores.get(block.task, {}).get(split, {})
-            if not result:
+            theirs = dict(zip(SUPPLEMENT_COLUMNS, printed[4 * number + row], strict=True))
+            models = scores.get(block.task, {}).get(split, {})
+            if not models:
                 continue
-            entries = tuple(_cell(result, model, block, theirs.get(model, "")) for model in MODELS)
+            entries = tuple(_cell(models, model, block, theirs.get(model, "")) for model in MODELS)
             lines.append(Line(block.label, SPLITS[split], is_model=True, entries=entries))
     return Table(tuple(MODELS.values()), tuple(lines))
 
 
 def few_samples_table(scores: Scores) -> Table:
-    """Lay out Table 10: what fewer samples to train on cost ours and the best baseline."""
+    """Return Table 10: ours and the best baseline with fewer training samples."""
     lines = []
     for kind in ("", "_24", "_12", "_6"):
         split = HARDEST + kind
@@ -129,7 +135,7 @@ def few_samples_table(scores: Scores) -> Table:
 
 
 def plausibility_table(scores: Scores) -> Table:
-    """Lay out what an animator looks at."""
+    """Return the table of plausibility metrics."""
     lines = []
     for split in dict.fromkeys(split for task in scores.values() for split in task):
         for model, metric in MODELS.items():
@@ -142,7 +148,7 @@ def plausibility_table(scores: Scores) -> Table:
 
 
 def select_source(scores: Mapping[str, Any], family: str, source: str) -> Scores:
-    """Take one source's figures out of a family's: by task, split, model, metric."""
+    """Select the scores of one source of a family: by task, split, model, metric."""
     return {
         task: {
             split: {
@@ -155,7 +161,7 @@ def select_source(scores: Mapping[str, Any], family: str, source: str) -> Scores
 
 
 def comparison_sentences(scores: Scores) -> Iterator[str]:
-    """Say in how many splits ours beats every baseline, metric by metric."""
+    """Yield for each metric in how many splits ours is better than every baseline."""
     for block in METRIC_ROWS:
         splits = [s for s in SPLITS if OUR_MODEL in scores.get(block.task, {}).get(s, {})]
         won = [s for s in splits if _is_best(scores[block.task][s], block)]
@@ -163,9 +169,9 @@ def comparison_sentences(scores: Scores) -> Iterator[str]:
             yield f"{block.label}: ours is best in {len(won)} of {len(splits)} splits"
 
 
-def _is_best(found: Found, block: MetricRow) -> bool:
+def _is_best(models: ModelScores, block: MetricRow) -> bool:
     means = {
-        model: _mean(found[model], block) for model in (OUR_MODEL, *BASELINES) if model in found
+        model: _mean(models[model], block) for model in (OUR_MODEL, *BASELINES) if model in models
     }
     return len(means) > 1 and min(means, key=means.__getitem__) == OUR_MODEL
 
@@ -174,11 +180,11 @@ def _mean(metrics: Mapping[str, Mapping[str, float]], block: MetricRow) -> float
     return sum(metrics[part]["mean"] for part in block.parts) / len(block.parts)
 
 
-def _cell(found: Found, model: str, block: MetricRow, printed: str) -> Entry:
+def _cell(models: ModelScores, model: str, block: MetricRow, printed: str) -> Entry:
     theirs = f"[{printed}]" if printed not in ("", "-") else ""
-    if model not in found or not all(part in found[model] for part in block.parts):
+    if model not in models or not all(part in models[model] for part in block.parts):
         return Entry("–", theirs, "", "")
-    cells = [found[model][part] for part in block.parts]
+    cells = [models[model][part] for part in block.parts]
     value = "/".join(format_number(block.factor * cell["mean"]) for cell in cells)
     spread = [
         f"{format_number(block.factor * cell['low'])} … "
@@ -187,7 +193,7 @@ def _cell(found: Found, model: str, block: MetricRow, printed: str) -> Entry:
         if "low" in cell
     ]
     complete = {
-        m: metrics for m, metrics in found.items() if all(part in metrics for part in block.parts)
+        m: metrics for m, metrics in models.items() if all(part in metrics for part in block.parts)
     }
     best = min(complete, key=lambda m: _mean(complete[m], block))
     entry = Entry(value, "\n".join([*spread, *([theirs] if theirs else [])]), "", "")
@@ -195,8 +201,8 @@ def _cell(found: Found, model: str, block: MetricRow, printed: str) -> Entry:
 
 
 def _best_entry(scores: Scores, split: str, models: tuple[str, ...], block: MetricRow) -> Entry:
-    result = scores.get(block.task, {}).get(split, {})
-    means = [_mean(result[model], block) for model in models if model in result]
+    scores_of = scores.get(block.task, {}).get(split, {})
+    means = [_mean(scores_of[model], block) for model in models if model in scores_of]
     if not means:
         return Entry("–", "", "", "")
     return Entry(format_number(block.factor * min(means)), "", "", "")

@@ -1,4 +1,4 @@
-"""Still pictures and films (MP4, GIF) of interactions as solid figures, by matplotlib."""
+"""Still images and films (MP4, GIF) of interactions, drawn by matplotlib."""
 
 import importlib
 import importlib.util
@@ -26,9 +26,9 @@ Array = NDArray[np.float64]
 
 COLOURS = ("#d1663b", "#3c78a8")
 FLOOR, SHADOW = "#f4f1ec", "#d9d3c8"
-ELEVATION = 0.24  # radians that the onlooker looks down
+ELEVATION = 0.24  # radians by which the camera looks down
 
-# Metres across, by a word in the name of the bone's child; the first that fits.
+# Diameter in metres, by a word in the name of the bone's child; the first match applies.
 WIDTHS = (
     (("tip", "thumb"), 0.035),
     (("hand",), 0.06),
@@ -41,11 +41,11 @@ WIDTHS = (
 )
 HEAD = 0.105  # metres, radius
 ASPECT = 0.8  # height of a picture over its width
-MARGIN = np.array([0.22, 0.24])  # metres about the joints: limbs, heads and the label have room
+MARGIN = np.array([0.22, 0.24])  # metres around the joints, for limbs, heads and the label
 
 
 class Box(NamedTuple):
-    """What a picture shows: metres to the right of and above the point on the floor."""
+    """The visible rectangle, in metres to the right of and above the centre of the camera."""
 
     left: float
     bottom: float
@@ -54,12 +54,12 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Camera:
-    """From where a strip is seen.
+    """The camera of a film strip.
 
     Parameters
     ----------
-    centre : (3,) metres, the point on the floor that stays in the middle
-    right : (3,) unit vector that points to the right of the picture; level
+    centre : (3,) metres, the point on the floor in the middle of the picture
+    right : (3,) horizontal unit vector to the right of the picture
     """
 
     centre: Array
@@ -67,11 +67,11 @@ class Camera:
 
 
 def choose_camera(interaction: Interaction) -> Camera:
-    """Stand so that the two people are side by side, and keep the floor under the lowest foot."""
+    """Return a camera that sees the two people side by side, with the floor at the lowest foot."""
     a, b = (np.asarray(m, np.float64) for m in (interaction.person_a, interaction.person_b))
     root = interaction.skeleton.root
     apart = (b[:, root] - a[:, root]).mean(axis=0) * [1.0, 0.0, 1.0]
-    # A little to the side, so that arms that reach along the line between the two do not hide.
+    # Rotated a little, so that arms that reach along the line between the two stay visible.
     angle = np.arctan2(-apart[2], apart[0]) + 0.45
     both = np.concatenate([a, b], axis=1)
     centre = both.mean(axis=(0, 1))
@@ -80,7 +80,7 @@ def choose_camera(interaction: Interaction) -> Camera:
 
 
 def project(points: Array, camera: Camera) -> Array:
-    """See points (..., 3) as (..., 3): right and up in the picture, and nearness, metres."""
+    """Project points (..., 3) to (..., 3): right, up and nearness in metres."""
     away = np.cross(np.array([0.0, 1.0, 0.0]), camera.right)
     x, y, near = (
         (points - camera.centre) @ axis for axis in (camera.right, np.array([0.0, 1.0, 0.0]), -away)
@@ -90,7 +90,7 @@ def project(points: Array, camera: Camera) -> Array:
 
 
 def bone_widths(skeleton: Skeleton) -> list[float]:
-    """Metres across for each of ``skeleton.bones``."""
+    """Return the diameter of each of ``skeleton.bones``, in metres."""
     names = [skeleton.joints[child].lower() for _, child in skeleton.bones]
     return [
         next((w for words, w in WIDTHS if any(word in name for word in words)), 0.09)
@@ -98,25 +98,27 @@ def bone_widths(skeleton: Skeleton) -> list[float]:
     ]
 
 
-def fit_view(interaction: Interaction, frames: Sequence[int], camera: Camera, least: float) -> Box:
-    """Give the smallest picture in which both people stand whole at every frame.
+def fit_view(
+    interaction: Interaction, frames: Sequence[int], camera: Camera, min_width: float
+) -> Box:
+    """Return the smallest rectangle that shows both people completely in every frame.
 
     Parameters
     ----------
-    least : metres that the picture is wide at least
+    min_width : metres
     """
     both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)[list(frames)]
     flat = project(both.astype(np.float64), camera)[..., :2].reshape(-1, 2)
     low, high = flat.min(axis=0) - MARGIN, flat.max(axis=0) + MARGIN
-    width = max(least, high[0] - low[0], (high[1] - low[1]) / ASPECT)
-    remaining, bottom = 0.5 * (low + high) - 0.5 * width * np.array([1.0, ASPECT])
-    return Box(float(remaining), float(bottom), float(width))
+    width = max(min_width, high[0] - low[0], (high[1] - low[1]) / ASPECT)
+    left, bottom = 0.5 * (low + high) - 0.5 * width * np.array([1.0, ASPECT])
+    return Box(float(left), float(bottom), float(width))
 
 
 def draw_interaction(
     axes: Axes, interaction: Interaction, frame: int, *, camera: Camera, box: Box
 ) -> None:
-    """Draw both people at a frame; take one onlooker and one box for a whole strip."""
+    """Draw both people at a frame; use one camera and one box for a whole strip."""
     axes.set(
         xlim=(box.left, box.left + box.width),
         ylim=(box.bottom, box.bottom + ASPECT * box.width),
@@ -143,7 +145,7 @@ def draw_interaction(
 
 
 def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colour: str) -> None:
-    """Draw bones as round rods with pale edges, the nearer lighter and over the farther."""
+    """Draw bones as round lines with white edges; nearer bones are lighter and in front."""
     tone = np.array(to_rgb(colour))
     for (parent, child), width in zip(skeleton.bones, widths, strict=True):
         ends = pose[[parent, child]]
@@ -168,20 +170,24 @@ def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colou
 
 
 def film_strip(
-    interactions: Sequence[tuple[str, Interaction, Sequence[int]]], *, least: float, inches: float
+    interactions: Sequence[tuple[str, Interaction, Sequence[int]]],
+    *,
+    min_width: float,
+    inches: float,
 ) -> Figure:
-    """Set interactions in rows, each at its own frames.
+    """Return a figure with one row of frames for each interaction.
 
     Parameters
     ----------
-    interactions : title, interaction, frames; as many frames in each
-    least : metres that a picture shows at least, ``inches`` wide
+    interactions : title, interaction, frames; the same number of frames in each
+    min_width : metres that a picture shows at least
+    inches : width of a picture
     """
     rows, columns = len(interactions), len(interactions[0][2])
     figure = Figure(figsize=(columns * inches, rows * ASPECT * inches), facecolor="white")
     for row, (title, interaction, frames) in enumerate(interactions):
         camera = choose_camera(interaction)
-        box = fit_view(interaction, frames, camera, least)
+        box = fit_view(interaction, frames, camera, min_width)
         for column, frame in enumerate(frames):
             corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
             axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
@@ -195,29 +201,29 @@ def film_strip(
     return figure
 
 
-_INCHES, _DPI = 6.4, 100  # 640 pixels across
-_MIN_VIEW = 1.9  # metres that a picture shows at least
-_GIF_TICKS = 100  # a GIF's frames last whole hundredths of a second
+_INCHES, _DPI = 6.4, 100  # 640 pixels wide
+_MIN_VIEW = 1.9  # metres
+_GIF_TICKS = 100  # per second; a frame lasts a whole number of them
 
 
 def check_gif_rate(fps: float) -> None:
-    """Refuse a rate that a GIF cannot have.
+    """Reject a frame rate that a GIF cannot have.
 
     Raises
     ------
     ValueError
-        If a frame does not last a whole number of hundredths of a second, two at least.
+        If a frame does not last a whole number of hundredths of a second, at least two.
     """
     ticks = round(_GIF_TICKS / fps)
     if ticks < 2 or not np.isclose(ticks * fps, _GIF_TICKS, rtol=1e-3):
         raise ValueError(
-            f"a GIF's frames last whole hundredths of a second, two at least: "
+            f"frames of a GIF last whole hundredths of a second, at least two: "
             f"wanted 50, 33.333, 25, 20, 12.5, 10 ... fps; got {fps:g}"
         )
 
 
 def find_ffmpeg() -> str:
-    """Find the program that writes MP4: imageio-ffmpeg's, or the machine's own.
+    """Return the path of ffmpeg: that of imageio-ffmpeg, or of the system.
 
     Raises
     ------
@@ -226,29 +232,29 @@ def find_ffmpeg() -> str:
     """
     if importlib.util.find_spec("imageio_ffmpeg"):
         return str(importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe())
-    if found := shutil.which("ffmpeg"):
-        return found
+    if program := shutil.which("ffmpeg"):
+        return program
     raise ValueError("MP4 needs ffmpeg: pip install imageio-ffmpeg, or put ffmpeg on the path")
 
 
 def write_film(path: Path, clip: Interaction, fps: float) -> None:
-    """Draw every frame of a clip into a film.
+    """Write a film of every frame of a clip.
 
     Parameters
     ----------
     path : ends in .gif or .mp4
-    fps : frames a second of the film, and of the clip
+    fps : of the film and of the clip
 
     Raises
     ------
     ValueError
-        If the rate is none of a GIF's, or an MP4 is wanted and there is no ffmpeg.
+        If a GIF cannot have this rate, or ffmpeg is not installed for an MP4.
     """
     if path.suffix == ".gif":
         check_gif_rate(fps)
-        _draw_frames(path, clip, PillowWriter(fps=fps))  # type: ignore[arg-type]  # any number will do
+        _draw_frames(path, clip, PillowWriter(fps=fps))  # type: ignore[arg-type]  # accepts any number
         return
-    # Players want an even number of pixels and 4:2:0 colour.
+    # Players require an even number of pixels and 4:2:0 colour.
     options = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-loglevel", "error"]
     with mpl.rc_context({"animation.ffmpeg_path": find_ffmpeg()}):
         writer = FFMpegWriter(fps=fps, codec="h264", extra_args=options)  # type: ignore[arg-type]

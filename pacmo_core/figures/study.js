@@ -1,8 +1,8 @@
 "use strict";
-// A participant's way through a study: agree, judge clip after clip, go on where it was left.
+// The page of a participant: consent, one clip after another, continuation after an interruption.
 
 (() => {
-  const KEY = "pacmo-study", TRIES = 5;
+  const KEY = "pacmo-study", ATTEMPTS = 5;
   const find = (name) => document.getElementById(name);
   const state = { person: null, count: 0, open: [], player: null, busy: false };
   Pacmo.study = state;
@@ -11,21 +11,21 @@
     for (const main of document.querySelectorAll("main")) main.hidden = main.id !== name;
   }
 
-  function complain(text) {
+  function showError(text) {
     for (const line of document.querySelectorAll(".wrong")) { line.textContent = text; line.hidden = !text; }
   }
 
-  // An answer may be sent again: the first to a place is the one that is kept.
+  // An answer may be sent again: the server stores the first one for a place.
   async function ask(path, content) {
     for (let attempt = 0; ; attempt += 1) {
       try {
         const options = content && { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) };
-        const answer = await fetch(path, options);
-        if (answer.ok) return answer.json();
-        if (answer.status !== 429 && answer.status < 500) return null;
+        const response = await fetch(path, options);
+        if (response.ok) return response.json();
+        if (response.status !== 429 && response.status < 500) return null;
       } catch { /* no network for now */ }
-      if (attempt === TRIES) throw new Error("no answer");
-      complain("The server does not answer; trying again …");
+      if (attempt === ATTEMPTS) throw new Error("no response");
+      showError("The server does not respond; trying again …");
       await new Promise((done) => setTimeout(done, 400 * 2 ** attempt));
     }
   }
@@ -34,31 +34,30 @@
     if (state.busy) return;
     state.busy = true;
     for (const button of document.querySelectorAll("button")) button.disabled = true;
-    try { await job(); complain(""); } catch { complain("The server cannot be reached. Nothing is lost: try again later."); }
+    try { await job(); showError(""); } catch { showError("The server cannot be reached. Your answers are saved: try again later."); }
     for (const button of document.querySelectorAll("button")) button.disabled = false;
     state.busy = false;
   }
 
-  // Who sees no 3-D sees no clip.
-  function draws() {
-    const found = document.createElement("canvas").getContext("webgl2");
-    found?.getExtension("WEBGL_lose_context")?.loseContext();
-    return Boolean(found);
+  function hasWebGL() {
+    const context = document.createElement("canvas").getContext("webgl2");
+    context?.getExtension("WEBGL_lose_context")?.loseContext();
+    return Boolean(context);
   }
 
   async function begin() {
-    if (!draws()) { show("flat"); return; }
-    const begun = await ask("/begin", { consent: true });
-    if (!begun) { show("full"); return; }
-    localStorage.setItem(KEY, begun.person);
-    await goOn(begun.person);
+    if (!hasWebGL()) { show("flat"); return; }
+    const started = await ask("/begin", { consent: true });
+    if (!started) { show("full"); return; }
+    localStorage.setItem(KEY, started.person);
+    await resume(started.person);
   }
 
-  async function goOn(person) {
-    if (!draws()) { show("flat"); return; }
-    const known = await ask(`/progress/${person}`);
-    if (!known) { localStorage.removeItem(KEY); show("welcome"); return; }
-    Object.assign(state, { person, count: known.count, open: Array.from({ length: known.count }, (_, k) => k).filter((k) => !known.answered.includes(k)) });
+  async function resume(person) {
+    if (!hasWebGL()) { show("flat"); return; }
+    const progress = await ask(`/progress/${person}`);
+    if (!progress) { localStorage.removeItem(KEY); show("welcome"); return; }
+    Object.assign(state, { person, count: progress.count, open: Array.from({ length: progress.count }, (_, k) => k).filter((k) => !progress.answered.includes(k)) });
     await next();
   }
 
@@ -76,8 +75,8 @@
   }
 
   async function judge(real) {
-    const kept = await ask("/answer", { person: state.person, place: state.open[0], real });
-    if (!kept) throw new Error("refused");
+    const saved = await ask("/answer", { person: state.person, place: state.open[0], real });
+    if (!saved) throw new Error("refused");
     state.open.shift();
     await next();
   }
@@ -91,5 +90,5 @@
     if (key === "r" || key === "g") guarded(() => judge(key === "r"));
   });
   const person = localStorage.getItem(KEY);
-  if (/^[\w-]{22}$/.test(person ?? "")) guarded(() => goOn(person));
+  if (/^[\w-]{22}$/.test(person ?? "")) guarded(() => resume(person));
 })();

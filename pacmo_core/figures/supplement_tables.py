@@ -1,10 +1,10 @@
 """Tables 1 to 10 of the supplement of the two-person augmentation paper, as printed.
 
-Li et al. (2024), *Two-Person Interaction Augmentation with Skeleton Priors*, arXiv 2404.05490. Six
-blocks a table: E_r, E_b, JPD of retargeting, FID, E_b, JPD of generation; in each a row a split:
-random, cross-scale, cross-interaction, cross-scale-interaction; columns F-CNN, F-GCN, M-CNN, M-GCN,
-theirs. A/B where there are two values: A is the partner, B the one whose body changes. A dash is a
-value that the text at hand lacks. Values that are in two tables are so printed.
+Li et al. (2024), *Two-Person Interaction Augmentation with Skeleton Priors*, arXiv 2404.05490. Each
+table has six blocks: E_r, E_b, JPD of retargeting, FID, E_b, JPD of generation; a block has one row
+for each split: random, cross-scale, cross-interaction, cross-scale-interaction. Columns: F-CNN,
+F-GCN, M-CNN, M-GCN, theirs. Of two values A/B, A is the partner and B the person whose body
+changes. A dash is a value that is missing in the source. Some values are printed in two tables.
 """
 
 SUPPLEMENT_COLUMNS = ("f_cnn", "f_gcn", "m_cnn", "m_gcn", "paper")
@@ -246,7 +246,7 @@ SUPPLEMENT_TABLES = {
     """,
 }
 
-# Table 10: by motion and training samples, a figure a block.
+# Table 10: by motion and number of training samples, one value for each block.
 FEW_SAMPLES_TABLE = {
     "Face-to-back": {
         24: "1.158 0.142 0.892 3.485 0.167 1.428",

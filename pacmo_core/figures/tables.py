@@ -1,4 +1,4 @@
-"""Tables of metrics with intervals, for the page and as Markdown, and of paired differences."""
+"""Tables of metrics with intervals, as HTML and Markdown, and of paired differences."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -24,9 +24,9 @@ _NO_VALUE, _NO_REASON = "–", "not computed for this row"
 
 @dataclass(frozen=True)
 class Entry:
-    """One cell as shown, the interval in one line or several.
+    """One cell as displayed; the interval has one or more lines.
 
-    ``mark`` is ``best``, ``level`` (interval meets the best's) or empty.
+    ``mark`` is ``best``, ``level`` (the interval overlaps that of the best) or empty.
     """
 
     value: str
@@ -37,7 +37,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Line:
-    """One row as shown."""
+    """One row as displayed."""
 
     label: str
     meaning: str
@@ -47,24 +47,24 @@ class Line:
 
 @dataclass(frozen=True)
 class Table:
-    """A table as shown: the metrics are the columns."""
+    """A table as displayed: the metrics are the columns."""
 
     metrics: tuple[Metric, ...]
     lines: tuple[Line, ...]
 
     @property
     def reasons(self) -> list[str]:
-        """Why values are missing, each reason once, in the order of the cells."""
+        """The reasons for missing values, each once, in the order of the cells."""
         reasons = [entry.reason for line in self.lines for entry in line.entries if entry.reason]
         return list(dict.fromkeys(reasons))
 
 
 def metrics_table(rows: Rows) -> Table:
-    """Lay out rows of metrics, marking the best model of each column.
+    """Return a table of rows and metrics, with the best model of each column marked.
 
-    Known rows and metrics come first, in the order of this module; others follow in their own.
-    The real motion, the oracle and wrong partners are references and are never marked; nor is a
-    model that has no rival, nor a metric whose better direction is not known.
+    Rows and metrics of the catalogue come first, in its order; others follow in theirs. Real
+    motion, the oracle and shuffled partners are references and are never marked; nor are single
+    models, nor metrics without a better direction.
     """
     names = _known_first(ROWS, rows)
     columns = _known_first(METRICS, {key: None for row in rows.values() for key in row})
@@ -85,16 +85,16 @@ def metrics_table(rows: Rows) -> Table:
 
 
 def markdown_table(rows: Rows) -> str:
-    """Write rows of metrics as a Markdown table: the best model bold, ``≈`` where level with it."""
-    selected = metrics_table(rows)
-    head = ["", *(f"{_plain(m.label)} {m.better}".strip() for m in selected.metrics)]
-    body = [[_plain(line.label), *map(_markdown, line.entries)] for line in selected.lines]
-    ruler = ["---", *["---:"] * len(selected.metrics)]
+    """Return a Markdown table: the best model is bold, ``≈`` marks models level with it."""
+    table = metrics_table(rows)
+    head = ["", *(f"{_plain(m.label)} {m.better}".strip() for m in table.metrics)]
+    body = [[_plain(line.label), *map(_markdown, line.entries)] for line in table.lines]
+    ruler = ["---", *["---:"] * len(table.metrics)]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in [head, ruler, *body]) + "\n"
 
 
 def format_number(value: float) -> str:
-    """Write a number short: three digits that count, a true minus."""
+    """Format a number with three significant digits and a minus sign (U+2212)."""
     size = abs(value)
     if size and not 1e-3 <= size < 1e5:
         text = f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e")
@@ -108,7 +108,7 @@ def _known_first(known: Mapping[str, object], given: Mapping[str, object]) -> li
 
 
 def finite_value(cell: Cell, key: str) -> float | None:
-    """Give a figure of a cell; none where there is none, or it is no number."""
+    """Return a value of a cell; None if it is missing or not a number."""
     value = cell.get(key)
     if isinstance(value, str) or value is None or math.isnan(value):
         return None
@@ -116,7 +116,7 @@ def finite_value(cell: Cell, key: str) -> float | None:
 
 
 def make_entry(cell: Cell, mark: str) -> Entry:
-    """Write a cell: the mean, its interval, or a dash and the reason."""
+    """Format a cell: the mean and its interval, or a dash and the reason."""
     mean, low, high = (finite_value(cell, key) for key in ("mean", "low", "high"))
     if mean is None:
         return Entry(_NO_VALUE, "", "", str(cell.get("missing") or _NO_REASON))
@@ -127,7 +127,7 @@ def make_entry(cell: Cell, mark: str) -> Entry:
 
 
 def _marks(rows: Rows, column: str) -> dict[str, str]:
-    """Say which models are best in a column, and whose intervals meet the best's."""
+    """Mark the best model of a column, and those whose intervals overlap that of the best."""
     better = METRICS[column].better if column in METRICS else UNKNOWN
     real = finite_value(rows.get("real", {}).get(column, {}), "mean")
     cells = {name: row.get(column, {}) for name, row in rows.items() if name not in REFERENCE_ROWS}
@@ -136,10 +136,10 @@ def _marks(rows: Rows, column: str) -> dict[str, str]:
     }
     if len(means) < 2 or better == UNKNOWN or (better == CLOSER_TO_REAL and real is None):
         return {}
-    away = {LOWER: means, HIGHER: {name: -m for name, m in means.items()}}.get(
+    distances = {LOWER: means, HIGHER: {name: -m for name, m in means.items()}}.get(
         better, {name: abs(m - (real or 0.0)) for name, m in means.items()}
     )
-    best = min(away, key=away.__getitem__)
+    best = min(distances, key=distances.__getitem__)
     level = {name: "level" for name in means if name != best and _overlap(cells[name], cells[best])}
     return {best: "best"} | level
 
@@ -159,7 +159,7 @@ def _markdown(entry: Entry) -> str:
 
 
 def _plain(text: str) -> str:
-    """Keep a name from breaking out of its cell."""
+    """Escape characters that would end the cell."""
     return " ".join(text.replace("\\", "\\\\").replace("|", "\\|").split())
 
 
@@ -168,9 +168,9 @@ _REASON: Cell = {"missing": "the same by definition, or not measured"}
 
 
 def difference_table(differences: Rows) -> Table:
-    """Lay out differences ``FIRST_minus_SECOND``; marked where the first is better for certain.
+    """Return a table of differences ``FIRST_minus_SECOND``.
 
-    An interval that reaches zero marks nothing, nor does a metric without a better direction.
+    Cells are marked where the interval excludes zero and the first is better.
     """
     return _transposed_table(
         differences, {name: _difference_label(name) for name in differences}, _first_is_better
@@ -178,18 +178,18 @@ def difference_table(differences: Rows) -> Table:
 
 
 def sensitivity_table(sensitivity: Rows, labels: Mapping[str, str]) -> Table:
-    """Lay out true pairs less wrong ones; marked where the metric tells them apart.
+    """Return a table of true minus wrong pairs; marked where the metric separates them.
 
     Parameters
     ----------
-    sensitivity : comparison to metric to ``{mean, low, high, sees}``
-    labels : what each comparison is called
+    sensitivity : ``{mean, low, high, sensitive}`` by comparison and metric
+    labels : of the comparisons
     """
     return _transposed_table(sensitivity, labels, lambda cell, _: bool(cell.get("sensitive")))
 
 
 def insensitive_metrics(cells: Mapping[str, Cell]) -> list[str]:
-    """Name the metrics of one comparison that do not tell true pairs from wrong ones."""
+    """Return the labels of the metrics that do not separate true pairs from wrong ones."""
     return [
         METRICS[name].label for name in METRICS if name in cells and not cells[name]["sensitive"]
     ]
@@ -198,7 +198,7 @@ def insensitive_metrics(cells: Mapping[str, Cell]) -> list[str]:
 def _transposed_table(
     columns: Rows, labels: Mapping[str, str], marked: Callable[[Cell, str], bool]
 ) -> Table:
-    """Make a column of each comparison and a line of each metric that the page knows."""
+    """Return a table with a column for each comparison and a line for each known metric."""
     selected = [name for name in METRICS if any(name in cells for cells in columns.values())]
     lines = []
     for name in selected:
@@ -223,26 +223,26 @@ def _first_is_better(cell: Cell, name: str) -> bool:
     return {LOWER: high < 0, HIGHER: low > 0}.get(METRICS[name].better, False)
 
 
-AUGMENTATION_TITLE = "Does augmentation pay?"
+AUGMENTATION_TITLE = "Does augmentation improve PaCMO?"
 AUGMENTATION_HEADS = (
     Metric("With variations", UNKNOWN, "", ""),
     Metric("Without", UNKNOWN, "", ""),
-    Metric("Difference, over clips", UNKNOWN, "", "interval: other clips of the same people"),
-    Metric("Difference, over folds", UNKNOWN, "", "interval: other people, other trainings"),
+    Metric("Difference, over clips", UNKNOWN, "", "interval over clips of the same people"),
+    Metric("Difference, over folds", UNKNOWN, "", "interval over people and trainings"),
     Metric("Better in", UNKNOWN, "", "folds"),
 )
 BETTER, WORSE, OPEN = "better", "worse", "open"
 
 
 def augmentation_table(pooled: Mapping[str, Any]) -> Table:
-    """Lay out a line a metric.
+    """Return a table with a line for each metric.
 
-    Marked: with variations it is better for certain over folds, its interval clear of zero.
+    Marked: the metric is better with variations, and its interval over folds excludes zero.
 
     Parameters
     ----------
-    pooled : ``with``, ``without``, ``clips``, ``folds``: metric to cell; ``each``: metric to the
-        differences fold by fold
+    pooled : ``with``, ``without``, ``clips``, ``folds``: cells by metric; ``each``: the
+        differences of the folds by metric
     """
     lines = []
     for name in _known_metrics(pooled):
@@ -259,30 +259,30 @@ def augmentation_table(pooled: Mapping[str, Any]) -> Table:
 
 
 def augmentation_verdict(pooled: Mapping[str, Any]) -> str:
-    """Say in a sentence whether it pays, whichever way that is."""
+    """Return a sentence that states whether augmentation improves the metrics."""
     result: dict[str, list[str]] = {BETTER: [], WORSE: [], OPEN: []}
     for name in _known_metrics(pooled):
         if METRICS[name].better in (LOWER, HIGHER):
             result[metric_verdict(name, pooled["folds"].get(name, {}))].append(METRICS[name].label)
     if result[BETTER] and result[WORSE]:
-        head = "It pays in some metrics and costs in others"
+        head = "Augmentation improves some metrics and worsens others"
     elif result[BETTER]:
-        head = "It pays"
+        head = "Augmentation improves the metrics"
     elif result[WORSE]:
-        head = "It does not pay: it costs"
+        head = "Augmentation worsens the metrics"
     else:
-        head = "It is not shown to pay, nor to cost"
-    said = [
-        f"{what} for certain in {', '.join(result[what])}"
-        for what in (BETTER, WORSE)
-        if result[what]
+        head = "No significant effect of augmentation"
+    parts = [
+        f"significantly {verdict} in {', '.join(result[verdict])}"
+        for verdict in (BETTER, WORSE)
+        if result[verdict]
     ]
-    said.append(f"undecided in {len(result[OPEN])} of {sum(map(len, result.values()))} metrics")
-    return f"{head}; {'; '.join(said)}."
+    parts.append(f"undecided in {len(result[OPEN])} of {sum(map(len, result.values()))} metrics")
+    return f"{head}; {'; '.join(parts)}."
 
 
 def metric_verdict(name: str, cell: Cell) -> str:
-    """Say which way a difference is clear of zero: better, worse, or open."""
+    """Return whether the interval of a difference shows better, worse, or neither (open)."""
     low, high = finite_value(cell, "low"), finite_value(cell, "high")
     sign = {LOWER: -1, HIGHER: 1}.get(METRICS[name].better, 0)
     if low is None or high is None or not sign or low <= 0 <= high:
@@ -297,5 +297,5 @@ def _known_metrics(pooled: Mapping[str, Any]) -> list[str]:
 def _count_improved(name: str, differences: Sequence[float]) -> Cell:
     sign = {LOWER: -1, HIGHER: 1}.get(METRICS[name].better, 0)
     if not sign:
-        return {"missing": "which way is better, a difference does not tell"}
+        return {"missing": "this metric has no better direction"}
     return {"mean": float(sum(sign * value > 0 for value in differences))}

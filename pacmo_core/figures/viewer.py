@@ -1,6 +1,6 @@
 """The 3-D viewer: one page that plays clips without a network or a server.
 
-Clips are packed into the page as 16-bit steps from an origin, base64.
+Positions are stored in the page as 16-bit multiples of a step from an origin, in base64.
 """
 
 import base64
@@ -20,21 +20,23 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.body_shape import make_body_shape
 
 _MAX_STEP = np.iinfo(np.int16).max
-_SOLE_HEIGHT = 0.04  # metres that the ground lies below the lowest joint
-_HEAD_MARGIN = 0.12  # metres that a head rises above its joint
-_SAME_WORLD_DISTANCE = 0.05  # metres between first roots from which two scenes are not of one world
-_SMOOTHING_SECONDS = 0.5  # seconds to either side over which a camera that follows averages
+_SOLE_HEIGHT = 0.04  # metres from the ground to the lowest joint
+_HEAD_MARGIN = 0.12  # metres from the joint of the head to its top
+_SAME_WORLD_DISTANCE = (
+    0.05  # metres between first root positions above which two scenes are of different worlds
+)
+_SMOOTHING_SECONDS = 0.5  # seconds before and after over which the following camera averages
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One clip to be shown: one or two people.
+    """A clip for display: one or two people.
 
     Parameters
     ----------
-    label : what is shown, such as a clip's name; shown as it is, never run
-    skeleton : of everybody
-    times : (T,) float64, seconds, rising
+    label : such as the name of the clip; markup is escaped
+    skeleton : of all people
+    times : (T,) float64, seconds, increasing
     people : one or two of (T, J, 3) float32, metres, y up, finite
 
     Raises
@@ -56,13 +58,13 @@ class Scene:
 
     @staticmethod
     def of(label: str, interaction: Interaction) -> "Scene":
-        """Show both people of an interaction."""
+        """Return a scene of both people of an interaction."""
         people = (interaction.person_a, interaction.person_b)
         return Scene(label, interaction.skeleton, interaction.times, people)
 
 
 def pack_motion(motion: Motion, origin: NDArray[np.float64], step: float) -> str:
-    """Write a motion as whole steps from ``origin``: half a step off at worst, along each axis.
+    """Encode a motion as integer steps from ``origin``; the error is at most half a step per axis.
 
     Returns
     -------
@@ -72,24 +74,24 @@ def pack_motion(motion: Motion, origin: NDArray[np.float64], step: float) -> str
 
 
 def unpack_motion(text: str, origin: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Read what ``pack`` wrote, as the page does: ``(N, 3)`` metres."""
+    """Decode what ``pack_motion`` wrote, as the page does: ``(N, 3)`` metres."""
     steps = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 3)
     positions: NDArray[np.float64] = origin + steps * step
     return positions
 
 
 def packed_scenes(scenes: Sequence[Scene], *, contact: float) -> list[dict[str, Any]]:
-    """Turn scenes into what the player reads, ready for JSON.
+    """Return scenes as JSON values for the player.
 
-    Scenes of one world, as a capture and reactions in it, share ground and camera.
+    Scenes of one world, such as a capture and reactions in it, share ground and camera.
 
     Parameters
     ----------
-    contact : metres between joints of two people that touch
+    contact : distance in metres below which joints of two people are marked as in contact
     """
     views: list[dict[str, Any]] = []
-    for at, scene in enumerate(scenes):
-        known = [k for k in range(at) if _same_world(scenes[k], scene)]
+    for number, scene in enumerate(scenes):
+        known = [k for k in range(number) if _same_world(scenes[k], scene)]
         world = [other for other in scenes if _same_world(other, scene)]
         views.append(views[known[0]] if known else _camera(world))
     return [
@@ -118,15 +120,15 @@ def _pack_scene(scene: Scene, contact: float) -> dict[str, Any]:
 
 
 def _all_positions(scene: Scene) -> NDArray[np.float64]:
-    """``(T, P J, 3)`` metres: the joints of all."""
+    """Return ``(T, P J, 3)`` metres: the joints of all people."""
     return np.concatenate(scene.people, axis=1).astype(np.float64)
 
 
 def _camera(world: Sequence[Scene]) -> dict[str, Any]:
-    """Say where the ground is, how far people get, and from where they are seen side by side.
+    """Return the ground height, the extent of the motion, and the yaw that shows two side by side.
 
-    The ground is the median over frames of the lowest joint: a depth camera that leans, or
-    loses a foot, leaves single frames far below the floor.
+    The ground is the median over frames of the lowest joint: a tilted depth camera, or a foot
+    that it loses, gives single frames far below the floor.
     """
     everyone = [_all_positions(scene) for scene in world]
     flat = [people[..., [0, 2]] for people in everyone]
@@ -136,9 +138,7 @@ def _camera(world: Sequence[Scene]) -> dict[str, Any]:
     return {
         "centre": centre.round(4).tolist(),
         "ground": round(float(np.median(everyone[0][..., 1].min(axis=1))) - _SOLE_HEIGHT, 4),
-        "top": round(
-            max(float(np.percentile(p[..., 1].max(axis=1), 95)) for p in everyone) + 0.12, 4
-        ),
+        "top": round(max(map(_top, everyone)) + _HEAD_MARGIN, 4),
         "reach": max(_radius_of_view(f - centre) for f in flat),
         "near": max(map(_radius_of_view, near)),
         "yaw": _yaw(world[0]),
@@ -149,12 +149,12 @@ def _top(everyone: NDArray[np.float64]) -> float:
     return float(np.percentile(everyone[..., 1].max(axis=1), 95))
 
 
-def _radius_of_view(away: NDArray[np.float64]) -> float:
-    return round(float(np.percentile(np.linalg.norm(away, axis=-1), 99)), 4)
+def _radius_of_view(offsets: NDArray[np.float64]) -> float:
+    return round(float(np.percentile(np.linalg.norm(offsets, axis=-1), 99)), 4)
 
 
 def _camera_path(scene: Scene) -> NDArray[np.float64]:
-    """``(T, 2)`` metres on the ground: the mean of all roots, averaged over a second."""
+    """Return ``(T, 2)`` metres on the ground: the mean of all roots, averaged over a second."""
     roots = np.stack([motion[:, scene.skeleton.root] for motion in scene.people])[..., [0, 2]]
     sums = np.concatenate([np.zeros((1, 2)), roots.mean(axis=0, dtype=np.float64).cumsum(axis=0)])
     first = np.searchsorted(scene.times, scene.times - _SMOOTHING_SECONDS)
@@ -164,7 +164,7 @@ def _camera_path(scene: Scene) -> NDArray[np.float64]:
 
 
 def _yaw(scene: Scene) -> float:
-    """Radians about +y at which the camera stands: two people side by side, the first left."""
+    """Return the yaw of the camera in radians about +y: two people side by side, the first left."""
     if len(scene.people) < 2:
         return 0.0
     apart = (scene.people[1] - scene.people[0]).mean(axis=(0, 1))
@@ -195,15 +195,15 @@ MAX_CLIPS = 6  # clips side by side: more are too small to judge
 
 
 def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
-    """Write a page that plays scenes side by side and refers to nothing outside itself.
+    """Return a self-contained page that plays scenes side by side.
 
-    Equal scenes give equal bytes. Every text is escaped; the page's own policy lets no script
-    run but the library and the player, by their hashes.
+    Equal scenes give equal bytes. Every text is escaped; the content security policy of the page
+    allows only the library and the player, by their hashes.
 
     Parameters
     ----------
     scenes : one to six
-    contact : metres between joints of two people that touch
+    contact : distance in metres below which joints of two people are marked as in contact
 
     Raises
     ------
@@ -229,22 +229,22 @@ def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
 
 
 def player_scripts() -> tuple[str, str]:
-    """Give the library and the player, as they stand in a page."""
+    """Return the scripts of the library and of the player."""
     return read_asset(LIBRARY), "\n".join(read_asset(name) for name in SCRIPTS)
 
 
 def script_hash(script: str) -> str:
-    """Name a script as a content security policy does."""
+    """Return the hash of a script as in a content security policy."""
     return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 def read_asset(name: str) -> str:
-    """Read a file that stands beside this one."""
+    """Read a file in the folder of this module."""
     return files("pacmo_core.figures").joinpath(name).read_text(encoding="utf-8")
 
 
 def template_environment() -> Environment:
-    """Read templates from beside this file; escape all that is not marked as safe."""
+    """Return an environment of the templates in this folder, with automatic escaping."""
     return Environment(
         loader=FunctionLoader(read_asset),
         autoescape=True,

@@ -16,10 +16,10 @@ class Metric:
     Parameters
     ----------
     better : ``↓`` lower, ``↑`` higher, ``→`` closer to the row ``real``, empty if neither
-    tolerance : relative; two trainings of one commit on different processors may differ by it
-    can_be_negative : as unbiased estimates, excesses and extrapolations can
-    exact_for_real : real pairs are compared with themselves, and are perfect by construction
-    partner_independent : of reactions alone: permuted among partners they are the same motions
+    tolerance : relative difference allowed between trainings of one commit on different processors
+    can_be_negative : true of unbiased estimates, excesses and extrapolations
+    exact_for_real : real pairs are compared with themselves; their value is exact by construction
+    partner_independent : depends on the reactions only, and not on their pairing with partners
     """
 
     label: str
@@ -84,7 +84,7 @@ METRICS = {
         "squared distance of the features of two clips",
         tolerance=0.1,
     ),
-    # Without a label a metric is in the data and in no table.
+    # A metric without a label is in the data, and in no table.
     "diversity_l2": Metric("", CLOSER_TO_REAL, "", "distance of the features of two clips"),
     "f2id_distances": Metric(
         "F²ID, distances", LOWER, "", "F²ID of the distances between the two bodies over time"
@@ -97,18 +97,24 @@ METRICS = {
         can_be_negative=True,
     ),
     "matching": Metric(
-        "Matching", HIGHER, "", "how often the true partner is picked among many", tolerance=0.15
+        "Matching",
+        HIGHER,
+        "",
+        "share of reactions for which the true partner fits best among the candidates",
+        tolerance=0.15,
     ),
     "contact_agreement": Metric(
         "Contact",
         HIGHER,
         "",
-        "agreement with the real reaction on when the bodies touch",
+        "agreement (F1) of the frames with contact with those of the real reaction",
         tolerance=0.15,
         exact_for_real=True,
     ),
-    "foot_skate": Metric("Foot skate", LOWER, "m/s", "speed of a standing foot on the ground"),
-    "penetration": Metric("Penetration", LOWER, "", "share of frames in which the bodies merge"),
+    "foot_skate": Metric("Foot skate", LOWER, "m/s", "horizontal speed of feet in stance"),
+    "penetration": Metric(
+        "Penetration", LOWER, "", "share of frames in which the bodies penetrate"
+    ),
     "multimodality": Metric(
         "Multimodality", UNKNOWN, "", "distance of the features of reactions to one partner"
     ),
@@ -151,26 +157,26 @@ PUBLISHED_COLUMNS = (
 ROWS = {
     "real": (
         "Real motion",
-        "a second sample of real motion, the noise floor; else the pairs tested",
+        "a second sample of real motion (noise floor); otherwise the tested pairs",
     ),
-    "oracle": ("Oracle", "drawn from the true distribution: how good a score can get"),
+    "oracle": ("Oracle", "sampled from the true distribution: the best possible score"),
     "pacmo": ("PaCMO", ""),
     "pacmo_augmented": ("PaCMO, augmented", "trained on clips and their variations"),
     "pacmo_paper": ("PaCMO, as in the paper", "adversarial training alone"),
     "regression": ("Regression", "the same operator, trained to predict one reaction"),
     "gru": ("GRU", "baseline"),
-    "wrong_partner": ("Wrong partner", "real reactions, shuffled among partners"),
-    "real_pairs": ("Real pairs", "the pairs tested"),
-    "pacmo_permuted": ("PaCMO, wrong partner", "its reactions, shuffled among partners"),
-    "real_pairs_same_action": ("Real pairs", "of actions that others perform too"),
+    "wrong_partner": ("Wrong partner", "real reactions, permuted among partners"),
+    "real_pairs": ("Real pairs", "the tested pairs"),
+    "pacmo_permuted": ("PaCMO, wrong partner", "its reactions, permuted among partners"),
+    "real_pairs_same_action": ("Real pairs", "of actions performed in several clips"),
     "wrong_partner_same_action": (
         "Wrong partner, same action",
-        "real reactions, shuffled within each action",
+        "real reactions, permuted within each action",
     ),
-    "pacmo_same_action": ("PaCMO", "of actions that others perform too"),
+    "pacmo_same_action": ("PaCMO", "of actions performed in several clips"),
     "pacmo_permuted_same_action": (
         "PaCMO, wrong partner, same action",
-        "shuffled within each action",
+        "permuted within each action",
     ),
 }
 MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
@@ -179,7 +185,7 @@ SAME_ACTION_ROWS = (
     *("real_pairs_same_action", "wrong_partner_same_action"),
     *("pacmo_same_action", "pacmo_permuted_same_action"),
 )
-# Never marked as the best of a column: models are compared with them.
+# Never marked as the best of a column: models are compared with these.
 REFERENCE_ROWS = {name for name in ROWS if name not in MODELS}
 
 

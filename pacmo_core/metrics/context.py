@@ -29,16 +29,16 @@ class EvaluationSettings:
 
     Parameters
     ----------
-    n_samples, repeats : the paper's protocol, n samples with replacement so many times
+    n_samples, repeats : the paper's protocol, n samples with replacement, and the number of repeats
     bootstrap : replicates of clips for the intervals
     second_samples : further replicates of real motion, from the training clips
     n_frames : common length of motions for MMD
-    n_instants, n_components : of the functions of distances between bodies, r and their rank
-    candidates : partners to pick the true one among
-    foot_height : metres above the ground below which a foot stands
-    body_radius : metres between a point of either body below which they merge
-    contact_distance : metres between joints that touch
-    body : the joints that metrics speak of
+    n_instants, n_components : of the distances between bodies: times and principal components
+    candidates : partners among which the true one is picked
+    foot_height : metres above the ground below which a foot is in stance
+    body_radius : metres between points of two bodies below which they penetrate
+    contact_distance : metres between joints in contact
+    body : the joints that the metrics use
     random_seed : for all replicates
     """
 
@@ -112,11 +112,11 @@ class EvaluationContext:
 
     @property
     def candidates(self) -> int:
-        """How many partners there are to pick the true one among."""
+        """Number of partners among which the true one is picked."""
         return n_candidates(self.partners, self.settings.candidates)
 
     def codes(self, row: Reactions, number: int = 0) -> Codes:
-        """Look up the column of ``counts`` of each reaction's clip, (n,).
+        """Return the column of ``counts`` of each reaction's clip, (n,).
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class EvaluationContext:
         return np.array([self._column[number, name] for name in row.clips], dtype=np.intp)
 
     def published_samples(self, row: Reactions) -> list[tuple[Codes, Codes]]:
-        """Draw by the paper's protocol, so often: samples of the real reactions, and of a row."""
+        """Return the samples of each repeat of the paper's protocol: real reactions and a row."""
         sizes = np.array([[len(self.real)], [len(row)]])
         return [(i, j) for i, j in (self._paper * sizes).astype(np.intp)]
 
@@ -143,7 +143,7 @@ class EvaluationContext:
 
     @cached_property
     def real_kernels(self) -> "dict[str, RealKernels]":
-        """What MMD-A and MMD-S need of the real reactions, computed once for all rows."""
+        """Kernels of the real reactions for MMD-A and MMD-S, computed once for all rows."""
         stacked = self.stacked(self.real)
         shaped = {"mmd_a": stacked, "mmd_s": as_sequence(stacked)}
         return {name: RealKernels.of(motions) for name, motions in shaped.items()}
@@ -159,6 +159,6 @@ class RealKernels:
 
     @classmethod
     def of(cls, motions: Array) -> "RealKernels":
-        """Choose the median bandwidth beside the published ones."""
+        """Compute the kernels for the median bandwidth and the published ones."""
         bandwidths = np.array([median_bandwidth(motions), *PUBLISHED_BANDWIDTHS])
         return cls(motions, bandwidths, mean_kernels(motions, motions, bandwidths))

@@ -19,17 +19,19 @@ Indices = NDArray[np.intp]
 def second_samples(
     clips: Sequence[str], n: int, n_replicates: int, generator: np.random.Generator
 ) -> list[Indices]:
-    """Draw n samples clip by clip, without replacement, so many times; last clips may be cut short.
+    """Draw n samples without replacement, clip by clip, ``n_replicates`` times.
+
+    The last clip of a replicate may be incomplete.
 
     Parameters
     ----------
     clips : the clip of each sample
-    n : samples a replicate
+    n : samples per replicate
     n_replicates : replicates, each from all samples
 
     Returns
     -------
-    ``n_replicates`` times (n,) int; where there are no more than n samples, all of them once
+    ``n_replicates`` arrays (n,) int; if there are at most n samples, all of them once
     """
     if len(clips) <= n:
         return [np.arange(len(clips))]
@@ -39,7 +41,7 @@ def second_samples(
 def split_halves_by_clip(
     clips: Sequence[str], generator: np.random.Generator
 ) -> tuple[Indices, Indices]:
-    """Deal samples into two halves that share no clip, their numbers as equal as clips allow.
+    """Split samples into two halves without a common clip, as equal in size as clips allow.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def split_halves_by_clip(
 
 
 def _shuffled_by_clip(clips: Sequence[str], generator: np.random.Generator) -> Indices:
-    """Order samples so that clips stand together, the clips in random order."""
+    """Return an order that keeps the samples of a clip together, with clips in random order."""
     _, codes = np.unique(np.asarray(clips), return_inverse=True)
     rank = generator.permutation(int(codes.max()) + 1)
     return np.argsort(rank[codes], kind="stable")
@@ -65,13 +67,13 @@ def _shuffled_by_clip(clips: Sequence[str], generator: np.random.Generator) -> I
 def permute_partners(
     clips: Sequence[str], actions: Sequence[str] | None, generator: np.random.Generator
 ) -> Indices:
-    """Permute reactions so that none stays in its clip, within actions if they are given.
+    """Permute reactions so that none keeps its clip, within actions if they are given.
 
     Parameters
     ----------
     clips : the clip of each of n samples (the two people of a clip are two samples)
     actions : the action of each sample, to exchange within one action only; None for any action
-    generator : deals the partners
+    generator : for the permutation
 
     Returns
     -------
@@ -80,7 +82,7 @@ def permute_partners(
     Raises
     ------
     ValueError
-        If a clip holds more than half of the samples among which it may exchange, so that no
+        If a clip has more than half of the samples that can be exchanged with it, so that no
         such permutation exists.
     """
     groups = np.zeros(len(clips)) if actions is None else np.asarray(actions)
@@ -98,7 +100,7 @@ def permute_partners(
 
 
 def is_permutable(clips: Sequence[str], actions: Sequence[str]) -> NDArray[np.bool_]:
-    """Tell which samples are of an action whose clips can exchange partners, (n,)."""
+    """Return whether the clips of each sample's action can exchange partners, (n,)."""
     groups, names = np.asarray(actions), np.asarray(clips)
     possible = {group: _all_exchangeable(names[groups == group]) for group in np.unique(groups)}
     return np.array([possible[group] for group in groups], dtype=np.bool_)
@@ -109,7 +111,7 @@ def _all_exchangeable(names: NDArray[np.str_]) -> bool:
 
 
 def _derangement(names: NDArray[np.str_], generator: np.random.Generator) -> Indices:
-    """Shift samples by the largest clip's size, then exchange at random what may be exchanged."""
+    """Shift samples by the size of the largest clip, then exchange random pairs where allowed."""
     _, codes, sizes = np.unique(names, return_inverse=True, return_counts=True)
     n = len(names)
     order = np.lexsort((generator.random(n), generator.permutation(len(sizes))[codes]))
@@ -122,7 +124,7 @@ def _derangement(names: NDArray[np.str_], generator: np.random.Generator) -> Ind
     return result
 
 
-# Those that are tested: published protocols have no paired replicates, multimodality no direction.
+# Published protocols have no paired replicates, and multimodality has no direction.
 TESTED = tuple(
     name
     for name, metric in METRICS.items()
@@ -135,11 +137,11 @@ EXACT_FOR_REAL = frozenset(name for name, metric in METRICS.items() if metric.ex
 
 @dataclass(frozen=True)
 class SensitivityInterval(Interval):
-    """The paired difference of true pairs less permuted ones, and whether it tells them apart.
+    """The paired difference of true minus permuted pairs, and whether the metric separates them.
 
     Parameters
     ----------
-    sensitive : the interval is clear of zero, on the good side where there is one
+    sensitive : the interval excludes zero, in the direction of improvement if there is one
     """
 
     sensitive: bool
@@ -152,12 +154,12 @@ def sensitivity(
     *,
     left_out: frozenset[str] = frozenset(),
 ) -> dict[str, SensitivityInterval]:
-    """Compare every metric that both rows have, replicate by replicate.
+    """Return the sensitivity of every metric that both rows have, by paired replicates.
 
     Parameters
     ----------
-    true, permuted : metrics of the true pairs, and of the same reactions at other partners
-    left_out : ``PERFECT`` where the true pairs are the real ones
+    true, permuted : metrics of the true pairs, and of the same reactions with other partners
+    left_out : ``EXACT_FOR_REAL`` if the true pairs are the real ones
     """
     names = [name for name in TESTED if name in true and name in permuted and name not in left_out]
     return {

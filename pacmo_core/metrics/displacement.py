@@ -1,7 +1,7 @@
-"""APE and AVE: how far a generated reaction lies from the real one to the same partner.
+"""APE and AVE: errors of a generated reaction against the real one to the same partner.
 
-Both as PaCMO has them (section 4.3.1): absolute positions, no normalisation, a mean within each
-sequence and then over sequences. One generated reaction a partner; with several, score each.
+Both as in PaCMO (section 4.3.1): absolute positions, no normalisation, a mean within each
+sequence and then over sequences, for one generated reaction per partner.
 """
 
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ Weighting = Literal["sequence", "frame"]
 
 
 def position_errors(generated: Motions, real: Motions) -> Array:
-    """Average over time the distance of each joint from its real place, (n, J) metres."""
+    """Return the mean distance over time of each joint from its real position, (n, J) metres."""
     pairs = _pairs(generated, real)
     return np.array([np.linalg.norm(g - r, axis=-1).mean(axis=0) for g, r in pairs])
 
 
 def variance_errors(generated: Motions, real: Motions) -> Array:
-    """Compare each joint's variance over time, axis by axis, with the real one's, (n, J) m².
+    """Return the error of each joint's variance over time, by axis, (n, J) m².
 
     The variance is the unbiased one, over T − 1, as in TEMOS (Petrovich et al. 2022).
     """
@@ -32,27 +32,27 @@ def variance_errors(generated: Motions, real: Motions) -> Array:
 
 
 def ape(generated: Motions, real: Motions, *, weighting: Weighting) -> Array:
-    """Measure the average position error of each joint.
+    """Return the average position error of each joint.
 
     Parameters
     ----------
     generated, real : n motions (T_i, J, 3) each, metres, at the same times
-    weighting : ``sequence``, each counts once, as in PaCMO; ``frame``, each counts T_i, as in TEMOS
+    weighting : ``sequence``: equal weights, as in PaCMO; ``frame``: weights T_i, as in TEMOS
 
     Returns
     -------
-    (J,) metres; index by the root joint for the paper's figure
+    (J,) metres; index by the root joint for the value of the paper
     """
     return sequence_weights(real, weighting) @ position_errors(generated, real)
 
 
 def ave(generated: Motions, real: Motions, *, weighting: Weighting) -> Array:
-    """Measure the average variance error of each joint, (J,) square metres; as ``ape``."""
+    """Return the average variance error of each joint, (J,) square metres; see ``ape``."""
     return sequence_weights(real, weighting) @ variance_errors(generated, real)
 
 
 def sequence_weights(motions: Motions, weighting: Weighting) -> Array:
-    """Share a weight of 1 among n motions, (n,)."""
+    """Return the weights of n motions, (n,), which sum to 1."""
     if weighting not in ("sequence", "frame"):
         raise ValueError(f"weighting must be 'sequence' or 'frame'; got {weighting!r}")
     lengths = np.array([len(m) if weighting == "frame" else 1 for m in motions], dtype=np.float64)

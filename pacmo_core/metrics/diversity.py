@@ -1,4 +1,4 @@
-"""Diversity of features, and matching: how often the true partner is picked among candidates."""
+"""Diversity of features, and matching accuracy (R-precision) of reactions and partners."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from pacmo_core.metrics.mmd import squared_distances
 
 
 def feature_distances(features: Array, weights: Array, *, squared: bool) -> Array:
-    """Measure the L²(time) distance, or its square, of all pairs of features.
+    """Return the L²(time) distances, or their squares, of all pairs of features.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def feature_distances(features: Array, weights: Array, *, squared: bool) -> Arra
 def disjoint_pair_mean(
     distances: Array, samples: np.ndarray[tuple[int], np.dtype[np.intp]]
 ) -> float:
-    """Average the distance from each sample of the first half of a replicate to one of the second.
+    """Return the mean distance between samples of the first and of the second half of a replicate.
 
     Parameters
     ----------
@@ -44,17 +44,16 @@ def disjoint_pair_mean(
 def diversity(
     features: Array, weights: Array, *, squared: bool, generator: np.random.Generator
 ) -> float:
-    """Average the distance over random disjoint pairs, each sample in at most one (section 4.3.1).
+    """Return the mean distance over random disjoint pairs of samples (PaCMO, section 4.3.1).
 
-    The paper squares the distance, and its population value is then 2 Tr K; the field at large
-    does not square.
+    The paper squares the distance, whose population value is then 2 Tr K; most other work does not.
 
     Parameters
     ----------
     features : (n, C, r)
     weights : (r,) quadrature weights, sum 1
-    squared : as the paper, or not
-    generator : deals the pairs
+    squared : as in the paper
+    generator : for the pairs
     """
     distances = feature_distances(features, weights, squared=squared)
     return disjoint_pair_mean(distances, generator.permutation(len(features)))
@@ -64,20 +63,20 @@ Codes = NDArray[np.intp]
 
 
 def matching_accuracy(embedded: Array, codes: Codes, counts: Array, *, candidates: int) -> Array:
-    """Give the share of reactions whose true partner fits best among so many candidates.
+    """Return the share of reactions whose true partner fits best among the candidates.
 
-    The rivals are partners of other clips. What a random choice of them gives is worked out, not
-    samples: where w of K rivals fit at least as well as the true partner, m of them samples without
-    replacement are all worse with probability C(K − w, m) / C(K, m). (R-precision of Guo et al.
-    2022, *Generating diverse and natural 3D human motions from text*, replicates 31 at random.)
+    The other candidates are partners of other clips. The expectation over their random choice is
+    computed in closed form: if w of K of them fit at least as well as the true partner, m drawn
+    without replacement are all worse with probability C(K − w, m) / C(K, m). (R-precision of Guo et
+    al. 2022, *Generating diverse and natural 3D human motions from text*, draws 31 at random.)
 
     Parameters
     ----------
-    embedded : (2, n, E), of partners and reactions; reaction i stands before partner i
+    embedded : (2, n, E), of partners and reactions; reaction i is to partner i
     codes : (n,) int, the column of ``counts`` of each partner's clip
     counts : (B, G) integers, the count of each clip in each replicate; copies of a clip
-        are rivals of other clips, not of each other
-    candidates : the true partner and its rivals; fewer where a replicate holds fewer
+        compete with other clips, not with each other
+    candidates : including the true partner; fewer if a replicate has fewer
 
     Returns
     -------
@@ -87,20 +86,20 @@ def matching_accuracy(embedded: Array, codes: Codes, counts: Array, *, candidate
     foreign = codes[:, None] != codes
     better = foreign & (fit >= np.diag(fit)[:, None])
     weights = counts[:, codes]
-    rivals, ahead = weights @ foreign.T, weights @ better.T
-    asked = np.minimum(candidates - 1, rivals)
-    picked = np.exp(_log_binomial(rivals - ahead, asked) - _log_binomial(rivals, asked))
+    others, n_better = weights @ foreign.T, weights @ better.T
+    n_drawn = np.minimum(candidates - 1, others)
+    picked = np.exp(_log_binomial(others - n_better, n_drawn) - _log_binomial(others, n_drawn))
     return np.asarray((weights * picked).sum(axis=1) / weights.sum(axis=1))
 
 
-def n_candidates(codes: Codes, wanted: int) -> int:
-    """Count the candidates: as many as wanted, or one more than the fewest rivals."""
-    return min(wanted, 1 + int((codes[:, None] != codes).sum(axis=1).min()))
+def n_candidates(codes: Codes, maximum: int) -> int:
+    """Return the number of candidates: at most ``maximum``, and at most what every clip has."""
+    return min(maximum, 1 + int((codes[:, None] != codes).sum(axis=1).min()))
 
 
 def _log_binomial(n: Array, k: Array) -> Array:
-    """Logarithm of the ways to choose k of n; of none, −∞."""
+    """Return the logarithm of the binomial coefficient; −∞ if it is zero."""
     possible = n >= k
     safe = np.where(possible, n, k)
-    ways = gammaln(safe + 1) - gammaln(k + 1) - gammaln(safe - k + 1)
-    return np.where(possible, ways, -np.inf)
+    log_ways = gammaln(safe + 1) - gammaln(k + 1) - gammaln(safe - k + 1)
+    return np.where(possible, log_ways, -np.inf)

@@ -1,15 +1,15 @@
 """Evaluate the rows of a table: every metric on all samples and on every bootstrap replicate.
 
-Row ``real`` is real motion. Where distributions of reactions are compared with those tested (F²ID,
-MMD, diversity) it is a second sample: as many reactions as were tested, taken clip by clip from the
-training clips. So its F²ID is the noise floor, ``f2id_floor`` in the report: the value for two
-samples of real motion of this size; where training and test differ in people or actions, that
-difference is included. (Unlike the paper's row "Real motion", whose MMD compares one set with
-itself.) In all other metrics it is the real pairs tested, as in row ``real_pairs``.
+Row ``real`` is real motion. In metrics that compare distributions with the tested reactions (F²ID,
+MMD, diversity) it is a second sample: as many reactions as are tested, taken clip by clip from the
+training clips. Its F²ID is therefore the noise floor, ``f2id_floor`` in the report: the value for
+two samples of real motion of this size, including differences in people or actions between training
+and test. (In the paper's row "Real motion" the MMD compares one set with itself.) In all other
+metrics it is the tested real pairs, as in row ``real_pairs``.
 
 ====================== ============================================================================
-``f2id``               Fréchet distance between the row and the real reactions tested: ``f2id``
-``f2id_excess``        F²ID to second samples of real motion, minus that of the real pairs tested
+``f2id``               Fréchet distance between the row and the tested real reactions: ``f2id``
+``f2id_excess``        F²ID to second samples of real motion, minus that of the tested real pairs
 ``f2id_infinity``      ``f2id`` extrapolated to infinitely many samples
 ``f2id_halves``        between two halves of the tested clips: one distribution, half the size
 ``mmd_a``, ``mmd_s``   unbiased, pairs of different clips, bandwidth by the median of real motion
@@ -19,7 +19,7 @@ itself.) In all other metrics it is the real pairs tested, as in row ``real_pair
 ``f2id_distances``     F²ID to second samples of the distances between two bodies
 ``mmd_pair``           MMD to second samples of (partner, reaction); for permuted partners the mean
                        over all permutations, not that of the one in the row
-``matching``           how often the true partner is picked
+``matching``           share of reactions whose true partner fits best
 ``foot_skate``         m/s; ``penetration``, ``contact_agreement``: shares; see ``plausibility``
 ``multimodality``      spread of several reactions to one partner
 ``…_published``        by the paper's protocol: n samples with replacement, the mean of the repeats;
@@ -57,14 +57,14 @@ REAL_PAIRS = "real_pairs"
 
 @dataclass(frozen=True)
 class RowMetrics:
-    """The metrics of one row, and why others are missing."""
+    """The metrics of one row, and the reasons why others are missing."""
 
     estimates: dict[str, Estimate]
     absent: dict[str, str]
 
 
 class Evaluation:
-    """Measures rows against one context.
+    """Evaluates rows with one context.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ class Evaluation:
 
         Parameters
         ----------
-        row : n reactions, sample i answering partner i of ``real`` at the same times; its
-            ``clips`` are where its motions come from, so a wrong partner's are permuted
+        row : n reactions, sample i to partner i of ``real`` at the same times; ``clips`` are
+            the origins of its motions, which are permuted for wrong partners
         """
         context = self.context
         if len(row) != len(context.real):
@@ -113,21 +113,21 @@ class Evaluation:
         )
 
     def measure_permuted(self, row: Reactions, permuted: Reactions, groups: Codes) -> RowMetrics:
-        """Measure reactions of permuted partners.
+        """Measure reactions that are permuted among partners.
 
         Parameters
         ----------
-        row : reactions to their own partners
+        row : reactions with their true partners
         permuted : the same, permuted once
-        groups : (n,) int, within which they were permuted
+        groups : (n,) int, groups within which they are permuted
         """
         once = self.measure(permuted)
         return RowMetrics(once.estimates | self._partners.permuted(row, groups), once.absent)
 
     def real(self, pairs: RowMetrics) -> RowMetrics:
-        """Measure the row ``real``, given that of the real pairs tested.
+        """Measure the row ``real``, given the metrics of the tested real pairs.
 
-        Its excess is 0 by definition; its F²ID, plain and extrapolated, is the floor.
+        Its excess is 0 by definition; its F²ID, plain and extrapolated, is the noise floor.
         """
         context = self.context
         second, codes = context.second_sets[0], context.codes(context.second_sets[0], 1)
@@ -143,7 +143,7 @@ class Evaluation:
 
 
 def _halves_distance(context: EvaluationContext) -> Estimate:
-    """Measure F²ID between halves of the real reactions, split by clip, several times."""
+    """Measure F²ID between halves of the real reactions, split by clip, for each repeat."""
     settings, features = context.settings, context.real.features
     generator = np.random.default_rng((settings.random_seed, 1))
     splits = (split_halves_by_clip(context.real.clips, generator) for _ in range(settings.repeats))

@@ -22,20 +22,20 @@ Array = NDArray[np.float64]
 
 
 def midpoint_grid(r: int) -> tuple[Array, Array]:
-    """Lay out r cell midpoints of [0, 1] and their weights 1/r.
+    """Return the r cell midpoints of [0, 1] and their weights 1/r.
 
-    Unlike algorithm 1 of the paper, which gives r points that include both ends the weight 1/r
-    and so errs by a factor of order (r − 1)/r in the mean's term.
+    Algorithm 1 of the paper instead gives r points that include both ends the weight 1/r, an error
+    of order (r − 1)/r in the term of the mean.
     """
     return (np.arange(r) + 0.5) / r, np.full(r, 1 / r)
 
 
 def resample_to_grid(values: Array, source_grid: Array, grid: Array) -> Array:
-    """Evaluate feature functions from their source_grid grid on another, by cubic splines.
+    """Evaluate feature functions on another grid by cubic splines.
 
     Parameters
     ----------
-    values : (..., s), a function's values on its source_grid grid
+    values : (..., s), values on the source grid
     source_grid : (s,) strictly increasing
     grid : (r,) within ``source_grid``'s range
 
@@ -46,7 +46,7 @@ def resample_to_grid(values: Array, source_grid: Array, grid: Array) -> Array:
     Raises
     ------
     ValueError
-        If the grid reaches beyond the range in which the function is known.
+        If the grid exceeds the range of the source grid.
     """
     if grid.min() < source_grid[0] or grid.max() > source_grid[-1]:
         raise ValueError(
@@ -58,7 +58,7 @@ def resample_to_grid(values: Array, source_grid: Array, grid: Array) -> Array:
 
 
 def flatten(features: Array, weights: Array) -> Array:
-    """Flatten (n, C, r) functions to (n, C·r) vectors of equal distances, L²(time) to ℓ²."""
+    """Flatten (n, C, r) functions to (n, C·r) vectors whose ℓ² distances are those in L²(time)."""
     if features.ndim != 3 or weights.shape != features.shape[-1:]:
         raise ValueError(
             f"features must be (n, C, r) and weights (r,); got {features.shape}, {weights.shape}"
@@ -70,7 +70,7 @@ def flatten(features: Array, weights: Array) -> Array:
 
 
 def f2id(real: Array, generated: Array, weights: Array) -> float:
-    """Measure the F²ID of two sets of feature functions.
+    """Return the F²ID of two sets of feature functions.
 
     Parameters
     ----------
@@ -80,17 +80,16 @@ def f2id(real: Array, generated: Array, weights: Array) -> float:
 
     Returns
     -------
-    float, in the squared unit of the features
+    float, squared unit of the features
     """
     x, y = common_coordinates(flatten(real, weights), flatten(generated, weights))
     return weighted_f2id(x, y, np.ones(len(x)), np.ones(len(y)))
 
 
 def common_coordinates(x: Array, y: Array) -> tuple[Array, Array]:
-    """Rotate (n, D) and (m, D) vectors into the smallest space that holds both, about its mean.
+    """Return (n, D) and (m, D) vectors in coordinates of the smallest space that contains both.
 
-    The distance does not change; a bottleneck of 40 numbers on 64 points costs 40 dimensions
-    again. Directions below the round-off of the largest are left out.
+    Distances do not change. Directions below the round-off of the largest are omitted.
     """
     stacked = np.concatenate([x, y])
     stacked = stacked - stacked.mean(axis=0)
@@ -101,27 +100,27 @@ def common_coordinates(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def weighted_f2id(x: Array, y: Array, x_counts: Array, y_counts: Array) -> float:
-    """Measure the F²ID of samples that each count as often as ``x_counts`` and ``y_counts`` say.
+    """Return the F²ID of weighted samples.
 
-    Tr (K₁^½ K₂ K₁^½)^½ is the nuclear norm of A Bᵀ for any factors K₁ = AᵀA, K₂ = BᵀB: no root
-    of a matrix is taken, and the smaller of the two spaces, samples or coordinates, is resampled.
+    Tr (K₁^½ K₂ K₁^½)^½ is the nuclear norm of A Bᵀ for any factors K₁ = AᵀA, K₂ = BᵀB: no
+    matrix root is computed, and the products have the smaller of the two dimensions.
 
     Parameters
     ----------
     x, y : (n, D), (m, D) coordinates
-    x_counts, y_counts : (n,), (m,) not negative; a count of 2 is the sample, twice
+    x_counts, y_counts : (n,), (m,) not negative; how often each sample counts
     """
     x_mean, a = _centred_factor(x, x_counts)
     y_mean, b = _centred_factor(y, y_counts)
     cross = np.linalg.svd(_lower_triangle(a) @ _lower_triangle(b).T, compute_uv=False).sum()
     distance = ((x_mean - y_mean) ** 2).sum() + (a**2).sum() + (b**2).sum() - 2 * cross
-    return max(float(distance), 0.0)  # round-off may leave a distance of zero below it
+    return max(float(distance), 0.0)  # round-off can make zero negative
 
 
 def f2id_of_gaussians(
     means: tuple[Array, Array], covariances: tuple[Array, Array], w: Array
 ) -> float:
-    """Measure the F²ID of two Gaussian processes given by their functions on the grid.
+    """Return the F²ID of two Gaussian processes given on the grid.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ def f2id_of_gaussians(
     root = np.sqrt(np.tile(w, len(means[0]) // len(w)))
     first, second = (root[:, None] * k * root for k in covariances)
     values, vectors = np.linalg.eigh(first)
-    # A covariance known to round-off has small negative eigenvalues.
+    # Round-off gives small negative eigenvalues.
     half = (vectors * np.sqrt(values.clip(0))) @ vectors.T
     cross = np.sqrt(np.linalg.eigvalsh(half @ second @ half).clip(0)).sum()
     shift = ((root * (means[0] - means[1])) ** 2).sum()
@@ -141,14 +140,14 @@ def f2id_of_gaussians(
 
 def _centred_factor(x: Array, counts: Array) -> tuple[Array, Array]:
     """Return the mean (D,) and a factor A (k, D) of the covariance AᵀA, by moments (A.1)."""
-    samples = counts > 0
-    share = counts[samples] / counts.sum()
-    mean = share @ x[samples]
-    return mean, np.sqrt(share)[:, None] * (x[samples] - mean)
+    used = counts > 0
+    weights = counts[used] / counts.sum()
+    mean = weights @ x[used]
+    return mean, np.sqrt(weights)[:, None] * (x[used] - mean)
 
 
 def _lower_triangle(factor: Array) -> Array:
-    """Shorten a tall factor A to R of A = QR, with the same AᵀA."""
+    """Return R of A = QR for a tall factor A; AᵀA is the same."""
     tall = factor.shape[0] > factor.shape[1]
     return np.asarray(np.linalg.qr(factor, mode="r")) if tall else factor
 
@@ -158,7 +157,7 @@ Codes = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Gaussians:
-    """B Gaussian reference, one a replicate.
+    """Gaussian distributions of B replicates.
 
     Parameters
     ----------
@@ -173,25 +172,29 @@ class Gaussians:
 def fit_gaussians(x: Array, codes: Codes, counts: Array) -> Gaussians:
     """Fit a Gaussian to each replicate, by moments (PaCMO, A.1).
 
-    The moments of a replicate are weighted moments of its clips, so the samples are read once for
-    all replicates.
+    The moments of a replicate are weighted moments of its clips, so that all are computed at once.
 
     Parameters
     ----------
     x : (n, D) coordinates
     codes : (n,) int, the column of ``counts`` of each sample's clip
-    counts : (B, G) how often each replicate took each clip
+    counts : (B, G) the count of each clip in each replicate
 
     Returns
     -------
-    Gaussians; replicates in which no clip of ``x`` stands are refused
+    Gaussians of all replicates
+
+    Raises
+    ------
+    ValueError
+        If a replicate has no clip of ``x``.
     """
-    used, source_grid = np.unique(codes, return_inverse=True)
-    belongs = (source_grid == np.arange(len(used))[:, None]).astype(np.float64)
+    used, inverse = np.unique(codes, return_inverse=True)
+    belongs = (inverse == np.arange(len(used))[:, None]).astype(np.float64)
     weights = counts[:, used] @ belongs.sum(axis=1)
     if (weights <= 0).any():
         raise ValueError("wanted samples in every replicate; a replicate has none")
-    centre = x.mean(axis=0)  # a common offset would swallow the covariance's digits
+    centre = x.mean(axis=0)  # without a common offset, which costs digits of the covariance
     y = x - centre
     products = (y[:, :, None] * y[:, None, :]).reshape(len(y), -1)
     means = counts[:, used] @ (belongs @ y) / weights[:, None]
@@ -202,22 +205,22 @@ def fit_gaussians(x: Array, codes: Codes, counts: Array) -> Gaussians:
 
 
 def gaussian_distances(first: Gaussians, second: Gaussians) -> Array:
-    """Measure F²ID replicate by replicate, (B,): see ``f2id`` for the formula."""
+    """Return the F²ID of each replicate, (B,); the formula is that of ``f2id``."""
     products = first.factors @ second.factors.transpose(0, 2, 1)
     cross = np.linalg.svd(products, compute_uv=False).sum(axis=1)
     shift = ((first.means - second.means) ** 2).sum(axis=1)
     spread = (first.factors**2).sum(axis=(1, 2)) + (second.factors**2).sum(axis=(1, 2))
-    # Round-off may leave a distance of zero below it.
+    # Round-off can make zero negative.
     return np.asarray(np.maximum(shift + spread - 2 * cross, 0.0))
 
 
 def _covariance_factors(covariances: Array) -> Array:
     values, vectors = np.linalg.eigh(covariances)
-    # A covariance known to round-off has small negative eigenvalues.
+    # Round-off gives small negative eigenvalues.
     return np.asarray(np.sqrt(values.clip(0))[:, :, None] * vectors.transpose(0, 2, 1))
 
 
-# Parts are made of quarters of the clips: all, three of four, and two; and 4 / (quarters) is 1/n.
+# Parts consist of 4, 3 or 2 quarters of the clips; 4 / quarters is proportional to 1/n.
 _PART_SIZES = (
     ((0, 1, 2, 3),),
     ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)),
@@ -227,34 +230,34 @@ N_PARTS = sum(map(len, _PART_SIZES))
 
 
 def split_into_parts(counts: Array, groups: Codes, generator: np.random.Generator) -> Array:
-    """Deal the clips of each replicate into quarters, and join these to the parts of three sizes.
+    """Split the clips of each replicate into quarters; return the parts of three sizes.
 
     Parameters
     ----------
-    counts : (B, G) whole numbers, how often each replicate took each clip
-    groups : (G,) int; each group (test clips, training clips) is permuted for itself
+    counts : (B, G) integers, the count of each clip in each replicate
+    groups : (G,) int; groups (test clips, training clips) are split separately
 
     Returns
     -------
-    (B, P, G) how often each part holds each clip: everything first, then by falling size
+    (B, P, G) the count of each clip in each part: all quarters first, then by decreasing size
     """
     quarters = np.zeros((len(counts), 4, counts.shape[1]))
-    for replicate, into in zip(counts.astype(np.intp), quarters, strict=True):
+    for replicate, parts in zip(counts.astype(np.intp), quarters, strict=True):
         for group in np.unique(groups):
             members = np.flatnonzero(groups == group)
             samples = generator.permutation(np.repeat(members, replicate[members]))
-            for quarter, clips in zip(into, np.array_split(samples, 4), strict=True):
+            for quarter, clips in zip(parts, np.array_split(samples, 4), strict=True):
                 np.add.at(quarter, clips, 1)
     joined = [quarters[:, list(part)].sum(axis=1) for size in _PART_SIZES for part in size]
     return np.stack(joined, axis=1)
 
 
 def extrapolate_to_infinity(values: Array) -> Array:
-    """Draw the least-squares line in 1/n through the means of each size, and read it off at 0.
+    """Fit a least-squares line in 1/n to the means of each size; return its value at 0.
 
     Parameters
     ----------
-    values : (..., P), the metric on each of ``deal_parts``' parts
+    values : (..., P), the metric on each part of ``split_into_parts``
 
     Returns
     -------

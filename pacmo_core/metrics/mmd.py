@@ -12,16 +12,16 @@ Codes = NDArray[np.intp]
 
 
 def pair_means(values: Array, rows: Codes, columns: Codes, counts: Array) -> Array:
-    """Average a function of two samples over all pairs from different clips.
+    """Return the mean of a function of two samples over all pairs from different clips.
 
-    A clip with count c in a replicate counts c times, but never against its own copies: so the
-    mean over many replicates is that of the data, and no copy makes two samples look alike.
+    A clip with count c in a replicate counts c times, but not with its own copies: copies would
+    make samples look alike, and bias the mean over replicates.
 
     Parameters
     ----------
     values : (n, m), the function for each pair
     rows, columns : (n,), (m,) int, the clip of each sample, below G
-    counts : (B, G), how often each of B replicates took each clip
+    counts : (B, G), the count of each clip in each of B replicates
 
     Returns
     -------
@@ -30,7 +30,7 @@ def pair_means(values: Array, rows: Codes, columns: Codes, counts: Array) -> Arr
     Raises
     ------
     ValueError
-        If a replicate leaves no pair from different clips.
+        If a replicate has no pair from different clips.
     """
     sums = _clip_sums(values, rows, columns, counts.shape[1])
     numbers = _clip_sums(np.ones_like(values), rows, columns, counts.shape[1])
@@ -49,12 +49,12 @@ def _clip_sums(values: Array, rows: Codes, columns: Codes, n_clips: int) -> Arra
     return np.asarray(sums)
 
 
-# The 14 bandwidths of MUGL's measure.
+# The 14 bandwidths of MUGL.
 PUBLISHED_BANDWIDTHS: Array = 10.0 ** np.arange(-4, 10, dtype=np.float64)
 
 
 def mean_kernels(x: Array, y: Array, bandwidths: Array) -> Array:
-    """Average the kernel over frames for every pair of motions and each bandwidth.
+    """Return the Gaussian kernel of every pair of motions, averaged over frames.
 
     Parameters
     ----------
@@ -76,22 +76,22 @@ def mean_kernels(x: Array, y: Array, bandwidths: Array) -> Array:
 
 
 def squared_distances(x: Array, y: Array) -> Array:
-    """Measure |x − y|² for all pairs of (n, D) and (m, D) by the Gram identity.
+    """Return |x − y|² for all pairs of (n, D) and (m, D), by the Gram identity.
 
-    Both are moved to the mean of ``x`` first, lest a common offset swallow the digits.
+    The mean of ``x`` is subtracted first, since a common offset costs digits.
     """
     x, y = x - x.mean(axis=0), y - x.mean(axis=0)
     squared = (x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2 * x @ y.T
-    # Between equal vectors the identity leaves round-off, about 1e-12 m² for whole sequences; the
-    # smallest published bandwidth is 1e-4.
+    # Round-off between equal vectors is about 1e-12 m² for whole sequences; the smallest published
+    # bandwidth is 1e-4.
     return np.asarray(np.maximum(squared, 0.0))
 
 
 def median_bandwidth(real: Array) -> float:
-    """Choose b = 2 · median |x − x′|² among different real motions, averaged over frames.
+    """Return b = 2 · median |x − x′|² over pairs of real motions, averaged over frames.
 
-    Unlike Gretton et al. (2012), who pool both sets: the kernel rests on real motion alone, so
-    that every row of a table is measured by the same one.
+    Gretton et al. (2012) pool both sets; here real motion alone determines the kernel, so that
+    it is the same for every row of a table.
 
     Parameters
     ----------
@@ -107,14 +107,14 @@ def median_bandwidth(real: Array) -> float:
 
 
 def as_sequence(motions: Array) -> Array:
-    """Lay the frames of (n, T, D) motions side by side, (n, 1, T·D): MMD-S is MMD-A of these."""
+    """Reshape (n, T, D) motions to (n, 1, T·D): MMD-S is the MMD-A of these."""
     return motions.reshape(len(motions), 1, -1)
 
 
 def mmd_a(x: Array, y: Array, x_clips: Codes, y_clips: Codes, *, bandwidth: float) -> float:
-    """Estimate without bias the squared discrepancy of two sets of motions, frame by frame.
+    """Return the unbiased estimate of the squared MMD of two sets of motions, frame by frame.
 
-    The means run over pairs from different clips only (Gretton et al. 2012, equation 4, where
+    The means are over pairs from different clips only (Gretton et al. 2012, equation 4, where
     i ≠ j): two people of one clip, or a reaction and the real one to the same partner, depend on
     each other. May be negative; a set against itself gives 0.
 
@@ -135,12 +135,12 @@ def mmd_a(x: Array, y: Array, x_clips: Codes, y_clips: Codes, *, bandwidth: floa
 
 
 def mmd_s(x: Array, y: Array, x_clips: Codes, y_clips: Codes, *, bandwidth: float) -> float:
-    """Estimate without bias the squared discrepancy of whole sequences; as ``mmd_a``."""
+    """Return the unbiased estimate of the squared MMD of whole sequences; see ``mmd_a``."""
     return mmd_a(as_sequence(x), as_sequence(y), x_clips, y_clips, bandwidth=bandwidth)
 
 
 def mmd_a_published(x: Array, y: Array) -> float:
-    """Measure MMD-A as MUGL does: all pairs, a motion with itself among them.
+    """Return MMD-A as in MUGL: over all pairs, including each motion with itself.
 
     Parameters
     ----------
@@ -151,17 +151,17 @@ def mmd_a_published(x: Array, y: Array) -> float:
 
 
 def mmd_s_published(x: Array, y: Array) -> float:
-    """Measure MMD-S as MUGL does; as ``mmd_a_published``."""
+    """Return MMD-S as in MUGL; see ``mmd_a_published``."""
     return mmd_a_published(as_sequence(x), as_sequence(y))
 
 
 def published_statistic(kernels: list[Array], x_counts: Array, y_counts: Array) -> float:
-    """Average the running maxima, over growing bandwidths, of the biased estimates.
+    """Return the mean of the running maxima, over growing bandwidths, of the biased estimates.
 
     Parameters
     ----------
     kernels : (K, n, n), (K, m, m), (K, n, m) of the pairs (x, x), (y, y), (x, y)
-    x_counts, y_counts : (n,), (m,) how often each motion was samples
+    x_counts, y_counts : (n,), (m,) the count of each motion
     """
     p, q = x_counts / x_counts.sum(), y_counts / y_counts.sum()
     xx, yy, xy = (k @ b @ a for k, a, b in zip(kernels, (p, q, p), (p, q, q), strict=True))

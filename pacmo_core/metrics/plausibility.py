@@ -1,4 +1,4 @@
-"""Plausibility of reactions: foot skate, inter-penetration, contact, distances between bodies.
+"""Plausibility of reactions: foot skate, penetration, contact, distances between bodies.
 
 The joints that these metrics use (root, feet, hands, head) are found by name in any skeleton.
 """
@@ -13,20 +13,20 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.metrics.bootstrap import Array
 from pacmo_core.metrics.reactions import Reactions, to_length
 
-# Of each limb the first word that names a joint of either side; data sets differ in what they have.
+# The first word that names a joint on both sides applies; datasets have different joints.
 _FEET = ("foot", "toe", "ankle", "heel")
 _HANDS = ("hand", "wrist")
 
 
 @dataclass(frozen=True)
 class BodyJoints:
-    """What metrics need to know of a skeleton.
+    """The joints of a skeleton that the metrics use.
 
     Parameters
     ----------
     root : index of the root joint
-    keys : indices of the joints whose distances between two bodies are looked at
-    feet : indices of the joints that stand on the ground; none if the skeleton names none
+    keys : indices of the joints whose distances between two bodies are compared
+    feet : indices of the foot joints; empty if no joint has such a name
     bones : (E, 2) indices, parent and child
     """
 
@@ -37,35 +37,35 @@ class BodyJoints:
 
 
 def find_body_joints(skeleton: Skeleton) -> BodyJoints:
-    """Find root, head, hands and feet by name; without any of these, every joint is a key."""
+    """Find root, head, hands and feet by name; if one is missing, all joints are keys."""
     feet, hands = _left_and_right(skeleton, _FEET), _left_and_right(skeleton, _HANDS)
     head = tuple(i for i, name in enumerate(skeleton.joints) if "head" in name.lower())[:1]
-    result = sorted({skeleton.root, *head, *hands, *feet})
+    named = sorted({skeleton.root, *head, *hands, *feet})
     complete = bool(head and hands and feet)
-    keys = tuple(result) if complete else tuple(range(len(skeleton.joints)))
+    keys = tuple(named) if complete else tuple(range(len(skeleton.joints)))
     return BodyJoints(root=skeleton.root, keys=keys, feet=feet, bones=skeleton.bones)
 
 
 def _left_and_right(skeleton: Skeleton, words: tuple[str, ...]) -> tuple[int, ...]:
-    """Find the mirror joints of a limb's end by the first word that names any."""
+    """Find the end joints of left and right limbs by the first word that matches any."""
     paired = sorted({joint for pair in skeleton.left_right for joint in pair})
     for word in words:
-        named = tuple(i for i in paired if word in skeleton.joints[i].lower())
-        if named:
-            return named
+        joints = tuple(i for i in paired if word in skeleton.joints[i].lower())
+        if joints:
+            return joints
     return ()
 
 
-# Share of a real clip's foot heights below the ground that is taken from them: noise, not ground.
+# Quantile of the foot heights of a real clip that is its ground; lower ones are noise.
 GROUND_TOLERANCE = 0.05
 
 
 def foot_skate(row: Reactions, real: Reactions, body: BodyJoints, *, height: float) -> Array:
-    """Sum the horizontal speed of feet that stand, (2, n): metres a second, and foot-frames.
+    """Return the summed horizontal speed of feet in stance, m/s, and their number, (2, n).
 
-    A foot stands where it is less than ``height`` above the ground at both ends of a step of the
-    clock; the ground is that of the real reaction's feet in the same clip. As Kovar et al. (2002),
-    *Footskate cleanup*, see sliding; thresholds are ours.
+    A foot is in stance between two frames if it is less than ``height`` above the ground in both;
+    the ground is that of the real reaction in the same clip. After Kovar et al. (2002), *Footskate
+    cleanup*; the thresholds are ours.
 
     Parameters
     ----------
@@ -74,59 +74,59 @@ def foot_skate(row: Reactions, real: Reactions, body: BodyJoints, *, height: flo
     """
     feet = list(body.feet)
     sums = []
-    for motion, known, times in zip(row.motions, real.motions, row.times, strict=True):
-        ground = np.quantile(known[:, feet, 1], GROUND_TOLERANCE)
+    for motion, real_motion, times in zip(row.motions, real.motions, row.times, strict=True):
+        ground = np.quantile(real_motion[:, feet, 1], GROUND_TOLERANCE)
         low = motion[:, feet, 1] < ground + height
-        standing = low[1:] & low[:-1]
+        stance = low[1:] & low[:-1]
         step = np.linalg.norm(np.diff(motion[:, feet][..., [0, 2]], axis=0), axis=-1)
         speed = step / np.diff(times)[:, None]
-        sums.append((speed[standing].sum(), standing.sum()))
+        sums.append((speed[stance].sum(), stance.sum()))
     return np.array(sums, dtype=np.float64).T
 
 
 def penetration(row: Reactions, body: BodyJoints, *, radius: float) -> Array:
-    """Count the frames in which the bodies merge, (2, n): such frames, and all.
+    """Return the number of frames with penetration, and of all frames, (2, n).
 
-    Bodies merge where joints or middles of bones, one of either, are within ``radius`` metres: two
-    limbs of half that thickness would share a place. The frequency of intersection as of ReGenNet
-    (Xu et al. 2024) and its followers, with points for meshes.
+    Bodies penetrate where joints or bone midpoints of the two are within ``radius`` metres: limbs
+    of half that radius would overlap. This is the intersection frequency of ReGenNet (Xu et al.
+    2024), with points in place of meshes.
     """
-    merged = [
+    n_frames = [
         (min_point_distance(body_points(partner, body), body_points(motion, body)) < radius).sum()
         for partner, motion in zip(row.partners, row.motions, strict=True)
     ]
-    return np.array([merged, [len(motion) for motion in row.motions]], dtype=np.float64)
+    return np.array([n_frames, [len(motion) for motion in row.motions]], dtype=np.float64)
 
 
 def contact_agreement(row: Reactions, real: Reactions, *, distance: float) -> Array:
-    """Compare the frames with contact with the real ones, (2, n): twice the common, and the sum.
+    """Return twice the frames with contact in both, and the sum of both counts, (2, n).
 
-    The ratio is F1 of contact frames, over all samples together; contact is that of joints, as
-    ``contacts`` judges whole captures. Duolando (Siyao et al. 2024) reports contact's frequency;
-    F1 asks for the same frames.
+    Their ratio is the F1 of contact frames over all samples; contact is between joints, as in
+    ``contacts`` of whole captures. Duolando (Siyao et al. 2024) reports the frequency of contact;
+    F1 requires contact in the same frames.
     """
     sums = []
-    for partner, ours, theirs in zip(row.partners, row.motions, real.motions, strict=True):
-        result, wanted = (
-            min_point_distance(partner, motion) <= distance for motion in (ours, theirs)
+    for partner, generated, truth in zip(row.partners, row.motions, real.motions, strict=True):
+        touching, expected = (
+            min_point_distance(partner, motion) <= distance for motion in (generated, truth)
         )
-        sums.append((2 * (result & wanted).sum(), result.sum() + wanted.sum()))
+        sums.append((2 * (touching & expected).sum(), touching.sum() + expected.sum()))
     return np.array(sums, dtype=np.float64).T
 
 
 def body_points(motion: Motion, body: BodyJoints) -> Motion:
-    """List the joints and the middles of the bones, (T, J + E, 3) metres."""
+    """Return the joints and the midpoints of the bones, (T, J + E, 3) metres."""
     return np.concatenate([motion, motion[:, body.bones].mean(axis=2)], axis=1)
 
 
 def distance_functions(row: Reactions, body: BodyJoints, n_instants: int) -> Array:
-    """Follow the distance from each key joint of the partner to each of the reaction.
+    """Return the distances from each key joint of the partner to each of the reaction over time.
 
-    Unlike features of the motions, these change with any change of who answers whom.
+    They depend on the pairing of reactions and partners.
 
     Returns
     -------
-    (n, K², r) metres, at r instants from the first to the last
+    (n, K², r) metres, at r equally spaced times
     """
     keys = list(body.keys)
     result = []
@@ -139,10 +139,10 @@ def distance_functions(row: Reactions, body: BodyJoints, n_instants: int) -> Arr
 
 @dataclass(frozen=True)
 class PrincipalComponents:
-    """The few functions by which distances between bodies vary most, in real training data.
+    """The principal components of distances between bodies in real training data.
 
-    F²ID grows with the square of the dimension (for few samples, mostly by bias), and K² functions
-    on r instants are many: so they are seen in their principal components.
+    The bias of F²ID for few samples grows with the square of the dimension, and K² functions at r
+    times are many; their principal components are few.
 
     Parameters
     ----------
@@ -156,13 +156,13 @@ class PrincipalComponents:
     axes: Array
 
     def coordinates(self, functions: Array) -> Array:
-        """See (n, K², r) functions in the components, (n, k), as L²(time) measures."""
+        """Return the coordinates of (n, K², r) functions, (n, k), in units of L²(time)."""
         flat = ((functions - self.mean) / self.scale).reshape(len(functions), -1)
         return np.asarray(flat @ self.axes / np.sqrt(functions.shape[-1]))
 
 
 def fit_principal_components(functions: Array, n_components: int) -> PrincipalComponents:
-    """Find the principal components of standardised functions (n, K², r), at most so many."""
+    """Fit at most ``n_components`` components to standardised functions (n, K², r)."""
     mean = functions.mean(axis=(0, 2))[:, None]
     scale = functions.std(axis=(0, 2))[:, None]
     if not (scale > 0).all():

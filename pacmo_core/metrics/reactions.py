@@ -15,9 +15,9 @@ class Reactions:
     ----------
     features : (n, C, r), the features of (partner, reaction) on the common grid
     motions : n reactions (T_i, J, 3), metres
-    partners : n motions given, (T_i, J, 3), metres, at the same times
+    partners : n motions of the partners, (T_i, J, 3), metres, at the same times
     times : n times (T_i,), seconds, strictly increasing
-    clips : the clip that each reaction was recorded in, or generated for
+    clips : the clip in which each reaction was recorded, or for which it was generated
     embedded : (2, n, E) unit vectors of a matcher, of the partners and of the reactions
     further : (S, n, C, r), features of S further reactions to each partner; S may be 0
 
@@ -56,11 +56,11 @@ class Reactions:
             self._check(i)
 
     def __len__(self) -> int:
-        """Count the reactions."""
+        """Return the number of reactions."""
         return len(self.features)
 
     def take(self, indices: NDArray[np.intp]) -> "Reactions":
-        """Choose samples by index, in that order."""
+        """Select by index, in that order."""
         return Reactions(
             features=self.features[indices],
             motions=[self.motions[i] for i in indices],
@@ -85,9 +85,9 @@ class Reactions:
 def to_length(
     motion: NDArray[np.float32], times: NDArray[np.float64], n_frames: int
 ) -> NDArray[np.float64]:
-    """Resample a motion to frames at equal distances from its first to its last instant.
+    """Resample a motion to equally spaced frames, linearly.
 
-    Linear between frames: a spline would overshoot at the jumps of noisy captures.
+    A spline would overshoot at the jumps of noisy captures.
 
     Parameters
     ----------
@@ -101,15 +101,15 @@ def to_length(
     """
     if len(times) != len(motion) or n_frames < 2:
         raise ValueError(
-            f"wanted one time a frame and at least 2 frames; got {len(times)} times, "
+            f"wanted one time per frame and at least 2 frames; got {len(times)} times, "
             f"{len(motion)} frames, n_frames {n_frames}"
         )
-    wanted = np.linspace(times[0], times[-1], n_frames)
-    after = np.searchsorted(times, wanted, side="left").clip(1, len(times) - 1)
-    share = (wanted - times[after - 1]) / (times[after] - times[after - 1])
-    share = share[:, None, None]
+    at = np.linspace(times[0], times[-1], n_frames)
+    after = np.searchsorted(times, at, side="left").clip(1, len(times) - 1)
+    fraction = (at - times[after - 1]) / (times[after] - times[after - 1])
+    fraction = fraction[:, None, None]
     values = motion.astype(np.float64)
-    return np.asarray((1 - share) * values[after - 1] + share * values[after])
+    return np.asarray((1 - fraction) * values[after - 1] + fraction * values[after])
 
 
 def stack_motions(

@@ -1,8 +1,8 @@
-"""How far a pair on other bodies is from where it should be, per character.
+"""Errors of retargeted pairs, for each character: E_r, E_b, JPD, contacts, foot skate, FID.
 
-Pairs are ``(T, 2, J, 3)`` float32, metres: both characters at the same instants. The measures and
-their letters are those of the two-person augmentation paper's supplement; it defines none, so the
-plainest reading stands here.
+Pairs are ``(T, 2, J, 3)`` float32, metres: both characters at the same times. Names and symbols are
+those of the supplement of the two-person augmentation paper, which does not define them; the
+definitions here are the simplest ones.
 """
 
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class RetargetingLimits:
-    """What counts as touching, standing and merging.
+    """Thresholds of contact, stance and penetration.
 
     Parameters
     ----------
-    contact_distance : metres between joints that touch
-    contact_slack : metres by which a contact may part and still be kept
-    foot_height : metres above its own lowest place below which a foot stands
-    body_radius : metres between a point of either body below which they merge
+    contact_distance : metres between joints in contact
+    contact_slack : metres by which a preserved contact may exceed the contact distance
+    foot_height : metres above the lowest position of a foot below which it is in stance
+    body_radius : metres between points of two bodies below which they penetrate
     """
 
     contact_distance: float
@@ -38,15 +38,15 @@ class RetargetingLimits:
 
 
 def joint_error(pair: Pair, truth: Pair) -> Array:
-    """``(2,)`` metres, E_r: mean distance of joints from their true places, of each character."""
+    """Return E_r, ``(2,)`` metres: mean distance of joints from their true positions."""
     _check_shapes(pair, truth)
     return np.asarray(np.linalg.norm(pair - truth, axis=-1).mean(axis=(0, 2), dtype=np.float64))
 
 
 def bone_error(pair: Pair, template: Pair, scales: Array, skeleton: Skeleton) -> Array:
-    """``(2,)`` metres, E_b: mean error of bones' lengths, of each character.
+    """Return E_b, ``(2,)`` metres: mean error of bone lengths of each character.
 
-    A bone should be as long as its scale times the template's in the same frame.
+    The true length is the scale times the length of the template in the same frame.
 
     Parameters
     ----------
@@ -58,13 +58,13 @@ def bone_error(pair: Pair, template: Pair, scales: Array, skeleton: Skeleton) ->
 
 
 def pair_distance_error(pair: Pair, reference: Pair) -> float:
-    """Metres, JPD: mean error of the distance from each joint of one to each of the other."""
+    """Return JPD, metres: mean error of the distances between joints of the two characters."""
     _check_shapes(pair, reference)
     return float(np.abs(_distances(pair) - _distances(reference)).mean())
 
 
 def contacts_preserved(pair: Pair, template: Pair, limits: RetargetingLimits) -> tuple[int, int]:
-    """Count pairs of joints and frames that touch in the template: those kept, and all."""
+    """Count the contacts of the template, over pairs of joints and frames: preserved, and all."""
     touching = _distances(template) < limits.contact_distance
     is_kept = touching & (_distances(pair) < limits.contact_distance + limits.contact_slack)
     return int(is_kept.sum()), int(touching.sum())
@@ -73,18 +73,18 @@ def contacts_preserved(pair: Pair, template: Pair, limits: RetargetingLimits) ->
 def foot_skate(
     pair: Pair, template: Pair, times: Array, body: BodyJoints, limits: RetargetingLimits
 ) -> Array:
-    """Sum the horizontal speed of feet that stand in the template, (2,): metres a second; count.
+    """Return the summed horizontal speed of feet in stance in the template, m/s, and their count.
 
-    A foot stands where it is less than ``foot_height`` above its lowest position at both ends of
-    a step.
+    A foot is in stance between two frames if it is less than ``foot_height`` above its lowest
+    position in both.
     """
     feet = list(body.feet)
     heights = template[:, :, feet, 1]
     low = heights < heights.min(axis=0) + limits.foot_height
-    stands = low[1:] & low[:-1]
+    stance = low[1:] & low[:-1]
     steps = np.linalg.norm(np.diff(pair[:, :, feet][..., [0, 2]], axis=0), axis=-1)
     speeds = steps / np.diff(times)[:, None, None]
-    return np.array([speeds[stands].sum(), stands.sum()], dtype=np.float64)
+    return np.array([speeds[stance].sum(), stance.sum()], dtype=np.float64)
 
 
 def penetrating_frames(pair: Pair, body: BodyJoints, limits: RetargetingLimits) -> int:
@@ -94,7 +94,7 @@ def penetrating_frames(pair: Pair, body: BodyJoints, limits: RetargetingLimits) 
 
 
 def sample_diversity(samples: NDArray[np.float32]) -> float:
-    """Metres: mean distance of joints between two samples of one body; 0 if there is but one.
+    """Return the mean distance of joints between two samples on one body, metres; 0 for one sample.
 
     Parameters
     ----------
@@ -102,16 +102,16 @@ def sample_diversity(samples: NDArray[np.float32]) -> float:
     """
     if len(samples) < 2:
         return 0.0
-    apart = [
+    distances = [
         np.linalg.norm(one - other, axis=-1).mean()
         for number, one in enumerate(samples)
         for other in samples[:number]
     ]
-    return float(np.mean(apart))
+    return float(np.mean(distances))
 
 
 def frechet_distance(real: Array, generated: Array) -> float:
-    """FID: the Fréchet distance of Gaussians fitted to features ``(n, D)`` and ``(m, D)``."""
+    """Return FID: the Fréchet distance of Gaussians fitted to features (n, D) and (m, D)."""
     return f2id(real[:, :, None], generated[:, :, None], np.ones(1))
 
 

@@ -1,9 +1,9 @@
 """The metrics of one row: distances of distributions, displacement, dependence on the partner.
 
-F²ID to the real reactions tested may be below that of two samples of real motion, since a row that
-reacts to the very partners tested shares their sampling error. So a row is also compared with
-second samples of real motion, of other people's or other recordings' clips: what it has beyond the
-score that real pairs have there is its excess.
+F²ID to the tested real reactions can be below that of two samples of real motion, since a row that
+reacts to the same partners shares their sampling error. A row is therefore also compared with
+second samples of real motion, from clips of other people or recordings. Its F²ID minus that of the
+real pairs is its excess.
 
 MMD of (partner, reaction) pairs has the kernel k((p, r), (p′, r′)) = k(p, p′) k(r, r′), both
 Gaussian: it is zero only for equal joint distributions (Szabó and Sriperumbudur 2018,
@@ -47,11 +47,11 @@ from pacmo_core.metrics.reactions import Reactions
 
 
 class GaussianReference:
-    """Gaussian processes fitted to the real motion, once for all rows.
+    """Gaussian processes fitted to real motion, once for all rows.
 
     Parameters
     ----------
-    real : (n, D) coordinates of the real reactions tested
+    real : (n, D) coordinates of the tested real reactions
     second_sets : (m, D) of each second sample
     context : EvaluationContext
     """
@@ -63,11 +63,11 @@ class GaussianReference:
         self._second_codes = [context.codes(second, k) for k, (_, second) in numbered]
 
     def between(self, row: Array, codes: Codes) -> Array:
-        """Measure F²ID to the real reactions tested, (1 + bootstrap,)."""
+        """Return F²ID to the tested real reactions, (1 + bootstrap,)."""
         return gaussian_distances(self._real, fit_gaussians(row, codes, self._context.counts))
 
     def second(self, row: Array, codes: Codes) -> Array:
-        """Average F²ID to the second samples, (1 + bootstrap,)."""
+        """Return the mean F²ID to the second samples, (1 + bootstrap,)."""
         gaussian = fit_gaussians(row, codes, self._context.counts)
         return np.asarray(
             np.mean([gaussian_distances(gaussian, second) for second in self._second_sets], axis=0)
@@ -75,30 +75,30 @@ class GaussianReference:
 
     @cached_property
     def floor(self) -> Array:
-        """Average F²ID between the real reactions tested and the second samples."""
+        """The mean F²ID between the tested real reactions and the second samples."""
         return self.second(self._coordinates[0], self._context.partners)
 
     def infinity(self, row: Array, codes: Codes) -> Array:
-        """Extrapolate F²ID to infinitely many samples of both, (1 + bootstrap,)."""
+        """Return F²ID extrapolated to infinitely many samples of both, (1 + bootstrap,)."""
         gaussian = fit_gaussians(row, codes, self._parts)
         return self._extrapolated(gaussian_distances(self._real_parts, gaussian))
 
     @cached_property
     def floor_infinity(self) -> Array:
-        """Extrapolate the floor: what remains is that test and training clips differ."""
+        """The extrapolated floor: the difference between test and training clips."""
         real = self._real_parts
-        result = [
+        distances = [
             gaussian_distances(real, fit_gaussians(x, codes, self._parts))
             for x, codes in zip(self._coordinates[1], self._second_codes, strict=True)
         ]
-        return self._extrapolated(np.mean(result, axis=0))
+        return self._extrapolated(np.mean(distances, axis=0))
 
     def _extrapolated(self, values: Array) -> Array:
-        """Average the repeats of the plain value and put the mean first."""
+        """Return the mean over the repeats of the plain value, then the replicates."""
         parts = self._context.part_counts
-        result = extrapolate_to_infinity(values.reshape(parts.shape[:2]))
+        limits = extrapolate_to_infinity(values.reshape(parts.shape[:2]))
         repeats = self._context.settings.repeats
-        return np.concatenate([[result[:repeats].mean()], result[repeats:]])
+        return np.concatenate([[limits[:repeats].mean()], limits[repeats:]])
 
     @property
     def _parts(self) -> Array:
@@ -120,9 +120,7 @@ class GaussianReference:
 
 
 class PairMmd:
-    """Real pairs of second samples, and what can be computed once for all rows.
-
-    Rows are held against second samples, where real pairs have a score of their own.
+    """MMD of (partner, reaction) pairs to second samples of real motion.
 
     Parameters
     ----------
@@ -132,7 +130,7 @@ class PairMmd:
     def __init__(self, context: EvaluationContext) -> None:
         self._context = context
         train = _motions(context, context.train)
-        self._bandwidths = [np.array([median_bandwidth(side)]) for side in train]
+        self._bandwidths = [np.array([median_bandwidth(motions)]) for motions in train]
         self._second_sets = [_motions(context, second) for second in context.second_sets]
         self._codes = [
             context.codes(second, k) for k, second in enumerate(context.second_sets, start=1)
@@ -143,7 +141,7 @@ class PairMmd:
         ]
 
     def measure(self, row: Reactions) -> Array:
-        """Average the unbiased squared discrepancy to the second samples, (1 + bootstrap,)."""
+        """Return the mean unbiased squared MMD to the second samples, (1 + bootstrap,)."""
         pairs, partner_codes = _motions(self._context, row), self._context.partners
         counts = self._context.counts
         within = pair_means(self._kernel(pairs, pairs), partner_codes, partner_codes, counts)
@@ -158,16 +156,16 @@ class PairMmd:
         return np.asarray(np.mean(result, axis=0))
 
     def permuted(self, row: Reactions, groups: Codes) -> Array:
-        """Measure as ``measure`` does, in the mean over all permutations of the reactions.
+        """Return the mean of ``measure`` over all permutations of the reactions.
 
         Permuted at random within each group, pairs follow the product of the marginals, so the
-        kernel's means are products of means and no permutation is sampled. A replicate's partners
-        and reactions weigh as in ``measure``: their difference is due to the pairing alone. One
-        permutation would add noise of its own, about twice as much.
+        kernel's means are products of means and no permutation is sampled. Partners
+        and reactions of a replicate have the weights of ``measure``, so that the difference is due
+        to the pairing alone. A single permutation would about double the noise.
 
         Parameters
         ----------
-        row : reactions to their own partners
+        row : reactions with their true partners
         groups : (n,) int; reactions are permuted within their group
 
         Returns
@@ -198,8 +196,8 @@ class PairMmd:
             _group_sums(samples, kernel * foreign) / np.maximum(numbers, 1)
             for kernel in self._kernels(pairs, pairs)
         )
-        # Two groups weigh as many pairs of different clips as they have, as in ``measure``: were a
-        # group's clips compared more often here, permuted pairs would look more alike.
+        # Pairs of groups are weighted by their number of pairs of different clips, as in
+        # ``measure``; other weights would change the similarity of permuted pairs.
         return np.asarray((numbers * partner * reaction).sum((1, 2)) / numbers.sum((1, 2)))
 
     def _kernel(self, first: tuple[Array, Array], second: tuple[Array, Array]) -> Array:
@@ -209,18 +207,18 @@ class PairMmd:
     def _kernels(
         self, first: tuple[Array, Array], second: tuple[Array, Array]
     ) -> tuple[Array, Array]:
-        sides = zip(first, second, self._bandwidths, strict=True)
-        partner, reaction = (mean_kernels(x, y, bandwidth)[0] for x, y, bandwidth in sides)
+        triples = zip(first, second, self._bandwidths, strict=True)
+        partner, reaction = (mean_kernels(x, y, bandwidth)[0] for x, y, bandwidth in triples)
         return partner, reaction
 
 
 def _group_sums(samples: Array, values: Array) -> Array:
-    """Sum (n, n) values over the samples of every two groups, (B, A, A)."""
+    """Return the sums of (n, n) values over the samples of each two groups, (B, A, A)."""
     return np.asarray(samples @ values @ samples.transpose(0, 2, 1))
 
 
 def _motions(context: EvaluationContext, row: Reactions) -> tuple[Array, Array]:
-    """Stack partners and reactions as whole sequences, two (n, 1, T·J·3)."""
+    """Return partners and reactions as whole sequences, two (n, 1, T·J·3)."""
     return context.sequences(row.partners, row.times), context.sequences(row.motions, row.times)
 
 
@@ -288,31 +286,31 @@ def measure_diversity(row: Reactions, codes: Codes, context: EvaluationContext) 
 
 
 def measure_displacement(row: Reactions, context: EvaluationContext) -> Estimates:
-    """Compare each reaction with the real one to the same partner: APE and AVE."""
+    """Measure APE and AVE: errors against the real reaction to the same partner."""
     errors = {
         "ape": position_errors(row.motions, context.real.motions),
         "ave": variance_errors(row.motions, context.real.motions),
     }
-    # Clips are weighted by the partner's, also where the reaction comes from another clip.
-    shares = context.counts[:, context.partners]
-    shares = shares / shares.sum(axis=1, keepdims=True)
+    # Weights are those of the partner's clip, also if the reaction is from another clip.
+    weights = context.counts[:, context.partners]
+    weights = weights / weights.sum(axis=1, keepdims=True)
     root = {name: value[:, context.settings.body.root] for name, value in errors.items()}
     joints = {f"{name}_joints": value.mean(axis=1) for name, value in errors.items()}
-    return {name: as_estimate(shares @ value) for name, value in (root | joints).items()}
+    return {name: as_estimate(weights @ value) for name, value in (root | joints).items()}
 
 
 def as_estimate(replicates: Array) -> Estimate:
-    """Split replicates of which the first has every clip once."""
+    """Return an estimate from replicates; the first has every clip once."""
     return Estimate(float(replicates[0]), replicates[1:])
 
 
 def as_repeats(values: list[float]) -> Estimate:
-    """Hold repeats of the paper's protocol beside their mean."""
+    """Return an estimate from repeats of the paper's protocol."""
     return Estimate(float(np.mean(values)), np.array(values))
 
 
 def sample_counts(samples: Codes, n: int) -> Array:
-    """Count how often each of n samples was samples."""
+    """Count how often each of n samples was drawn."""
     return np.bincount(samples, minlength=n).astype(np.float64)
 
 
@@ -350,7 +348,7 @@ class PartnerMetrics:
         return {name: as_estimate(values) for name, values in replicates.items()}
 
     def permuted(self, row: Reactions, groups: Codes) -> Estimates:
-        """Measure what can be had in the mean over all permutations of a row's reactions."""
+        """Measure the metrics with a closed form of the mean over all permutations of reactions."""
         return {"mmd_pair": as_estimate(self._pairs.permuted(row, groups))}
 
     def _components_of_train(self) -> PrincipalComponents:
@@ -365,34 +363,34 @@ class PartnerMetrics:
 
 
 def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
-    """Measure foot sliding, inter-penetration and agreement of contact; say what cannot be."""
+    """Measure foot skate, penetration and contact agreement; return reasons for missing ones."""
     settings, real = context.settings, context.real
     sums = {
         "penetration": penetration(row, settings.body, radius=settings.body_radius),
         "contact_agreement": contact_agreement(row, real, distance=settings.contact_distance),
     }
-    reasons = {"contact_agreement": "no frame with contact", "foot_skate": "no foot stands"}
+    reasons = {"contact_agreement": "no frame with contact", "foot_skate": "no foot is in stance"}
     if settings.body.feet:
         sums["foot_skate"] = foot_skate(row, real, settings.body, height=settings.foot_height)
     else:
         reasons["foot_skate"] = "the skeleton names no feet"
     result: Estimates = {}
-    for name, (above, below) in sums.items():
+    for name, (numerator, denominator) in sums.items():
         weights = context.counts[:, context.partners]
-        if (weights @ below > 0).all():
-            result[name] = as_estimate((weights @ above) / (weights @ below))
+        if (weights @ denominator > 0).all():
+            result[name] = as_estimate((weights @ numerator) / (weights @ denominator))
     return result, {name: reason for name, reason in reasons.items() if name not in result}
 
 
 def measure_multimodality(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
-    """Average the L²(time) distance of features of several reactions to one partner.
+    """Return the mean L²(time) distance between features of reactions to the same partner.
 
-    As Guo et al. (2020), *Action2Motion*, for actions: all pairs of a partner's reactions, a mean
-    over partners.
+    The mean is over all pairs of reactions and over partners; Guo et al. (2020), *Action2Motion*,
+    do the same for actions.
     """
     samples = np.concatenate([row.features[None], row.further])
     if len(samples) < 2:
-        return {}, {"multimodality": "one reaction a partner"}
+        return {}, {"multimodality": "one reaction per partner"}
     pairs = np.triu_indices(len(samples), k=1)
     spread = np.array(
         [

@@ -1,8 +1,8 @@
 """The writer lock: one run at a time writes in a project; and clean-up after a killed run.
 
-Every process that a writer starts bears a mark in its environment, which the processes that it
-starts inherit. Whoever acquires the lock first ends the processes that bear it: their writer was
-killed.
+Every process that a writer starts has a variable in its environment, which its child processes
+inherit. A process that acquires the lock first ends all processes with this variable: their writer
+was killed.
 """
 
 import fcntl
@@ -28,7 +28,7 @@ OUTPUT_FOLDERS = (
     *(HISTORY, PROMOTED_MODELS),
 )
 _PARTIAL_NAME = re.compile(r"\..+\.(\d+)")
-_PROBE_S = 0.5  # lock_holder of another process holds the lock for an instant
+_PROBE_S = 0.5  # lock_holder of another process holds the lock for a moment
 _KILL_TIMEOUT_S = 10.0
 
 
@@ -40,8 +40,8 @@ class BusyError(CommandError):
 def writer_lock(job: str, path: Path) -> Iterator[None]:
     """Hold the project's lock while the block runs.
 
-    The operating system releases the lock when its holder ends, however it ends. Processes that a
-    killed holder has started may still write; they are killed before the block runs.
+    The operating system releases the lock when its holder ends, however it ends. Processes
+    that a killed holder has started may still write; they are killed before the block runs.
 
     Parameters
     ----------
@@ -116,10 +116,9 @@ def remove_partial_files() -> list[Path]:
 def remove_dead_dvc_locks(path: Path = DVC_RWLOCK) -> list[int]:
     """Remove killed processes from DVC's list of readers and writers; the caller holds the lock.
 
-    DVC itself ignores processes whose number is free. A process that was killed and that its
-    parent has not waited for (in a container without an init process, none ever does) keeps its
-    number, and DVC would wait for it. A list that was cut short is removed: DVC refuses to start
-    with it.
+    DVC itself ignores processes whose number is free. A killed process that its parent
+    has not waited for (in a container without an init process, nobody does) keeps its number, and
+    DVC would wait for it. An incomplete list is removed: DVC would refuse to start.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Processes of a run: start them so that they end with it, find them, and end them on a signal.
+"""Processes of a run: start them, find them, and end them on a signal.
 
 Processes are found by a variable in their environment, as ``/proc`` shows it, rather than by
 parent or process group: Prefect, DVC and the workers of stages start sessions of their own.
@@ -49,7 +49,7 @@ def marked_processes(mark: Mapping[str, str]) -> list[int]:
 def kill_marked(
     mark: Mapping[str, str], *, terminate_s: float = 0.0, timeout_s: float = _TIMEOUT_S
 ) -> tuple[list[int], list[int]]:
-    """End the marked processes, and those that they start meanwhile, until none is left.
+    """End the marked processes, and those that they start meanwhile, until none is alive.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def kill_marked(
 def start_process(
     command: Sequence[str], mark: Mapping[str, str], **options: Any
 ) -> "subprocess.Popen[bytes]":
-    """Start a process that bears a mark, in a session of its own, and is killed with its parent.
+    """Start a process with a mark, in its own session, that is killed with its parent.
 
     In its own session it does not get the terminal's Ctrl-C. Signals are blocked while it starts:
     a handler that runs in between would not see its mark yet.
@@ -125,7 +125,7 @@ def end_on_signal(clean_up: Callable[[], str]) -> Iterator[None]:
         for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         line = clean_up()
-        # Not sys.stderr: the interrupted code may be in the midst of a write to it.
+        # Not sys.stderr: the interrupted code may be writing to it.
         os.write(2, f"{line}\n".encode())
         os._exit(EXIT_INTERRUPTED)
 
@@ -145,10 +145,10 @@ def end_run(mark: Mapping[str, str], command: str) -> str:
     Parameters
     ----------
     mark : variables of the environment of the processes
-    command : that goes on with the run
+    command : that continues the run
     """
     pids, remaining = kill_marked(mark, terminate_s=_TERMINATE_S)
     if remaining:
         return f"interrupted: processes {remaining} do not end"
     count = f"{len(pids)} process{'es' if len(pids) != 1 else ''} ended"
-    return f"interrupted: {count}; {command} goes on where it stopped"
+    return f"interrupted: {count}; {command} continues where it stopped"

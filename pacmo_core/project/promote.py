@@ -49,9 +49,9 @@ class Candidate:
 
     Parameters
     ----------
-    experiment : its name
+    experiment : name
     tables : metrics by row of the table of reaction models
-    files : what is copied at a promotion, by path below the folder of the promoted model
+    files : copied at a promotion, by path in the folder of the promoted model
     model : SHA-256 of the weights
     test_reactions : number of reactions behind the metrics
     """
@@ -77,13 +77,13 @@ def read_candidate(row: str) -> Candidate:
     """
     weights = sorted(MODELS.glob(f"*/{row}/*/weights.safetensors"))
     if not DETAILS.exists() or not weights:
-        raise CommandError(f"no {DETAILS} or no weights of {row} in {MODELS}: reproduce first")
-    facts = _read_json(DETAILS)
+        raise CommandError(f"no {DETAILS} or no weights of {row} in {MODELS}: run ./run first")
+    details = _read_json(DETAILS)
     pooled = DETAILS.with_name("pacmo.json")
     files = {path.as_posix(): path for path in (*weights, *PROMOTED_FILES) if path.exists()}
     return Candidate(
-        experiment=facts["experiment"],
-        tables=facts["pacmo"]["rows"],
+        experiment=details["experiment"],
+        tables=details["pacmo"]["rows"],
         files=files,
         model=promotion.model_hash(weights),
         test_reactions=_read_json(pooled)["test_reactions"] if pooled.exists() else 0,
@@ -214,8 +214,8 @@ def _write(decision: Decision) -> Decision:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    facts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return facts
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
 
 
 def write_history_page(path: Path, decisions: list[Decision]) -> None:
@@ -226,7 +226,7 @@ def write_history_page(path: Path, decisions: list[Decision]) -> None:
 def metrics_over_time(decisions: list[Decision]) -> Curve | None:
     """Return the mean of each metric by decision; None without decisions.
 
-    A roll-back has no new metrics and is left out.
+    A roll-back has no new metrics and is omitted.
     """
     measured = [decision for decision in decisions if decision.verdict != ROLLED_BACK]
     if not measured:

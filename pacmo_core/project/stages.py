@@ -47,12 +47,12 @@ class TargetError(CommandError, ValueError):
 
 @dataclass(frozen=True)
 class StageStatus:
-    """What DVC says of the stages.
+    """The status of the stages as DVC reports it.
 
     Parameters
     ----------
     n_stages : number of stages
-    reasons : by stale stage, why; stages that depend on a stale one are not listed
+    reasons : by stale stage; stages that depend on a stale one are not listed
     """
 
     n_stages: int
@@ -68,9 +68,9 @@ def read_status() -> StageStatus:
 
 
 def readable_dvc_lock(read: Callable[[], Result]) -> Result:
-    """Call a function that reads ``dvc.lock``; if that was cut short, move it aside and call again.
+    """Call a function that reads ``dvc.lock``; if it is incomplete, move it and call again.
 
-    DVC refuses every command with a ``dvc.lock`` that it was killed in the midst of writing.
+    DVC refuses every command with an incomplete ``dvc.lock``, as a kill during its writing leaves.
     Without the file, its run cache restores the outputs, and the file is written again. The caller
     holds the writer lock, so that no other DVC is writing it.
     """
@@ -83,7 +83,7 @@ def readable_dvc_lock(read: Callable[[], Result]) -> Result:
         if path.name != DVC_LOCK.name:
             raise
         path.replace(path.with_name(DAMAGED_LOCK))
-        log_event(f"dvc.lock was cut short; moved to {DAMAGED_LOCK}", logging.WARNING)
+        log_event(f"dvc.lock was incomplete; moved to {DAMAGED_LOCK}", logging.WARNING)
         return read()
 
 
@@ -174,7 +174,7 @@ def _compute_status() -> StageStatus:
     status = StageStatus(
         len(stages), {name: list(_reasons(change)) for name, change in changes.items()}
     )
-    # Store it only if nothing was written while DVC was looking.
+    # Store it only if nothing was written meanwhile.
     if _fingerprint(paths) == before:
         facts = {
             "fingerprint": before,
@@ -203,7 +203,7 @@ def _stored_status() -> StageStatus | None:
         if _fingerprint(map(Path, facts["paths"])) == facts["fingerprint"]:
             return StageStatus(**facts["status"])
     except (OSError, ValueError, KeyError, TypeError):
-        pass  # there is none yet, or one that a kill cut short: ask DVC
+        pass  # missing or incomplete: ask DVC
     return None
 
 
@@ -233,7 +233,7 @@ def _file_facts(path: Path, ignored: frozenset[str]) -> Iterator[str]:
 
 
 def _ignored_names() -> frozenset[str]:
-    """Bytecode, which Python writes beside the code when it runs, if DVC ignores it too."""
+    """Return the names of Python's bytecode files, if DVC ignores them too."""
     try:
         lines = Path(".dvcignore").read_text(encoding="utf-8").split()
     except FileNotFoundError:

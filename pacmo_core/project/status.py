@@ -64,7 +64,7 @@ def last_run_failed(status: dict[str, Any]) -> bool:
 def stale_reasons(holder: str) -> dict[str, list[str]]:
     """Return the reasons by stale stage; unknown while a run holds the lock."""
     if holder:
-        return {"unknown": ["a run writes now; DVC cannot tell before its end"]}
+        return {"unknown": ["a run is writing; known after its end"]}
     return read_status().reasons
 
 
@@ -90,7 +90,7 @@ def status_lines(status: dict[str, Any]) -> Iterable[str]:
     captures = [f"{capture['name']}: {capture['reason']}" for capture in status["quarantine"]]
     yield from _block("quarantine", captures)
     if status["unfinished_intake"]:
-        yield "captures were being moved from the inbox when a run was killed; the next one goes on"
+        yield "a run was killed while it moved captures from the inbox; the next run continues"
     for file in status["broken_decisions"]:
         yield f"unreadable: {file}"
 

@@ -1,9 +1,9 @@
-"""Subjects: a population's bone lengths and habits, and the private variables of a clip.
+"""Subjects: bone lengths and habits of a population, and the private variables of a clip.
 
 Stature: ANSUR II (Gordon et al. 2014, 2012 Anthropometric Survey of U.S. Army Personnel).
-Segments as shares of stature: Drillis and Contini (1966), Body segment parameters, as tabled by
-Winter (2009), fig. 4.1. Where a depth camera puts a joint elsewhere than a bone ends, the share
-is Kinect's.
+Segments as fractions of stature: Drillis and Contini (1966), Body segment parameters, as tabled by
+Winter (2009), fig. 4.1. Where a depth camera places a joint off the end of a bone, the fraction
+is that of Kinect.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from pacmo_core.synthesis.kinematics import Array
 # Metres: mean and standard deviation.
 STATURE = {"female": (1.6285, 0.0642), "male": (1.7562, 0.0686)}
 
-# Share of stature. Winter's table gives the limbs; trunk joints, palm and foot are Kinect's.
+# Fractions of stature: limbs by Winter's table; trunk joints, palm and foot as in Kinect.
 SHARES = {
     "thigh": 0.245,
     "shank": 0.246,
@@ -38,12 +38,12 @@ SHARES = {
     "finger": 0.045,
     "thumb": 0.030,
 }
-SEGMENT_SPREAD = 0.025  # of a segment about its share; segments of one body vary apart
+SEGMENT_SPREAD = 0.025  # relative standard deviation of a segment; segments vary independently
 
 
 @dataclass(frozen=True)
 class Body:
-    """Lengths of one body, metres; left and right are alike."""
+    """Lengths of one body, metres; left and right are equal."""
 
     stature: float
     thigh: float
@@ -67,43 +67,43 @@ class Body:
 
     @property
     def leg(self) -> float:
-        """Hip to ankle, straight."""
+        """Distance from hip to ankle of a straight leg."""
         return self.thigh + self.shank
 
     @property
     def arm(self) -> float:
-        """Shoulder to palm, straight."""
+        """Distance from shoulder to palm of a straight arm."""
         return self.upper_arm + self.forearm + self.palm
 
     @property
     def base_height(self) -> float:
-        """The base of the spine of one who stands upright."""
+        """Height of the base of the spine when standing upright."""
         return self.hip_drop + self.leg + self.ankle_height
 
     @property
     def shoulder_height(self) -> float:
-        """The shoulders of one who stands upright."""
+        """Height of the shoulders when standing upright."""
         return self.base_height + self.lower_spine + self.upper_spine - self.shoulder_drop
 
     @property
     def head_height(self) -> float:
-        """The centre of the head of one who stands upright."""
+        """Height of the centre of the head when standing upright."""
         return self.base_height + self.lower_spine + self.upper_spine + self.neck + self.head
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A person: a body and habits that all of this person's clips share.
+    """A person: a body and habits, the same in all clips of this person.
 
     Parameters
     ----------
     number : 1 and up
     sex : female or male
     body : lengths
-    handedness : 1 left, -1 right: the side of the hand and foot that this person prefers
-    tempo : habitual pace over the mean pace, about 1
-    stoop : radians that the trunk trunk_motions forward when at rest
-    swing : amplitude of arm swing over the mean, about 1
+    handedness : 1 left, -1 right: the preferred hand and foot
+    tempo : habitual pace relative to the mean, about 1
+    stoop : radians by which the trunk leans forward at rest
+    swing : amplitude of arm swing relative to the mean, about 1
     stance : half the distance between the feet at rest, metres
     """
 
@@ -119,7 +119,7 @@ class Subject:
 
 @lru_cache(maxsize=4096)
 def sample_subject(population: int, number: int) -> Subject:
-    """Draw subject ``number`` of a population from a generator of its private.
+    """Sample subject ``number`` of a population from its own generator.
 
     Raises
     ------
@@ -148,11 +148,11 @@ def sample_subject(population: int, number: int) -> Subject:
 
 
 def sample_pair(population: int, pair: int) -> tuple[Subject, Subject]:
-    """Give both people of a pair, who never change partner: subjects ``2 pair - 1``, ``2 pair``."""
+    """Return both people of a pair: subjects ``2 pair - 1`` and ``2 pair``."""
     return sample_subject(population, 2 * pair - 1), sample_subject(population, 2 * pair)
 
 
-N_SWAY_CHANNELS = 11  # of sway: seven of the trunk, two of each arm
+N_SWAY_CHANNELS = 11  # seven of the trunk, two of each arm
 N_HARMONICS = 3
 
 
@@ -162,14 +162,14 @@ class PrivateVariables:
 
     Parameters
     ----------
-    delay : seconds from the role_view to the response
+    delay : seconds from the event to the response
     strength : of the response or of the flourish, about 1
-    side : 1 left, -1 right: to which side one dodges, turns or trunk_motions
-    manner : 0, 1, 2: which of an action's ways
-    idle : 0 to 3: what the free hand does
-    early : seconds that a reach or an arrival comes before it must, or a return after it may
-    more : eight numbers between 0 and 1 for an action's private use
-    gait : how this person steps
+    side : 1 left, -1 right: the side to which the person dodges, turns or leans
+    manner : 0, 1, 2: variant of the action
+    idle : 0 to 3: position of the free hand
+    early : seconds by which a reach or an arrival is early, or a return is late
+    more : eight numbers between 0 and 1, used by the actions
+    gait : of this person in this clip
     phases, rates : of the sway, radians and hertz
     """
 

@@ -22,8 +22,8 @@ from pacmo_core.synthesis.pose import pose_body
 from pacmo_core.synthesis.script import FPS, Role, Script
 
 NOISE_CORRELATION_SECONDS = 0.15  # correlation time of a joint's error, seconds
-WHITE_NOISE_SHARE = 0.15  # share of the error that is white noise
-DEPTH_NOISE_RATIO = 1.4  # error along the camera's axis over that across it
+WHITE_NOISE_SHARE = 0.15  # fraction of the error that is white noise
+DEPTH_NOISE_RATIO = 1.4  # ratio of the error along the camera's axis to that across it
 CAMERA_FPS = 30.0
 
 # Metres, standard deviation across the axis: of the size of Kinect v2's (Wang et al. 2015; Otte

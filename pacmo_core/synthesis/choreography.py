@@ -20,7 +20,7 @@ Trajectory = Callable[[Array], Array]  # (T,) seconds to (T, 3) metres
 
 @dataclass(frozen=True)
 class TimeInterval:
-    """A weight over time: seconds at which it starts, is full, starts to fade and ends."""
+    """A weight over time: seconds at which it starts to rise, is 1, starts to fall, and is 0."""
 
     start: float
     arrive: float
@@ -35,12 +35,12 @@ class HandTarget:
     Parameters
     ----------
     hand : LEFT or RIGHT
-    interval : when
+    interval : of the weight
     trajectory : positions over time, in the person's frame or, if ``relative_to_chest``,
         relative to the upper spine
     relative_to_chest : whether the trajectory is in the chest's frame
     flare : 0 elbow down and back, 1 elbow out to the side
-    curve : metres by which the way there and back is curved, (x, y, z)
+    curve : metres by which the paths to the target and back are curved, (x, y, z)
     """
 
     hand: int
@@ -57,10 +57,10 @@ class TrunkMotion:
 
     Parameters
     ----------
-    interval : when
+    interval : of the weight
     pitch, roll, twist : of the trunk; twist turns the shoulders to the left
     nod : of the head beyond the trunk's pitch
-    crouch, aside, ahead : the pelvis goes down, to the left, forward
+    crouch, aside, ahead : pelvis displacement down, to the left, forward
     """
 
     interval: TimeInterval
@@ -81,8 +81,8 @@ class KickMotion:
     ----------
     foot : LEFT or RIGHT
     point : the ankle's target
-    chamber : when the knee is up
-    thrust : when the leg is out; within ``chamber``
+    chamber : interval in which the knee is up
+    thrust : interval in which the leg is extended; within ``chamber``
     """
 
     foot: int
@@ -97,10 +97,10 @@ class MotionPlan:
 
     Parameters
     ----------
-    path : where the pelvis goes
+    path : of the pelvis
     step_rate_factor : factor on the person's usual step rate
-    hand_targets : what the hands do; where two overlap, the later in the tuple counts
-    trunk_motions : what the trunk does; overlapping ones are added
+    hand_targets : where two overlap, the later in the tuple applies
+    trunk_motions : overlapping ones are added
     kick : a kick, if any
     """
 
@@ -121,7 +121,7 @@ WHOLE_CLIP = TimeInterval(-9.0, -8.0, 90.0, 91.0)
 
 @dataclass(frozen=True)
 class RoleView:
-    """The script from one person's side: subject, partner, private variables."""
+    """The script as one person performs it: subject, partner, private variables."""
 
     script: Script
     role: Role
@@ -146,12 +146,12 @@ class RoleView:
 
     @property
     def entry(self) -> float:
-        """Metres walked in or out."""
+        """Metres that this person walks in or out."""
         return self.script.entry["ab".index(self.role)]
 
     @property
     def hand(self) -> int:
-        """The hand used."""
+        """The hand that this person uses."""
         return self.script.hands["ab".index(self.role)]
 
     @property
@@ -166,7 +166,7 @@ class RoleView:
 
     @property
     def contact_end(self) -> float:
-        """When the contact ends."""
+        """Seconds of the end of the contact."""
         return self.script.event + self.script.hold
 
     @property
@@ -253,7 +253,7 @@ def contact_point(role_view: RoleView, give: float = 0.0) -> tuple[float, float,
     return role_view.aside, role_view.script.level, -give
 
 
-def oscillating(role_view: RoleView, place: tuple[float, float, float]) -> Trajectory:
+def oscillating(role_view: RoleView, point: tuple[float, float, float]) -> Trajectory:
     """Oscillate about a point at the script's beat while the contact lasts."""
 
     def trajectory(times: Array) -> Array:
@@ -265,9 +265,9 @@ def oscillating(role_view: RoleView, place: tuple[float, float, float]) -> Traje
             role_view.contact_end + 0.1,
         )
         wave = np.sin(2.0 * np.pi * role_view.script.beat * (times - role_view.event)) * still
-        place_then: Array = np.array(place) + np.outer(
+        position: Array = np.array(point) + np.outer(
             wave, [0.0, 0.03 * role_view.script.vigour, 0.0]
         )
-        return place_then
+        return position
 
     return trajectory

@@ -1,4 +1,4 @@
-"""Acts of lasting nearness: the hug and the circle dance."""
+"""Actions of lasting contact: the hug and the circle dance."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Footsteps: feet that stand still on the ground while the body passes over them."""
+"""Footsteps: feet in stance are fixed on the ground while the body moves over them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,26 +11,26 @@ from pacmo_core.synthesis.kinematics import Array, bump, minimum_jerk, window
 Path = Callable[[Array], Array]  # (N,) seconds to (N, 3): x, z in metres and yaw in radians
 
 WALK_IN_SECONDS = 1.2  # seconds of walking planned before the first frame
-SWING_SHARE = 0.78  # share of a step for which its foot is in the air
-STEP_CHECK_SECONDS = 0.06  # seconds between two looks at whether to step
-MAX_FOOT_YAW = 0.75  # radians that a foot is set down ahead of the pelvis at most
-PATH_SAMPLE_SECONDS = 0.02  # seconds between the places of a path that a plan looks at
+SWING_SHARE = 0.78  # fraction of a step in which its foot is in the air
+STEP_CHECK_SECONDS = 0.06  # seconds between decisions whether to step
+MAX_FOOT_YAW = 0.75  # radians; largest yaw of a foot relative to the pelvis at landing
+PATH_SAMPLE_SECONDS = 0.02  # seconds between samples of a path
 
 
 @dataclass(frozen=True)
 class Gait:
-    """How one person steps in one clip.
+    """The gait of one person in one clip.
 
     Parameters
     ----------
     step_time : seconds from one footfall to the next
-    phase : 0 to 1, when in a step the plan begins
-    first : 0 the left foot goes first, 1 the right
+    phase : 0 to 1, the phase of the step at the start
+    first : first foot to step, 0 left, 1 right
     stance : half the distance between the feet, metres
-    stagger : metres that the left foot stands ahead of the body and the right behind
+    stagger : metres by which the left foot is ahead of the body and the right behind
     toe_out : radians
-    lead : metres that a toe stands ahead of the pelvis at rest
-    clearance : metres that a toe is lifted in a long step
+    lead : metres by which a toe is ahead of the pelvis at rest
+    clearance : metres by which a toe is lifted in a long step
     """
 
     step_time: float
@@ -49,7 +49,7 @@ class Feet:
 
     Parameters
     ----------
-    toes : (2, T, 3) metres; height above the standing toe
+    toes : (2, T, 3) metres; height above the toe in stance
     yaw : (2, T) radians
     heel : (2, T) radians by which the heel is raised about the toe
     air : (2, T) 0 on the ground, 1 in mid-step
@@ -62,10 +62,10 @@ class Feet:
 
 
 def plan_steps(path: Path, gait: Gait, duration: float) -> list[list[tuple[float, Array]]]:
-    """List each foot's plants: when its step begins, and where (x, z, yaw) it comes down.
+    """Return each foot's steps: the start time, and the landing position (x, z, yaw).
 
-    A foot steps to where the body will be in the middle of its stance, and only if it stands
-    elsewhere by more than a few centimetres.
+    A foot steps to where the body will be in the middle of its stance, and only if it is more
+    than a few centimetres away from there.
     """
     clock = np.arange(-WALK_IN_SECONDS, duration + 2.5 * gait.step_time + 0.1, PATH_SAMPLE_SECONDS)
     body = path(clock)
@@ -90,7 +90,7 @@ def plan_steps(path: Path, gait: Gait, duration: float) -> list[list[tuple[float
 
 
 def _foot_positions(body: Array, gait: Gait) -> Array:
-    """Where each foot would stand under a body: (2, N, 3) of x, z, yaw."""
+    """Return the stance position of each foot under a body: (2, N, 3) of x, z, yaw."""
     x, z, yaw = body.T
     positions = []
     for sign in (1.0, -1.0):
@@ -106,7 +106,7 @@ def _foot_positions(body: Array, gait: Gait) -> Array:
 
 
 def sample_footsteps(path: Path, gait: Gait, times: Array, duration: float) -> Feet:
-    """Put feet under a body that follows ``path``."""
+    """Return the footsteps of a body that follows ``path``."""
     swing = SWING_SHARE * gait.step_time
     feet = []
     for plants in plan_steps(path, gait, duration):

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 def minimum_jerk(fraction: Array) -> Array:
-    """Go from 0 to 1 with least jerk, at rest at both ends (Flash and Hogan 1985, eq. 3).
+    """Return the minimum-jerk transition from 0 to 1 (Flash and Hogan 1985, eq. 3).
 
     Parameters
     ----------
@@ -21,23 +21,23 @@ def minimum_jerk(fraction: Array) -> Array:
 
 
 def ramp(times: Array, start: float, stop: float) -> Array:
-    """Go from 0 at ``start`` to 1 at ``stop`` (seconds) with least jerk."""
+    """Return the minimum-jerk transition from 0 at ``start`` to 1 at ``stop`` (seconds)."""
     return minimum_jerk((times - start) / (stop - start))
 
 
 def window(times: Array, start: float, arrive: float, leave: float, back: float) -> Array:
-    """Go from 0 to 1 from ``start`` to ``arrive``, hold, and back from ``leave`` to ``back``."""
+    """Return a weight that rises from ``start`` to ``arrive``, and falls after ``leave``."""
     return ramp(times, start, arrive) * (1.0 - ramp(times, leave, back))
 
 
 def bump(fraction: Array) -> Array:
-    """Rise from 0 to 1 at one half and fall again, with no jolt at either end."""
+    """Return a smooth rise from 0 to 1 at one half and back to 0."""
     x = np.clip(fraction, 0.0, 1.0)
     return (4.0 * x * (1.0 - x)) ** 3
 
 
 def ease_in_out(times: Array, start: float, stop: float, ease: float) -> Array:
-    """Travel from 0 to 1: speed up for ``ease`` seconds, keep the pace, slow down for as long.
+    """Return a transition from 0 to 1 with ``ease`` seconds of acceleration and of deceleration.
 
     The speed is a minimum-jerk rise and fall, so acceleration is continuous.
     """
@@ -54,17 +54,17 @@ def _integral(x: Array) -> Array:
 
 
 def soft_min(first: Array, second: Array | float, width: float) -> Array:
-    """Give a smooth lower bound of both, less than either by at most ``width`` ln 2."""
+    """Return a smooth minimum, below the minimum by at most ``width`` ln 2."""
     return -width * np.logaddexp(-first / width, -np.asarray(second) / width)
 
 
 def soft_max(first: Array, second: Array | float, width: float) -> Array:
-    """Give a smooth upper bound of both, more than either by at most ``width`` ln 2."""
+    """Return a smooth maximum, above the maximum by at most ``width`` ln 2."""
     return -soft_min(-first, -np.asarray(second), width)
 
 
 def sum_of_sines(times: Array, phases: Array, rates: Array) -> Array:
-    """Wander slowly about 0 with variance 1: a sum of sinusoids.
+    """Return a sum of sinusoids with mean 0 and variance 1.
 
     Parameters
     ----------
@@ -77,29 +77,29 @@ def sum_of_sines(times: Array, phases: Array, rates: Array) -> Array:
     (C, T)
     """
     angle = 2.0 * np.pi * rates[:, :, None] * times + phases[:, :, None]
-    wander: Array = np.sin(angle).sum(axis=1) * np.sqrt(2.0 / phases.shape[1])
-    return wander
+    total: Array = np.sin(angle).sum(axis=1) * np.sqrt(2.0 / phases.shape[1])
+    return total
 
 
-MAX_EXTENSION = 0.997  # of a straight limb: no elbow or knee is ever fully extended
-MIN_EXTENSION = 0.30  # of a straight limb: nor folded upon itself
-LIMIT_WIDTH = 0.002  # metres over which the two limits take hold
+MAX_EXTENSION = 0.997  # of a straight limb: no elbow or knee is fully extended
+MIN_EXTENSION = 0.30  # of a straight limb: no limb is fully folded
+LIMIT_WIDTH = 0.002  # metres over which the limits are smoothed
 
 
 def rotation_y(yaw: Array) -> Array:
-    """Rotate about y: (T,) radians, positive to the left, as (T, 3, 3)."""
+    """Return rotations about y, (T, 3, 3), from (T,) radians, positive to the left."""
     c, s, zero, one = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw), np.ones_like(yaw)
     return _matrices([[c, zero, s], [zero, one, zero], [-s, zero, c]])
 
 
 def rotation_x(angle: Array) -> Array:
-    """Rotate about x: (T,) radians, positive bows forward, as (T, 3, 3)."""
+    """Return rotations about x, (T, 3, 3), from (T,) radians, positive forward."""
     c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
     return _matrices([[one, zero, zero], [zero, c, -s], [zero, s, c]])
 
 
 def rotation_z(angle: Array) -> Array:
-    """Rotate about z: (T,) radians, positive tilts to the right, as (T, 3, 3)."""
+    """Return rotations about z, (T, 3, 3), from (T,) radians, positive to the right."""
     c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
     return _matrices([[c, -s, zero], [s, c, zero], [zero, zero, one]])
 
@@ -117,16 +117,16 @@ def normalise(vectors: Array) -> Array:
 def two_bone_ik(
     root: Array, goal: Array, lengths: tuple[float, float], pole: Array
 ) -> tuple[Array, Array]:
-    """Bend a limb of two bones so that its end comes to ``goal``, the joint toward ``pole``.
+    """Two-bone inverse kinematics: the end reaches ``goal``, the middle joint points to ``pole``.
 
-    By the law of cosines; a goal too far or too near is met on the line to it as nearly as
-    ``REACH`` and ``FOLD`` allow.
+    By the law of cosines. A goal that is too far or too near is replaced by the nearest point on
+    the line to it within ``MIN_EXTENSION`` and ``MAX_EXTENSION``.
 
     Parameters
     ----------
     root, goal : (T, 3) metres
-    lengths : of the upper and the lower bone, metres; one at most 1.8 times the other
-    pole : (T, 3) direction to which the middle joint points; not along the limb
+    lengths : of the upper and the lower bone, metres; their ratio is at most 1.8
+    pole : (T, 3) direction of the middle joint; not along the limb
 
     Returns
     -------

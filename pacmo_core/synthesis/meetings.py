@@ -1,4 +1,4 @@
-"""Acts of meeting: approach, depart, handshake, high five, hand over."""
+"""Actions of meeting: approach, depart, handshake, high five, hand over."""
 
 import numpy as np
 
@@ -183,7 +183,7 @@ def high_five(role_view: RoleView) -> MotionPlan:
 
 
 def hand_over(role_view: RoleView) -> MotionPlan:
-    """Give a thing a hand's breadth long; it is taken with one hand or two."""
+    """Hand over an object of a hand's breadth; it is taken with one hand or two."""
     private, size = role_view.private, role_view.subject.body.stature
     sign = 1.0 - 2.0 * role_view.hand
     start = (

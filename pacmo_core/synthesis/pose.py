@@ -22,7 +22,7 @@ from pacmo_core.synthesis.kinematics import (
 )
 
 MAX_LEG_EXTENSION = 0.990  # of leg length: largest extension in standing and walking
-PELVIS_SHIFT = 0.022  # metres that the pelvis shifts over the standing leg in a step
+PELVIS_SHIFT = 0.022  # metres by which the pelvis shifts over the stance leg in a step
 SWAY_SCALE = np.array([0.006, 0.006, 0.012, 0.010, 0.020, 0.030, 0.045])  # metres, metres, radians
 
 
@@ -43,13 +43,13 @@ class Trunk:
     upright: Array
 
 
-def window_weight(times: Array, when: TimeInterval) -> Array:
-    """Weight of an interval at each time."""
-    return window(times, when.start, when.arrive, when.leave, when.back)
+def window_weight(times: Array, interval: TimeInterval) -> Array:
+    """Return the weight of an interval at each time."""
+    return window(times, interval.start, interval.arrive, interval.leave, interval.back)
 
 
 def sum_trunk_motions(trunk_motions: tuple[TrunkMotion, ...], times: Array) -> dict[str, Array]:
-    """Sum trunk motions: (T,) for each of their quantities."""
+    """Return the sum of trunk motions: (T,) for each of their quantities."""
     names = ("pitch", "roll", "twist", "nod", "crouch", "aside", "ahead")
     total = {name: np.zeros_like(times) for name in names}
     for trunk_motion in trunk_motions:
@@ -96,14 +96,14 @@ def pose_trunk(person: Subject, plan: MotionPlan, feet: Feet, times: Array, sway
 
 
 def _stride(feet: Feet, yaw: Array) -> Array:
-    """Metres that the left foot is ahead of the right."""
+    """Return the metres by which the left foot is ahead of the right."""
     offset = feet.toes[0] - feet.toes[1]
     stride: Array = offset[:, 0] * np.sin(yaw) + offset[:, 2] * np.cos(yaw)
     return stride
 
 
 def pelvis_height(person: Subject, feet: Feet, base: Array, hips: Array) -> Array:
-    """Height of the pelvis: as high as both legs allow, and no higher than upright."""
+    """Return the height of the pelvis: as high as both legs allow, at most upright."""
     body = person.body
     high = np.full(len(base), MAX_LEG_EXTENSION * body.leg + body.ankle_height)
     for side, sign in ((0, 1.0), (1, -1.0)):
@@ -117,7 +117,7 @@ def pelvis_height(person: Subject, feet: Feet, base: Array, hips: Array) -> Arra
 
 
 def ankle_positions(person: Subject, feet: Feet, side: int) -> Array:
-    """Ankle positions from toe, yaw and heel pitch: (T, 3)."""
+    """Return ankle positions from toe, yaw and heel pitch: (T, 3)."""
     body = person.body
     back = np.array([0.0, body.ankle_height - body.foot_height, -body.foot_forward])
     toe = feet.toes[side] + [0.0, body.foot_height, 0.0]
@@ -148,7 +148,7 @@ def _trunk_joints(
 
 
 def _head_up(head: Array) -> Array:
-    """Tilt of the head: its joint sits above and a little ahead of the neck."""
+    """Return the direction from the neck to the head: upwards and a little forward."""
     up = np.array([0.0, 0.985, 0.1726])
     tilted: Array = head @ (up / np.linalg.norm(up))
     return tilted
@@ -156,7 +156,7 @@ def _head_up(head: Array) -> Array:
 
 SIDES = (("left", 1.0), ("right", -1.0))
 RELAXED_ARM_EXTENSION = 0.972  # of arm length: extension of a relaxed arm
-ARM_SWING = 0.62  # radians a metre of stride
+ARM_SWING = 0.62  # radians per metre of stride
 
 
 def pose_body(person: Subject, plan: MotionPlan, feet: Feet, times: Array, sway: Array) -> Array:
@@ -203,7 +203,7 @@ def _leg(
         ankle = ankle + chamber[:, None] * (tucked - ankle)
         ankle = ankle + thrust[:, None] * (np.array(plan.kick.point) - ankle)
         flex = flex + 0.5 * chamber * (1.0 - thrust) - 0.7 * thrust
-    # Ahead and up: a knee bends forward under the body and upward in a kick.
+    # Forward and up: a knee bends forward under the body and upward in a kick.
     pole = forward + 0.12 * sign * trunk.pelvis[:, :, 0] + [0.0, 0.8, 0.0]
     knee, ankle = two_bone_ik(trunk.joints[f"{name}_hip"], ankle, (body.thigh, body.shank), pole)
     toe = np.array([0.0, body.foot_height - body.ankle_height, body.foot_forward])
@@ -222,7 +222,7 @@ def _frame(yaw: Array) -> Array:
 
 
 def _stride_of_other_leg(feet: Feet, trunk: Trunk, side: int) -> Array:
-    """Metres that the other foot is ahead of this side's: an arm swings with the other leg."""
+    """Return the metres by which the other foot is ahead: an arm swings with the opposite leg."""
     offset = feet.toes[1 - side] - feet.toes[side]
     ahead: Array = (offset * trunk.pelvis[:, :, 2]).sum(axis=-1)
     return ahead
@@ -235,7 +235,7 @@ def _relaxed_hand(
     sway: Array,
     stride: Array,
 ) -> Array:
-    """Palm positions of a hanging, swinging arm: (T, 3)."""
+    """Return palm positions of a hanging, swinging arm: (T, 3)."""
     body, (name, sign) = person.body, limb
     angle = 0.10 + 0.05 * sway[0] + ARM_SWING * person.swing * stride
     spread = 0.13 + 0.03 * sway[1]
@@ -286,7 +286,7 @@ def _target_position(reach: HandTarget, trunk: Trunk, times: Array) -> Array:
 
 
 def _curved_offset(reach: HandTarget, times: Array, upright: Array) -> Array:
-    """Curve the way to a target and back, most half way."""
+    """Return the offset that curves the path to a target and back, largest half way."""
     when = reach.interval
     distance = bump((times - when.start) / (when.arrive - when.start))
     distance = distance + bump((times - when.leave) / (when.back - when.leave))

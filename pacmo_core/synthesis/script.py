@@ -12,12 +12,12 @@ import numpy as np
 
 from pacmo_core.synthesis.body import Body, Subject, sample_pair
 
-FPS = 30.0  # nominal frames a second of a Kinect
+FPS = 30.0  # nominal frame rate of a Kinect
 MIN_DURATION, MAX_DURATION = 1.5, 4.0  # seconds
 MIN_TAIL = 0.35  # seconds after a contact, at least
 FRAME_JITTER = 0.002  # seconds, standard deviation of frame times
 
-# Seconds that a contact lasts, from and to.
+# Range of the duration of a contact, seconds.
 CONTACT_SECONDS = {
     "approach": (0.0, 0.0),
     "depart": (0.0, 0.0),
@@ -30,12 +30,12 @@ CONTACT_SECONDS = {
     "hand over": (0.25, 0.5),
     "circle dance": (1.6, 2.3),
 }
-MAX_CONTACT_HEIGHT = 0.5  # of an arm: how far above or below the shoulder a contact may be
+MAX_CONTACT_HEIGHT = 0.5  # of the arm length: largest height difference of contact and shoulder
 CHEST_DEPTH = 0.11  # metres from the spine to the front of the chest
 
 
 class Timing(NamedTuple):
-    """When: fields of ``Script`` of the same names."""
+    """The timing: fields of ``Script`` of the same names."""
 
     event: float
     hold: float
@@ -48,7 +48,7 @@ class Timing(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Where: fields of ``Script`` of the same names."""
+    """The placement: fields of ``Script`` of the same names."""
 
     stand: tuple[float, float]
     hands: tuple[int, int]
@@ -89,7 +89,7 @@ def _sample_event(random: np.random.Generator, action: str, entry: float, tempo:
 def sample_placement(
     random: np.random.Generator, action: str, people: tuple[Subject, Subject], first: int
 ) -> Placement:
-    """Sample where two people meet so that both can reach; ``first`` (0 or 1) is the initiator."""
+    """Sample positions from which both can reach; ``first`` (0 or 1) is the initiator."""
     actor, other = people[first].body, people[1 - first].body
     hands = _sample_hands(random, action, people, first)
     shoulders = [0.5 * (p.body.shoulder_height - 0.03) for p in people]
@@ -119,7 +119,7 @@ def sample_placement(
 def _sample_hands(
     random: np.random.Generator, action: str, people: tuple[Subject, Subject], first: int
 ) -> tuple[int, int]:
-    """Sample hands: 0 left, 1 right. Handshakes use the right; else mostly the preferred hand."""
+    """Sample hands: 0 left, 1 right. Handshakes use the right, others mostly the preferred hand."""
     preferred = [int(p.handedness < 0) for p in people]
     flips = random.random(2) < 0.2
     hand_of = [side ^ int(flip) for side, flip in zip(preferred, flips, strict=True)]
@@ -131,25 +131,23 @@ def _sample_hands(
 
 
 def _clip_to_reach(level: float, bodies: list[Body]) -> float:
-    """Clip a height to what everyone's arm can reach."""
+    """Clip a height to the range that the arms of all bodies reach."""
     low = max(body.shoulder_height - 0.03 - MAX_CONTACT_HEIGHT * body.arm for body in bodies)
     high = min(body.shoulder_height - 0.03 + MAX_CONTACT_HEIGHT * body.arm for body in bodies)
     return min(max(level, low), high)
 
 
 def _reach_distance(body: Body, level: float, stretch: float) -> float:
-    """Metres ahead of the pelvis of a hand at ``level`` with the arm extended by ``stretch``."""
+    """Return the distance ahead of the pelvis of a hand at ``level``, for an arm extension."""
     drop = body.shoulder_height - 0.03 - level
-    trunk_motion = 0.05
-    return trunk_motion + float(
-        np.sqrt((stretch * body.arm) ** 2 - drop**2 - body.shoulder_half**2)
-    )
+    lean = 0.05
+    return lean + float(np.sqrt((stretch * body.arm) ** 2 - drop**2 - body.shoulder_half**2))
 
 
 def _sample_strike(
     random: np.random.Generator, action: str, actor: Body, other: Body
 ) -> tuple[float, float]:
-    """Sample the height at which a strike lands, and the metres between the pelvises."""
+    """Sample the height of a strike, and the distance between the pelvises."""
     if action == "kick":
         level = float(random.uniform(0.40, 0.54)) * other.stature
         hip = actor.leg + actor.ankle_height - 0.04
@@ -167,7 +165,7 @@ def _sample_strike(
 def sample_view(
     random: np.random.Generator, setup: int, camera: int
 ) -> tuple[float, float, float, float, float]:
-    """Sample the camera's pose: three are 45 degrees apart; a setup has its height and distance."""
+    """Sample the pose of the camera: three are 45 degrees apart; height and distance by setup."""
     side = (0.0, -0.25, 0.25)[camera - 1] * np.pi + (np.pi if random.random() < 0.5 else 0.0)
     yaw = side + random.normal(0.0, 0.2)
     pitch = random.normal(0.0, 0.02)
@@ -177,7 +175,7 @@ def sample_view(
 
 
 def sample_frame_times(random: np.random.Generator, duration: float) -> tuple[float, ...]:
-    """Sample each frame's time: 30 a second with a jitter of milliseconds."""
+    """Sample the time of each frame: 30 fps with a jitter of milliseconds."""
     late = random.normal(0.0, FRAME_JITTER, round(duration * FPS)).clip(
         -4 * FRAME_JITTER, 4 * FRAME_JITTER
     )
@@ -187,7 +185,7 @@ def sample_frame_times(random: np.random.Generator, duration: float) -> tuple[fl
 
 Role = Literal["a", "b"]
 
-# The nearest NTU RGB+D action. NTU has no dance: two people who move hand in hand are A119's.
+# The nearest NTU RGB+D action. NTU has no dance; in A119 two people move hand in hand.
 ACTIONS = {
     "approach": "A059",
     "depart": "A060",
@@ -208,21 +206,21 @@ class Script:
 
     Parameters
     ----------
-    population, pair : the seed of the population, and which pair of it, from 1
-    action : a key of ``ACTS``
+    population, pair : the seed of the population, and the number of the pair, from 1
+    action : a key of ``ACTIONS``
     setup, camera, replication : the numbers in an NTU file name
     initiator : the person who acts; the other responds
     event : seconds of the main event (hands meet, a strike lands)
     hold : seconds that a contact lasts
     duration : seconds
-    entry : metres that each person, a and b, comes from or goes to
+    entry : metres that each person, a and b, walks in or out
     stand : metres from each person's pelvis to the meeting plane at the event
     hands : the hand each person uses, 0 left, 1 right
-    aside, level : metres: place of the contact left of person a's midline, and its height
+    aside, level : metres: position of the contact to the left of person a's midline, and its height
     vigour : strength of the action, about 1
     beat : hertz, of repeated movements
-    turn : radians that the pair turns, or the way in which they part; positive to the left
-    stays : whether both stay where they stand after the event
+    turn : radians by which the pair turns or parts; positive to the left
+    stays : whether both keep their positions after the event
     view : the camera: yaw and pitch (radians), height, distance, lateral offset (metres)
     frame_times : seconds, the true time of each frame
     """
@@ -262,7 +260,7 @@ class Script:
         }
 
     @classmethod
-    def from_json(cls, words: dict[str, Any]) -> "Script":
+    def from_json(cls, record: dict[str, Any]) -> "Script":
         """Restore from ``to_json``.
 
         Raises
@@ -270,17 +268,18 @@ class Script:
         ValueError
             If a variable is missing or unknown.
         """
-        target = {field.name for field in fields(cls)}
-        if target != set(words):
-            raise ValueError(f"a script has {sorted(target)}; got {sorted(words)}")
+        expected = {field.name for field in fields(cls)}
+        if expected != set(record):
+            raise ValueError(f"a script has {sorted(expected)}; got {sorted(record)}")
         values: dict[str, Any] = {
-            name: tuple(word) if isinstance(word, list) else word for name, word in words.items()
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in record.items()
         }
         return cls(**values)
 
 
 def file_name(script: Script) -> str:
-    """Name a clip as NTU RGB+D does, without the ending; P is the pair."""
+    """Return the name of a clip as in NTU RGB+D, without the suffix; P is the pair."""
     return (
         f"S{script.setup:03d}C{script.camera:03d}P{script.pair:03d}"
         f"R{script.replication:03d}{ACTIONS[script.action]}"
@@ -309,8 +308,8 @@ def sample_script(
         )
     a, b = sample_pair(population, pair)
     initiator: Role = "a" if random.random() < 0.5 else "b"
-    when = sample_timing(random, action, 0.5 * (a.tempo + b.tempo))
-    where = sample_placement(random, action, (a, b), "ab".index(initiator))
+    timing = sample_timing(random, action, 0.5 * (a.tempo + b.tempo))
+    placement = sample_placement(random, action, (a, b), "ab".index(initiator))
     setup, camera = 1 + (pair - 1) % 17, 1 + (replication - 1) % 3
     return Script(
         population=population,
@@ -320,10 +319,10 @@ def sample_script(
         camera=camera,
         replication=replication,
         initiator=initiator,
-        **when._asdict(),
-        **where._asdict(),
+        **timing._asdict(),
+        **placement._asdict(),
         view=sample_view(random, setup, camera),
-        frame_times=sample_frame_times(random, when.duration),
+        frame_times=sample_frame_times(random, timing.duration),
     )
 
 
@@ -332,7 +331,8 @@ def sample_scripts(
 ) -> Iterator[tuple[Script, np.random.Generator]]:
     """Sample every pair's scripts, each with the generator for its motions.
 
-    A clip's generator comes from its own numbers, so more pairs or replications change no clip.
+    The generator of a clip depends on its own numbers only, so that further pairs or replications
+    do not change it.
     """
     for pair in range(1, pairs + 1):
         for action in actions:

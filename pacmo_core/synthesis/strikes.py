@@ -36,10 +36,10 @@ def punch(role_view: RoleView) -> MotionPlan:
     return _punch_plan(role_view) if role_view.first else react_to_punch(role_view)
 
 
-def _step_in(role_view: RoleView, way: float) -> tuple[RootMove, ...]:
-    """Come to one's place with a last step into the blow, and perhaps fall back from it."""
+def _step_in(role_view: RoleView, distance: float) -> tuple[RootMove, ...]:
+    """Walk in with a last step into the strike, and perhaps step back from it."""
     return (
-        walk_in(role_view, role_view.event + 0.02, way),
+        walk_in(role_view, role_view.event + 0.02, distance),
         *step_back(role_view, role_view.event + 0.3),
     )
 
@@ -85,13 +85,13 @@ def _push_plan(role_view: RoleView) -> MotionPlan:
     )
 
 
-def _follow_through(role_view: RoleView, place: tuple[float, float, float]) -> Trajectory:
-    """Reach a place at the event and go on a little."""
+def _follow_through(role_view: RoleView, point: tuple[float, float, float]) -> Trajectory:
+    """Reach a point at the event and move a little beyond it."""
 
     def trajectory(times: Array) -> Array:
         on = ramp(times, role_view.event - 0.05, role_view.event + 0.2)
-        gone: Array = np.array(place) + np.outer(on, [0.0, 0.0, 0.07 * role_view.script.vigour])
-        return gone
+        position: Array = np.array(point) + np.outer(on, [0.0, 0.0, 0.07 * role_view.script.vigour])
+        return position
 
     return trajectory
 

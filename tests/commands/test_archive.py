@@ -46,7 +46,7 @@ def test_an_archive_that_lacks_a_known_take_is_reported(server: Site, tmp_path: 
     server.files["/s01s02.zip"] = zipped({"s01s02/01/001/skeleton_pos.txt": TAKE_1})
     result = sbu(server, tmp_path)
     assert result.exit_code == 1
-    assert f"lacks 1 files, first {PLACE_2}" in result.stderr
+    assert f"1 files are missing, first {PLACE_2}" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -88,9 +88,9 @@ HUGE = {"s01s02/01/001/skeleton_pos.txt": b"0" * (9 << 20)}
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (b"no archive", "not a whole zip"),
-        (GOOD_ZIP[:-30], "not a whole zip"),
-        (GOOD_ZIP[:60] + b"~~~~" + GOOD_ZIP[64:], "not a whole zip"),
+        (b"no archive", "not a complete zip"),
+        (GOOD_ZIP[:-30], "not a complete zip"),
+        (GOOD_ZIP[:60] + b"~~~~" + GOOD_ZIP[64:], "not a complete zip"),
         (zipped({"a": b""}), "holds no skeleton_pos.txt"),
         (zipped(TWICE), "holds 01/001/skeleton_pos.txt twice"),
         (zipped(HUGE), "s01s02/01/001/skeleton_pos.txt claims 9437184 bytes"),

@@ -161,10 +161,10 @@ def test_what_cannot_be_done_is_one_line_that_names_file_and_segment(
     scale = ["--b-scale", "uniform=0.9"]
     refused(pacmo(*files, *scale, "--out", out), "unit")
     refused(pacmo(files[0], *UNIT, *scale, "--out", out), "duo_A.bvh", "wanted two files")
-    refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path), "write over", "duo_A.bvh")
+    refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path), "would overwrite", "duo_A.bvh")
     refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path / "a.gif"), ".parquet")
     refused(pacmo(stored, *scale, "--out", tmp_path / "o.parquet"), "--clip")
-    refused(pacmo(stored, "--clip", "one", *scale, "--out", stored), "write over")
+    refused(pacmo(stored, "--clip", "one", *scale, "--out", stored), "would overwrite")
     refused(pacmo(stored, "--clip", "no", *scale, "--out", tmp_path / "o.parquet"), "no clip no")
     files[1].write_text(format_bvh(CLIP.person_b[:9], 15, SBU15))
     refused(pacmo(*there, *scale), "20 frames of one, 9 of the other")

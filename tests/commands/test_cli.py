@@ -27,7 +27,7 @@ def test_help_is_a_table_of_contents() -> None:
 def test_fetch_lists_its_data_sets_and_says_how_sums_bind() -> None:
     code, out, _ = pacmo("fetch", "--help")
     assert code == 0
-    for word in ("sbu", "cmu-two-person", "SHA256SUMS", "Run again"):
+    for word in ("sbu", "cmu-two-person", "SHA256SUMS", "A second run"):
         assert word in out
 
 

@@ -57,7 +57,7 @@ def test_fewer_bytes_than_stated_are_no_file(site: Site, part: PartialFile) -> N
     ("headers", "reason"),
     [
         ({"Content-Type": "text/html; charset=utf-8"}, "web page"),
-        ({"Content-Encoding": "gzip"}, "packed"),
+        ({"Content-Encoding": "gzip"}, "compressed"),
         ({"Content-Length": ""}, "no length"),
     ],
 )

@@ -105,7 +105,7 @@ def test_a_participant_answers_goes_on_and_is_counted_once(study: Path) -> None:
 def test_malformed_answers_are_refused_without_an_echo(study: Path, content: object) -> None:
     said = client(study).post("/answer", json=content)
     assert said.status_code == 422
-    assert said.json() == {"error": "not a question of this study"}
+    assert said.json() == {"error": "malformed request"}
 
 
 def test_unknown_people_and_places_and_pages_are_not_found(study: Path, tmp_path: Path) -> None:

@@ -83,7 +83,7 @@ def test_samples_do_not_write_over_the_capture_that_they_come_from(
     for file, capture in zip(files, captures, strict=True):
         capture.write_bytes(file.read_bytes())
     said = pacmo(*captures, *UNIT, "--weights", weights, "--samples", 2, "--out", tmp_path)
-    refused(said, "write over")
+    refused(said, "would overwrite")
     assert [file.read_bytes() for file in files] == [file.read_bytes() for file in captures]
     assert not (tmp_path / "0").exists()
 
@@ -98,6 +98,6 @@ def test_what_cannot_be_varied_is_told_in_one_line(
     write_weights(tmp_path / "old.safetensors", config, state)
     old = ["--weights", tmp_path / "old.safetensors"]
     refused(pacmo(*given[:3], *old, "--out", tmp_path), "another version")
-    refused(pacmo(*given, "--out", stored), "write over")
+    refused(pacmo(*given, "--out", stored), "would overwrite")
     refused(pacmo(*given, "--samples", 2, "--out", tmp_path / "x.bvh"), "2 samples")
     refused(pacmo(*given, "--b-scale", "tail=2", "--out", tmp_path), "tail")

@@ -52,7 +52,7 @@ def test_a_run_is_remembered_once_and_an_older_one_stays() -> None:
     runs = read_measured(HISTORY)
     assert [(run.number, run.metrics["f2id"]["mean"]) for run in runs] == [(1, 0.5), (2, 0.25)]
     assert "0.250" in page
-    assert "default, run by run" in page
+    assert "default: metrics of all runs" in page
 
 
 def test_every_command_stands_there_with_its_hashes() -> None:
@@ -75,7 +75,7 @@ def test_a_study_stands_there_when_it_has_been_counted(tmp_path: Path) -> None:
     assert (found["real"]["real"]["count"], found["generated"]["real"]["count"]) == (12, 12)
     page = write()
     assert "), 12 of 14</td><td>0.81</td><td>0.75</td>" in page
-    assert "not those that stand here now" in page
+    assert "those of another run" in page
 
 
 def test_without_a_run_there_is_one_line() -> None:

@@ -24,10 +24,16 @@ GOOD, BAD, OPEN = cell(-0.4, -0.1), cell(0.1, 0.4), cell(-0.1, 0.1)
 @pytest.mark.parametrize(
     ("folds", "words"),
     [
-        ({"f2id": GOOD, "ape": OPEN}, "It pays; better for certain in F²ID; undecided in 1 of 2"),
-        ({"f2id": BAD, "ape": OPEN}, "It does not pay: it costs; worse for certain in F²ID"),
-        ({"f2id": GOOD, "ape": BAD}, "It pays in some metrics and costs in others"),
-        ({"f2id": OPEN, "ape": OPEN}, "It is not shown to pay, nor to cost; undecided in 2 of 2"),
+        (
+            {"f2id": GOOD, "ape": OPEN},
+            "Augmentation improves the metrics; significantly better in F²ID; undecided in 1 of 2",
+        ),
+        (
+            {"f2id": BAD, "ape": OPEN},
+            "Augmentation worsens the metrics; significantly worse in F²ID",
+        ),
+        ({"f2id": GOOD, "ape": BAD}, "Augmentation improves some metrics and worsens others"),
+        ({"f2id": OPEN, "ape": OPEN}, "No significant effect of augmentation; undecided in 2 of 2"),
     ],
 )
 def test_the_answer_is_said_whichever_way_it_is(folds, words):

@@ -34,7 +34,7 @@ def test_source_and_variations_play_side_by_side_with_their_figures(tmp_path: Pa
         )
         assert len(captions) == 3
         assert "source" in captions[0] and "b-child (left out)" in captions[1]
-        assert "near pairs 5.7 mm off" in captions[1]
+        assert "near distances changed by 5.7 mm" in captions[1]
 
         asked = f"[0, 1, 2].map(panel => {LAST}.where(panel, 1, 0))"
         before = tab.run(asked)

@@ -72,7 +72,7 @@ def test_every_published_skeleton_has_a_width_for_every_bone(skeleton: Skeleton)
 def test_a_strip_has_a_picture_a_frame_and_the_same_bytes_twice(interaction: Interaction) -> None:
     drawn = []
     for _ in range(2):
-        figure = film_strip([("shake", interaction, [0, 30])] * 2, least=2.0, inches=1.0)
+        figure = film_strip([("shake", interaction, [0, 30])] * 2, min_width=2.0, inches=1.0)
         assert len(figure.axes) == 4
         page = BytesIO()
         figure.savefig(page, format="png", dpi=40, metadata={"Software": None})

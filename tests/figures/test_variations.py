@@ -36,7 +36,7 @@ def page() -> tuple[Report, str]:
 
 def test_a_variation_is_told_in_units_that_people_use() -> None:
     text = measurement_summary(FIGURES)
-    for words in ("5.7 mm off", "205 if scaled", "99.0 %", "-0.31 cm/s", "4.0 mm deeper", "25 %"):
+    for words in ("5.7 mm", "205 if only scaled", "99.0 %", "-0.31 cm/s", "4.0 mm", "25 %"):
         assert words in text
 
 
@@ -48,7 +48,7 @@ def test_the_gallery_plays_after_the_clips_source_first() -> None:
     assert 'data-clip="2"' in gallery
     captions = re.findall(r"<figcaption>.*?<span>(.*?)</span>", gallery)
     assert captions[0] == "source"
-    assert captions[1].startswith("b-child (left out): near pairs 5.7 mm off")
+    assert captions[1].startswith("b-child (left out): near distances changed by 5.7 mm")
     assert "salsa&lt;1&gt;" in gallery
     (motions,) = re.findall(r'id="motions">(.*?)</script>', html)
     assert [len(scenes) for scenes in json.loads(motions)][-1] == 3
@@ -61,7 +61,7 @@ def test_a_page_without_variations_says_nothing_of_them() -> None:
 def test_kinds_have_a_line_each_in_a_fixed_order() -> None:
     cells = {name: {"mean": value, "low": 0.0, "high": 1.0} for name, value in FIGURES.items()}
     table = variation_table({"single": cells, "uniform": cells})
-    assert [line.label for line in table.lines] == ["One body grown or shrunk", "One bone"]
+    assert [line.label for line in table.lines] == ["One body scaled", "One bone"]
     assert len(table.metrics) == len(MEASUREMENT_COLUMNS) == len(table.lines[0].entries)
     html = render_report(replace(report(), sections=(Section("Variations", table, ("counts",)),)))
     assert "Contacts kept" in html

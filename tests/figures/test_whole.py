@@ -73,4 +73,4 @@ def test_a_page_without_a_place_is_refused() -> None:
 
 def test_one_run_alone_is_no_curve() -> None:
     once = dataclasses.replace(beside("x"), runs=beside("x").runs[:1])
-    assert "run by run" not in add_history(render_report(report()), once)
+    assert "metrics of all runs" not in add_history(render_report(report()), once)

@@ -191,4 +191,4 @@ def test_a_named_server_that_does_not_answer_is_told_and_nothing_is_served(proje
         check=False,
     )
     assert done.returncode == 1
-    assert f"PREFECT_API_URL is {dead}; no Prefect server answers there" in done.stderr
+    assert f"PREFECT_API_URL is {dead}; no Prefect server responds there" in done.stderr

@@ -19,7 +19,7 @@ def test_the_bounds_are_the_mirrored_quantiles_of_draws_moved_to_the_plain_value
     draws = np.array([10.0, 11, 12, 13, 19])  # mean 13, quantiles at 0 and 1: 10 and 19
     found = interval(Estimate(5.0, draws), 1 - 1e-12)
     assert (found.mean, found.low, found.high) == pytest.approx((5.0, 5 - 6, 5 + 3))
-    assert interval(Estimate(5.0, draws), 1 - 1e-12, least=0.0).low == 0.0
+    assert interval(Estimate(5.0, draws), 1 - 1e-12, minimum=0.0).low == 0.0
 
 
 def test_a_difference_is_taken_draw_by_draw():

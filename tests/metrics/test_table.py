@@ -77,7 +77,7 @@ def values(found):
 def test_every_row_has_every_metric_on_every_draw(measured):
     for row, found in measured.items():
         assert set(found.estimates) == METRICS | ({"f2id_halves"} if row == "real" else set())
-        assert found.absent == {"multimodality": "one reaction a partner"}
+        assert found.absent == {"multimodality": "one reaction per partner"}
         for name, estimate in found.estimates.items():
             repeats = name.endswith(("_published", "_halves"))
             assert estimate.resampled.shape == ((3,) if repeats else (40,))

@@ -130,7 +130,7 @@ def test_the_page_shows_every_decision_with_its_reasons():
 
 
 def test_without_a_reproduction_there_is_nothing_to_judge():
-    with pytest.raises(CommandError, match="reproduce first"):
+    with pytest.raises(CommandError, match="run ./run first"):
         read_candidate("pacmo")
 
 
@@ -151,4 +151,4 @@ def test_the_command_rolls_back_and_status_tells_of_it():
 def test_status_says_who_writes_and_asks_dvc_nothing_meanwhile():
     with writer_lock("nightly", LOCK):
         shown = CliRunner().invoke(app, ["status"]).output
-    assert "writing now   nightly since" in shown and "DVC cannot tell before its end" in shown
+    assert "writing now   nightly since" in shown and "known after its end" in shown

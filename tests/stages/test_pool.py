@@ -40,7 +40,7 @@ def pooled(tmp_path, monkeypatch):
         write_scores(
             tmp_path / f"scores/{fold}.parquet",
             scores,
-            facts | {"absent": {"gru": {"multimodality": "one reaction a partner"}}},
+            facts | {"absent": {"gru": {"multimodality": "one reaction per partner"}}},
         )
     pool_pacmo.main(tmp_path / "scores", tmp_path / "pacmo.json")
     return json.loads((tmp_path / "pacmo.json").read_text())
@@ -64,7 +64,7 @@ def test_rows_are_means_over_seeds_and_folds_with_the_floors_beside_them(pooled)
 
 def test_a_metric_that_one_fold_is_without_is_left_out_with_the_reason(pooled):
     assert "multimodality" not in pooled["rows"]["gru"]
-    assert pooled["absent"]["gru"]["multimodality"] == "one reaction a partner"
+    assert pooled["absent"]["gru"]["multimodality"] == "one reaction per partner"
 
 
 def test_differences_are_paired_where_rows_share_draws(pooled):
