@@ -1,12 +1,17 @@
 """What is trusted: the wheel as pip builds it, and the metadata in pyproject.toml."""
 
+import re
 import subprocess
 import sys
 import tomllib
 import zipfile
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 
@@ -51,3 +56,37 @@ def test_the_pipeline_is_an_extra():
         requirement.split(">")[0].split("=")[0]
         for requirement in project["optional-dependencies"]["pipeline"]
     }
+
+
+@pytest.mark.parametrize("python", ["3.11.0", "3.11.9", "3.12.0", "3.13.0"])
+@pytest.mark.parametrize(
+    "platform",
+    [("linux", "Linux", "x86_64"), ("linux", "Linux", "aarch64"), ("darwin", "Darwin", "arm64")],
+)
+def test_the_lock_is_complete_on_every_python_and_platform(python, platform):
+    """``./run`` installs the lock without dependencies, so that a missing one is found by use."""
+    names = ("sys_platform", "platform_system", "platform_machine")
+    environment = {
+        **default_environment(),
+        **dict(zip(names, platform, strict=True)),
+        "python_full_version": python,
+        "python_version": python.rpartition(".")[0],
+    }
+    text = (ROOT / "requirements.lock").read_text()
+    locked = {canonicalize_name(name) for name in re.findall(r"(?m)^([\w.-]+)==", text)}
+    missing = {}
+    pending = [(name, "") for name in locked]
+    for package, extra in pending:
+        try:
+            requirements = map(Requirement, metadata.requires(package) or ())
+        except metadata.PackageNotFoundError:  # a package of another Python or platform
+            continue
+        for requirement in requirements:
+            marker = requirement.marker
+            if marker and not marker.evaluate({**environment, "extra": extra}):
+                continue
+            if canonicalize_name(requirement.name) not in locked:
+                missing[requirement.name] = package
+            extras = [(requirement.name, name) for name in requirement.extras]
+            pending += [pair for pair in extras if pair not in pending]
+    assert not missing

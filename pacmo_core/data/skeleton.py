@@ -20,7 +20,7 @@ class Skeleton:
     Parameters
     ----------
     name : str
-    joints : names, no two alike
+    joints : unique names
     parents : index of each joint's parent, -1 for the one root
     left_right : pairs (left joint, right joint) of mirror images
 
@@ -38,7 +38,7 @@ class Skeleton:
     def __post_init__(self) -> None:
         if len(set(self.joints)) != len(self.joints) or len(self.parents) != len(self.joints):
             raise ValueError(
-                f"skeleton {self.name}: wanted one parent a joint and no name twice; "
+                f"skeleton {self.name}: wanted one parent per joint and unique names; "
                 f"got {len(self.joints)} joints ({len(set(self.joints))} names), "
                 f"{len(self.parents)} parents"
             )

@@ -1,4 +1,4 @@
-"""What all raw formats share: the reader's interface, its errors, and two people on one clock."""
+"""The interface of all raw formats, their errors, and the pairing of two people's motions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,9 +39,9 @@ class RawSequence:
     ----------
     name : unique in its set and stable; letters, digits, ``_ - .`` and ``/``
     files : the files that hold it, person a's first where each person has one
-    action : the data set's label, empty where unknown
-    subjects : who person a and person b are, empty where unknown
-    recording : what a split by recording keeps together
+    action : label of the dataset, empty if unknown
+    subjects : person a and person b, empty if unknown
+    recording : clips of one recording stay in one split
     """
 
     name: str
@@ -124,8 +124,8 @@ def pair_people(people: Sequence[Person]) -> Reading:
     a, b = people
     if a.skeleton != b.skeleton:
         raise FormatError(b.file, f"not the joints of {a.file.name}: {_skeleton_difference(a, b)}")
-    # Programs round a thirtieth of a second to six digits or to seven: a tenth of a millisecond
-    # in a second at most, and one clock all the same.
+    # Programs round a thirtieth of a second to six or seven digits: at most a tenth of a
+    # millisecond in a second, which does not count as another frame rate.
     if not np.isclose(a.fps, b.fps, rtol=1e-4):
         raise FormatError(b.file, f"{b.fps:g} frames a second; {a.file.name} has {a.fps:g}")
     if len(a.positions) != len(b.positions):

@@ -1,8 +1,8 @@
 """BVH files: one person's joint hierarchy and channels, and its forward kinematics.
 
 Documented by the course notes of the University of Wisconsin (CS 838, 1999). Angles are degrees;
-a joint's rotations apply in the order of its channels, each about the axes that the previous one
-left. Units and the upward axis are not in the file, and the stated frame rate may be wrong. One
+a joint's rotations apply in the order of its channels, each about the axes after the previous
+one. Units and the upward axis are not in the file, and the stated frame rate may be wrong. One
 joint or brace may share a line with the next; keywords are matched in any case.
 """
 
@@ -60,7 +60,7 @@ class Hierarchy:
         if word == "root" and self.joints:
             raise self.error(line, f"a second ROOT, {name[:40]!r}: wanted one person a file")
         if word != "root" and not self.unclosed:
-            raise self.error(line, f"{name[:40]!r} has no parent: it stands outside the ROOT")
+            raise self.error(line, f"{name[:40]!r} has no parent: it is outside the ROOT")
         if self.unclosed and self.unclosed[-1] in self.end_sites[-1:]:
             raise self.error(line, "an End Site holds no joints")
         if word == "end":
@@ -69,7 +69,7 @@ class Hierarchy:
         if not name or name in self.joints:
             raise self.error(line, f"wanted a new name for the joint; got {name[:40]!r}")
         if len(self.joints) == MAX_JOINTS:
-            raise self.error(line, f"more than {MAX_JOINTS} joints: this is no body")
+            raise self.error(line, f"more than {MAX_JOINTS} joints: not a body")
         self.joints.append(name)
         self.parents.append(self.unclosed[-1] if self.unclosed else -1)
         self.offsets.append([])
@@ -85,7 +85,7 @@ class Hierarchy:
 
     def _add_property(self, line: int, word: str, values: list[str]) -> None:
         if not self.unclosed:
-            raise self.error(line, f"{word!r} stands outside the ROOT")
+            raise self.error(line, f"{word!r} is outside the ROOT")
         joint = self.unclosed[-1]
         if word == "}":
             self._close_joint(line, joint)
@@ -167,12 +167,11 @@ class Bvh:
     motion: NDArray[np.float64]
 
     def positions(self) -> NDArray[np.float64]:
-        """``(T, J, 3)`` file units: where every joint is in the file's world.
+        """Return ``(T, J, 3)`` file units: joint positions in the file's world.
 
         The root's position channels add to its offset, as the format's description has it.
-        Unlike there, another joint's position channels stand in the place of its offset: the
-        description gives them to the root alone, and programs that write them write the whole
-        displacement from the parent.
+        Position channels of another joint replace its offset: the description has them for the root
+        only, and programs that write them write the whole displacement from the parent.
         """
         count = len(self.motion)
         positions = np.zeros((count, len(self.joints), 3))

@@ -31,14 +31,14 @@ INCH = 0.0254
 
 @dataclass(frozen=True, kw_only=True)
 class BvhPreset:
-    """Facts of one data set.
+    """Settings of one dataset.
 
     Parameters
     ----------
-    rules : how its paths pair; none where it holds single persons
-    unit : metres a file unit; None where only the user knows
+    rules : how its paths pair; empty for single persons
+    unit : metres per file unit; None if only the user knows
     raw_unit : the same for files in a folder ``raw`` or ``..._raw``
-    up : the axis that is up, ``y`` or ``z``; None where only the user knows
+    up : the axis that is up, ``y`` or ``z``; None if only the user knows
     """
 
     rules: tuple[PairRule, ...]
@@ -109,7 +109,7 @@ CMU_18_19 = BvhPreset(
 # character without a partner. The unit is not stated; 2.1 cm gives a grown-up's height.
 SKELETON_PRIORS = BvhPreset(rules=(), unit=0.021, raw_unit=None, up="y")
 
-# An animator's own files.
+# For files of the user.
 PAIR = BvhPreset(
     rules=(
         PairRule(
@@ -139,20 +139,20 @@ Setting = TypeVar("Setting", str, float)
 
 @dataclass(frozen=True, kw_only=True)
 class BvhPairs:
-    """BVH files, two a pair.
+    """Pairs of BVH files, one per person.
 
     Parameters
     ----------
-    preset : the data set: ``duo_mocap``, ``cmu_18_19``, ``skeleton_priors``, or ``pair`` for any
+    preset : the dataset: ``duo_mocap``, ``cmu_18_19``, ``skeleton_priors``, or ``pair`` for any
         files ``<name>_A.bvh`` and ``<name>_B.bvh``
-    unit : metres a file unit; None for the preset's
-    up : the axis that is up, ``y`` or ``z``; None for the preset's
-    fps : frames a second where the files state a wrong Frame Time; None to trust it
+    unit : metres per file unit; None for that of the preset
+    up : up axis, ``y`` or ``z``; None for that of the preset
+    fps : frame rate, if the files state a wrong Frame Time; None to use theirs
     end_sites : whether End Sites are joints. Some exports write them with zero length, which is
         no bone: a set that mixes both kinds has one skeleton only without them
     skip_frames : frames to leave out at the start, as where the first is a T-pose
-    max_root_distance : leave out what comes before the roots are this near (metres), as where
-        people walk in from a T-pose; None to keep everything
+    max_root_distance : remove the frames before the roots are this near (metres), such as
+        those in which people walk in from a T-pose; None to keep everything
 
     Raises
     ------
@@ -220,13 +220,13 @@ class BvhPairs:
         return Person(file, skeleton, to_y_up(positions * self.metres(file), self.up_axis), fps)
 
     def metres(self, file: Path) -> float:
-        """Metres a unit: the same take may come in another unit in a folder of raw files."""
+        """Return metres per unit: raw files of the same take may have another unit."""
         folder, raw_unit = file.parent.name, self._facts.raw_unit
         is_raw = folder == "raw" or folder.endswith("_raw")
         return raw_unit if self.unit is None and is_raw and raw_unit else self._unit
 
     def _met(self, sequence: RawSequence, interaction: Interaction) -> Interaction:
-        """Leave out what comes before the two people are near each other."""
+        """Remove the frames before the two people are near each other."""
         if self.max_root_distance is None:
             return interaction
         root = interaction.skeleton.root
@@ -242,7 +242,7 @@ class BvhPairs:
 def _setting_or_preset(
     preset: str, name: str, setting: Setting | None, fact: Setting | None
 ) -> Setting:
-    """Take the setting before the preset's fact; one of them must be there."""
+    """Return the setting, or else the value of the preset; one of them must be given."""
     known = fact if setting is None else setting
     if known is None:
         raise ValueError(f"preset {preset} states no {name}: wanted it as a setting")

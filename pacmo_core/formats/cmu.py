@@ -1,6 +1,6 @@
-"""What the CMU Graphics Lab index (mocap.cs.cmu.edu) says of its two-person trials.
+"""CMU motion capture (mocap.cs.cmu.edu): pairs of ASF and AMC files of two subjects.
 
-The motion files state neither the label nor the rate.
+The files state neither action label nor frame rate; both are taken from the index of the database.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from pacmo_core.formats.base import (
 )
 from pacmo_core.formats.pairing import PairRule, pair_files
 
-# Subjects captured together: the same trial number is the same instant.
+# Subjects captured together: the same trial number is the same recording.
 CMU_PAIRS = (("18", "19"), ("20", "21"), ("22", "23"), ("33", "34"), ("60", "61"))
 
 # Frames a second, for the setting ``fps`` of ``Cmu``.
@@ -68,7 +68,7 @@ CMU_LABELS = {
 
 
 def trial_label(trial: str) -> str:
-    """Tell the index's text for a trial of person a (``18_01``); empty where it has none."""
+    """Return the label of a trial of person a (``18_01``) in the index; empty if it has none."""
     return CMU_LABELS.get(trial, "")
 
 
@@ -93,8 +93,8 @@ class Cmu:
 
     Parameters
     ----------
-    fps : frames a second by subject; the files do not state it. ``cmu_trials.CMU_FPS`` holds
-        what the index says
+    fps : frames a second by subject; the files do not state it. ``CMU_FPS`` has the
+        rates of the index
     """
 
     fps: Mapping[str, float]
@@ -133,7 +133,7 @@ class Cmu:
 
 
 def skeleton_file(amc_file: Path) -> Path:
-    """Name the ASF file of a subject: beside the motion, under the subject's number."""
+    """Return the ASF file of a subject: in the folder of the motion, named by the subject."""
     return amc_file.parent / f"{_subject(amc_file)}.asf"
 
 

@@ -1,8 +1,8 @@
 """DuetDance: two dancers' joints, estimated from videos with LCR-Net (Kundu et al. 2020).
 
-Two layouts. MATLAB: ``male/<dance>.mat`` and ``female/<dance>.mat``, in each one variable a clip,
-``<video>_<part>``, ``(T, 15, 3)``. Text, as InterFormer's authors made of it:
-``skeleton_pos.txt``, a line a frame: an index, then 15 joints × xyz, between commas. Their own
+Two layouts. MATLAB: ``male/<dance>.mat`` and ``female/<dance>.mat``, with one variable per clip,
+``<video>_<part>``, ``(T, 15, 3)``. Text, as converted by the authors of
+InterFormer: ``skeleton_pos.txt``, one line per frame: an index, then 15 joints × xyz. Their
 folders hold one dancer only; two are taken from ``male/<dance>/<clip>/skeleton_pos.txt`` with
 ``female/...``, or from ``<dance>/<clip>/skeleton_A.txt`` with ``skeleton_B.txt``.
 
@@ -33,7 +33,7 @@ DANCES = {"01": "cha-cha", "02": "jive", "03": "rumba", "04": "salsa", "05": "sa
 
 
 def dance_name(folder: str) -> str:
-    """Tell the dance that a folder's number stands for; other names stand for themselves."""
+    """Return the dance of a numbered folder; other names are returned unchanged."""
     return DANCES.get(folder, folder)
 
 
@@ -120,7 +120,7 @@ def _clip_sequence(place: str, dance: str, name: str, files: tuple[Path, ...]) -
 
 
 def _variable_names(file: Path) -> list[str]:
-    """List a file's variables; a broken file has none, and ``read`` says why."""
+    """List a file's variables; a damaged file has none, and ``read`` gives the reason."""
     try:
         return list_variables(file)
     except FormatError:

@@ -1,8 +1,8 @@
 """ExPI: pairs of Lindy Hop dancers (Guo et al. 2022), ``acro<pair>/<action><k>/mocap_cleaned.tsv``.
 
-Comma-separated in spite of its name. One header line, then a line a frame: 18 joints × xyz of the
+Comma-separated despite the suffix. One header line, then one line per frame: 18 joints × xyz of the
 leader, then of the follower, millimetres, at 25 fps. Which axis is up is not in the file: it is a
-setting, and z, usual for optical capture, an assumption.
+setting; z, usual for optical capture, is an assumption.
 """
 
 import re

@@ -37,7 +37,7 @@ class ConstantBoneMotion:
     rotations: NDArray[np.float64]
 
     def positions(self, skeleton: Skeleton) -> NDArray[np.float64]:
-        """``(T, J, 3)`` metres: where the joints are."""
+        """Return ``(T, J, 3)`` metres: joint positions."""
         positions = np.zeros((len(self.root), len(skeleton.joints), 3))
         rotations_world = np.zeros_like(self.rotations)
         for joint in skeleton.order:
@@ -111,7 +111,7 @@ def _kabsch(targets: NDArray[np.float64], offsets: NDArray[np.float64]) -> NDArr
 def _mean_offsets(
     positions: NDArray[np.float64], fitted: ConstantBoneMotion, skeleton: Skeleton
 ) -> NDArray[np.float64]:
-    """Average over time each bone as its parent's frame sees it."""
+    """Return the mean over time of each bone in the frame of its parent."""
     rotations_world = np.zeros_like(fitted.rotations)
     means = np.zeros_like(fitted.offsets)
     for joint in skeleton.order:
@@ -237,7 +237,7 @@ def rotate_vectors(frames: Array, vectors: Array) -> Array:
 def _gauss_newton_step(
     parents: Sequence[int], targets: dict[int, Array], offsets: Array, pose: tuple[Array, Array]
 ) -> None:
-    """Take one damped Gauss-Newton step, in index."""
+    """Take one damped Gauss-Newton step, in place."""
     root, local = pose
     positions, rotations_world = forward_kinematics(parents, root, offsets, local)
     inner = sorted(set(parents) - {-1})

@@ -1,8 +1,8 @@
 """InterHuman and InterX as arrays: ``person1/<id>.npy`` and ``person2/<id>.npy``.
 
-A row a frame; columns 0–65 are the 22 joints of the SMPL body × xyz, metres; what follows (a mesh,
-turns) is not read. 30 fps. InterGen's own code (Liang et al. 2024) turns the arrays from z up to
-y up; the axis is a setting.
+A row a frame; columns 0–65 are the 22 joints of the SMPL body × xyz, metres; further columns (a
+mesh, rotations) are not read. 30 fps. The code of InterGen (Liang et al. 2024) rotates the arrays
+from z up to y up; the axis is a setting.
 """
 
 import tokenize
@@ -30,7 +30,7 @@ from pacmo_core.formats.tables import to_float64
 
 _COLUMNS = 22 * 3
 
-# What NumPy's reader has been seen to raise on broken headers, which it parses as Python text.
+# Exceptions of NumPy's reader on damaged headers, which it parses as Python text.
 _BROKEN = (
     ValueError,
     TypeError,

@@ -1,8 +1,8 @@
 """Plain numeric variables of MATLAB files (level 5: versions 5 to 7.2), and nothing else.
 
 Follows "MAT-File Format" (The MathWorks). Unlike scipy.io.loadmat, which builds Python objects
-out of cells and structures and was seen to crash the process on broken files, this reads real
-arrays alone, checks every length before it believes it, and never takes more memory than stated.
+from cells and structures and can crash the process on damaged files, this reads real arrays only,
+checks every length before it uses it, and never allocates more memory than stated.
 """
 
 import struct
@@ -38,7 +38,7 @@ _COMPLEX = 0x0800
 
 
 class _BrokenError(ValueError):
-    """What the bytes should have been."""
+    """A damaged file; the message states what was expected."""
 
 
 @dataclass(frozen=True)

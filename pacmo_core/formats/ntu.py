@@ -7,10 +7,10 @@ NTURGB-D; Liu et al. (2019).
 
 The text: a frame count; per frame a body count; per body an info line of 10 fields that opens with
 the body's ID, a joint count (25) and 25 lines of 12 fields: x y z in metres, then depth and colour
-pixels, an orientation and a tracking state, which are not read and need only look like numbers.
+pixels, an orientation and a tracking state, which are checked to be numbers and not used.
 
 Tracking: the recorder gives a body a new ID whenever it loses it and finds it again, and sometimes
-detects a body in the furniture. So detections of one ID are a track; a track that begins where
+detects a body in the furniture. Detections of one ID are a track; a track that begins where
 another has just ended is linked to it; of the tracks that are visible long enough, the two that
 move most are the two people.
 """
@@ -103,7 +103,7 @@ class Ntu:
         Raises
         ------
         FormatError
-            If the sample is listed as faulty, the text is, or two people cannot be tracked.
+            If the sample is listed as faulty, the text is faulty, or two people cannot be tracked.
         """
         (file,) = sequence.files
         if file.stem in self.skipped:
@@ -178,7 +178,7 @@ ACTIONS = {
 
 _N_JOINTS = 25
 _N_INFO, _N_FIELDS = 10, 12
-_MAX_BODIES = 6  # a Kinect v2 follows no more
+_MAX_BODIES = 6  # limit of Kinect v2
 _NUMERIC = b"0123456789+-.eE \t\r\n"
 # Bodies parsed at a time: the split fields of a file take ten times its size.
 _BODIES_PER_CHUNK = 64

@@ -1,4 +1,4 @@
-"""Match files to people and sequences by their paths unpaired_sequences."""
+"""Match files to people and sequences by their paths."""
 
 import re
 from collections import Counter
@@ -17,7 +17,7 @@ def unchanged_label(label: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class PairRule:
-    """How a data set's paths encode the person and the sequence of a file.
+    """How a dataset's paths encode the person and the sequence of a file.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class PairRule:
     label: Callable[[str], str] = unchanged_label
 
     def sequence(self, path: str) -> tuple[int, RawSequence] | None:
-        """Match a path: the person (0 or 1) and the sequence, still without files."""
+        """Match a path: the person (0 or 1) and the sequence, without files yet."""
         match = re.fullmatch(self.pattern, path)
         if match is None or match["person"] not in self.persons:
             return None
@@ -61,7 +61,7 @@ def matching_files(root: Path, file_name: str) -> list[Path]:
 
 
 def unpaired_sequence(root: Path, file: Path) -> RawSequence:
-    """Describe a file without a partner's; its name keeps the file's suffix."""
+    """Return the sequence of a file whose partner is missing; its name keeps the file's suffix."""
     path = file.relative_to(root).as_posix()
     return RawSequence(name=sequence_name(path), files=(file,), recording=path)
 

@@ -80,7 +80,7 @@ FORMAT_OF_SUFFIX = {
     ".mat": "duetdance",
 }
 ONE_PERSON_FORMATS = ("bvh", "cmu", "duetdance", "interhuman")  # a file; the others hold two
-# Settings that the data sets' publications state and their files do not.
+# Settings that the datasets' publications state and their files do not.
 DEFAULT_SETTINGS: dict[str, dict[str, Any]] = {
     "bvh": {
         "preset": "pair",
@@ -126,8 +126,8 @@ class PersonMotion:
         missing = [joint for joint in skeleton.joints if joint not in self.skeleton.joints]
         if missing:
             raise ValueError(
-                f"the model's skeleton {skeleton.name} has joints that the capture "
-                f"({self.skeleton.name}) lacks: {', '.join(missing)}"
+                f"the model's skeleton {skeleton.name} has joints that are missing "
+                f"in the capture ({self.skeleton.name}): {', '.join(missing)}"
             )
         selected = self.skeleton.indices(skeleton.joints)
         return PersonMotion(skeleton, self.times, np.ascontiguousarray(self.motion[:, selected]))
@@ -157,8 +157,8 @@ def read_partner(
     Parameters
     ----------
     file : a capture
-    format_name : a key of ``PUBLISHED``
-    settings : settings that differ from ``PUBLISHED``
+    format_name : a key of ``DEFAULT_SETTINGS``
+    settings : overrides of ``DEFAULT_SETTINGS``
     person : ``a`` or ``b`` of a file of two people; None where there is one
     clip : the variable of a ``.mat`` file
 

@@ -47,7 +47,7 @@ GIMBAL_LOCK = 1e-6  # cosine of the middle angle below which the outer two axes 
 
 
 def axis_rotations(axis: int, degrees: Array) -> Array:
-    """``(T, 3, 3)``: rotations about principal axis, on column vectors."""
+    """``(T, 3, 3)``: rotations about a coordinate axis, on column vectors."""
     angle = np.radians(degrees)
     cos, sin = np.cos(angle), np.sin(angle)
     i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -75,7 +75,7 @@ def euler_angles_near(rotations: Array, order: Sequence[int], reference: Array) 
 
     Parameters
     ----------
-    reference : (T, 3) degrees, such as the file's own before its motion changed
+    reference : (T, 3) degrees, such as those of the file before its motion changed
     """
     principal = _principal_angles(rotations, order)
     # 180 degrees more in the outer two and a mirrored middle angle give the same rotation.
@@ -91,7 +91,7 @@ def euler_angles_near(rotations: Array, order: Sequence[int], reference: Array) 
 
 
 def _principal_angles(rotations: Array, order: Sequence[int]) -> Array:
-    """``(T, 3)`` degrees, the middle principal between -90 and 90."""
+    """``(T, 3)`` degrees, the middle angle between -90 and 90."""
     i, j, k = order
     even = 1.0 if (j - i) % 3 == 1 else -1.0
     r = rotations

@@ -57,7 +57,7 @@ def parse_count(field: bytes) -> int | None:
 
 
 def quote(line: bytes | Sequence[bytes]) -> str:
-    """Quote a line for a message: short and printable whatever it holds."""
+    """Quote a line for a message: short and printable."""
     text = line if isinstance(line, bytes) else b" ".join(line[:20])
     return repr(text.strip()[:40])[1:] + ("..." if len(text.strip()) > 40 else "")
 

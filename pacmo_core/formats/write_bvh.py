@@ -45,7 +45,7 @@ def format_bvh(motion: Motion, fps: float, skeleton: Skeleton) -> str:
 
 
 def format_bvh_of_fit(fitted: ConstantBoneMotion, fps: float, skeleton: Skeleton) -> str:
-    """Write a motion of constant bones, in whatever unit and axes."""
+    """Write a motion of constant bones, in any unit and axes."""
     depth_first = list(_depth_first(skeleton, skeleton.root))
     columns = [fitted.root, *(zxy_angles(fitted.rotations[:, joint]) for joint in depth_first)]
     rows = np.concatenate(columns, axis=1)
@@ -110,7 +110,7 @@ class Rewritten:
     ----------
     text : of the file
     errors : (T, K) file units, distance of each joint from its target; bones that leave one joint
-        keep their angles to each other in a BVH, so not every pose can be posed
+        keep their angles to each other in a BVH, so that not every pose can be reached
     """
 
     text: str

@@ -1,9 +1,9 @@
-"""Write NTU RGB+D ``.skeleton`` text, as Microsoft's Kinect v2 recorder of that data set did.
+"""Write NTU RGB+D ``.skeleton`` text, as Microsoft's Kinect v2 recorder of that dataset does.
 
 Positions are in the camera's frame: metres, y up, x towards the left of someone who looks out of
 the camera, z away from it; this is right-handed. Depth and colour pixels follow from a pinhole
-fitted to published files (to 0.1 and 2 pixels). Orientations are written as zeros, which is what
-Kinect writes for the joints it has none for; hands are of unknown state and the body does not lean.
+fitted to published files (to 0.1 and 2 pixels). Orientations are written as zeros, as
+Kinect does for joints without one; hands are of unknown state and the body does not lean.
 """
 
 from collections.abc import Iterable, Mapping
@@ -23,12 +23,12 @@ _BODY = f"%d 0 0 0 0 0 0 0 0 2\n{_N_JOINTS}\n" + _JOINT * _N_JOINTS
 
 
 def format_ntu(interaction: Interaction, body_ids: tuple[int, int]) -> bytes:
-    """Format an interaction as one ``.skeleton`` file; the rate has no place in it and is lost.
+    """Format an interaction as one ``.skeleton`` file; the format has no frame rate.
 
     Parameters
     ----------
     interaction : on the ``NTU25`` skeleton, in the camera's frame (every z > 0)
-    body_ids : what the recorder calls person a and person b; the published have 17 digits
+    body_ids : IDs of person a and person b; the published ones have 17 digits
 
     Raises
     ------

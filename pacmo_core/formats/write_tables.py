@@ -14,14 +14,14 @@ PERSONS = ("a", "b")
 
 
 def format_csv(skeleton: Skeleton, times: NDArray[np.float64], people: Sequence[Motion]) -> str:
-    """Write a row a frame: ``frame``, ``time`` in seconds, ``a.JOINT.x`` and so on.
+    """Write one row per frame: ``frame``, ``time`` in seconds, ``a.JOINT.x`` and so on.
 
-    Nine digits give every float32 back as it was. A joint's name with a comma or a quotation mark
-    stands between quotation marks.
+    Nine digits preserve every float32. Names of joints with a comma or a quotation mark are
+    quoted.
 
     Parameters
     ----------
-    people : one or two of (T, J, 3) float32, in whatever unit
+    people : one or two of (T, J, 3) float32, in any unit
     """
     names = [
         _quoted(f"{person}.{joint}.{axis}")
@@ -45,7 +45,7 @@ def npz_bytes(
     up: str,
     unit: float,
 ) -> bytes:
-    """Write ``person_a``, ``person_b`` (T, J, 3) float32, ``times``, and what they are.
+    """Write ``person_a``, ``person_b`` (T, J, 3) float32, ``times``, and their description.
 
     ``joints`` and ``parents`` are the skeleton's (-1 for the root), ``up`` the upward axis and
     ``unit`` metres a unit. No entry needs pickle to be read.

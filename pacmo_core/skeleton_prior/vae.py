@@ -123,7 +123,7 @@ def fit_skeleton_vae(
 ) -> None:
     """Train the skeleton VAE in place on the evidence lower bound (ELBO), then freeze it.
 
-    It shares no weights with the motion VAEs, and needs more steps than these on a small data set.
+    It shares no weights with the motion VAEs, and needs more steps than these on a small dataset.
 
     Parameters
     ----------

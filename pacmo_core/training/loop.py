@@ -22,7 +22,7 @@ VALIDATION = "validation"
 
 @dataclass(frozen=True)
 class TrainingData(Generic[Example]):
-    """The training and validation split of a data set, in memory.
+    """The training and validation split of a dataset, in memory.
 
     Parameters
     ----------

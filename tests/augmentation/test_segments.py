@@ -1,4 +1,4 @@
-"""Truth: what a bone is, as the data sets' own figures and papers show it."""
+"""Truth: what a bone is, as the datasets' own figures and papers show it."""
 
 import pytest
 

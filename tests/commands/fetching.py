@@ -1,4 +1,4 @@
-"""What the tests of whole data sets share: small archives, and the command run in this process."""
+"""What the tests of whole datasets share: small archives, and the command run in this process."""
 
 import hashlib
 import io

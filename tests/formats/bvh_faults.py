@@ -28,7 +28,7 @@ FAULTS = [
     (VALID.replace("3 Xrotation", "3 Wrotation"), "got 'wrotation'"),
     (VALID.replace("3 Xrotation", "3 Zrotation"), "got 'zrotation'"),
     (VALID.replace("}\nMOTION", "MOTION"), "MOTION while 1 braces are unclosed"),
-    (VALID.replace("}\nMOTION", "}\n}\nMOTION"), "'}' stands outside the ROOT"),
+    (VALID.replace("}\nMOTION", "}\n}\nMOTION"), "'}' is outside the ROOT"),
     (VALID.replace("JOINT Spine\n  {", "JOINT Spine"), "wanted '{'; got 'OFFSET'"),
     (VALID.replace("OFFSET 0 0.5 0", "{ OFFSET 0 0.5 0"), "'{' opens no joint"),
     (VALID.replace("RightArm", "LeftArm"), "wanted a new name for the joint; got 'LeftArm'"),

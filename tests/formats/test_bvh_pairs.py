@@ -1,4 +1,4 @@
-"""Truth: the plain BVH reader, the known facts of each data set, and files broken on purpose."""
+"""Truth: the plain BVH reader, the known facts of each dataset, and files broken on purpose."""
 
 import re
 from pathlib import Path

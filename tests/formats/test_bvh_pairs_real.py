@@ -1,4 +1,4 @@
-"""Truth: what the data sets say of themselves: metres, two people, feet on the ground."""
+"""Truth: what the datasets say of themselves: metres, two people, feet on the ground."""
 
 import numpy as np
 import pytest
