@@ -2,9 +2,9 @@
 
 Usage: ./run python -m benchmarks.commands [--json]
 
-``help_s``, ``clips_s``, ``status_s`` and ``noop_s``: processor seconds (user and system, of the
-command and all processes that it starts) of ``pacmo --help``, ``pacmo clips``, ``pacmo status`` and
-``./run``; medians of five. With PYTHONDONTWRITEBYTECODE=1 they must be about the same.
+``help_s``, ``clips_s``, ``experiments_s``, ``status_s`` and ``noop_s``: processor seconds (user and
+system, of the command and all processes that it starts) of ``pacmo --help``, ``clips``,
+``experiments``, ``status`` and of ``./run``; medians of five. With PYTHONDONTWRITEBYTECODE=1 they must be about the same.
 """
 
 import os
@@ -28,6 +28,7 @@ def commands() -> dict[str, list[str]]:
     return {
         "help_s": [*pacmo, "--help"],
         "clips_s": [*pacmo, "clips"],
+        "experiments_s": [*pacmo, "experiments"],
         "status_s": [*pacmo, "status"],
         "noop_s": run,
     }

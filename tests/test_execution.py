@@ -73,7 +73,7 @@ def test_what_is_raised_there_is_raised_here_and_says_where() -> None:
 
 
 @pytest.mark.parametrize("how", [killed, killed_in_the_middle_of_its_answer])
-def test_a_process_that_is_killed_is_told_of_and_not_waited_for(how) -> None:
+def test_a_killed_process_is_an_error_and_not_waited_for(how) -> None:
     with pytest.raises(ChildProcessError, match="exit code -9"), ProcessExecutor(2) as processes:
         list(processes.map_unordered(how, ITEMS))
     assert children() == []

@@ -24,7 +24,7 @@ def test_help_is_a_table_of_contents() -> None:
     assert "Exit codes: 0 done; 1" in out
 
 
-def test_fetch_lists_its_data_sets_and_says_how_sums_bind() -> None:
+def test_fetch_lists_its_datasets_and_explains_checksums() -> None:
     code, out, _ = pacmo("fetch", "--help")
     assert code == 0
     for word in ("sbu", "cmu-two-person", "SHA256SUMS", "A second run"):

@@ -61,7 +61,7 @@ def test_fewer_bytes_than_stated_are_no_file(site: Site, part: PartialFile) -> N
         ({"Content-Length": ""}, "no length"),
     ],
 )
-def test_an_answer_that_is_not_the_file_is_refused(
+def test_a_response_that_is_not_the_file_is_refused(
     site: Site, part: PartialFile, headers: dict[str, str], reason: str
 ) -> None:
     site.headers = headers

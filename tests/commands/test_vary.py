@@ -88,7 +88,7 @@ def test_samples_do_not_write_over_the_capture_that_they_come_from(
     assert not (tmp_path / "0").exists()
 
 
-def test_what_cannot_be_varied_is_told_in_one_line(
+def test_what_cannot_be_varied_is_one_line(
     stored: Path, files: list[Path], weights: Path, tmp_path: Path
 ):
     given = [stored, "--clip", "one", "--weights", weights]

@@ -85,7 +85,7 @@ def test_bones_that_breathe_vary_by_the_deviation_of_their_scale():
     assert "bones change in length by 30%" in of(breathing)[0]
 
 
-def test_a_body_that_jumps_and_a_joint_that_jumps_are_told_apart():
+def test_a_body_that_jumps_and_a_joint_that_jumps_are_distinguished():
     body = " and ".join(of(moved(two(), slice(10, None), [1.0, 0, 0])))
     assert "a body jumps at 10.0 m/s" in body
     assert "a joint" not in body

@@ -107,7 +107,7 @@ def test_the_scheduled_nightly_promotes_and_then_holds_and_says_so_on_the_server
     assert "s01s02/01/010" in later[0].facts["accepted"]
 
 
-def test_a_server_that_restarts_in_the_midst_of_a_night_costs_at_most_that_night(
+def test_a_server_that_restarts_during_a_nightly_costs_at_most_that_nightly(
     project, serving, monkeypatch
 ):
     drop(project, range(2))
@@ -151,7 +151,7 @@ def running_server(port):
     return process
 
 
-def test_seven_late_nights_are_one_night(project, monkeypatch):
+def test_seven_late_nightlies_are_one(project, monkeypatch):
     drop(project, range(1))
     now = datetime.now(UTC)
     late = [now - timedelta(days=day) for day in range(7, 0, -1)]
@@ -166,7 +166,7 @@ def test_seven_late_nights_are_one_night(project, monkeypatch):
     assert outcomes == ["done", *["skipped"] * 6]
 
 
-def test_a_clock_that_has_jumped_back_does_not_cancel_the_nights_to_come(project):
+def test_a_clock_that_has_jumped_back_does_not_cancel_later_nightlies(project):
     drop(project, range(1))
     subprocess.run(
         [sys.executable, "-m", "flows.run", "nightly"],
@@ -181,7 +181,7 @@ def test_a_clock_that_has_jumped_back_does_not_cancel_the_nights_to_come(project
     assert not is_covered(a_year_ago - timedelta(hours=1), [run], a_year_ago)
 
 
-def test_a_named_server_that_does_not_answer_is_told_and_nothing_is_served(project):
+def test_a_configured_server_that_does_not_respond_is_an_error(project):
     dead = f"http://127.0.0.1:{free_port()}/api"
     done = subprocess.run(
         [sys.executable, "-m", "flows.serve"],

@@ -47,7 +47,7 @@ def test_a_name_gives_action_people_and_recording(tmp_path):
     assert (mine.name, mine.action, mine.recording) == ("mine", "", "mine")
 
 
-def test_equal_file_names_are_told_apart_by_folder(tmp_path):
+def test_equal_file_names_are_distinguished_by_folder(tmp_path):
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "S001C002P003R004A050.skeleton").touch()

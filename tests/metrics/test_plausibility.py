@@ -15,7 +15,7 @@ from pacmo_core.metrics.plausibility import (
 )
 from pacmo_core.metrics.row_metrics import measure_multimodality, measure_plausibility
 from tests.metrics.problems import reactions
-from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
+from tests.metrics.test_evaluate_table import BODY, SETTINGS, WEIGHTS
 
 
 @pytest.mark.parametrize(

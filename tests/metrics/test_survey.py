@@ -46,7 +46,7 @@ def test_without_leanings_the_difference_is_the_tables() -> None:
 
 
 @pytest.mark.slow
-def test_the_law_of_many_answers_is_found_again() -> None:
+def test_the_mixed_model_is_recovered_from_many_answers() -> None:
     random = np.random.default_rng(3)
     people, clips = (x.ravel() for x in np.meshgrid(np.arange(80), np.arange(40)))
     captured = clips < 20

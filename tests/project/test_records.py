@@ -45,7 +45,7 @@ def holder(tmp_path):
         process.kill()
 
 
-def test_one_writer_at_a_time_and_the_second_is_told_who(tmp_path, holder):
+def test_one_writer_at_a_time_and_the_error_names_it(tmp_path, holder):
     path = tmp_path / "lock"
     with (
         pytest.raises(BusyError, match=f'"job": "held", "pid": {holder.pid}'),
@@ -117,7 +117,7 @@ def test_a_run_that_never_ended_is_called_killed_by_the_next(tmp_path):
     ]
 
 
-def test_a_broken_record_is_told_and_hides_no_other(tmp_path):
+def test_a_broken_record_is_reported_and_hides_no_other(tmp_path):
     (tmp_path / "000001.json").write_text('{"number"')
     with record_run("two", tmp_path):
         pass

@@ -123,7 +123,7 @@ def test_every_variation_of_a_pair_is_sampled_with_its_probability():
             assert (shown == variation).mean() == pytest.approx(0.6 / len(of_pair), abs=0.03)
 
 
-def test_a_variation_shows_its_own_clip_from_either_side():
+def test_a_variation_replaces_its_clip_in_both_directions():
     base, made = clips(3), clips(5)[3:]
     variations = TrainingVariations(interactions=made, sources=[2, 0], share=1.0)
     plain = wgan.build_training(base, replace(SETTINGS, both_directions=True))

@@ -165,7 +165,7 @@ def test_a_folder_streams_what_was_written_and_polars_reads_it(tmp_path: Path) -
     assert set(table["clip"]) == {name for name, _ in found}
 
 
-def test_no_folder_is_told_by_its_name(tmp_path: Path) -> None:
+def test_a_folder_is_not_recognised_by_its_name(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere: no folder of motions"):
         next(stream_folder(tmp_path / "nowhere"))
 

@@ -11,7 +11,7 @@ from pacmo_core.synthesis.body import SHARES, sample_pair, sample_subject
 @pytest.mark.parametrize(
     ("sex", "mean", "spread"), [("female", 162.85, 6.42), ("male", 175.62, 6.86)]
 )
-def test_statures_have_the_surveys_law(sex: str, mean: float, spread: float) -> None:
+def test_statures_have_the_surveys_distribution(sex: str, mean: float, spread: float) -> None:
     everyone = (sample_subject(1, number) for number in range(1, 4000))
     statures = np.array([100 * who.body.stature for who in everyone if who.sex == sex])
     assert len(statures) > 1850

@@ -42,7 +42,7 @@ def test_a_script_with_a_word_missing_is_refused() -> None:
         Script.from_json(words)
 
 
-def test_more_pairs_acts_and_replications_change_no_clip() -> None:
+def test_more_pairs_actions_and_replications_change_no_clip() -> None:
     few = _scripts(2, 1, ("push", "hug"))
     many = {file_name(script): script for script in _scripts(4, 3)}
     assert [many[file_name(script)] for script in few] == few

@@ -41,7 +41,7 @@ def _facts(script: Script, partner: NDArray[np.float32], own: NDArray[np.float32
 
 
 @pytest.mark.parametrize("action", list(ACTIONS))
-def test_the_oracle_given_the_performers_generator_is_the_performance(action: str) -> None:
+def test_the_oracle_with_the_generator_of_the_reaction_is_the_reaction(action: str) -> None:
     script, _ = _shoot((action,))[0]
     real = sample_interaction(script, np.random.default_rng([1, 2]))
     for_a, for_b = np.random.default_rng([1, 2]).spawn(2)
@@ -49,7 +49,7 @@ def test_the_oracle_given_the_performers_generator_is_the_performance(action: st
     assert np.array_equal(real.person_b, sample_oracle_reaction(script, "b", for_b))
 
 
-def test_a_redraw_of_one_person_leaves_the_other_to_the_bit() -> None:
+def test_a_new_sample_of_one_person_leaves_the_other_unchanged() -> None:
     script, _ = _shoot(("push",))[0]
     for role in ("a", "b"):
         kept, other = np.random.default_rng(4), np.random.default_rng(4)
@@ -66,7 +66,7 @@ def _role(script: Script, part: str) -> Role:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", ["initiator", "other"])
-def test_oracle_draws_and_real_reactions_share_their_law(part: str) -> None:
+def test_oracle_samples_and_real_reactions_have_one_distribution(part: str) -> None:
     real, drawn = [], []
     for index, (script, random) in enumerate(_shoot(tuple(ACTIONS))):
         role = _role(script, part)
@@ -119,7 +119,7 @@ def test_a_reaction_has_more_than_one_mode(action: str, joint: str) -> None:
     assert within / (main.var() * len(main)) < 1 - 2 / np.pi
 
 
-def test_two_draws_differ_far_beyond_the_cameras_error() -> None:
+def test_two_samples_differ_far_beyond_the_cameras_error() -> None:
     for action in ACTIONS:
         script, _ = _shoot((action,))[0]
         draws = [sample_motion(script, np.random.default_rng([9, k]), "b") for k in range(12)]

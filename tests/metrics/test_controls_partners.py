@@ -46,7 +46,7 @@ def test_every_wrong_partner_is_about_as_likely():
     np.testing.assert_allclose(taken, expected, atol=0.05)
 
 
-def test_an_act_of_one_clip_has_no_wrong_partner():
+def test_an_action_of_one_clip_has_no_wrong_partner():
     clips, acts = ["a", "a", "b", "b", "c"], ["hug", "hug", "kick", "kick", "kick"]
     np.testing.assert_array_equal(is_permutable(clips, acts), False)
     np.testing.assert_array_equal(

@@ -24,6 +24,6 @@ def test_best_median_and_worst_are_named_each_once() -> None:
     assert extremes({}) == {}
 
 
-def test_the_rest_come_one_of_each_act_before_a_second_of_any() -> None:
+def test_the_rest_alternate_between_actions() -> None:
     clips = {name: (name[0], interaction(1)) for name in ("p1", "p2", "q1", "q2", "r1")}
     assert list(alternate_actions(clips)) == ["p1", "q1", "r1", "p2", "q2"]

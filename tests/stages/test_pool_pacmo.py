@@ -85,7 +85,7 @@ def test_sensitivity_says_which_metrics_see_the_partner(pooled):
     assert seen["mean"] == pytest.approx(-0.3) and seen["sensitive"] is True
 
 
-def test_what_variations_gain_is_told_fold_by_fold_of_equal_seeds(pooled):
+def test_the_gain_by_variations_is_pooled_by_fold_over_equal_seeds(pooled):
     found = pooled["augmentation"]
     assert found["each"] == {"f2id": pytest.approx([-0.05, -0.1])}
     assert found["folds"]["f2id"]["mean"] == pytest.approx(-0.075)

@@ -73,12 +73,12 @@ def there_and_back() -> None:
     assert run_nightly().facts["stages"] == []
 
 
-def test_what_a_night_made_comes_back_from_a_folder(project, tmp_path_factory):
+def test_outputs_of_a_nightly_are_pulled_from_a_folder(project, tmp_path_factory):
     dvc("remote", "add", "-q", "-d", "store", str(tmp_path_factory.mktemp("remote")))
     there_and_back()
 
 
-def test_what_a_night_made_comes_back_from_s3(project, s3):
+def test_outputs_of_a_nightly_are_pulled_from_s3(project, s3):
     dvc("remote", "add", "-q", "-d", "store", "s3://store/pacmo")
     dvc("remote", "modify", "-q", "store", "endpointurl", s3)
     there_and_back()

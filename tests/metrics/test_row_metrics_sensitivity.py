@@ -12,7 +12,7 @@ from pacmo_core.metrics.mmd import median_bandwidth
 from pacmo_core.metrics.plausibility import distance_functions, fit_principal_components
 from pacmo_core.metrics.row_metrics import PairMmd
 from tests.metrics.problems import reactions
-from tests.metrics.test_table import BODY, SETTINGS, WEIGHTS
+from tests.metrics.test_evaluate_table import BODY, SETTINGS, WEIGHTS
 
 
 def following(n_clips, prefix, rng):
@@ -35,7 +35,7 @@ def dealt(row, rng):
     return replace(row, motions=motions, embedded=np.stack([row.embedded[0], other.embedded[1]]))
 
 
-def test_true_pairs_score_better_than_dealt_ones_where_the_partner_is_all_that_matters():
+def test_true_pairs_score_better_than_permuted_ones_if_only_the_partner_matters():
     rng = np.random.default_rng(0)
     real, train = following(20, "test", rng), following(40, "train", rng)
     table = Evaluation(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
@@ -73,7 +73,7 @@ def test_all_components_keep_every_distance_and_few_keep_the_largest():
 
 
 @pytest.mark.parametrize("groups", [np.zeros(16, dtype=int), np.repeat([0, 1], 8)])
-def test_mmd_of_dealt_pairs_is_the_mean_over_partners_and_reactions_of_each_group(groups):
+def test_mmd_of_permuted_pairs_is_the_mean_over_partners_and_reactions_of_each_group(groups):
     rng = np.random.default_rng(6)
     real, train = following(8, "test", rng), following(12, "train", rng)
     context = EvaluationContext(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
@@ -133,7 +133,7 @@ def acting(n_clips, prefix, rng):
     return replace(row, partners=partners, motions=motions), acts
 
 
-def test_where_nobody_heeds_the_partner_dealt_pairs_of_an_act_score_as_true_ones():
+def test_permuted_pairs_score_as_true_ones_if_reactions_do_not_depend_on_the_partner():
     rng, gaps, across = np.random.default_rng(7), [], []
     for _ in range(40):
         (real, acts), (train, _) = acting(6, "test", rng), acting(8, "train", rng)

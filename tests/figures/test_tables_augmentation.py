@@ -36,7 +36,7 @@ GOOD, BAD, OPEN = cell(-0.4, -0.1), cell(0.1, 0.4), cell(-0.1, 0.1)
         ({"f2id": OPEN, "ape": OPEN}, "No significant effect of augmentation; undecided in 2 of 2"),
     ],
 )
-def test_the_answer_is_said_whichever_way_it_is(folds, words):
+def test_the_verdict_is_stated_in_either_direction(folds, words):
     assert augmentation_verdict(pooled(**folds)).startswith(words)
 
 

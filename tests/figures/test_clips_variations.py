@@ -34,7 +34,7 @@ def page() -> tuple[Report, str]:
     return whole, render_report(whole)
 
 
-def test_a_variation_is_told_in_units_that_people_use() -> None:
+def test_measurements_are_summarised_in_practical_units() -> None:
     text = measurement_summary(FIGURES)
     for words in ("5.7 mm", "205 if only scaled", "99.0 %", "-0.31 cm/s", "4.0 mm", "25 %"):
         assert words in text

@@ -74,7 +74,7 @@ def values(found):
     return {name: estimate.plain for name, estimate in found.estimates.items()}
 
 
-def test_every_row_has_every_metric_on_every_draw(measured):
+def test_every_row_has_every_metric_on_every_replicate(measured):
     for row, found in measured.items():
         assert set(found.estimates) == METRICS | ({"f2id_halves"} if row == "real" else set())
         assert found.absent == {"multimodality": "one reaction per partner"}
@@ -138,7 +138,7 @@ def test_excess_is_the_distance_to_second_draws_less_that_of_the_real_pairs(sets
     assert values(measured["far"])["f2id_excess"] == pytest.approx(expected)
 
 
-def test_reactions_dealt_to_wrong_partners_are_still_the_same_motions(sets, measured):
+def test_reactions_permuted_among_partners_are_still_the_same_motions(sets, measured):
     real, train, _ = sets
     chosen = permute_partners(real.clips, None, np.random.default_rng(0))
     dealt = real.take(chosen)

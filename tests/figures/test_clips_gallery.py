@@ -8,7 +8,7 @@ import pytest
 from pacmo_core.figures import render_report
 from pacmo_core.figures.clips import played_variation
 from tests.figures.samples import interaction, report
-from tests.figures.test_variations import FIGURES
+from tests.figures.test_clips_variations import FIGURES
 
 pytest.importorskip("websockets", reason="websockets speaks to the browser")
 

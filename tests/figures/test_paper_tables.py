@@ -38,7 +38,7 @@ def test_ours_stand_under_the_papers_and_only_what_there_is():
     assert all(meaning.startswith("here") for label, meaning in rows(OURS) if not label)
 
 
-def test_another_data_set_is_said_to_be_one():
+def test_another_dataset_is_named():
     assert "ours for sbu" in difference_note(PAPER_TABLES[0], "sbu")
     assert "cannot" not in difference_note(PAPER_TABLES[1], "duetdance")
 

@@ -41,7 +41,7 @@ def test_examples_of_both_sides_are_all_variations_in_order_beside_their_sources
         assert example.scales[0].tolist() == list(rows[name].scales_a.values())
 
 
-def test_a_clip_whose_file_is_gone_is_told() -> None:
+def test_a_clip_whose_file_is_missing_is_named() -> None:
     file = motion_file(SMALL / "motions", "one1")
     file.unlink()
     with pytest.raises(FileNotFoundError, match=r"one1\.parquet"):
