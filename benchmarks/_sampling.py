@@ -12,7 +12,7 @@ from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.react import react_all
+from pacmo_core.reaction.inference import react_all
 from pacmo_core.reaction.windows import PartnerMotion, mean_duration
 
 Times = NDArray[np.float64]

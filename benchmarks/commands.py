@@ -4,7 +4,8 @@ Usage: ./run python -m benchmarks.commands [--json]
 
 ``help_s``, ``clips_s``, ``experiments_s``, ``status_s`` and ``noop_s``: processor seconds (user and
 system, of the command and all processes that it starts) of ``pacmo --help``, ``clips``,
-``experiments``, ``status`` and of ``./run``; medians of five. With PYTHONDONTWRITEBYTECODE=1 they must be about the same.
+``experiments``, ``status`` and of ``./run``; medians of five. With
+PYTHONDONTWRITEBYTECODE=1 they must be about the same.
 """
 
 import os

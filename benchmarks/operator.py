@@ -37,7 +37,7 @@ from benchmarks._networks import (
 )
 from benchmarks._peer import peer_operator
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.react import react
+from pacmo_core.reaction.inference import react
 from pacmo_core.reaction.stream import ReactionStream
 
 BATCH, CHANNELS_IN, CHANNELS_OUT = 16, 150, 69

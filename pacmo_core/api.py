@@ -35,7 +35,7 @@ from pacmo_core.metrics.reactions import stack_motions
 from pacmo_core.models import MODELS, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.data import to_partner_frame
-from pacmo_core.reaction.react import react as react_to_partner
+from pacmo_core.reaction.inference import react as react_to_partner
 from pacmo_core.reaction.windows import ReactionModel, is_deterministic
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import stream_motions

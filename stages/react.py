@@ -14,7 +14,7 @@ import torch
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.react import react_all
+from pacmo_core.reaction.inference import react_all
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 from pacmo_core.store.tables import ClipRecord
 from stages.common.clips import clip_seed, write_reactions

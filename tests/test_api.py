@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import pacmo_core
+from pacmo_core import interaction_mesh, reaction, skeleton_prior
 from pacmo_core.data.interaction import bone_lengths
 
 SMALL = {"n_epochs": 2, "width": 8, "n_points": 17, "modes": [8, 6, 4, 4, 4, 6, 8]}
@@ -23,16 +24,16 @@ def regression(clips):
 
 
 def test_importing_the_package_imports_nothing_heavy():
-    code = "import pacmo_core, sys; print(*sys.modules)"
+    code = "import pacmo_core.reaction, pacmo_core.skeleton_prior, sys; print(*sys.modules)"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not {"torch", "numpy", "scipy", "polars", "dvc"} & set(ended.stdout.split())
 
 
-def test_every_name_of_the_public_interface_is_there():
-    assert all(getattr(pacmo_core, name) is not None for name in pacmo_core.__all__)
-    assert dir(pacmo_core) == pacmo_core.__all__
+@pytest.mark.parametrize("package", [pacmo_core, interaction_mesh, reaction, skeleton_prior])
+def test_every_name_of_the_public_interface_is_there(package):
+    assert all(getattr(package, name) is not None for name in package.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = pacmo_core.nothing
+        _ = package.nothing
 
 
 def test_a_reaction_keeps_the_partner_and_has_the_frames_of_the_clip(clips, regression):

@@ -20,7 +20,7 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
-from pacmo_core.reaction.react import react_all, sample_times
+from pacmo_core.reaction.inference import react_all, sample_times
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, sample_poses
 from pacmo_core.store.files import write_text

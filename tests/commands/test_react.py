@@ -21,7 +21,7 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
-from pacmo_core.reaction.react import react, sample_times
+from pacmo_core.reaction.inference import react, sample_times
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.state import model_config, model_state

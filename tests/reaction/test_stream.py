@@ -9,7 +9,7 @@ import torch
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction import baselines, wgan
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.react import react
+from pacmo_core.reaction.inference import react
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import mean_duration
 from tests.reaction.problems import GRU, PACMO_LONG, clips, delayed_mirror

@@ -13,8 +13,8 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.inference import react, react_all
 from pacmo_core.reaction.inputs import Normalisation
-from pacmo_core.reaction.react import react, react_all
 from pacmo_core.reaction.windows import (
     NOISE_INTERVAL,
     ContinuousNoise,
@@ -147,7 +147,7 @@ def test_many_instants_go_through_in_blocks_that_do_not_show(
         return react(model, motion, times, out_times=times, n_samples=2, random=random)
 
     whole = reaction()
-    monkeypatch.setattr("pacmo_core.reaction.react.MAX_TIMES_PER_BATCH", 7)
+    monkeypatch.setattr("pacmo_core.reaction.inference.MAX_TIMES_PER_BATCH", 7)
     np.testing.assert_allclose(reaction(), whole, atol=1e-5)
 
 

@@ -10,7 +10,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.transforms import Frame
 from pacmo_core.reaction import baselines, wgan
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.react import react, react_all
+from pacmo_core.reaction.inference import react, react_all
 from pacmo_core.reaction.windows import PartnerMotion
 from tests.reaction.problems import GRU, PACMO_LONG, clips, delayed_mirror
 
