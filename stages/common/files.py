@@ -14,7 +14,7 @@ MOTIONS = "motions.parquet"
 CLIPS = "clips.parquet"
 QUARANTINE = "quarantine.parquet"
 WEIGHTS = "weights.safetensors"
-SCRIPTS = "law.json"  # of the synthetic captures; recorded ones have none
+SCRIPTS = "scripts.json"  # of the synthetic captures; recorded ones have none
 ALL_SOURCES = "all"  # key of the mean over sources
 
 

@@ -1,4 +1,4 @@
-"""Truth: closed forms of lengths, the moments of a log-normal law, published statures."""
+"""Truth: closed forms of lengths, the moments of a log-normal distribution, published statures."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Trusted: quantiles of draws made by hand, and a known law sampled often."""
+"""Trusted: quantiles of given replicates, and a known distribution sampled often."""
 
 import numpy as np
 import pytest

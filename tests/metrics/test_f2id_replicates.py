@@ -27,10 +27,10 @@ def test_all_draws_at_once_are_the_draws_one_by_one():
 
 def test_a_set_is_at_no_distance_from_itself_also_with_fewer_samples_than_coordinates():
     x, codes = np.random.default_rng(1).normal(size=(5, 9)), np.arange(5)
-    law = fit_gaussians(x, codes, np.ones((2, 5)))
-    np.testing.assert_allclose(gaussian_distances(law, law), 0, atol=1e-12)
+    gaussian = fit_gaussians(x, codes, np.ones((2, 5)))
+    np.testing.assert_allclose(gaussian_distances(gaussian, gaussian), 0, atol=1e-12)
     moved = fit_gaussians(x + 1, codes, np.ones((2, 5)))
-    np.testing.assert_allclose(gaussian_distances(law, moved), 9, rtol=1e-9)
+    np.testing.assert_allclose(gaussian_distances(gaussian, moved), 9, rtol=1e-9)
 
 
 def test_a_draw_without_samples_is_refused():

@@ -1,4 +1,4 @@
-"""Truth: Wilson's published example values; the two-by-two table; answers of a known law."""
+"""Truth: Wilson's published example values; the two-by-two table; answers of a known model."""
 
 import numpy as np
 import pytest

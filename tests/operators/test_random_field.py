@@ -1,4 +1,4 @@
-"""Truth: the covariance of the Gaussian law, written out as a sum over modes."""
+"""Truth: the covariance of the Gaussian process, written out as a sum over modes."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Trusted: the metric of matching on pairs whose law is known; the mirror of a mirror."""
+"""Trusted: the metric of matching on pairs of a known distribution; the mirror of a mirror."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Truth: weights that add up to one; the law of the noise; a law of reaction that moves along."""
+"""Truth: weights that add up to one; the distribution of the noise; equivariance of reactions."""
 
 import math
 from dataclasses import replace

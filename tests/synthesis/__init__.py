@@ -1,1 +1,1 @@
-"""The embedded default: bodies, motions, contacts, camera, names, and the law of reaction."""
+"""The embedded default: bodies, motions, contacts, camera, names, and the distribution of reactions."""

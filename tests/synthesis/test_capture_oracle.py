@@ -1,4 +1,4 @@
-"""Trusted: the law itself. Given the script the two are independent, so a redraw is a fair draw."""
+"""Trusted: the distribution itself. Given the script the two are independent, so a new sample is exact."""
 
 import numpy as np
 import pytest
@@ -77,7 +77,7 @@ def test_oracle_samples_and_real_reactions_have_one_distribution(part: str) -> N
         drawn.append(_facts(script, partner, fresh))
     for one, other in zip(np.transpose(real), np.transpose(drawn), strict=True):
         assert stats.ks_2samp(one, other).pvalue > 0.02
-        # The same script stands behind both: a sign test is sharper than one of the whole law.
+        # Both have the same script: a sign test is sharper than a test of the whole distribution.
         assert stats.wilcoxon(one - other).pvalue > 0.005
 
 
