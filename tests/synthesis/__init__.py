@@ -1,1 +1,1 @@
-"""The embedded default: bodies, motions, contacts, camera, names, and the distribution of reactions."""
+"""The embedded default: bodies, motions, contacts, camera, names, distribution of reactions."""

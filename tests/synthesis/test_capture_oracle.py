@@ -1,4 +1,4 @@
-"""Trusted: the distribution itself. Given the script the two are independent, so a new sample is exact."""
+"""Trusted: the distribution. Given the script both are independent: a new sample is exact."""
 
 import numpy as np
 import pytest
