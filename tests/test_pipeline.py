@@ -80,7 +80,7 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
     assert len(gained["each"]["f2id"]) == 1  # a fold
     assert set(gained["clips"]["f2id"]) == {"mean", "low", "high"}
     assert gained["folds"] == {}  # one fold has no interval
-    assert "Does augmentation pay?" in (twins[0] / "reports" / "report.html").read_text()
+    assert "Does augmentation improve PaCMO?" in (twins[0] / "reports" / "report.html").read_text()
     for row in metrics["pacmo"]["rows"].values():
         for name in ("f2id", "f2id_excess", "mmd_a", "mmd_s", "diversity", "matching", "ape"):
             assert set(row[name]) == {"mean", "low", "high"}
