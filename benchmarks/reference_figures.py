@@ -9,6 +9,7 @@ mean nothing. A figure beyond its tolerance points to a mistake. ``--update`` wr
 """
 
 import json
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,6 +35,8 @@ def deviations(figures: Tables, reference: Tables) -> Iterator[tuple[str, float]
                 tolerance = METRICS[CATALOGUE_NAMES.get(name, name)].tolerance
                 allowed = tolerance * max(abs(expected), abs(real.get(name, 0.0)))
                 difference = abs(values.get(name, float("inf")) - expected)
+                if math.isnan(difference):
+                    difference = float("inf")
                 deviation = difference / allowed if allowed else float("inf")
                 yield f"{table}.{row}.{name}", deviation if difference else 0.0
 

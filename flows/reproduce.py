@@ -27,7 +27,7 @@ from flows.dvc_commands import RAN, RESTORED, reproduce_stage
 from pacmo_core.commands.report import write_report_with_history
 from pacmo_core.figures.tables import markdown_table
 from pacmo_core.metrics.catalogue import MAIN_COLUMNS
-from pacmo_core.project.experiments import use_experiment
+from pacmo_core.project.experiments import remove_unused_outputs, use_experiment
 from pacmo_core.project.lock import remove_dead_dvc_locks, remove_partial_files, writer_lock
 from pacmo_core.project.records import record_run
 from pacmo_core.project.stages import is_target, readable_dvc_lock, upstream_and_stale
@@ -75,10 +75,12 @@ def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> 
 
 
 def switch_experiment(experiment: str) -> None:
-    """Use an experiment, and log where edited parameters were saved."""
+    """Use an experiment; log where edited parameters were saved, and which outputs were removed."""
     saved = use_experiment(experiment)
     if saved:
         log_event(f"the edited {PARAMS} is saved as {saved}", path=saved)
+    for path in remove_unused_outputs():
+        log_event(f"removed {path}, which {PARAMS} does not define", path=path)
 
 
 def run_stale_stages(targets: list[str], *, force: bool, limit_s: float) -> list[str]:

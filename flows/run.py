@@ -181,8 +181,8 @@ def _is_up_to_date(options: Mapping[str, Any]) -> bool:
         saved = use_experiment(options["experiment"]) if options["experiment"] else None
         if saved:
             sys.stderr.write(f"the edited {PARAMS} is saved as {saved}\n")
-        elif not options["experiment"]:
-            remove_unused_outputs()
+        for path in remove_unused_outputs():
+            sys.stderr.write(f"removed {path}, which {PARAMS} does not define\n")
         if options["force"]:
             return False
         status = read_status()

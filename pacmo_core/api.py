@@ -1,6 +1,7 @@
 """The library in a notebook: load, synthesise, train, save, react, retarget, evaluate, view.
 
-Settings are those of ``params.yaml`` unless an argument says otherwise. Every function checks its
+Settings are those of ``params.yaml`` (in a checkout the present one) unless an argument says
+otherwise. Every function checks its
 arguments and raises a ``TypeError`` or ``ValueError`` of one line that names the argument, what was
 wanted and what was got. ``import pacmo_core`` offers all of them.
 """
@@ -20,6 +21,7 @@ from ruamel.yaml import YAML
 from torch import nn
 
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
+from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import FORMATS, open_format
@@ -41,17 +43,15 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
+from pacmo_core.training.devices import resolve_device
 from pacmo_core.training.loop import TrainingData
 from pacmo_core.training.state import model_config, model_state
 
 Clips = Sequence[Interaction] | Mapping[str, Interaction]
 
-_N_FRAMES = 64  # common length of motions for MMD, as in the section evaluate_pacmo
-_CONTACT_DISTANCE = 0.1  # metres, of the viewer's contacts
-
 
 def default_settings(section: str) -> dict[str, Any]:
-    """Read one section of the default ``params.yaml``.
+    """Read one section of ``params.yaml``: of the package, or the present one of a checkout.
 
     Raises
     ------
@@ -60,8 +60,9 @@ def default_settings(section: str) -> dict[str, Any]:
     """
     _check("section", section, str)
     params = _default_params()
-    if section not in params:
-        raise ValueError(f"section must be one of {', '.join(params)}; got {section!r}")
+    sections = [name for name, values in params.items() if isinstance(values, dict)]
+    if section not in sections:
+        raise ValueError(f"section must be one of {', '.join(sections)}; got {section!r}")
     return dict(params[section])
 
 
@@ -113,7 +114,7 @@ def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:
     interactions by name: 25 Kinect joints, 30 frames a second
     """
     _check_positive("n", n)
-    _check("random_seed", random_seed, int)
+    _check_seed(random_seed)
     scripts = sample_scripts(
         random_seed,
         population=random_seed,
@@ -146,21 +147,25 @@ def train(
     validation : on which the weights are selected; without, the last epoch's are taken
     actions : label of each clip, for a model that is conditioned on labels
     random_seed : of weights, batches and noise
-    device : cpu or cuda
+    device : cpu, cuda or auto (cuda if available)
     settings : that replace those of the model's section of ``params.yaml``, such as ``n_epochs=5``
     """
     _check_model_name(name)
     training = _check_clips("clips", clips)
     held_out = _check_clips("validation", validation, least=0)
+    _check_same_skeleton("validation", held_out, training)
+    _check_seed(random_seed)
+    resolved = resolve_device(device)
     model = MODELS[name]
-    section = _training_section(model.section, settings)
-    section.setdefault("random_seed", random_seed)
+    if actions and not model.uses_actions:
+        raise ValueError(f"actions must be empty for {name}, which has no labels; got {actions!r}")
+    section = _training_section(model.section, settings) | {"random_seed": random_seed}
     options = _validated(f"settings of {name}", model.settings_class(), section)
     labels = list(actions) or [""] * len(training)
     if len(labels) != len(training):
         raise ValueError(f"actions must be one for each clip, {len(training)}; got {len(labels)}")
     data = TrainingData(training, held_out, labels, [""] * len(held_out))
-    trained: nn.Module = model.build_training(data, options, device=device).finish()
+    trained: nn.Module = model.build_training(data, options, device=resolved).finish()
     return trained
 
 
@@ -179,8 +184,14 @@ def save(name: str, model: nn.Module, path: str | Path) -> Path:
     """
     _check_model_name(name)
     file = Path(_check("path", path, str, Path))
-    facts = {"model": name, "config": model_config(_check("model", model, nn.Module))}
-    write_weights(file, facts, model_state(model))
+    _check("model", model, nn.Module)
+    try:
+        config, state = model_config(model), model_state(model)
+        MODELS[name].read(config, state)
+    except (AttributeError, KeyError, TypeError, RuntimeError):
+        kind = type(model).__name__
+        raise ValueError(f"model must be a trained {name}; got {kind}") from None
+    write_weights(file, {"model": name, "config": config}, state)
     return file
 
 
@@ -210,7 +221,10 @@ def react(
     _check_positive("n_samples", n_samples)
     if person not in ("a", "b"):
         raise ValueError(f"person must be a or b; got {person!r}")
+    _check_seed(random_seed)
     loaded = load_reaction_model(model) if isinstance(model, str | Path) else model
+    if not isinstance(loaded, ReactionModel):
+        raise TypeError(f"model must generate reactions; got {type(model).__name__}")
     if is_deterministic(loaded) and n_samples != 1:
         raise ValueError(f"n_samples must be 1 for a deterministic model; got {n_samples}")
     seen = partner if person == "a" else partner.swapped()
@@ -241,8 +255,8 @@ def retarget(
         If neither body changes, or a segment or profile is not known: with those that are.
     """
     _check("clip", clip, Interaction)
-    if a is None and b is None:
-        raise ValueError("a and b must not both be None: one body must change")
+    if not a and not b:
+        raise ValueError("a and b must not both be None or empty: one body must change")
     scales = [
         _scales(name, change, motion, clip)
         for name, change, motion in (("a", a, clip.person_a), ("b", b, clip.person_b))
@@ -268,7 +282,8 @@ def evaluate(
 
     Parameters
     ----------
-    real, generated : n clips each in the same order, ``person_a`` the partner, at the same times
+    real, generated : n clips each, ``person_a`` the partner, at the same times; two mappings are
+        paired by name, sequences by order
     extractor : the auto-encoder of the features; None to train one on ``real``
     random_seed : of the extractor and of the pairs of the diversity
     settings : of the extractor's training, such as ``n_epochs=20``
@@ -278,13 +293,23 @@ def evaluate(
     ``f2id``, ``mmd_a``, ``mmd_s``, ``diversity`` and ``diversity_real``, ``ape`` (m) and ``ave``
     (m²) of the root; pacmo_core/metrics/catalogue.py says what each is
     """
-    first, second = (
-        [to_partner_frame(clip) for clip in _check_clips(name, clips, least=2)]
+    _check_seed(random_seed)
+    if isinstance(real, Mapping) and isinstance(generated, Mapping):
+        differing = sorted(real.keys() ^ generated.keys())
+        if differing:
+            raise ValueError(f"generated must have the clips of real; differs in {differing[0]!r}")
+        generated = {name: generated[name] for name in real}
+    checked = [
+        _check_clips(name, clips, least=2)
         for name, clips in (("real", real), ("generated", generated))
-    )
+    ]
+    _check_same_skeleton("generated", checked[1], checked[0])
+    first, second = ([to_partner_frame(clip) for clip in clips] for clips in checked)
     if len(first) != len(second):
         raise ValueError(f"generated must have {len(first)} clips, as real; got {len(second)}")
-    if extractor is None:
+    if extractor is not None:
+        _check("extractor", extractor, Autoencoder)
+    else:
         settings = {"random_seed": random_seed, **settings}
         extractor = _check("extractor", train("autoencoder", first, **settings), Autoencoder)
     features = [encode_features(extractor, clips) for clips in (first, second)]
@@ -318,17 +343,21 @@ def view(clips: Mapping[str, Interaction], path: str | Path) -> Path:
     if not 1 <= len(clips) <= MAX_CLIPS:
         raise ValueError(f"clips must be 1 to {MAX_CLIPS}; got {len(clips)}")
     file = Path(_check("path", path, str, Path))
-    scenes = [Scene.of(label, _check(label, clip, Interaction)) for label, clip in clips.items()]
-    write_text(file, render_viewer(scenes, contact=_CONTACT_DISTANCE))
+    scenes = [
+        Scene.of(_check("label", label, str), _check(label, clip, Interaction))
+        for label, clip in clips.items()
+    ]
+    contact = default_settings("evaluate_pacmo")["contact_distance"]
+    write_text(file, render_viewer(scenes, contact=contact))
     return file
 
 
 @cache
-def _default_params() -> dict[str, dict[str, Any]]:
+def _default_params() -> dict[str, Any]:
     """Read the packaged ``params.yaml``; in a checkout the root's, its only copy."""
     packaged = Path(__file__).with_name("params.yaml")
     file = packaged if packaged.exists() else Path(__file__).parents[1] / "params.yaml"
-    params: dict[str, dict[str, Any]] = YAML(typ="safe").load(file)
+    params: dict[str, Any] = YAML(typ="safe").load(file)
     return params
 
 
@@ -348,9 +377,12 @@ def _scales(
     name: str, change: Mapping[str, float] | str | None, motion: NDArray[np.float32], clip: Any
 ) -> NDArray[np.float64]:
     body = measure_body(motion, clip.skeleton)
+    _check(name, change or {}, str, Mapping)
     try:
         if isinstance(change, str):
             return profile_scales(body, change)
+        for segment, scale in (change or {}).items():
+            check_scale(f"the scale of {segment}", _check(segment, scale, int, float))
         return segment_scales(body, dict(change or {}))
     except (KeyError, ValueError) as error:
         raise ValueError(f"{name}: {error.args[0]}") from None
@@ -358,7 +390,7 @@ def _scales(
 
 def _stacked(clips: Sequence[Interaction]) -> NDArray[np.float64]:
     motions, times = [clip.person_b for clip in clips], [clip.times for clip in clips]
-    return stack_motions(motions, times, _N_FRAMES)
+    return stack_motions(motions, times, default_settings("evaluate_pacmo")["n_frames"])
 
 
 def _validated(what: str, kind: type[Any], values: Mapping[str, Any]) -> Any:
@@ -403,7 +435,21 @@ def _check_clips(name: str, clips: Any, least: int = 1) -> list[Interaction]:
         _check(f"{name}[{number}]", clip, Interaction)
     if len(clips) < least:
         raise ValueError(f"{name} must be at least {least} clips; got {len(clips)}")
-    skeletons = {clip.skeleton.name for clip in clips}
-    if len(skeletons) > 1:
-        raise ValueError(f"{name} must be of one skeleton; got {', '.join(sorted(skeletons))}")
+    _check_same_skeleton(name, clips, clips)
     return list(clips)
+
+
+def _check_same_skeleton(
+    name: str, clips: Sequence[Interaction], others: Sequence[Interaction]
+) -> None:
+    for number, clip in enumerate(clips):
+        if clip.skeleton != others[0].skeleton:
+            raise ValueError(
+                f"{name} must be of one skeleton, {others[0].skeleton.name}; "
+                f"{name}[{number}] is of {clip.skeleton.name}"
+            )
+
+
+def _check_seed(random_seed: Any) -> None:
+    if _check("random_seed", random_seed, int) < 0:
+        raise ValueError(f"random_seed must not be negative; got {random_seed}")

@@ -69,7 +69,7 @@ from pacmo_core.store.tables import (
     write_variations,
 )
 from stages.common.files import CLIPS, MOTIONS, scheduler_address, write_json
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -464,4 +464,4 @@ def arguments() -> argparse.Namespace:
 
 if __name__ == "__main__":
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    main(arguments())
+    run_stage(main, arguments())

@@ -11,7 +11,7 @@ from pacmo_core.data.splits import cut_sequence
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
 from pacmo_core.store.tables import ClipRecord, read_rows, write_rows
 from stages.common.files import CLIPS, MOTIONS
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -34,4 +34,4 @@ def main(sequences: Path, clips: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    run_stage(main, *map(Path, sys.argv[1:]))

@@ -35,7 +35,7 @@ from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.scores import Score, write_scores
 from stages.common.clips import directed_clips
 from stages.common.files import MOTIONS, WEIGHTS
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 Indices = NDArray[np.intp]
 
@@ -332,4 +332,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(arguments())
+    run_stage(main, arguments())

@@ -34,7 +34,7 @@ from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 from stages.common.examples import stream_examples
 from stages.common.files import ALL_SOURCES, WEIGHTS, write_json
-from stages.common.params import read_params, read_prior_runs
+from stages.common.params import read_params, read_prior_runs, run_stage
 
 # The supplement's B is the first character, its A the second, which depends on the first.
 CHARACTERS = ("first", "second")
@@ -383,4 +383,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(arguments())
+    run_stage(main, arguments())

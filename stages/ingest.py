@@ -24,7 +24,7 @@ from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
 from stages.common.files import CLIPS, MOTIONS, QUARANTINE, scheduler_address, write_json
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -139,4 +139,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(**vars(arguments()))
+    run_stage(main, **vars(arguments()))

@@ -21,7 +21,7 @@ from pacmo_core.metrics.bootstrap import (
 from pacmo_core.metrics.controls import EXACT_FOR_REAL, sensitivity
 from pacmo_core.store.scores import read_scores
 from stages.common.files import write_json
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 WITHOUT, WITH = "pacmo", "pacmo_augmented"
 
@@ -233,4 +233,4 @@ def arguments() -> argparse.Namespace:
 
 if __name__ == "__main__":
     parsed = arguments()
-    main(parsed.scores, parsed.pooled)
+    run_stage(main, parsed.scores, parsed.pooled)

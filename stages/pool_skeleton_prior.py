@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from stages.common.files import read_json, write_json
-from stages.common.params import read_params, read_prior_runs
+from stages.common.params import read_params, read_prior_runs, run_stage
 
 TASKS = ("retargeting", "generation")
 
@@ -80,4 +80,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(**vars(arguments()))
+    run_stage(main, **vars(arguments()))

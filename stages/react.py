@@ -19,7 +19,7 @@ from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 from pacmo_core.store.tables import ClipRecord
 from stages.common.clips import clip_seed, write_reactions
 from stages.common.files import WEIGHTS
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -58,4 +58,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(**vars(arguments()))
+    run_stage(main, **vars(arguments()))

@@ -20,7 +20,7 @@ from pacmo_core.synthesis.capture import sample_oracle_reaction
 from pacmo_core.synthesis.script import Script
 from stages.common.clips import clip_seed, write_reactions
 from stages.common.files import MOTIONS, SCRIPTS, read_json
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -48,4 +48,4 @@ def main(raw: Path, clips: Path, splits: Path, reactions: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    run_stage(main, *map(Path, sys.argv[1:]))

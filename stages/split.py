@@ -11,7 +11,7 @@ from pathlib import Path
 from pacmo_core.data.splits import ClipOrigin, Split, SplitRule, assign_splits, resolve_method
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
 from stages.common.files import CLIPS, write_json
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -61,4 +61,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(**vars(arguments()))
+    run_stage(main, **vars(arguments()))

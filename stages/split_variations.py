@@ -22,7 +22,7 @@ from pacmo_core.skeleton_prior.splits import (
 from pacmo_core.store.tables import SplitRecord, write_rows
 from stages.common.examples import read_variation_facts
 from stages.common.files import write_json
-from stages.common.params import parse_split_name, read_params, read_prior_runs
+from stages.common.params import parse_split_name, read_params, read_prior_runs, run_stage
 
 
 @dataclass(frozen=True)
@@ -78,4 +78,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(arguments())
+    run_stage(main, arguments())

@@ -12,7 +12,7 @@ from pacmo_core.store.files import atomic_file
 from pacmo_core.synthesis.capture import sample_interaction
 from pacmo_core.synthesis.script import ACTIONS, file_name, sample_scripts
 from stages.common.files import SCRIPTS, write_json
-from stages.common.params import read_params
+from stages.common.params import read_params, run_stage
 
 BODY_ID = 72057594037900000  # the published body numbers have 17 digits and begin like this
 
@@ -46,4 +46,4 @@ def main(raw: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    run_stage(main, *map(Path, sys.argv[1:]))

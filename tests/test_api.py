@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from torch import nn
 
 import pacmo_core
 from pacmo_core import interaction_mesh, reaction, skeleton_prior
@@ -61,6 +62,21 @@ def test_a_generative_model_samples_reactions_that_differ_and_repeat_with_the_se
     np.testing.assert_array_equal(first.person_b, again.person_b)
 
 
+def test_the_seed_changes_the_weights_of_every_model(clips):
+    small = {"n_epochs": 1, "width": 8}
+    first, second = (
+        pacmo_core.train("autoencoder", clips, random_seed=seed, **small) for seed in (1, 2)
+    )
+    pairs = zip(first.parameters(), second.parameters(), strict=True)
+    assert any((a != b).any() for a, b in pairs)
+
+
+def test_a_model_is_not_saved_under_another_name(regression, tmp_path):
+    with pytest.raises(ValueError, match="a trained gru; got Generator"):
+        pacmo_core.save("gru", regression, tmp_path / "weights.safetensors")
+    assert not list(tmp_path.iterdir())
+
+
 def test_retargeting_scales_the_bones_of_one_person_and_keeps_the_others(clips):
     clip = clips[2]
     child = pacmo_core.retarget(clip, b={"uniform": 0.8})
@@ -97,6 +113,41 @@ def test_defaults_are_those_of_params_yaml():
         (lambda c: pacmo_core.train("gru", [1]), TypeError, r"clips\[0\] must be Interaction"),
         (lambda c: pacmo_core.react("none", 3), TypeError, "partner must be Interaction; got int"),
         (lambda c: pacmo_core.retarget(c[0]), ValueError, "a and b must not both be None"),
+        (lambda c: pacmo_core.retarget(c[0], a={}), ValueError, "one body must change"),
+        (
+            lambda c: pacmo_core.retarget(c[0], a=[1]),
+            TypeError,
+            "a must be str or Mapping; got list",
+        ),
+        (lambda c: pacmo_core.retarget(c[0], a={"uniform": "x"}), TypeError, "uniform must be int"),
+        (lambda c: pacmo_core.retarget(c[0], a={"uniform": -1}), ValueError, "scale of uniform"),
+        (lambda c: pacmo_core.react(3, c[0]), TypeError, "model must generate reactions; got int"),
+        (
+            lambda c: pacmo_core.react(3, c[0], random_seed="x"),
+            TypeError,
+            "random_seed must be int",
+        ),
+        (lambda c: pacmo_core.train("gru", c, device="gpu"), ValueError, "device must be .*'gpu'"),
+        (lambda c: pacmo_core.train("gru", c, actions=["x"]), ValueError, "actions must be empty"),
+        (lambda c: pacmo_core.synthesise(1, random_seed=-1), ValueError, "random_seed must not"),
+        (lambda c: pacmo_core.default_settings("experiment"), ValueError, "section must be one of"),
+        (
+            lambda c: pacmo_core.save("gru", nn.Linear(1, 1), "x"),
+            ValueError,
+            "a trained gru; got L",
+        ),
+        (lambda c: pacmo_core.evaluate(c, c, extractor=1), TypeError, "extractor must be Auto"),
+        (
+            lambda c: pacmo_core.evaluate({"x": c[0], "y": c[1]}, {"x": c[0], "z": c[1]}),
+            ValueError,
+            "generated must have the clips of real; differs in 'y'",
+        ),
+        (
+            lambda c: pacmo_core.train("gru", c, validation=[c[0].without(["head"])]),
+            ValueError,
+            "validation must be of one skeleton",
+        ),
+        (lambda c: pacmo_core.view({1: c[0]}, "x.html"), TypeError, "label must be str; got int"),
         (lambda c: pacmo_core.retarget(c[0], a="giant"), ValueError, "a: .*giant"),
         (lambda c: pacmo_core.evaluate(c, c[:3]), ValueError, "generated must have 12 clips"),
         (lambda c: pacmo_core.view({}, "v.html"), ValueError, "clips must be 1 to 6; got 0"),

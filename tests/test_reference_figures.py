@@ -25,3 +25,7 @@ def test_a_difference_is_relative_to_the_figure_or_to_that_of_real_motion():
 
 def test_a_figure_that_is_missing_is_beyond_every_tolerance():
     assert dict(deviations({}, REFERENCE))["pacmo.pacmo.f2id"] == float("inf")
+
+
+def test_a_figure_that_is_not_a_number_is_beyond_every_tolerance():
+    assert deviation("f2id", float("nan")) == float("inf")

@@ -26,7 +26,10 @@ from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_i
 from pacmo_core.store.files import write_text
 
 app = typer.Typer(
-    no_args_is_help=True, help="Can people distinguish generated from captured motion?"
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    help="Can people distinguish generated from captured motion?",
 )
 MAX_CONNECTIONS = 2000
 File = Annotated[Path, typer.Argument(help="file of the study")]
@@ -83,6 +86,7 @@ def serve(  # noqa: PLR0913  # typer reads the options off the signature
         limit_concurrency=MAX_CONNECTIONS,
     )
     opened.close()
+    typer.echo(f"stopped; the answers are in {study}", err=True)
 
 
 @app.command()

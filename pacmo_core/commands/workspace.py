@@ -33,10 +33,12 @@ def use(name: Name) -> None:
     first. Outputs of folds and seeds that the experiment does not define are removed from the
     workspace; DVC's cache keeps them.
     """
-    with errors_in_one_line():
+    with errors_in_one_line(), writer_lock("use", LOCK):
         saved = use_experiment(name)
         if saved:
             typer.echo(f"the edited {PARAMS} is saved as {saved}")
+        for path in remove_unused_outputs():
+            typer.echo(f"removed {path}, which {PARAMS} does not define")
 
 
 def tidy() -> None:
@@ -44,9 +46,9 @@ def tidy() -> None:
 
     Needed after an edit of ``runs`` in params.yaml, as scores are pooled over all files.
     """
-    with errors_in_one_line():
+    with errors_in_one_line(), writer_lock("tidy", LOCK):
         for path in remove_unused_outputs():
-            typer.echo(f"removed {path}")
+            typer.echo(f"removed {path}, which {PARAMS} does not define")
 
 
 def experiments() -> None:

@@ -53,7 +53,7 @@ class SplitRule:
         of ``test_pairs``), ``listed_people`` (people of ``test_people``; nobody is in both), or
         ``auto``: ``person`` if at least ``min_people`` people are known, else ``recording``
     test_share, validation_share : expected shares of what is hashed
-    validation_by : ``recording``, or ``clip`` where no recording can be spared from training
+    validation_by : ``recording``, or ``clip`` if training needs all recordings
     min_people : for ``auto``
     test_pairs : for ``listed``, the pairs that each fold tests, such as the published folds:
         ``s01+s02``, the people in the order of the dataset
@@ -178,7 +178,7 @@ def _check_listed(origins: Sequence[ClipOrigin], method: str, rule: SplitRule, f
     units = {origin.clip: _units(origin, method) for origin in origins}
     unnamed = [clip for clip, names in units.items() if not names]
     if unnamed:
-        raise ValueError(f"split by {method} wants the people of every clip; {unnamed[0]} has none")
+        raise ValueError(f"split by {method} needs the people of every clip; {unnamed[0]} has none")
     known = {unit for names in units.values() for unit in names}
     unknown = set(rule.listed[fold - 1]) - known if rule.listed else set()
     if unknown:

@@ -38,7 +38,7 @@ class Curve:
         wrong = {name: len(term) for name, term in self.terms.items()}
         if not self.steps or any(n != len(self.steps) for n in wrong.values()):
             raise ValueError(
-                f"a curve wants at least one step and one value per step; "
+                f"a curve needs at least one step and one value per step; "
                 f"got {len(self.steps)} steps and {wrong}"
             )
 

@@ -21,7 +21,7 @@ class DecisionRow:
     verdict: str
     reasons: tuple[str, ...]
     model: str
-    shelf: int
+    current_model: int
 
 
 def render_history(curve: Curve | None, rows: Sequence[DecisionRow]) -> str:

@@ -70,9 +70,9 @@ def choose_camera(interaction: Interaction) -> Camera:
     """Return a camera that sees the two people side by side, with the floor at the lowest foot."""
     a, b = (np.asarray(m, np.float64) for m in (interaction.person_a, interaction.person_b))
     root = interaction.skeleton.root
-    apart = (b[:, root] - a[:, root]).mean(axis=0) * [1.0, 0.0, 1.0]
+    offset = (b[:, root] - a[:, root]).mean(axis=0) * [1.0, 0.0, 1.0]
     # Rotated a little, so that arms that reach along the line between the two stay visible.
-    angle = np.arctan2(-apart[2], apart[0]) + 0.45
+    angle = np.arctan2(-offset[2], offset[0]) + 0.45
     both = np.concatenate([a, b], axis=1)
     centre = both.mean(axis=(0, 1))
     centre[1] = np.percentile(both[..., 1].min(axis=1), 20)

@@ -73,13 +73,6 @@ def pack_motion(motion: Motion, origin: NDArray[np.float64], step: float) -> str
     return base64.b64encode(np.rint((motion - origin) / step).astype("<i2").tobytes()).decode()
 
 
-def unpack_motion(text: str, origin: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Decode what ``pack_motion`` wrote, as the page does: ``(N, 3)`` metres."""
-    steps = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 3)
-    positions: NDArray[np.float64] = origin + steps * step
-    return positions
-
-
 def packed_scenes(scenes: Sequence[Scene], *, contact: float) -> list[dict[str, Any]]:
     """Return scenes as JSON values for the player.
 
@@ -167,8 +160,8 @@ def _yaw(scene: Scene) -> float:
     """Return the yaw of the camera in radians about +y: two people side by side, the first left."""
     if len(scene.people) < 2:
         return 0.0
-    apart = (scene.people[1] - scene.people[0]).mean(axis=(0, 1))
-    return round(float(np.arctan2(-apart[2], apart[0])), 4)
+    offset = (scene.people[1] - scene.people[0]).mean(axis=(0, 1))
+    return round(float(np.arctan2(-offset[2], offset[0])), 4)
 
 
 def _same_world(first: Scene, second: Scene) -> bool:

@@ -64,7 +64,7 @@ def open_format(name: str, settings: Mapping[str, Any]) -> Format:
     ]
     if unknown or missing:
         raise ValueError(
-            f"format {name} wants the settings {', '.join(required_by_name)}; "
+            f"format {name} needs the settings {', '.join(required_by_name)}; "
             f"got unknown {unknown}, missing {missing}"
         )
     reader: Format = FORMATS[name](**settings)

@@ -57,19 +57,6 @@ def axis_rotations(axis: int, degrees: Array) -> Array:
     return rotations
 
 
-def euler_angles(rotations: Array, order: Sequence[int]) -> Array:
-    """``(T, 3)`` Euler angles of (T, 3, 3) in degrees, in any axis order, unwrapped over time.
-
-    Parameters
-    ----------
-    order : the axes, 0 to 2, the first rotation first
-    """
-    unwrapped: Array = np.degrees(
-        np.unwrap(np.radians(_principal_angles(rotations, order)), axis=0)
-    )
-    return unwrapped
-
-
 def euler_angles_near(rotations: Array, order: Sequence[int], reference: Array) -> Array:
     """``(T, 3)`` degrees: of the Euler angles that give a rotation, those nearest to ``reference``.
 

@@ -48,7 +48,7 @@ class Estimate:
         """Subtract another row's metric, replicate by replicate: a paired difference."""
         if self.resampled.shape != other.resampled.shape:
             raise ValueError(
-                "a paired difference wants the same replicates; "
+                "a paired difference needs the same replicates; "
                 f"got {len(self.resampled)} and {len(other.resampled)}"
             )
         return Estimate(self.plain - other.plain, self.resampled - other.resampled)
@@ -117,7 +117,7 @@ def bootstrap_clips(
     for group in np.unique(groups):
         members = np.flatnonzero(groups == group)
         if len(members) < 2:
-            raise ValueError(f"a bootstrap wants at least 2 clips; group {group} has one")
+            raise ValueError(f"a bootstrap needs at least 2 clips; group {group} has one")
         probability = np.full(len(members), 1 / len(members))
         for replicate in counts:
             # A replicate of a single clip has no spread; from 8 clips on it never happens.

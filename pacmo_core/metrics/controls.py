@@ -52,7 +52,7 @@ def split_halves_by_clip(
     names = np.asarray(clips)[order]
     starts = np.flatnonzero(names[1:] != names[:-1]) + 1
     if not len(starts):
-        raise ValueError(f"halves by clip want at least 2 clips; got {sorted(set(clips))}")
+        raise ValueError(f"halves by clip need at least 2 clips; got {sorted(set(clips))}")
     cut = starts[np.argmin(np.abs(starts - len(order) / 2))]
     return order[:cut], order[cut:]
 

@@ -16,45 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
-
-
-def midpoint_grid(r: int) -> tuple[Array, Array]:
-    """Return the r cell midpoints of [0, 1] and their weights 1/r.
-
-    Algorithm 1 of the paper instead gives r points that include both ends the weight 1/r, an error
-    of order (r − 1)/r in the term of the mean.
-    """
-    return (np.arange(r) + 0.5) / r, np.full(r, 1 / r)
-
-
-def resample_to_grid(values: Array, source_grid: Array, grid: Array) -> Array:
-    """Evaluate feature functions on another grid by cubic splines.
-
-    Parameters
-    ----------
-    values : (..., s), values on the source grid
-    source_grid : (s,) strictly increasing
-    grid : (r,) within ``source_grid``'s range
-
-    Returns
-    -------
-    (..., r) float64
-
-    Raises
-    ------
-    ValueError
-        If the grid exceeds the range of the source grid.
-    """
-    if grid.min() < source_grid[0] or grid.max() > source_grid[-1]:
-        raise ValueError(
-            f"grid must lie within [{source_grid[0]:g}, {source_grid[-1]:g}], "
-            "where the features are known; "
-            f"got [{grid.min():g}, {grid.max():g}]"
-        )
-    return np.asarray(CubicSpline(source_grid, values, axis=-1)(grid), dtype=np.float64)
 
 
 def flatten(features: Array, weights: Array) -> Array:
@@ -115,27 +78,6 @@ def weighted_f2id(x: Array, y: Array, x_counts: Array, y_counts: Array) -> float
     cross = np.linalg.svd(_lower_triangle(a) @ _lower_triangle(b).T, compute_uv=False).sum()
     distance = ((x_mean - y_mean) ** 2).sum() + (a**2).sum() + (b**2).sum() - 2 * cross
     return max(float(distance), 0.0)  # round-off can make zero negative
-
-
-def f2id_of_gaussians(
-    means: tuple[Array, Array], covariances: tuple[Array, Array], w: Array
-) -> float:
-    """Return the F²ID of two Gaussian processes given on the grid.
-
-    Parameters
-    ----------
-    means : two arrays (C·r,), channel by channel
-    covariances : two arrays (C·r, C·r)
-    w : (r,) quadrature weights, sum 1
-    """
-    root = np.sqrt(np.tile(w, len(means[0]) // len(w)))
-    first, second = (root[:, None] * k * root for k in covariances)
-    values, vectors = np.linalg.eigh(first)
-    # Round-off gives small negative eigenvalues.
-    half = (vectors * np.sqrt(values.clip(0))) @ vectors.T
-    cross = np.sqrt(np.linalg.eigvalsh(half @ second @ half).clip(0)).sum()
-    shift = ((root * (means[0] - means[1])) ** 2).sum()
-    return float(shift + np.trace(first) + np.trace(second) - 2 * cross)
 
 
 def _centred_factor(x: Array, counts: Array) -> tuple[Array, Array]:
@@ -226,7 +168,6 @@ _PART_SIZES = (
     ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)),
     ((0, 1), (2, 3)),
 )
-N_PARTS = sum(map(len, _PART_SIZES))
 
 
 def split_into_parts(counts: Array, groups: Codes, generator: np.random.Generator) -> Array:

@@ -90,7 +90,7 @@ def fit_mixed(
     """
     kind = np.asarray(captured, np.float64)
     if len(np.unique(kind)) < 2:
-        raise ValueError("the model wants answers to captured and to generated clips")
+        raise ValueError("the model needs answers to captured and to generated clips")
     person, clip = (
         np.unique([str(x) for x in xs], return_inverse=True)[1] for xs in (people, clips)
     )

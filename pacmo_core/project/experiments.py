@@ -92,7 +92,7 @@ def compose_params(name: str) -> str:
 
 
 def use_experiment(name: str) -> Path | None:
-    """Write the parameters of an experiment to ``params.yaml`` and remove unused outputs.
+    """Write the parameters of an experiment to ``params.yaml``.
 
     Parameters that were edited, by a person or by ``dvc exp run -S``, are saved first.
 
@@ -108,7 +108,6 @@ def use_experiment(name: str) -> Path | None:
     text = compose_params(name)
     saved = _save_edits(text)
     write_text(PARAMS, text)
-    remove_unused_outputs()
     return saved
 
 

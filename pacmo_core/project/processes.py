@@ -1,7 +1,7 @@
 """Processes of a run: start them, find them, and end them on a signal.
 
-Processes are found by a variable in their environment, as ``/proc`` shows it, rather than by
-parent or process group: Prefect, DVC and the workers of stages start sessions of their own.
+Processes are found by a variable in their environment, as ``/proc`` or psutil shows it, rather than
+by parent or process group: Prefect, DVC and the workers of stages start sessions of their own.
 """
 
 import ctypes
@@ -26,6 +26,8 @@ _TIMEOUT_S = 8.0
 
 def is_alive(pid: int) -> bool:
     """Return whether a process runs; a zombie, killed and not yet waited for, does not."""
+    if not PROC.is_dir():
+        return _is_alive_by_psutil(pid)
     try:
         status = (PROC / str(pid) / "stat").read_text()
     except OSError:
@@ -36,6 +38,8 @@ def is_alive(pid: int) -> bool:
 
 def marked_processes(mark: Mapping[str, str]) -> list[int]:
     """List the living processes whose environment has all the variables of ``mark``."""
+    if not PROC.is_dir():
+        return _marked_by_psutil(mark)
     wanted = {f"{name}={value}".encode() for name, value in mark.items()}
     pids = []
     for folder in PROC.glob("[0-9]*"):
@@ -43,6 +47,25 @@ def marked_processes(mark: Mapping[str, str]) -> list[int]:
             variables = (folder / "environ").read_bytes().split(b"\0")
             if wanted <= set(variables):
                 pids.append(int(folder.name))
+    return pids
+
+
+def _is_alive_by_psutil(pid: int) -> bool:
+    import psutil  # noqa: PLC0415  # a second of imports where /proc tells the same
+
+    with suppress(psutil.Error):
+        return bool(psutil.Process(pid).status() != psutil.STATUS_ZOMBIE)
+    return False
+
+
+def _marked_by_psutil(mark: Mapping[str, str]) -> list[int]:
+    import psutil  # noqa: PLC0415
+
+    pids = []
+    for process in psutil.process_iter():
+        with suppress(psutil.Error):
+            if mark.items() <= process.environ().items() and _is_alive_by_psutil(process.pid):
+                pids.append(process.pid)
     return pids
 
 

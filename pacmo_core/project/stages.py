@@ -105,15 +105,12 @@ def upstream_stages(targets: list[str]) -> dict[str, list[str]]:
 
 
 def upstream_and_stale(targets: list[str]) -> tuple[dict[str, list[str]], set[str]]:
-    """Return ``upstream_stages`` and ``stale_stages`` from one reading of ``dvc.yaml``."""
+    """Return ``upstream_stages``, and all stale stages, from one reading of ``dvc.yaml``.
+
+    Stale are the stages that DVC would run or restore, and all that depend on them.
+    """
     with _repo() as repo:
         return _upstream(repo, targets), _stale(repo)
-
-
-def stale_stages() -> set[str]:
-    """List the stages that DVC would run or restore, and all that depend on them."""
-    with _repo() as repo:
-        return _stale(repo)
 
 
 def stage_outputs() -> set[str]:

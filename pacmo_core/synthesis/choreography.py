@@ -116,9 +116,6 @@ def constant(x: float, y: float, z: float) -> Trajectory:
     return lambda times: np.tile([x, y, z], (len(times), 1))
 
 
-WHOLE_CLIP = TimeInterval(-9.0, -8.0, 90.0, 91.0)
-
-
 @dataclass(frozen=True)
 class RoleView:
     """The script as one person performs it: subject, partner, private variables."""

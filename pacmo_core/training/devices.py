@@ -31,7 +31,7 @@ def training_device(device: str, *, threads: int, multiprocess: bool) -> Iterato
         If cuda is wanted and not available, or torchrun started several processes and the training
         runs in one.
     """
-    resolved = _resolve_device(device)
+    resolved = resolve_device(device)
     torch.set_num_threads(threads)
     # On a GPU some operations of the networks have no deterministic implementation.
     torch.use_deterministic_algorithms(mode=resolved == "cpu")
@@ -56,9 +56,16 @@ def is_main_process() -> bool:
     return not dist.is_initialized() or dist.get_rank() == 0
 
 
-def _resolve_device(device: str) -> str:
+def resolve_device(device: str) -> str:
+    """Return ``cpu`` or ``cuda`` for ``cpu``, ``cuda`` or ``auto``.
+
+    Raises
+    ------
+    DeviceError
+        If there is no such device.
+    """
     if device not in ("auto", "cpu", "cuda"):
-        raise DeviceError(f"device must be auto, cpu or cuda; got {device}")
+        raise DeviceError(f"device must be auto, cpu or cuda; got {device!r}")
     available = torch.cuda.is_available()
     if device == "cuda" and not available:
         raise DeviceError("device is cuda, but torch finds none; use auto or cpu")

@@ -1,13 +1,12 @@
 """Read a stage's section of ``params.yaml`` into its dataclass; reject what does not fit."""
 
-import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, ParamSpec, TypeVar, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -15,6 +14,7 @@ from ruamel.yaml import YAML
 
 PARAMS = Path("params.yaml")
 Params = TypeVar("Params")
+Arguments = ParamSpec("Arguments")
 
 
 class ParamsError(ValueError):
@@ -124,9 +124,11 @@ def parse_split_name(name: str) -> tuple[str, int | None]:
     return (split, int(number)) if number.isdigit() else (name, None)
 
 
-def run_stage(main: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
+def run_stage(
+    main: Callable[Arguments, None], *args: Arguments.args, **kwargs: Arguments.kwargs
+) -> None:
     """Run a stage; report invalid parameters in one line, without a traceback."""
     try:
-        main(arguments)
+        main(*args, **kwargs)
     except ParamsError as fault:
         sys.exit(str(fault))

@@ -23,7 +23,7 @@ from pacmo_core.models import model_names
 from pacmo_core.store.files import write_text
 from pacmo_core.store.tables import QuarantineRecord, read_rows
 from stages.common.files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
-from stages.common.params import PARAMS, Runs, read_params
+from stages.common.params import PARAMS, Runs, read_params, run_stage
 from stages.report.players import gallery, played, variation_sections
 from stages.report.skeleton_prior import prior_clips, prior_figures, prior_sections
 from stages.report.tables import NOTES, main_tables, reaction_figures, reaction_sections
@@ -200,4 +200,4 @@ def arguments() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main(arguments())
+    run_stage(main, arguments())

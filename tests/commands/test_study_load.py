@@ -2,7 +2,6 @@
 
 import asyncio
 import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 
 from pacmo_core.commands.study_store import Study
 from tests.commands.studies import free_port, served, small_study
+from tests.waiting import wait_until
 
 PER_PERSON = 14
 PEOPLE = 30
@@ -78,8 +78,7 @@ def test_kills_in_the_middle_lose_nothing_that_was_acknowledged(study: Path) -> 
 
     def serve_until(share: float) -> None:
         with served(study, port) as (_, process):
-            while len(kept) < share * PEOPLE * PER_PERSON:
-                time.sleep(0.02)
+            wait_until(lambda: len(kept) >= share * PEOPLE * PER_PERSON)
             process.send_signal(signal.SIGKILL)
             process.wait()
         # Nobody writes now: what was acknowledged so far must stand already.

@@ -12,11 +12,10 @@ from typer.testing import CliRunner, Result
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.figures.viewer import unpack_motion
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import VariationRecord, write_variations
-from tests.figures.samples import interaction
+from tests.figures.samples import interaction, unpack_motion
 from tests.formats.moving import moving
 from tests.formats.real_files import real_folder
 

@@ -1,5 +1,7 @@
 """Small invented reports: layout only, no figure of theirs means anything."""
 
+import base64
+
 import numpy as np
 
 from pacmo_core.data.interaction import Interaction
@@ -67,3 +69,8 @@ def report(name: str = "s01s02/08/001", n_clips: int = 2) -> Report:
         curves={name: Curve([0, 1, 2], {name: [3.0, 2.0, 1.0]}, name)},
         clips=tuple(clips),
     )
+
+
+def unpack_motion(text: str, origin: np.ndarray, step: float) -> np.ndarray:
+    """Decode what ``pack_motion`` wrote, as the page does: ``(N, 3)`` metres."""
+    return origin + np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 3) * step

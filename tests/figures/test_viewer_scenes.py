@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, SBU15
-from pacmo_core.figures.viewer import Scene, packed_scenes, unpack_motion
-from tests.figures.samples import interaction
+from pacmo_core.figures.viewer import Scene, packed_scenes
+from tests.figures.samples import interaction, unpack_motion
 
 
 def packed(scene: Scene) -> dict:

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -26,6 +25,7 @@ from tests.flows.projects import (
     set_params,
     start_nightly,
 )
+from tests.waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("prefect_server")]
 WAIT = "\n    while not Path('go').exists(): time.sleep(0.05)"
@@ -146,8 +146,7 @@ def test_of_two_flows_at_once_the_second_is_refused(project):
     slow = Path("make.py").read_text().replace("import json, sys", "import json, sys, time")
     Path("make.py").write_text(slow.replace('== "split":', '== "split":' + WAIT))
     first = start_nightly()
-    while "running" not in "".join(r.outcome for r in read_runs(Path("history/runs"))):
-        time.sleep(0.05)
+    wait_until(lambda: "running" in [run.outcome for run in read_runs(Path("history/runs"))])
     second = run_flow(project, "nightly")
     assert second.returncode == 4 and '"job": "nightly"' in second.stderr
     Path("go").touch()
@@ -162,8 +161,7 @@ def test_after_a_kill_in_a_stage_no_process_of_it_is_left_and_the_next_nightly_s
     slow = slow.replace('== "split":', '== "split":\n    time.sleep(60)')
     Path("make.py").write_text(slow)
     first = start_nightly()
-    while not _running("make.py split", project):
-        time.sleep(0.05)
+    wait_until(lambda: _running("make.py split", project))
     first.send_signal(signal.SIGKILL)
     first.wait()
     assert _running("make.py split", project)  # DVC and the stage outlive their flow
@@ -184,6 +182,7 @@ def test_a_stage_that_takes_too_long_is_ended_with_all_it_started(project):
     Path("params.yaml").write_text(text)
     done = run_flow(project, "nightly")
     assert done.returncode == 1 and "split: stopped after its limit of 5 s" in done.stderr
+    assert "Running stage" in Path("history/stages/split.log").read_text()
     assert not _running("make.py split", project)
 
 

@@ -7,7 +7,7 @@ from dvc.utils.strictyaml import YAMLValidationError
 from prefect.client.orchestration import get_client
 
 from flows.reproduce import reproduce
-from pacmo_core.project.stages import stale_stages
+from pacmo_core.project.stages import upstream_and_stale
 
 pytestmark = [
     pytest.mark.slow,
@@ -23,11 +23,24 @@ def spans(pipeline):
 def test_the_flow_leaves_what_dvc_repro_would_and_then_has_nothing_to_do(pipeline):
     assert sorted(reproduce([])) == ["both", "left", "raw", "right"]
     assert (pipeline / "both.txt").read_text() == "first: 1 left.txt\nfirst: 1 right.txt\n"
-    assert stale_stages() == set()
+    assert upstream_and_stale([])[1] == set()
     assert reproduce([]) == []
 
 
+# In place of a stage's work: wait until the other stage of the same rank has started.
+MEET = """\
+Path(f"{sys.argv[2]}.started").touch()
+other = {"left.txt": "right.txt", "right.txt": "left.txt"}[sys.argv[2]]
+while not Path(f"{other}.started").exists():
+    if time.monotonic() > start + 120:
+        sys.exit("the other stage did not start")
+    time.sleep(0.02)
+"""
+
+
 def test_stages_of_one_rank_run_side_by_side(pipeline):
+    stage = pipeline / "stage.py"
+    stage.write_text(stage.read_text().replace("time.sleep(1)\n", MEET))
     reproduce([])
     (_, first_end), (second_start, _) = spans(pipeline)
     assert second_start < first_end

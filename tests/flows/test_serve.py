@@ -17,6 +17,7 @@ from flows.nightly import is_covered
 from flows.server import is_healthy, start_server
 from pacmo_core.project.records import read_runs
 from tests.flows.projects import drop, environment, make_project, set_params
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 PATIENCE_S = 240.0
@@ -122,8 +123,7 @@ def test_a_server_that_restarts_during_a_nightly_costs_at_most_that_nightly(
     monkeypatch.setenv("PREFECT_HOME", str(project / ".prefect"))
     server = running_server(port)
     serving(port)
-    while "running" not in [run.outcome for run in read_runs(Path("history/runs"))]:
-        time.sleep(0.2)
+    wait_until(lambda: "running" in [run.outcome for run in read_runs(Path("history/runs"))])
     server.kill()
     server.wait()
     server = running_server(port)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.metrics.diversity import disjoint_pair_mean, diversity, feature_distances
-from pacmo_core.metrics.f2id import midpoint_grid
+from tests.metrics.problems import midpoint_grid
 
 
 def test_squared_diversity_averages_to_twice_the_trace_of_the_covariance():

@@ -10,11 +10,11 @@ from pacmo_core.metrics.context import EvaluationSettings
 from pacmo_core.metrics.controls import permute_partners
 from pacmo_core.metrics.displacement import ape, ave
 from pacmo_core.metrics.evaluate import Evaluation
-from pacmo_core.metrics.f2id import f2id, midpoint_grid
+from pacmo_core.metrics.f2id import f2id
 from pacmo_core.metrics.mmd import median_bandwidth, mmd_a, mmd_s
 from pacmo_core.metrics.plausibility import BodyJoints
 from pacmo_core.metrics.reactions import stack_motions, to_length
-from tests.metrics.problems import reactions
+from tests.metrics.problems import midpoint_grid, reactions
 
 BODY = BodyJoints(root=1, keys=(0, 1, 2), feet=(2,), bones=np.array([[0, 1], [1, 2]]))
 SETTINGS = EvaluationSettings(

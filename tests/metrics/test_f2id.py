@@ -9,12 +9,10 @@ from scipy.linalg import sqrtm
 from pacmo_core.metrics.f2id import (
     common_coordinates,
     f2id,
-    f2id_of_gaussians,
     flatten,
-    midpoint_grid,
-    resample_to_grid,
     weighted_f2id,
 )
+from tests.metrics.problems import f2id_of_gaussians, midpoint_grid
 
 
 def trapezoid_grid(r):
@@ -149,19 +147,6 @@ def test_two_samples_of_one_process_stand_at_the_known_floor():
     draws = root @ rng.normal(size=(2, 5, 64, 1000))
     floor = np.mean([f2id(a.T[:, None], b.T[:, None], w) for a, b in zip(*draws, strict=True)])
     assert 0.001 < floor < 0.007  # 0.0035 was measured in a prototype
-
-
-def test_a_feature_is_the_same_function_from_a_finer_grid_of_its_own():
-    grid, _ = midpoint_grid(10)
-    own_grids = [np.linspace(0, 1, 40), np.linspace(0, 1, 90)]
-    values = [resample_to_grid(np.sin(3 * own)[None], own, grid) for own in own_grids]
-    np.testing.assert_allclose(values[0], np.sin(3 * grid)[None], atol=1e-6)
-    np.testing.assert_allclose(values[0], values[1], atol=1e-6)
-
-
-def test_a_feature_is_not_guessed_beyond_its_own_grid():
-    with pytest.raises(ValueError, match=r"within \[0.1, 0.9\]"):
-        resample_to_grid(np.zeros((2, 5)), np.linspace(0.1, 0.9, 5), np.array([0.05, 0.5]))
 
 
 @pytest.mark.parametrize("weights", [np.full(4, 0.5), np.full(3, 1 / 3), np.array([2, -1, 0, 0.0])])

@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 
 from pacmo_core.metrics.f2id import (
-    N_PARTS,
     extrapolate_to_infinity,
-    f2id_of_gaussians,
     fit_gaussians,
     gaussian_distances,
-    midpoint_grid,
     split_into_parts,
     weighted_f2id,
 )
+from tests.metrics.problems import f2id_of_gaussians, midpoint_grid
 
 
 def test_all_draws_at_once_are_the_draws_one_by_one():
@@ -42,7 +40,7 @@ def test_parts_are_everything_three_quarters_and_halves_of_each_group():
     groups = np.repeat([0, 1], [8, 12])
     counts = np.array([[1] * 20, [2, 0] * 4 + [0, 0, 3] * 4]).astype(float)
     parts = split_into_parts(counts, groups, np.random.default_rng(0))
-    assert parts.shape == (2, N_PARTS, 20)
+    assert parts.shape == (2, 1 + 4 + 2, 20)
     np.testing.assert_array_equal(parts[:, 0], counts)
     np.testing.assert_array_equal(parts[:, 1:5].sum(axis=1), 3 * counts)
     np.testing.assert_array_equal(parts[:, 5] + parts[:, 6], counts)

@@ -21,6 +21,7 @@ from pacmo_core.project.lock import (
 from pacmo_core.project.processes import is_alive, marked_processes
 from pacmo_core.project.records import read_runs, record_run
 from pacmo_core.project.workspace import configure_logging, log_event
+from tests.waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,8 +72,7 @@ def test_what_a_killed_writer_started_is_ended_and_nothing_else(tmp_path):
         subprocess.Popen(sleep, env={**os.environ, WRITER_VARIABLE: str(path.resolve()) + "2"}),
         subprocess.Popen(sleep),
     ]
-    while orphan.pid not in marked_processes(writer_environment(path)):
-        time.sleep(0.01)
+    wait_until(lambda: orphan.pid in marked_processes(writer_environment(path)))
     assert kill_orphans(path) == [orphan.pid]
     assert orphan.wait() == -signal.SIGKILL and not is_alive(orphan.pid)
     assert [other.poll() for other in others] == [None, None]

@@ -1,6 +1,9 @@
 """What is trusted: what the paper prints of its training (4.2), and the readers of sections."""
 
 import importlib
+import os
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -102,3 +105,20 @@ def test_no_mode_of_the_full_experiments_is_cut_off_by_a_grid(name):
     grids = [uno.n_latent, *uno.sizes]
     for n_modes, pair in zip(uno.modes, pairwise(grids), strict=True):
         assert n_modes <= n_resolved_modes(min(pair))
+
+
+@pytest.mark.parametrize("stage", sorted((ROOT / "stages").glob("[a-z]*.py")), ids=lambda p: p.stem)
+def test_every_stage_reports_invalid_parameters_in_one_line(stage):
+    assert stage.read_text().rpartition('if __name__ == "__main__":\n')[2].count("run_stage(") == 1
+
+
+def test_an_invalid_parameter_is_one_line_without_a_traceback(tmp_path):
+    (tmp_path / "params.yaml").write_text("cut: {clip_seconds: long}\n")
+    command = [sys.executable, "-m", "stages.cut", "data/sequences", "data/clips"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 1
+    assert ended.stderr.count("\n") == 1 and "clip_seconds" in ended.stderr
+    assert "long" in ended.stderr
