@@ -36,6 +36,7 @@ from pacmo_core.commands.download import (
     sha256_of,
     shipped_checksums,
 )
+from pacmo_core.formats.cmu import CMU_PAIRS
 from pacmo_core.project.workspace import CommandError, errors_in_one_line
 
 
@@ -77,8 +78,6 @@ SBU = OpenDataset(
     files=_sbu_files,
 )
 
-# Subjects recorded together: the same trial number is the same recording.
-CMU_PAIRS = (("18", "19"), ("20", "21"), ("22", "23"), ("33", "34"), ("60", "61"))
 CMU_TRIALS = {"18": 15, "20": 13, "22": 25, "33": 2, "60": 15}  # of each subject of the pair
 
 

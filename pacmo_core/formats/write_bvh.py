@@ -23,12 +23,11 @@ from pacmo_core.formats.fit_bones import (
     forward_kinematics,
     inverse_kinematics,
 )
-from pacmo_core.formats.rotations import axis_rotations, euler_angles_near
+from pacmo_core.formats.rotations import GIMBAL_LOCK, axis_rotations, euler_angles_near
 
 # The rotation order: gimbal lock, where the middle angle is a right angle, lies where people look
 # straight up or down.
 ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
-GIMBAL_LOCK = 1e-6  # cosine of the middle angle below which the outer two axes coincide
 
 
 def format_bvh(motion: Motion, fps: float, skeleton: Skeleton) -> str:

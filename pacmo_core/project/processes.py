@@ -18,7 +18,7 @@ from typing import Any
 from pacmo_core.project.workspace import EXIT_INTERRUPTED
 
 PROC = Path("/proc")
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 _PR_SET_PDEATHSIG = 1  # prctl(2)
 _TERMINATE_S = 1.0  # from SIGTERM to SIGKILL
 _TIMEOUT_S = 8.0

@@ -61,7 +61,7 @@ def test_ctrl_c_at_any_moment_ends_all_processes_and_the_next_run_goes_on(projec
         assert (hashes(project), lock_entries(project)) == expected
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGINT])
 def test_a_signal_in_a_stage_ends_the_run_and_its_record_says_so(project, number):
     make = Path("make.py")
     text = make.read_text().replace("import json, sys", "import json, sys, time")

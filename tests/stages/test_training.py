@@ -196,7 +196,7 @@ def test_tensors_that_a_checkpoint_holds_come_back_bit_for_bit(tmp_path):
 
 @pytest.mark.parametrize(
     ("device", "processes", "said"),
-    [("tpu", 1, "must be auto, cpu or cuda; got tpu"), ("cpu", 2, "torchrun started 2")],
+    [("tpu", 1, "must be auto, cpu or cuda; got 'tpu'"), ("cpu", 2, "torchrun started 2")],
 )
 def test_a_device_that_cannot_be_is_refused(device, processes, said, monkeypatch):
     monkeypatch.setenv("WORLD_SIZE", str(processes))
