@@ -1,12 +1,12 @@
 "use strict";
-// Solid people: hulls of spheres on a grid of latitudes and longitudes, each vertex tied to the
-// sphere that it belongs to. A frame moves the spheres; the skinning of three.js moves the rest.
+// Solid bodies: hulls of spheres on a grid of latitudes and longitudes, each vertex bound to its
+// sphere. A frame moves the spheres; the skinning of three.js moves the vertices.
 
 (() => {
   const ROWS = 5, COLUMNS = 14;
   const arc = (from, to, steps) => Array.from({ length: steps + 1 }, (_, k) => from + ((to - from) * k) / steps);
 
-  // One ball, two (a limb, along y) or four (a trunk: left and right above, left and right below).
+  // One sphere, two (a limb, along y) or four (a trunk: left and right above, left and right below).
   function grid(spheres) {
     const below = arc(-Math.PI / 2, 0, ROWS), above = arc(0, Math.PI / 2, ROWS);
     const rows = spheres.length === 1 ? [...below, ...above.slice(1)].map((lat) => [lat, 0])
@@ -53,7 +53,7 @@
     }
   }
 
-  // Matrices written straight to where the shader reads them: there is no tree to walk.
+  // Matrices are written where the shader reads them; there is no scene graph to update.
   class Spheres extends THREE.Skeleton {
     constructor(count) {
       const bones = Array.from({ length: count }, () => new THREE.Bone());
@@ -74,7 +74,7 @@
   const unit = (v, otherwise) => { const length = Math.hypot(...v); return length > 1e-9 ? v.map((x) => x / length) : otherwise; };
   const X = [1, 0, 0], Y = [0, 1, 0], Z = [0, 0, 1];
 
-  // A person in the flesh, or as bare bones and joints, to whom a pose can be given.
+  // A person as a solid body, or as bones and joints; set by a pose.
   class Person {
     constructor(body, material) {
       this.body = body;
@@ -101,7 +101,7 @@
       this.body.balls.forEach(([joints], k) => this.spheres.put(next + this.body.trunk.length + k, X, Y, Z, middle(joints.map((j) => joint(pose, j)))));
     }
 
-    // Shoulders and hips turn each about their own line, upright along the spine.
+    // Shoulders and hips rotate about their own axes; up is along the spine.
     turnTrunk(pose, first) {
       const corners = this.body.trunk.map(([j]) => joint(pose, j));
       const spine = minus(middle(corners.slice(0, 2)), middle(corners.slice(2)));
@@ -113,7 +113,7 @@
     }
   }
 
-  // Joints as balls, bones as rods: to see where joints are.
+  // Joints as spheres, bones as rods.
   function bare(clip) {
     const limbs = clip.parents.flatMap((parent, child) => (parent < 0 ? [] : [[parent, child, 0.011, 0.011]]));
     return { limbs, trunk: [], balls: clip.joints.map((_, j) => [[j], 0.023]) };

@@ -1,5 +1,5 @@
 "use strict";
-// What the controls of a player offer and what they, keys and hands do.
+// The controls of a player, and the actions of controls, keys and pointers.
 
 (() => {
   const SWITCHES = ["loop", "follow", "trails", "contacts", "distances", "names", "bare"];
@@ -9,7 +9,7 @@
     1: "side", 2: "front", 3: "top", "?": "help",
   };
 
-  // The camera follows from the start where people would else be small.
+  // The camera follows from the start if people would otherwise be small.
   const roams = ({ view }) => view.reach > 1.8 && view.reach > 1.35 * view.near;
 
   function fill(player) {
@@ -72,7 +72,7 @@
     player.ask();
   }
 
-  // Two joints at most: a third takes the place of the first.
+  // At most two joints: a third replaces the first.
   function pick(player, found) {
     player.root.focus({ preventScroll: true });
     if (!found) player.picks = [];

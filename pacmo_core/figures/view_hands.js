@@ -1,5 +1,5 @@
 "use strict";
-// Mouse, pen and fingers on the picture: turn, tilt, move, come closer, pick.
+// Mouse, pen and touch on the picture: rotate, move, zoom, select.
 
 (() => {
   const STILL_PX = 5;

@@ -1,5 +1,5 @@
 "use strict";
-// Motions as they travel in the page, where joints are at any instant, and what is measured of them.
+// Motions of the page: decoding, joint positions at any time, and the plotted quantities.
 // World: metres, y up, right-handed, seconds.
 
 const Pacmo = { players: [] };
@@ -7,7 +7,7 @@ const Pacmo = { players: [] };
 (() => {
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
 
-  // Whole steps from an origin, as pacmo_core/figures/viewer.py writes them.
+  // Integer steps from an origin, as pacmo_core/figures/viewer.py writes them.
   function unpack(text, origin, step) {
     return Float32Array.from(new Int16Array(bytes(text)), (value, at) => origin[at % 3] + value * step);
   }
@@ -22,7 +22,7 @@ const Pacmo = { players: [] };
       this.found = new Map(); // series that were asked for
     }
 
-    // The last frame that has begun at a time; a microsecond is no time.
+    // The last frame at or before a time, within a microsecond.
     frameAt(time) {
       let low = 0, high = this.times.length - 1;
       while (low < high) {
@@ -32,7 +32,7 @@ const Pacmo = { players: [] };
       return low;
     }
 
-    // Between frames joints move straight, whatever the rate; before and after them they rest.
+    // Positions are linear between frames and constant before the first and after the last.
     moveTo(time) {
       const frame = this.frameAt(time), next = Math.min(frame + 1, this.times.length - 1);
       const span = this.times[next] - this.times[frame];
@@ -48,7 +48,7 @@ const Pacmo = { players: [] };
       return this.motions[person].subarray(at, at + 3);
     }
 
-    // The mean of all roots, averaged over half a second to either side: what a camera follows.
+    // The mean of all roots, averaged over half a second before and after: the target of the camera.
     middleAt(time) {
       this.path ??= smoothed(this);
       const frame = this.frameAt(time), next = Math.min(frame + 1, this.times.length - 1);
@@ -81,7 +81,7 @@ const Pacmo = { players: [] };
 
   const apart = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
 
-  // The closest joints of two people: their distance, and which they are.
+  // The closest joints of two people and their distance.
   function closest(first, second) {
     let least = Infinity, pair = [0, 0];
     for (let i = 0; i < first.length; i += 3) {
@@ -102,7 +102,7 @@ const Pacmo = { players: [] };
     };
   }
 
-  // How far the bone that has changed most is from its median length.
+  // The largest relative change of a bone from its median length.
   function stretch(clip, person) {
     const bones = clip.parents.flatMap((parent, child) => (parent < 0 ? [] : [[parent, child]]));
     const length = ([p, c], frame) => apart(clip.place(person, p, frame), clip.place(person, c, frame));
@@ -112,7 +112,7 @@ const Pacmo = { players: [] };
 
   const pose = (clip, person, frame) => clip.motions[person].subarray(3 * frame * clip.joints.length, 3 * (frame + 1) * clip.joints.length);
 
-  // of: what a series is of; a pair's is one a clip, the others' one a person, some of one joint.
+  // of: pair (one series per clip) or person (one per person); joint: of the selected joint.
   const METRICS = {
     closest: { label: "distance between the bodies", unit: "m", of: "pair", measure: (clip) => (frame) => closest(pose(clip, 0, frame), pose(clip, 1, frame)).distance },
     roots: { label: "distance of the roots", unit: "m", of: "pair", measure: (clip) => (frame) => apart(clip.place(0, clip.root, frame), clip.place(1, clip.root, frame)) },

@@ -1,11 +1,11 @@
 "use strict";
-// What is written over the picture: names of joints, distances, contacts, the joints picked.
+// The overlay: names of joints, distances, contacts, selected joints.
 
 (() => {
   const point = new THREE.Vector3();
   const NEAR_PX = 16;
 
-  // A place in the world as pixels of a cell; null behind the camera.
+  // A position in the world as pixels of a cell; null behind the camera.
   function projected(camera, cell, place) {
     point.set(...place).project(camera);
     if (point.z > 1) return null;
@@ -60,7 +60,7 @@
       ctx.restore();
     }
 
-    // A glow where a joint of one is within reach of a joint of the other.
+    // A mark where joints of the two people are in contact.
     contacts({ clip }) {
       if (clip.poses.length < 2) return;
       const [first, second] = clip.poses, { ctx, colour } = this;
@@ -82,7 +82,7 @@
       }));
     }
 
-    // Between the closest joints of the two; between the two that were picked, if so.
+    // Between the closest joints of the two people, or between two selected joints.
     distances({ clip }, picks) {
       const lines = [];
       if (clip.poses.length > 1) {
@@ -123,7 +123,7 @@
       }
     }
 
-    // A name on a card, unless it would cover another.
+    // A label, unless it would cover another.
     tell(at, text, ink, always = false) {
       const { ctx, colour } = this;
       if (!at || text === undefined) return;

@@ -1,12 +1,12 @@
 "use strict";
-// A player: clips side by side on one clock, under one camera.
+// A player: clips side by side at the same time, with one camera.
 
 (() => {
   const HOME = () => ({ yaw: 0, pitch: 0.2, zoom: 1, pan: [0, 0] });
   const VIEWS = { side: [0, 0.2], front: [Math.PI / 2, 0.2], top: [0, 1.5] };
   const SPEEDS = ["0.1", "0.25", "0.5", "1", "2", "4"];
 
-  // What leaves a trail until a joint is picked.
+  // The joints with trails until a joint is selected.
   function hands(joints) {
     const found = joints.flatMap((name, j) => (/hand|wrist/i.test(name) && !/tip|thumb|index|end/i.test(name) ? [j] : []));
     const wrists = found.filter((j) => /wrist/i.test(joints[j]));
@@ -67,7 +67,7 @@
       this.ask();
     }
 
-    // A frame of the finest clip.
+    // A frame of the clip with the highest frame rate.
     step(by) {
       this.play(false);
       const { times } = this.finest;
@@ -81,7 +81,7 @@
       this.ask();
     }
 
-    // How far a finger moves the picture, at the distance of the people.
+    // Metres per pixel at the distance of the people.
     metresPerPixel() {
       return (2 * Math.tan((Pacmo.FIELD * Math.PI) / 360) * this.stages[0].distance) / this.boxes[0].height;
     }
@@ -92,7 +92,7 @@
       this.choose();
     }
 
-    // Browsers allow a page a dozen pictures in 3-D: only players in sight hold one.
+    // Browsers allow about a dozen WebGL contexts per page: only visible players have one.
     meet(seen) {
       if (seen && !this.renderer) this.open();
       else if (!seen && this.renderer) this.close();
@@ -183,7 +183,7 @@
       this.overlay.draw(stage, box, { ...this.on, picks: this.picks, hovered: this.hovered });
     }
 
-    // Where a joint is drawn, in pixels of the page: for tests and for those who look closer.
+    // The position of a joint in pixels of the page, for tests.
     where(panel, person, joint) {
       const { clip, camera } = this.stages[panel], at = clip.poses[person].slice(3 * joint, 3 * joint + 3);
       const { x, y } = this.parts.panels.getBoundingClientRect(), seen = Pacmo.projected(camera, this.boxes[panel], at);

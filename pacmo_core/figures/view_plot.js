@@ -1,11 +1,11 @@
 "use strict";
-// A metric over time under the picture; a press on it goes there.
+// A quantity over time below the picture; a click seeks.
 
 (() => {
   const DASHES = [[], [6, 3], [2, 2.5], [9, 3, 2, 3], [4, 6], [12, 4]];
   const LEFT = 44, RIGHT = 8, TOP = 8, BOTTOM = 14, MOST = 2000;
 
-  // The least round number that cuts a range into so many parts at most.
+  // The smallest round step that divides a range into at most so many parts.
   function tickStep(range, parts) {
     const rough = range / Math.max(1, parts) || 1, power = 10 ** Math.floor(Math.log10(rough));
     return [1, 2, 5, 10].map((n) => n * power).find((step) => step >= rough);
@@ -34,7 +34,7 @@
     y(value) { return this.height - BOTTOM - (value / this.top) * (this.height - TOP - BOTTOM); }
     timeAt(x) { return Math.min(1, Math.max(0, (x - LEFT) / (this.width - LEFT - RIGHT))) * this.length; }
 
-    // The lines stand still; only the cursor is drawn each frame.
+    // The lines are drawn once, the cursor each frame.
     draw(time) {
       const scale = Math.min(devicePixelRatio, 2), { canvas, back } = this;
       [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
@@ -72,7 +72,7 @@
       this.touching(ctx);
     }
 
-    // Where the bodies touch: a bar at the foot, one row a clip.
+    // Contacts: a bar at the bottom, one row per clip.
     touching(ctx) {
       ctx.fillStyle = this.colour.lit;
       ctx.strokeStyle = this.colour.soft;
@@ -117,7 +117,7 @@
       }
     }
 
-    // What the lines say at a time, in words.
+    // The values at a time as text.
     said(time) {
       const unit = Pacmo.METRICS[this.metric].unit;
       return this.lines.map(({ clip, values }) => values[clip.frameAt(time)].toFixed(2)).join(" · ") + (this.lines.length ? ` ${unit}` : "");

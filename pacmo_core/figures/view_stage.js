@@ -1,5 +1,5 @@
 "use strict";
-// One clip in 3-D: people, ground, light, shadows, trails, and the camera that sees them.
+// One clip in 3-D: people, ground, light, shadows, trails, and the camera.
 
 (() => {
   const FIELD = 32; // degrees, of the camera
@@ -15,7 +15,7 @@
     };
   }
 
-  // A disc that fades out at its rim, a line each half metre.
+  // A disc that fades out at its edge, with a grid of half a metre.
   function paintGround(canvas, radius, colour) {
     const size = canvas.width, ctx = canvas.getContext("2d"), scale = size / 2 / radius;
     ctx.clearRect(0, 0, size, size);
@@ -106,13 +106,13 @@
       this.sky.intensity = colour.dark ? 1.5 : 1.9;
     }
 
-    // The point that the camera looks at: the middle of the clip, or of the people as they go.
+    // The point that the camera looks at: the middle of the clip, or of the people at this time.
     target(time, follows) {
       const { view } = this.clip, [x, z] = follows ? this.clip.middleAt(time) : view.centre;
       return [x, view.ground + (view.top - view.ground) * 0.47, z];
     }
 
-    // The distance from which everybody is seen whole.
+    // The distance from which all people are visible completely.
     home(aspect, follows) {
       const { view } = this.clip, slope = Math.tan((FIELD * Math.PI) / 360);
       const reach = (follows ? view.near : view.reach) + 0.12, height = ((view.top - view.ground) / 2) * 1.22;
@@ -151,7 +151,7 @@
       });
     }
 
-    // Dots a thirtieth of a second apart: the wider apart, the faster.
+    // Dots every thirtieth of a second: larger gaps mean higher speed.
     drawTrail(dots, person, now, joints) {
       const { clip } = this, width = clip.joints.length, matrix = new THREE.Matrix4(), time = Math.min(now, clip.length);
       dots.count = 0;
