@@ -51,7 +51,7 @@ class DiagonalGaussian:
         return self.mean + noise * (0.5 * self.log_variance).exp()
 
     def kl_divergence(self) -> Tensor:
-        """Compute the Kullback-Leibler (KL) divergence from N(0, I), nats, mean over elements."""
+        """Return the KL divergence (Kullback-Leibler) from N(0, I), nats, mean over elements."""
         variance = self.log_variance.exp()
         # Kingma and Welling (2014), appendix B: 1/2 (mu^2 + sigma^2 - 1 - log sigma^2).
         return 0.5 * (self.mean.square() + variance - 1 - self.log_variance).mean()
