@@ -6,14 +6,17 @@ upper body, scaled by 0.75 to 1.25 in steps of 0.05.
 
 import os
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
+from ruamel.yaml import YAML
 
 from pacmo_core.data.interaction import Interaction, joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, Settings, Support, Weights
+from pacmo_core.interaction_mesh import Scene, Settings
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
 
 N_FRAMES = 363
@@ -24,33 +27,14 @@ TAKES = {
     "duo_mocap": (2.0, ("salsa/Easy_01", "salsa/Easy_02", "salsa/Easy_03", "acts/")),
     "cmu_18_19": (None, ("18_10", "18_11", "18_15")),
 }
-SETTINGS = Settings(
-    graph="complete",
-    weights=Weights(
-        distance_exponent=1,
-        distance_softening=0.01,
-        trunk_shape=10,
-        acceleration=30,
-        contact=50,
-        contact_range=0.25,
-        stance=12000,
-        stance_height=300,
-        regularisation=1e-3,
-    ),
-    support=Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.25),
-    limits=AttemptLimits(primal_residual=1e-2, penetration=0.01, acceleration_peak_ratio=1.5),
-    attempts=(
-        Attempt(bone_penalty=2.5, max_iterations=80, separation_penalty=0, tolerance=5e-3),
-        Attempt(bone_penalty=4, max_iterations=80, separation_penalty=60, tolerance=4e-3),
-        Attempt(bone_penalty=6, max_iterations=160, separation_penalty=60, tolerance=4e-3),
-    ),
-    relaxation=1.4,
-    clearance=0.1,
-    n_separation_pairs=24,
-    near_distance=NEAR,
-    contact_distance=0.1,
-    contact_slack=0.02,
-)
+
+
+@cache
+def default_settings() -> Settings:
+    """Return the solver's settings of ``params.yaml``."""
+    path = Path(__file__).parents[1] / "params.yaml"
+    section = YAML(typ="safe").load(path)["augment"]["solver"]
+    return TypeAdapter(Settings).validate_python(section)
 
 
 @dataclass(frozen=True)

@@ -49,10 +49,10 @@ from pacmo_core.augmentation.run import (
     solver_key,
     source_key,
 )
-from pacmo_core.augmentation.segments import segments
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import clip_name
 from pacmo_core.data.quality import QualityLimits
+from pacmo_core.data.segments import segments
 from pacmo_core.data.splits import window_edges
 from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import IngestionSettings, read_sequences

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.augmentation.segments import Segment, segments
 from pacmo_core.data.interaction import Motion, bone_lengths
+from pacmo_core.data.segments import Segment, segments
 from pacmo_core.data.skeleton import Skeleton
 
 Scales = NDArray[np.float64]

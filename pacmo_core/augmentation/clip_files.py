@@ -15,9 +15,9 @@ import numpy as np
 from pacmo_core.augmentation.filter import VariationLimits, max_limit_ratio, rejection_reason
 from pacmo_core.augmentation.plan import Plan, Variation
 from pacmo_core.augmentation.run import SolvedVariation
-from pacmo_core.augmentation.segments import segments
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import variation_name
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.cache import CacheEntry, code_hash, short_hash
 from pacmo_core.store.files import atomic_file

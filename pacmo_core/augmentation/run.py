@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.augmentation.bodies import Scales
-from pacmo_core.augmentation.segments import segments
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.execution import DaskExecutor, ProcessExecutor
 from pacmo_core.interaction_mesh import PreparedSource, Report, Scene, Settings, prepare, retarget
@@ -24,7 +24,7 @@ from pacmo_core.store.cache import code_hash
 # The code that computes a variation; an edit elsewhere keeps the cache valid.
 SOLVER_CODE = (
     *("data/skeleton.py", "interaction_mesh/*.py"),
-    *("augmentation/run.py", "augmentation/segments.py"),
+    *("augmentation/run.py", "data/segments.py"),
 )
 SOLVER_PACKAGES = ("numpy", "scipy")
 HASH_LENGTH = 32  # characters

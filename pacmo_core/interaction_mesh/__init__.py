@@ -19,6 +19,7 @@ from pacmo_core.interaction_mesh.scene import Scene
 from pacmo_core.interaction_mesh.settings import (
     Attempt,
     AttemptLimits,
+    Posture,
     Settings,
     Support,
     Weights,
@@ -28,6 +29,7 @@ __all__ = [
     "MAX_BATCH",
     "Attempt",
     "AttemptLimits",
+    "Posture",
     "PreparedSource",
     "Report",
     "Scene",

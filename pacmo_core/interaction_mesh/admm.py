@@ -8,10 +8,13 @@ method of multipliers*, section 3.1.1 (scaled form) with over-relaxation, sectio
     u: u + A U + a - z                                   scaled dual                      eq. 3.7
 
 with U the displacement, A the differences of constrained points, a these differences in the source,
-P the diagonal matrix of penalties. A row of z is a bone vector of the target length, or a
-difference of at least the minimal distance. In the form of Douglas and Rachford one state serves
-for z and u, the governing variable ``v = z + u``: z is the projection of v, ``z = s v`` with a
-scalar s per row, u is the rest, and an iteration is ``v + relaxation (A U + a - z)``.
+P the diagonal matrix of penalties. A row of z is a difference whose length is within its bounds:
+for a bone, the target length. Bounds between the bodies are elastic: z is the proximal point of
+``1/2 stiffness distance(z, bounds)^2``, a fraction of the way from v to its projection (Parikh and
+Boyd (2014), *Proximal algorithms*, section 6.1). Further rows are heights of joints above the
+floor. In the form of Douglas and Rachford one state serves for z and u, the governing variable
+``v = z + u``: z is the proximal point of v, ``z = s v`` with a scalar s per row, u is the rest, and
+an iteration is ``v + relaxation (A U + a - z)``.
 """
 
 from collections.abc import Iterator
@@ -21,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from pacmo_core.interaction_mesh.factorisation import Constraints, Factorisation
+from pacmo_core.interaction_mesh.constraints import Floor, Rows
+from pacmo_core.interaction_mesh.factorisation import Factorisation
 from pacmo_core.interaction_mesh.linear_algebra import (
     AXIS_ORDER,
     column_groups,
@@ -54,8 +58,10 @@ class State:
     rhs : (K, 2N, 3V) float32, right-hand side of the linear step
     displacement : (K, 2N, 3V) float32 metres, U
     governing : (K, 2, R, 3, V) float32 metres, v
-    projection : (K, 2, R, V) float32, s; ``s v`` is the projection of v on the constraints
-    scales : (E, V) float32
+    projection : (K, 2, R, V) float32, s; ``s v`` is the proximal point of v
+    floor : (K, 2, F, V) float32 metres, v of the heights above the ground
+    scales : (R, V) float32, factor on the bounds of each row
+    lowest : (F, V) float32 metres, lower bound of the heights above the ground
     squared_step : (V,) squared step of v in a measured iteration, summed over rows
     """
 
@@ -64,7 +70,9 @@ class State:
     displacement: Single
     governing: Single
     projection: Single
+    floor: Single
     scales: Single
+    lowest: Single
     squared_step: NDArray[np.float64]
 
     @property
@@ -80,13 +88,9 @@ class State:
             )
             for values in (self.energy_rhs, self.rhs, self.displacement)
         )
-        governing, projection, scales = (
-            np.ascontiguousarray(values[..., bodies])
-            for values in (self.governing, self.projection, self.scales)
-        )
-        return State(
-            energy_rhs, rhs, displacement, governing, projection, scales, self.squared_step[bodies]
-        )
+        others = (self.governing, self.projection, self.floor, self.scales, self.lowest)
+        selected = (np.ascontiguousarray(values[..., bodies]) for values in others)
+        return State(energy_rhs, rhs, displacement, *selected, self.squared_step[bodies])
 
     def workspace(self, n_rows: int) -> "Workspace":
         """Allocate working arrays for R rows per frame."""
@@ -124,22 +128,27 @@ class AdmmSolver:
     Parameters
     ----------
     factorisation : of ``H + A^T P A``
-    ends : two of (2KR,), first and second of the 2KN points of each difference
-    scatter : A^T P of each ``BLOCKS_PER_STEP`` blocks
+    rows : the differences
+    gather, scatter : A, and A^T P, of each ``BLOCKS_PER_STEP`` blocks
     source : (K, 2, R, 3, 1) float32 metres, a
-    lengths : (K, 2, E, 1) float32 metres, of bones in the source
-    min_distances : (K, 2, R - E, 1) float32 metres
-    separation_pairs : (T, R - E, 2), pairs of points
+    lower, upper : (K, 2, R, 1) float32 metres, bounds on the lengths
+    elasticity : (R, 1) float32, fraction of the way from v to its projection
+    floor : the heights
+    floor_source, floor_penalties : (K, 2, F, 1) float32
     relaxation : 1 to 2
     """
 
     factorisation: Factorisation
-    ends: tuple[NDArray[np.intp], NDArray[np.intp]]
+    rows: Rows
+    gather: tuple[csr_array, ...]
     scatter: tuple[csr_array, ...]
     source: Single
-    lengths: Single
-    min_distances: Single
-    separation_pairs: NDArray[np.intp]
+    lower: Single
+    upper: Single
+    elasticity: Single
+    floor: Floor
+    floor_source: Single
+    floor_penalties: Single
     relaxation: float
 
     def iterate(self, state: State, work: Workspace) -> None:
@@ -192,8 +201,9 @@ class AdmmSolver:
         """Update the governing variable, ``v + relaxation (A U + a - s v)``, and project it."""
         rows, other, factors = work.arrays(blocks.stop - blocks.start)
         governing = state.governing[blocks]
-        self._differences(state, blocks, rows, other)
-        np.add(rows, self.source[blocks], out=rows)
+        displacement = state.displacement[blocks].reshape(-1, state.displacement.shape[-1])
+        differences = self.gather[blocks.start // BLOCKS_PER_STEP] @ displacement
+        np.add(differences.reshape(rows.shape), self.source[blocks], out=rows)
         np.multiply(state.projection[blocks], np.float32(-self.relaxation), out=factors)
         np.add(factors, np.float32(1), out=factors)
         np.multiply(rows, np.float32(self.relaxation), out=rows)
@@ -207,41 +217,48 @@ class AdmmSolver:
                 extrapolated = np.multiply(other, work.extrapolation, out=rows)
                 np.subtract(governing, extrapolated, out=governing)
             np.multiply(other, other, out=other)
-            # Row by row, in the same order for any number of columns.
-            for block in other.reshape(len(other), -1, state.n_bodies)[::-1]:
-                state.squared_step[:] += np.add.reduce(block, axis=0)
+            _add_rows(other, state.squared_step)
+        self._floor_step(state, work, blocks)
         self._project(state, work, blocks)
 
-    def _differences(self, state: State, blocks: slice, out: Single, buffer: Single) -> None:
-        """Compute A U."""
-        n_rows = 2 * self.source.shape[2]
-        rows = slice(n_rows * blocks.start, n_rows * blocks.stop)
-        displacement = state.displacement.reshape(-1, state.displacement.shape[-1])
-        for ends, values in zip(self.ends, (buffer, out), strict=True):
-            into = values.reshape(-1, displacement.shape[-1])
-            np.take(displacement, ends[rows], axis=0, out=into, mode="clip")
-        np.subtract(out, buffer, out=out)
+    def _floor_step(self, state: State, work: Workspace, blocks: slice) -> None:
+        """Update the governing variable of the heights."""
+        floor = state.floor[blocks]
+        step = self._floor_rows(state.displacement[blocks], state.n_bodies)
+        step += self.floor_source[blocks]
+        step -= np.maximum(floor, state.lowest)
+        step *= np.float32(self.relaxation)
+        floor += step
+        if work.is_measured:
+            if work.extrapolation is not None:
+                floor += work.extrapolation * step
+            _add_rows(step * step, state.squared_step)
+
+    def _floor_rows(self, blocks: Single, n_bodies: int) -> Single:
+        """Return the heights of the floor's joints, (B, 2, F, V), of blocks (B, 2N, 3V)."""
+        points = blocks.reshape(len(blocks), 2, -1, blocks.shape[-1])
+        return points[:, :, self.floor.joints, -n_bodies:]
 
     def _project(self, state: State, work: Workspace, blocks: slice) -> None:
-        """Compute the factor s of the projection, and the right-hand side of the linear step.
+        """Compute the factor s of the proximal point, and the right-hand side of the linear step.
 
-        Bones: on the sphere of the target length. Separated pairs: outside the sphere of the
-        minimal distance.
+        The projection of a row on its bounds has its direction, and the nearest allowed length.
         """
         rows, _, factors = work.arrays(blocks.stop - blocks.start)
         governing, projection = state.governing[blocks], state.projection[blocks]
-        n_bones = self.lengths.shape[2]
         np.multiply(governing, governing, out=rows)
         np.add(rows[:, :, :, 0], rows[:, :, :, 1], out=projection)
         np.add(projection, rows[:, :, :, 2], out=projection)
         np.sqrt(projection, out=projection)
         np.maximum(projection, np.float32(1e-9), out=projection)
-        bones, pairs = projection[:, :, :n_bones], projection[:, :, n_bones:]
-        targets = np.multiply(self.lengths[blocks], state.scales, out=factors[:, :, :n_bones])
-        np.divide(targets, bones, out=bones)
-        ratios = np.divide(self.min_distances[blocks], pairs, out=pairs)
-        np.maximum(ratios, np.float32(1), out=pairs)
-        # The reflection of v at its projection, 2 s v - v = z - u.
+        lengths = np.multiply(self.lower[blocks], state.scales, out=factors)
+        np.maximum(lengths, projection, out=lengths)
+        np.minimum(lengths, self.upper[blocks] * state.scales, out=lengths)
+        np.divide(lengths, projection, out=projection)
+        np.subtract(projection, np.float32(1), out=projection)
+        np.multiply(projection, self.elasticity, out=projection)
+        np.add(projection, np.float32(1), out=projection)
+        # The reflection of v at its proximal point, 2 s v - v = z - u.
         np.multiply(projection, np.float32(2), out=factors)
         np.subtract(factors, np.float32(1), out=factors)
         np.multiply(governing, factors[:, :, :, None], out=rows)
@@ -252,6 +269,12 @@ class AdmmSolver:
         scatter = self.scatter[blocks.start // BLOCKS_PER_STEP]
         forces = scatter @ rows.reshape(-1, rhs.shape[-1])
         np.add(forces.reshape(rhs.shape), energy_rhs, out=rhs)
+        floor = state.floor[blocks]
+        reflected = 2 * np.maximum(floor, state.lowest) - floor - self.floor_source[blocks]
+        points = rhs.reshape(len(rhs), 2, -1, rhs.shape[-1])
+        points[:, :, self.floor.joints, -state.n_bodies :] += (
+            self.floor_penalties[blocks] * reflected
+        )
 
     def _couple_next(self, rows: Single, frame: int, out: Single) -> None:
         """Multiply by C_k: from the frames of a block to those of the next."""
@@ -274,50 +297,65 @@ class AdmmSolver:
         np.multiply(upper, lag_two[frame], out=out[:half])
 
 
+def _add_rows(values: Single, total: NDArray[np.float64]) -> None:
+    """Add values (B, ..., V) to a total (V,), row by row: in one order for any number of bodies."""
+    for block in values.reshape(len(values), -1, values.shape[-1])[::-1]:
+        total += np.add.reduce(block, axis=0)
+
+
 def build_solver(
-    factorisation: Factorisation, constraints: Constraints, *, n_bones: int, relaxation: float
+    factorisation: Factorisation, rows: Rows, floor: Floor, source: Array, relaxation: float
 ) -> AdmmSolver:
     """Arrange constraints in blocks, directions in ``AXIS_ORDER``.
 
     Parameters
     ----------
-    factorisation : of the energy with the penalties of the constraints
-    n_bones : number of rows that are bones; the others are separated pairs
+    factorisation : of the energy with the penalties of rows and floor
+    source : (T, R, 3) metres, the differences in the source
     relaxation : 1 to 2
     """
     n_points = factorisation.lag_one.shape[1]
-    pairs, source = pair_frames(constraints.pairs), pair_frames(constraints.source[..., AXIS_ORDER])
-    frames = np.arange(2 * len(pairs)).reshape(-1, 2)
-    ends = pairs + n_points * frames[:, :, None, None]
-    penalties = pair_frames(constraints.penalties).astype(np.float32)
-    # A frame that only pads the last block has bones of length zero; any direction serves it.
-    lengths = np.linalg.norm(source[:, :, :n_bones], axis=-1)
+    n_bones, n_rows = rows.n_bones, rows.lower.shape[1]
+    points, coefficients = pair_frames(rows.points), pair_frames(rows.coefficients)
+    penalties = pair_frames(rows.penalties)
+    elasticity = np.where(np.arange(n_rows) < n_bones, 1, rows.elasticity)
+    lower, upper, floor_source, floor_penalties = (
+        pair_frames(values)[..., None].astype(np.float32)
+        for values in (rows.lower, rows.upper, floor.heights, floor.penalties)
+    )
+    matrices = []
+    for first in range(0, len(points), BLOCKS_PER_STEP):
+        blocks = slice(first, first + BLOCKS_PER_STEP)
+        gather = _difference_matrix(points[blocks], coefficients[blocks], n_points)
+        weighted = csr_array(gather.T.multiply(penalties[blocks].reshape(-1)))
+        matrices.append((gather.astype(np.float32), weighted.astype(np.float32)))
     return AdmmSolver(
         factorisation=factorisation,
-        ends=(ends[..., 0].reshape(-1), ends[..., 1].reshape(-1)),
-        scatter=tuple(
-            _scatter_matrix(
-                ends[first : first + BLOCKS_PER_STEP],
-                penalties[first : first + BLOCKS_PER_STEP],
-                n_points,
-            )
-            for first in range(0, len(ends), BLOCKS_PER_STEP)
-        ),
-        source=source[..., None].astype(np.float32),
-        lengths=lengths[..., None].astype(np.float32),
-        min_distances=pair_frames(constraints.min_distances)[..., None].astype(np.float32),
-        separation_pairs=constraints.pairs[:, n_bones:],
+        rows=rows,
+        gather=tuple(gather for gather, _ in matrices),
+        scatter=tuple(scatter for _, scatter in matrices),
+        source=pair_frames(source[..., AXIS_ORDER])[..., None].astype(np.float32),
+        lower=lower,
+        upper=upper,
+        elasticity=elasticity.astype(np.float32)[:, None],
+        floor=floor,
+        floor_source=floor_source,
+        floor_penalties=floor_penalties,
         relaxation=relaxation,
     )
 
 
-def _scatter_matrix(ends: NDArray[np.intp], penalties: Single, n_points: int) -> csr_array:
-    """Return A^T P of some blocks, with ends (B, 2, R, 2) and penalties (B, 2, R)."""
-    n_rows = penalties.size
-    points = ends.reshape(-1, 2).T - ends.reshape(-1).min() // (2 * n_points) * 2 * n_points
-    values = np.concatenate([-penalties.reshape(-1), penalties.reshape(-1)])
-    indices = (points.reshape(-1), np.tile(np.arange(n_rows), 2))
-    return csr_array((values, indices), shape=(2 * n_points * len(ends), n_rows))
+def _difference_matrix(
+    points: NDArray[np.intp], coefficients: Array, n_points: int
+) -> csr_array:
+    """Return A of some blocks, with points and coefficients (B, 2, R, 4)."""
+    frames = np.arange(2 * len(points)).reshape(-1, 2, 1, 1)
+    is_used = coefficients != 0
+    row = np.arange(coefficients[..., 0].size).reshape(coefficients.shape[:-1])
+    rows = np.broadcast_to(row[..., None], coefficients.shape)[is_used]
+    columns = (points + n_points * frames)[is_used]
+    shape = (coefficients[..., 0].size, 2 * n_points * len(points))
+    return csr_array((coefficients[is_used], (rows, columns)), shape=shape)
 
 
 @dataclass(frozen=True)
@@ -328,13 +366,17 @@ class AdmmStart:
     ----------
     energy_rhs : (K, 2N, 3, V) float32, g
     governing : (K, 2, R, 3, V) float32 metres, v
-    scales : (E, V) float32
+    floor : (K, 2, F, V) float32 metres, v of the heights
+    scales : (R, V) float32, factors on the bounds
+    lowest : (F, V) float32 metres, lower bounds of the heights
     step_scale : (V,) square metres, what the squared step is relative to
     """
 
     energy_rhs: Single
     governing: Single
+    floor: Single
     scales: Single
+    lowest: Single
     step_scale: Array
 
 
@@ -430,8 +472,8 @@ def solve_admm(
     solution, work = _empty_solution(start, state), state.workspace(n_rows)
     active = np.arange(len(columns)) < n_bodies  # the others only pad
     rate = ConvergenceRate.initial(len(columns))
-    # Steps under separation constraints oscillate, and extrapolation would sustain that.
-    can_extrapolate = not solver.separation_pairs.shape[1]
+    # Steps under bounds between the bodies oscillate, and extrapolation would sustain that.
+    can_extrapolate = solver.rows.n_bones == solver.rows.lower.shape[1]
     for number in range(1, max_iterations + 1):
         is_extrapolated = (
             number % (EXTRAPOLATE_EVERY * CHECK_EVERY) == 0
@@ -477,7 +519,9 @@ def _initial_state(solver: AdmmSolver, start: AdmmStart) -> State:
         displacement=np.zeros_like(energy_rhs),
         governing=governing,
         projection=np.zeros((*governing.shape[:3], len(bodies)), dtype=np.float32),
+        floor=np.ascontiguousarray(start.floor[..., bodies]),
         scales=np.ascontiguousarray(start.scales[:, bodies]),
+        lowest=np.ascontiguousarray(start.lowest[:, bodies]),
         squared_step=np.zeros(len(bodies)),
     )
     solver.initialise(state)

@@ -1,45 +1,54 @@
 """The energy that a variation minimises among the motions with the target bone lengths.
 
-With U the displacement of the joints from the source,
+With U the displacement of the joints from the source, v_e the vector of bone e in the source, s_e
+its scale and l_e its mean length,
 
-    E(U) = 1/2 sum_t |L_t U_t - r_t|^2                              Laplacian deformation
-         + 1/2 trunk_shape sum_t sum_trunk |q_i(U_t) - mean q|^2    trunk shape
-         + 1/2 acceleration sum_t |U_t+1 - 2 U_t + U_t-1|^2         smoothness
-         + 1/2 sum_t sum_pairs w_ij |U_i - U_j|^2                   contact
-         + 1/2 stance sum_t h_t h_t-1 |U_t - U_t-1|^2               feet in stance do not slide
-         + 1/2 stance_height sum_t h_t U_y^2                        and stay on the ground
-         + 1/2 regularisation |U|^2                                 Tikhonov regularisation
+    E(U) = 1/2 sum_t |L_t U_t - r_t|^2                                      Laplacian deformation
+         + 1/2 sum_t sum_e w_e |dU_e - (s_e - 1) v_e|^2                     posture
+         + 1/2 sum_t sum_hinges w |b (d_lower - d_upper)|^2                 knees and elbows
+         + 1/2 trunk_shape sum_t sum_trunk |q_i(U_t) - mean q|^2            trunk shape
+         + 1/2 root sum_t a_t |U_root - (0, g_t, 0)|^2                      place of the roots
+         + 1/2 sum_t sum_pairs c_ij |U_i - U_j|^2                           contact
+         + 1/2 acceleration sum_t |U_t+1 - 2 U_t + U_t-1|^2                 smoothness
+         + 1/2 stance sum_t h_t h_t-1 |U_t - U_t-1|^2                       supports do not slide
+         + 1/2 sum_t k_t (U_y - (s - 1)(y - ground))^2                      heights near the floor
+         + 1/2 regularisation |U|^2                                         Tikhonov
 
-where r_t is what L_t does to the source when each bone is scaled alone along its own direction, q_i
-is U_i less the displacement of the same trunk with its bones scaled along their own directions,
-w_ij are the contact weights, and h_t is 1 where a joint supports and fades around that (``mesh``).
+where dU_e is the displacement of the end of bone e relative to its beginning; r_t is what L_t does
+to the source when each bone is scaled alone along its own direction; d = (dU_e - (s_e - 1) v_e) /
+l_e of the two bones of a hinge, and b a length (``HINGE_LENGTH``); q_i is U_i less the displacement
+of the same trunk with its bones scaled along their own directions; g keeps the person's lowest
+joints at their height. The terms are built in ``mesh``. All are quadratic, and all targets are
+linear in the scales, so that the whole energy is
+
+    E(U; s) = 1/2 <U, H U> - <U, G (s - 1)> + 1/2 <s - 1, R (s - 1)>.
 
 The Laplacian deformation energy and an acceleration energy are those of Ho, Komura and Tai (2010),
 *Spatial relationship preserving character motion adaptation*. Unlike there, the acceleration of the
-displacement is penalised, not of the motion: the source's own dynamics cost nothing.
+displacement is penalised, not of the motion: the source's own dynamics cost nothing. Posture, hinge
+and root terms keep what the interaction does not need to change.
 
 In this package arrays of V bodies have the bodies last, (T, N, 3, V), so that one matrix product
 per frame applies to all directions and bodies.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from pacmo_core.interaction_mesh.linear_algebra import batched_product
 from pacmo_core.interaction_mesh.mesh import (
-    contact_weights,
+    HeightTerm,
+    LinearTerm,
+    contact_hessians,
     ground_supports,
-    laplacian_matrices,
+    height_terms,
+    linear_terms,
+    root_term,
     support_weights,
-    target_matrix,
-    trunk_shape_matrices,
 )
-from pacmo_core.interaction_mesh.scene import Array, Real, Scene
+from pacmo_core.interaction_mesh.scene import Array, Real, Scene, Single
 from pacmo_core.interaction_mesh.settings import Settings
 
 # Frames per second for which the weights of acceleration and stance are set.
@@ -48,127 +57,133 @@ REFERENCE_FPS = 30.0
 
 @dataclass(frozen=True)
 class QuadraticEnergy:
-    """The energy as matrices: ``E(U) = 1/2 <U, H U> - <U, g> + 1/2 |r|^2``.
+    """The energy as matrices.
 
     Parameters
     ----------
-    laplacians : (T, N + M, N), L, and below it the positions of the M trunk joints relative to
-        their trunk's mean
-    target_matrix : (3T(N + M), E) metres, from bone scales minus 1 to r, and below it to the
-        trunks' displacement
+    frame_hessians : (T, N, N), the part of H within a frame that acts on all directions alike
+    height_weights : (T, N), its diagonal part that acts on heights alone
+    targets : (T, N, E) float32; G is these times the bone's vector in the source
+    height_targets : (T, N, E) float32 metres, in addition to that, on heights alone
+    bone_vectors : (T, E, 3) metres, of the source
+    constant : (E, E), R
     is_support : (T, N), whether a joint supports
-    support_weights : (T, N), h
-    contact_weights : (T, N, N)
-    acceleration, stance, stance_height : weights at this scene's frame rate
-    regularisation : weight
+    step_weights : (T - 1, N), h_t h_t-1
+    acceleration, stance : weights at this scene's frame rate
     """
 
-    laplacians: Array
-    target_matrix: csr_array
+    frame_hessians: Array
+    height_weights: Array
+    targets: Single
+    height_targets: Single
+    bone_vectors: Array
+    constant: Array
     is_support: NDArray[np.bool_]
-    support_weights: Array
-    contact_weights: Array
+    step_weights: Array
     acceleration: float
     stance: float
-    stance_height: float
-    regularisation: float
 
-    @property
-    def step_weights(self) -> Array:
-        """``(T - 1, N)``: h_t h_t-1."""
-        weights: Array = self.support_weights[1:] * self.support_weights[:-1]
-        return weights
-
-    def subsample(self, frames: slice) -> "QuadraticEnergy":
-        """Return the energy of some frames alone; a step in ``frames`` lowers the frame rate."""
-        stride = frames.step or 1
-        n_frames = len(self.laplacians)
-        rows = np.arange(self.target_matrix.shape[0]).reshape(n_frames, -1)[frames].reshape(-1)
+    def subsample(self, stride: int) -> "QuadraticEnergy":
+        """Return the energy of every ``stride``-th frame alone, at the lower frame rate."""
+        frames = slice(None, None, stride)
+        steps = len(self.frame_hessians[frames]) - 1
         return replace(
             self,
-            laplacians=self.laplacians[frames],
-            target_matrix=self.target_matrix[rows],
+            frame_hessians=self.frame_hessians[frames],
+            height_weights=self.height_weights[frames],
+            targets=self.targets[frames],
+            height_targets=self.height_targets[frames],
+            bone_vectors=self.bone_vectors[frames],
             is_support=self.is_support[frames],
-            support_weights=self.support_weights[frames],
-            contact_weights=self.contact_weights[frames],
+            step_weights=self.step_weights[frames][:steps],
             acceleration=self.acceleration / stride**4,
             stance=self.stance / stride**2,
         )
-
-    @cached_property
-    def frame_hessians(self) -> Array:
-        """``(T, N, N)``: ``frame_hessians_of`` all frames."""
-        return self.frame_hessians_of(slice(None))
-
-    def frame_hessians_of(self, frames: slice) -> Array:
-        """``(F, N, N)``: the part of H within a frame, of Laplacian, contact and regularisation."""
-        laplacians, contacts = self.laplacians[frames], self.contact_weights[frames]
-        hessians: Array = laplacians.transpose(0, 2, 1) @ laplacians - contacts
-        points = np.arange(contacts.shape[1])
-        hessians[:, points, points] += contacts.sum(axis=-1) + self.regularisation
-        return hessians
 
 
 def build_energy(scene: Scene, settings: Settings) -> QuadraticEnergy:
     """Build the energy of a source; it does not depend on the target bodies."""
     weights, rate = settings.weights, scene.fps / REFERENCE_FPS
-    laplacians = laplacian_matrices(scene, weights, settings.graph)
-    trunk_rows, trunk_targets = trunk_shape_matrices(scene, weights.trunk_shape)
-    trunks = np.broadcast_to(trunk_rows, (len(laplacians), *trunk_rows.shape))
     is_support = ground_supports(scene, settings.support)
+    supports = support_weights(is_support, scene.fps, settings.support.fade_time)
+    n_frames, n_points, _ = scene.points.shape
+    hessians = contact_hessians(scene, weights)
+    points = np.arange(n_points)
+    hessians[:, points, points] += weights.regularisation
+    targets = np.zeros((n_frames, n_points, len(scene.bones)))
+    constant = np.zeros((len(scene.bones), len(scene.bones)))
+    for term in linear_terms(scene, weights):
+        _add_linear_term(term, scene, hessians, targets, constant)
+    root_hessian, root = root_term(scene, weights.root)
+    hessians[:, points, points] += root_hessian
+    height_weights = np.zeros((n_frames, n_points))
+    height_targets = np.zeros(targets.shape)
+    for height, own_weight in ((root, False), *((t, True) for t in height_terms(scene, weights, supports))):
+        weighted = height.weights[:, :, None] * height.targets
+        height_targets += weighted
+        height_weights += height.weights if own_weight else 0
+        flat = (-1, constant.shape[1])
+        constant += weighted.reshape(flat).T @ height.targets.reshape(flat)
     return QuadraticEnergy(
-        laplacians=np.concatenate([laplacians, trunks], axis=1),
-        target_matrix=target_matrix(scene, laplacians, trunk_targets),
+        frame_hessians=hessians,
+        height_weights=height_weights,
+        targets=targets.astype(np.float32),
+        height_targets=height_targets.astype(np.float32),
+        bone_vectors=scene.bone_vectors,
+        constant=constant,
         is_support=is_support,
-        support_weights=support_weights(is_support, scene.fps, settings.support.fade_time),
-        contact_weights=contact_weights(scene, weights),
+        step_weights=supports[1:] * supports[:-1],
         # Second and first differences in time scale with the frame rate squared.
         acceleration=weights.acceleration * rate**4,
         stance=weights.stance * rate**2,
-        stance_height=weights.stance_height,
-        regularisation=weights.regularisation,
     )
 
 
-def energy_target(energy: QuadraticEnergy, scales: Array) -> Array:
-    """Return r of each body, and below it the trunks' target: ``(T, N + M, 3, V)`` metres.
+def _add_linear_term(
+    term: LinearTerm, scene: Scene, hessians: Array, targets: Array, constant: Array
+) -> None:
+    """Add ``1/2 |rows U - factors ((s - 1) v)|^2`` to H, G and R."""
+    transposed = np.swapaxes(term.rows, -1, -2)
+    hessians += transposed @ term.rows
+    targets += transposed @ term.factors
+    products = np.swapaxes(term.factors, -1, -2) @ term.factors
+    vectors = scene.bone_vectors
+    constant += np.einsum("tef,tec,tfc->ef", np.broadcast_to(products, (len(vectors), *products.shape[-2:])), vectors, vectors, optimize=True)
+
+
+def energy_rhs(energy: QuadraticEnergy, scales: Array) -> Single:
+    """Return ``G (s - 1)`` of each body, ``(T, N, 3, V)`` float32.
 
     Parameters
     ----------
     scales : (V, E)
     """
-    target: Array = energy.target_matrix @ np.ascontiguousarray(scales.T - 1)
-    return target.reshape(*energy.laplacians.shape[:2], 3, -1)
+    growth = np.ascontiguousarray(scales.T - 1).astype(np.float32)
+    vectors = energy.bone_vectors.astype(np.float32)
+    rhs = np.zeros((*energy.targets.shape[:2], 3, len(scales)), dtype=np.float32)
+    for axis in range(3):
+        matrix = energy.targets * vectors[:, None, :, axis]
+        if axis == 1:
+            matrix += energy.height_targets
+        rhs[:, :, axis] = batched_product(matrix.reshape(-1, len(growth)), growth).reshape(
+            *energy.targets.shape[:2], -1
+        )
+    return rhs
 
 
-def energy_terms(energy: QuadraticEnergy, displacement: Real, target: Real) -> dict[str, Array]:
-    """Return each term of the energy, (V,) each, summed in float64 for any dtype.
+def energy_of(energy: QuadraticEnergy, displacement: Array, scales: Array) -> Array:
+    """Return the energy of each body, ``(V,)``.
 
     Parameters
     ----------
     displacement : (T, N, 3, V) metres, U
-    target : (T, N + M, 3, V) metres, of ``energy_target``
+    scales : (V, E)
     """
-    dtype, n_points = displacement.dtype, displacement.shape[1]
-    rows = displacement.reshape(*displacement.shape[:2], -1)
-    steps = np.diff(displacement, axis=0)
-    deformation = batched_product(energy.laplacians.astype(dtype, copy=False), rows)
-    deformation -= target.reshape(deformation.shape)
-    contacts = energy.contact_weights
-    contact_force = contacts.sum(axis=-1)[..., None].astype(dtype) * rows
-    contact_force -= batched_product(contacts.astype(dtype, copy=False), rows)
-    root_weights = np.sqrt(energy.support_weights)[..., None].astype(dtype, copy=False)
-    lift = displacement[:, :, 1] * root_weights
-    step_weights = np.sqrt(energy.step_weights)[..., None, None].astype(dtype, copy=False)
-    return {
-        "laplacian": _half_sum(deformation[:, :n_points], displacement),
-        "trunk_shape": _half_sum(deformation[:, n_points:], displacement),
-        "acceleration": energy.acceleration * _half_sum(np.diff(steps, axis=0), displacement),
-        "contact": _half_sum(contact_force, displacement, rows),
-        "stance": energy.stance * _half_sum(steps * step_weights, displacement),
-        "stance_height": energy.stance_height * _half_sum(lift, displacement),
-        "regularisation": energy.regularisation * _half_sum(displacement, displacement),
-    }
+    growth = scales - 1
+    product = hessian_product(energy, displacement) / 2 - energy_rhs(energy, scales)
+    constant = np.einsum("ve,ef,vf->v", growth, energy.constant, growth) / 2
+    total: Array = np.einsum("tncv,tncv->tv", product, displacement).sum(axis=0) + constant
+    return total
 
 
 def hessian_product(energy: QuadraticEnergy, displacement: Real) -> Real:
@@ -176,8 +191,7 @@ def hessian_product(energy: QuadraticEnergy, displacement: Real) -> Real:
     dtype, rows = displacement.dtype, displacement.reshape(*displacement.shape[:2], -1)
     hessians = energy.frame_hessians.astype(dtype, copy=False)
     result = batched_product(hessians, rows).reshape(displacement.shape)
-    height_weights = (energy.stance_height * energy.support_weights[..., None]).astype(dtype)
-    result[:, :, 1] += height_weights * displacement[:, :, 1]
+    result[:, :, 1] += energy.height_weights[..., None].astype(dtype) * displacement[:, :, 1]
     steps = np.diff(displacement, axis=0)
     accelerations = energy.acceleration * np.diff(steps, axis=0)
     steps *= (energy.stance * energy.step_weights[..., None, None]).astype(dtype)
@@ -187,19 +201,3 @@ def hessian_product(energy: QuadraticEnergy, displacement: Real) -> Real:
     for shift, weight in enumerate((1, -2, 1)):
         result[shift : len(accelerations) + shift] += weight * accelerations
     return result
-
-
-def _half_sum(values: Real, like: Real, others: Real | None = None) -> Array:
-    """Half the sum of squares, or of products with ``others``, over all but the last axis.
-
-    Parameters
-    ----------
-    like : an array with that last axis, (..., V)
-    """
-    # The shape is explicit: motions of one or two frames have no accelerations, and -1 would be
-    # ambiguous.
-    shape = (len(values), prod(values.shape[1:]) // like.shape[-1], like.shape[-1])
-    rows = values.reshape(shape)
-    factors = rows if others is None else others.reshape(shape)
-    half: Array = np.einsum("trv,trv->tv", rows, factors).sum(axis=0, dtype=np.float64) / 2
-    return half

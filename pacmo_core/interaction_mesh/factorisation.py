@@ -1,9 +1,9 @@
 """The block Cholesky factorisation of a source, which serves all target bodies.
 
 The matrix of ADMM's linear step is ``H + A^T P A``: H the energy's Hessian, A the differences of
-points that are constrained, P their penalties. It couples a frame with the two before it. With two
+points and the heights that are constrained, P their penalties. It couples a frame with the two before it. With two
 frames per block it is block tridiagonal, its off-diagonal blocks C_k consist of diagonal matrices,
-and block elimination needs only the inverse of each pivot S_k. Ground supports act on the height
+and block elimination needs only the inverse of each pivot S_k. Supports and the floor act on heights
 alone, hence one stack of pivots for the horizontal directions and one for the height.
 """
 
@@ -12,78 +12,13 @@ from dataclasses import dataclass
 from itertools import tee
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky
 from scipy.linalg.lapack import dpotri
 
+from pacmo_core.interaction_mesh.constraints import Floor, Rows
 from pacmo_core.interaction_mesh.energy import QuadraticEnergy
 from pacmo_core.interaction_mesh.linear_algebra import pair_frames
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
-
-
-@dataclass(frozen=True)
-class Constraints:
-    """Constraints on differences of two points: first bone lengths, then separation of pairs.
-
-    Parameters
-    ----------
-    pairs : (T, R, 2), a difference is the second point less the first
-    penalties : (T, R), of ADMM
-    source : (T, R, 3) metres, the differences in the source
-    min_distances : (T, R - E) metres, lower bound on the distance of the separated pairs
-    """
-
-    pairs: NDArray[np.intp]
-    penalties: Array
-    source: Array
-    min_distances: Array
-
-
-def bone_constraints(scene: Scene, penalties: Array) -> Constraints:
-    """Constrain the lengths of all bones, with penalties (T, E)."""
-    n_frames = len(scene.points)
-    pairs = np.broadcast_to(scene.bones, (n_frames, *scene.bones.shape))
-    return Constraints(pairs, penalties, scene.bone_vectors, np.zeros((n_frames, 0)))
-
-
-def add_separation_constraints(
-    scene: Scene, bones: Constraints, penalty: float, n_pairs: int, clearance: float
-) -> Constraints:
-    """Keep the closest pairs of every frame apart, by their distance in the source at most.
-
-    Parameters
-    ----------
-    n_pairs : per frame
-    clearance : metres, upper bound on the enforced distance
-    """
-    pairs = closest_pairs(scene, n_pairs)
-    first, second = (
-        np.take_along_axis(scene.points, pairs[..., end, None], axis=1) for end in (0, 1)
-    )
-    source = second - first
-    return Constraints(
-        pairs=np.concatenate([bones.pairs, pairs], axis=1),
-        penalties=np.concatenate([bones.penalties, np.full(pairs.shape[:2], penalty)], axis=1),
-        source=np.concatenate([bones.source, source], axis=1),
-        min_distances=np.linalg.norm(source, axis=-1).clip(max=clearance),
-    )
-
-
-def closest_pairs(scene: Scene, n_pairs: int) -> NDArray[np.intp]:
-    """``(T, P, 2)``: the pairs of points, one of each body, that are closest in each frame."""
-    n_a, n_b = scene.n_joints
-    a, b = scene.points[:, :n_a, None], scene.points[:, None, n_a:]
-    distances = np.linalg.norm(a - b, axis=-1).reshape(len(a), -1)
-    closest = np.argsort(distances, axis=1, kind="stable")[:, :n_pairs]
-    return np.stack([closest // n_b, n_a + closest % n_b], axis=-1)
-
-
-def difference_matrices(pairs: NDArray[np.intp], n_points: int) -> Array:
-    """``(..., R, N)``: A, the matrix of -1 and 1 from points to their differences."""
-    points = np.arange(n_points)
-    first, second = ((pairs[..., end, None] == points).astype(np.float64) for end in (0, 1))
-    difference: Array = second - first
-    return difference
 
 
 @dataclass(frozen=True)
@@ -106,7 +41,7 @@ class TemporalCoupling:
 
 def temporal_coupling(energy: QuadraticEnergy) -> TemporalCoupling:
     """Return the entries; a frame that pads the last block has a diagonal of ones alone."""
-    n_frames, n_points = energy.support_weights.shape
+    n_frames, n_points = energy.height_weights.shape
     size = n_frames + n_frames % 2
     diagonal, lag_one = np.zeros((size, n_points)), np.zeros((size, n_points))
     lag_two = np.zeros(size)
@@ -125,17 +60,17 @@ def temporal_coupling(energy: QuadraticEnergy) -> TemporalCoupling:
 
 
 def diagonal_blocks(
-    energy: QuadraticEnergy, coupling: TemporalCoupling, constraints: Constraints | None
+    energy: QuadraticEnergy, coupling: TemporalCoupling, constraints: Rows | None
 ) -> Iterator[Array]:
-    """Yield the diagonal blocks of ``H + A^T P A``, (2N, 2N), without the stance height term."""
-    n_frames, n_points = energy.support_weights.shape
+    """Yield the diagonal blocks of ``H + A^T P A``, (2N, 2N), without what acts on heights alone."""
+    n_frames, n_points = energy.height_weights.shape
     points = np.arange(n_points)
     for first in range(0, len(coupling.diagonal), 2):
         block = np.zeros((2 * n_points, 2 * n_points))
         frames = slice(first, min(first + 2, n_frames))
-        hessians = energy.frame_hessians_of(frames)
+        hessians = energy.frame_hessians[frames].copy()
         if constraints is not None:
-            matrix = difference_matrices(constraints.pairs[frames], n_points)
+            matrix = constraints.matrices(frames, n_points)
             hessians += matrix.transpose(0, 2, 1) @ (
                 constraints.penalties[frames, :, None] * matrix
             )
@@ -182,16 +117,18 @@ class Factorisation:
     lag_two: Single
 
 
-def factorise(energy: QuadraticEnergy, constraints: Constraints) -> Factorisation:
+def factorise(energy: QuadraticEnergy, rows: Rows, floor: Floor) -> Factorisation:
     """Eliminate block by block in float64, and store the inverse pivots in float32."""
     coupling = temporal_coupling(energy)
+    height_weights = energy.height_weights.copy()
+    height_weights[:, floor.joints] += floor.penalties
     size = 2 * coupling.diagonal.shape[1]
     horizontal = np.zeros((len(coupling.diagonal) // 2, size, size), dtype=np.float32)
     vertical = np.zeros_like(horizontal)
-    blocks, same_blocks = tee(diagonal_blocks(energy, coupling, constraints))
+    blocks, same_blocks = tee(diagonal_blocks(energy, coupling, rows))
     pivots = zip(
         _inverse_pivots(blocks, coupling),
-        _inverse_pivots(_add_height_term(same_blocks, energy), coupling),
+        _inverse_pivots(_add_heights(same_blocks, height_weights), coupling),
         strict=True,
     )
     for number, (across, upright) in enumerate(pivots):
@@ -212,9 +149,9 @@ def bone_stiffness(energy: QuadraticEnergy, scene: Scene) -> Array:
     ground and heads in the air alike.
     """
     coupling = temporal_coupling(energy)
-    blocks = _add_height_term(diagonal_blocks(energy, coupling, None), energy)
+    blocks = _add_heights(diagonal_blocks(energy, coupling, None), energy.height_weights)
     compliance = _compliance(blocks, coupling, scene)
-    stiffness: Array = 1 / compliance[: len(energy.support_weights)]
+    stiffness: Array = 1 / compliance[: len(energy.height_weights)]
     return stiffness
 
 
@@ -239,11 +176,10 @@ def _compliance(blocks: Iterable[Array], coupling: TemporalCoupling, scene: Scen
     return compliance.reshape(2 * len(pivots), -1)
 
 
-def _add_height_term(blocks: Iterable[Array], energy: QuadraticEnergy) -> Iterator[Array]:
-    """Add the stance height term, which acts on the vertical direction alone."""
-    weights = energy.stance_height * pair_frames(energy.support_weights)
-    for block, weight in zip(blocks, weights, strict=True):
-        yield block + np.diag(weight.reshape(-1))
+def _add_heights(blocks: Iterable[Array], weights: Array) -> Iterator[Array]:
+    """Add what acts on heights alone, (T, N), to the blocks of the vertical direction."""
+    for block, diagonal in zip(blocks, pair_frames(weights), strict=True):
+        yield block + np.diag(diagonal.reshape(-1))
 
 
 def _inverse_pivots(blocks: Iterable[Array], coupling: TemporalCoupling) -> Iterator[Array]:

@@ -1,80 +1,211 @@
-"""The interaction mesh of a source, its contacts, trunks and ground supports.
+"""The terms of the energy within a frame: interaction mesh, contact, posture, root, heights.
 
 Laplacian coordinates after Ho, Komura and Tai (2010), *Spatial relationship preserving character
-motion adaptation*. The default graph connects every joint of one body with every joint of the
-other, after section 1 of the supplement of Li et al. (2024), *Two-person interaction augmentation
-with skeleton priors*. All of this depends on the source only, not on the target bodies.
+motion adaptation*. Every joint of one body is connected with every joint of the other, after
+section 1 of the supplement of Li et al. (2024), *Two-person interaction augmentation with skeleton
+priors*; unlike there, with weights that vanish at a distance, so that a bystander stays as he is.
+All of this depends on the source only, not on the target bodies.
 """
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.spatial import Delaunay
+from scipy.ndimage import gaussian_filter1d
 
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.interaction_mesh.body_parts import (
+    ancestor_bones,
+    bone_to_joint,
+    hinges,
+    is_hand,
+    posture_weights,
+    spine_bends,
+    trunk_joints,
+)
 from pacmo_core.interaction_mesh.scene import Array, Scene
-from pacmo_core.interaction_mesh.settings import Support, Weights
+from pacmo_core.interaction_mesh.settings import Posture, Support, Weights
 
 # Quantile of a joint's heights that is its lowest level; heights below it are noise.
 LOWEST_QUANTILE = 0.05
+# Metres: bones of this length have their posture weight as it is set; shorter ones more, so that
+# the weight is on angles.
+REFERENCE_LENGTH = 0.3
+HINGE_LENGTH = 0.4  # metres of lower limb that an angle of a hinge moves
+# Metres over which the lowest joints of a person share what keeps them at their height.
+LOWEST_RANGE = 0.03
+# A person whose lowest joint is this many metres above the floor is in the air, where the root is
+# held by this fraction of its weight.
+AIRBORNE_HEIGHT, AIRBORNE_FRACTION = 0.2, 0.09
+# Metres above the lowest joint at which the weight of heights has fallen to 1/e.
+FLOOR_RANGE = 0.05
 
 
-def laplacian_matrices(scene: Scene, weights: Weights, graph: str) -> Array:
-    """Return L of each frame, ``(T, N, N)``: ``(L p)_i = p_i - sum_j w_ij p_j``.
+@dataclass(frozen=True)
+class LinearTerm:
+    """The term ``1/2 sum_t |rows U_t - factors ((s - 1) v_t)|^2``, v the bone vectors.
 
-    The weights fall with the distance in the source, ``w_ij ~ 1 / (d_ij + softening)^exponent``,
-    and each row of w sums to one.
+    Parameters
+    ----------
+    rows : (T, R, N) or (R, N)
+    factors : (T, R, E) or (R, E)
     """
-    edges = 1 / (_joint_distances(scene.points) + weights.distance_softening) ** (
-        weights.distance_exponent
-    )
-    edges *= complete_graph(scene) if graph == "complete" else delaunay_graph(scene)
+
+    rows: Array
+    factors: Array
+
+
+@dataclass(frozen=True)
+class HeightTerm:
+    """The term ``1/2 sum_t sum_i weights (U_y - targets (s - 1))^2``.
+
+    Parameters
+    ----------
+    weights : (T, N)
+    targets : (T, N, E) metres
+    """
+
+    weights: Array
+    targets: Array
+
+
+def linear_terms(scene: Scene, weights: Weights) -> Iterator[LinearTerm]:
+    """Yield Laplacian deformation, posture, hinges and trunk shape."""
+    yield laplacian_term(scene, weights)
+    yield posture_term(scene, weights.posture)
+    yield hinge_term(scene, weights.posture)
+    yield trunk_shape_term(scene, weights.trunk_shape)
+
+
+def laplacian_term(scene: Scene, weights: Weights) -> LinearTerm:
+    """Return L of each frame, ``(L p)_i = p_i - sum_j w_ij p_j``, and what scaled bones do to it.
+
+    A scaled bone moves either end in the Laplacian coordinates of the other, by the edge's weight.
+    """
+    laplacians = laplacian_matrices(scene, weights)
+    parent, child = scene.bones.T
+    factors = np.zeros((*laplacians.shape[:2], len(parent)))
+    bones = np.arange(len(parent))
+    factors[:, parent, bones] += laplacians[:, parent, child]
+    factors[:, child, bones] -= laplacians[:, child, parent]
+    return LinearTerm(laplacians, factors)
+
+
+def laplacian_matrices(scene: Scene, weights: Weights) -> Array:
+    """``(T, N, N)``: weights fall with the distance in the source, and each row sums to zero.
+
+    ``w_ij ~ 1 / (d_ij + softening)``, times ``exp(-(d_ij / interaction_range)^2)`` between the two
+    bodies.
+    """
+    distances = joint_distances(scene.points)
+    edges = 1 / (distances + weights.distance_softening)
+    between = np.exp(-np.square(distances / weights.interaction_range)) * inter_body_mask(scene)
+    edges *= between + _bone_mask(scene)
+    edges = _smooth(edges, scene.fps, weights.smoothing_time)
     edges /= edges.sum(axis=-1, keepdims=True)
     laplacians: Array = np.eye(edges.shape[-1]) - edges
     return laplacians
 
 
-def contact_weights(scene: Scene, weights: Weights) -> Array:
-    """Return the weights of contact between joints of the two bodies, ``(T, N, N)``, symmetric.
+def posture_term(scene: Scene, posture: Posture) -> LinearTerm:
+    """Ask every bone to grow along its own direction; the weight is on its angle."""
+    weights = posture_weights(scene, posture) * (REFERENCE_LENGTH / _mean_lengths(scene))
+    roots = np.sqrt(weights)
+    return LinearTerm(roots[:, None] * _bone_differences(scene), np.diag(roots))
+
+
+def hinge_term(scene: Scene, posture: Posture) -> LinearTerm:
+    """Ask both bones of a knee or elbow to turn alike, so that its angle stays."""
+    limbs, names = hinges(scene)
+    bends = spine_bends(scene)
+    pairs = np.concatenate([limbs, bends])
+    weight_of = {"knee": posture.knee, "elbow": posture.elbow, "spine": posture.spine}
+    roots = [weight_of[name] for name in (*names, *["spine"] * len(bends))]
+    roots = HINGE_LENGTH * np.sqrt(roots)
+    lengths, rows = _mean_lengths(scene), np.arange(len(pairs))
+    factors = np.zeros((len(pairs), len(lengths)))
+    for end, sign in ((1, 1), (0, -1)):
+        factors[rows, pairs[:, end]] = sign * roots / lengths[pairs[:, end]]
+    return LinearTerm(factors @ _bone_differences(scene), factors)
+
+
+def trunk_shape_term(scene: Scene, weight: float) -> LinearTerm:
+    """Ask trunk joints to keep their positions relative to their trunk's mean.
+
+    Without this term a smaller body folds its hips and shoulders together, as bones that share a
+    joint turn freely against each other.
+    """
+    identity, blocks = np.eye(scene.points.shape[1]), []
+    for joints in trunk_joints(scene):
+        rows = identity[joints]
+        blocks.append(rows - rows.mean(axis=0) if len(joints) else rows)
+    relative: Array = np.sqrt(weight) * np.concatenate(blocks)
+    return LinearTerm(relative, relative @ ancestor_bones(scene))
+
+
+def contact_hessians(scene: Scene, weights: Weights) -> Array:
+    """``(T, N, N)``: the part of H of the contacts, whose displacements should be equal.
 
     ``c_ij = exp(-(d_ij / contact_range)^4)``, normalised so that a joint in contact with many
     divides its weight among them: ``w_ij = contact c_ij / sqrt(s_i s_j)`` with ``s_i`` the larger
     of 1 and the sum of ``c_ij`` over j.
     """
-    closeness = np.exp(
-        -np.square(np.square(_joint_distances(scene.points) / weights.contact_range))
-    )
-    closeness *= inter_body_mask(scene)
+    closeness = np.exp(-((joint_distances(scene.points) / weights.contact_range) ** 4))
+    hand = is_hand(scene)
+    closeness *= np.where(hand[:, None] | hand, 1, weights.body_contact) * inter_body_mask(scene)
+    closeness = _smooth(closeness, scene.fps, weights.smoothing_time)
     norms = np.sqrt(closeness.sum(axis=-1).clip(min=1))
-    contacts: Array = weights.contact * closeness / (norms[:, :, None] * norms[:, None])
-    return contacts
+    hessians: Array = -weights.contact * closeness / (norms[:, :, None] * norms[:, None])
+    points = np.arange(hessians.shape[1])
+    hessians[:, points, points] -= hessians.sum(axis=-1)
+    return hessians
 
 
-def target_matrix(scene: Scene, laplacians: Array, trunk_targets: Array) -> csr_array:
-    """Return the matrix from bone scales minus 1 to the target of the energy, ``(3T(N + M), E)``.
+def root_term(scene: Scene, weight: float) -> tuple[Array, HeightTerm]:
+    """Return the weight on each root in all directions, (T, N), and the height that it should take.
 
-    A scaled bone moves either end in the Laplacian coordinates of the other, by the edge's weight.
-    The last M rows of a frame are the deformation of trunks whose bones are scaled along their own
-    directions.
-
-    Parameters
-    ----------
-    laplacians : (T, N, N)
-    trunk_targets : (M, E), of ``trunk_shape_matrices``
+    The height of the root that keeps the person's lowest joints where they are, if all bones grow
+    along their own directions.
     """
-    parent, child = scene.bones.T
-    n_frames, n_points, _ = scene.points.shape
-    factors = np.zeros((n_frames, n_points + len(trunk_targets), len(parent)))
-    bones = np.arange(len(parent))
-    factors[:, parent, bones] += laplacians[:, parent, child]
-    factors[:, child, bones] -= laplacians[:, child, parent]
-    factors[:, n_points:] = trunk_targets
-    frame, row, bone = np.nonzero(factors)
-    values = factors[frame, row, bone, None] * scene.bone_vectors[frame, bone]
-    rows = 3 * (frame * factors.shape[1] + row)[:, None] + np.arange(3)
-    indices = (rows.reshape(-1), np.repeat(bone, 3))
-    shape = (factors[..., 0].size * 3, len(parent))
-    return csr_array((values.reshape(-1), indices), shape=shape)
+    ancestors, heights = ancestor_bones(scene), scene.points[..., 1]
+    weights = np.zeros(heights.shape)
+    targets = np.zeros((*heights.shape, len(scene.bones)))
+    for joints, root in _people(scene):
+        lowest = heights[:, joints].min(axis=1)
+        share = np.exp(-(heights[:, joints] - lowest[:, None]) / LOWEST_RANGE)
+        share /= share.sum(axis=1, keepdims=True)
+        targets[:, root] = -(share @ ancestors[joints]) * scene.bone_vectors[..., 1]
+        above = (lowest - heights[:, joints].min()) / AIRBORNE_HEIGHT
+        standing = np.exp(-(above.clip(min=0) ** 4))
+        weights[:, root] = weight * (AIRBORNE_FRACTION + (1 - AIRBORNE_FRACTION) * standing)
+    return weights, HeightTerm(weights, targets)
+
+
+def height_terms(scene: Scene, weights: Weights, supports: Array) -> Iterator[HeightTerm]:
+    """Yield what holds supporting joints, and joints near the floor, at their height.
+
+    A joint's height grows with the bone below it, or beside it at the end of a limb.
+    """
+    heights = scene.points[..., 1]
+    near, targets = np.zeros(heights.shape), np.zeros((*heights.shape, len(scene.bones)))
+    bone_of = bone_to_joint(scene)
+    for joints, root in _people(scene):
+        lowest = heights[:, joints].min()
+        near[:, joints] = np.exp(-np.square((heights[:, joints] - lowest) / FLOOR_RANGE))
+        for joint in joints.tolist():
+            below = [row for row, (parent, _) in enumerate(scene.bones.tolist()) if parent == joint]
+            bones = [bone_of[joint]] if joint != root and not below else below
+            targets[:, joint, bones] = (heights[:, joint] - lowest)[:, None] / len(bones)
+    yield HeightTerm(weights.stance_height * supports + weights.floor_height * near, targets)
+
+
+def joint_distances(points: Array) -> Array:
+    """``(T, N, N)`` metres."""
+    squares = np.zeros((len(points), points.shape[1], points.shape[1]))
+    for axis in range(3):
+        squares += np.square(points[:, :, None, axis] - points[:, None, :, axis])
+    distances: Array = np.sqrt(squares, out=squares)
+    return distances
 
 
 def inter_body_mask(scene: Scene) -> Array:
@@ -84,34 +215,41 @@ def inter_body_mask(scene: Scene) -> Array:
     return mask
 
 
-def complete_graph(scene: Scene) -> Array:
-    """``(N, N)`` ones along bones and between all joints of different bodies."""
-    edges = inter_body_mask(scene)
+def _bone_mask(scene: Scene) -> Array:
+    mask = np.zeros((sum(scene.n_joints),) * 2)
     parent, child = scene.bones.T
-    edges[parent, child] = edges[child, parent] = 1
-    return edges
+    mask[parent, child] = mask[child, parent] = 1
+    return mask
 
 
-def delaunay_graph(scene: Scene) -> Array:
-    """``(T, N, N)`` ones along bones and the edges of each frame's Delaunay tetrahedra."""
-    edges = np.zeros((*scene.points.shape[:2], scene.points.shape[1]))
-    for frame, pose in zip(edges, scene.points, strict=True):
-        cells = Delaunay(pose).simplices
-        frame[cells[:, :, None], cells[:, None]] = 1
+def _bone_differences(scene: Scene) -> Array:
+    """``(E, N)``: the end of each bone less its beginning."""
+    identity = np.eye(sum(scene.n_joints))
     parent, child = scene.bones.T
-    edges[:, parent, child] = edges[:, child, parent] = 1
-    points = np.arange(edges.shape[1])
-    edges[:, points, points] = 0
-    return edges
+    differences: Array = identity[child] - identity[parent]
+    return differences
 
 
-def _joint_distances(points: Array) -> Array:
-    """``(T, N, N)`` metres."""
-    squares = np.zeros((len(points), points.shape[1], points.shape[1]))
-    for axis in range(3):
-        squares += np.square(points[:, :, None, axis] - points[:, None, :, axis])
-    distances: Array = np.sqrt(squares, out=squares)
-    return distances
+def _mean_lengths(scene: Scene) -> Array:
+    lengths: Array = np.linalg.norm(scene.bone_vectors, axis=-1).mean(axis=0)
+    return lengths
+
+
+def _people(scene: Scene) -> Iterator[tuple[NDArray[np.intp], int]]:
+    """Yield the points of each person, and which of them is the root."""
+    first = 0
+    for skeleton in scene.skeletons:
+        joints = np.arange(first, first + len(skeleton.joints))
+        yield joints, first + skeleton.root
+        first += len(joints)
+
+
+def _smooth(weights: Array, fps: float, seconds: float) -> Array:
+    """Smooth over time, so that weights that rise and fall cause no jerk."""
+    if not seconds:
+        return weights
+    smoothed: Array = gaussian_filter1d(weights, seconds * fps, axis=0, mode="nearest")
+    return smoothed
 
 
 def ground_supports(scene: Scene, support: Support) -> NDArray[np.bool_]:
@@ -152,84 +290,3 @@ def _joint_speeds(scene: Scene) -> NDArray[np.float64]:
     after = np.concatenate([speeds, speeds[-1:]])
     smaller: NDArray[np.float64] = np.minimum(before, after)
     return smaller
-
-
-def trunk_joints(scene: Scene) -> list[NDArray[np.intp]]:
-    """List the points of each body from its root to the first joints of its limbs.
-
-    A body without limbs has no trunk.
-    """
-    parent_of = {child: parent for parent, child in scene.bones.tolist()}
-    trunks: tuple[set[int], set[int]] = (set(), set())
-    for limb_root, _, _ in hinge_joints(scene).tolist():
-        joint, trunk = limb_root, trunks[int(limb_root >= scene.n_joints[0])]
-        trunk.add(joint)
-        while joint in parent_of:
-            joint = parent_of[joint]
-            trunk.add(joint)
-    return [np.array(sorted(trunk), dtype=np.intp) for trunk in trunks]
-
-
-def trunk_shape_matrices(scene: Scene, weight: float) -> tuple[Array, Array]:
-    """Return the positions of trunk joints relative to their trunk's mean, times sqrt(weight).
-
-    Without this term a smaller body folds its hips and shoulders together, as bones that share a
-    joint turn freely against each other.
-
-    Returns
-    -------
-    ``(M, N)``, as a matrix on the points; and ``(M, E)``, as a matrix on the bones, each scaled
-    along its own direction
-    """
-    identity, blocks = np.eye(scene.points.shape[1]), []
-    for joints in trunk_joints(scene):
-        rows = identity[joints]
-        blocks.append(rows - rows.mean(axis=0) if len(joints) else rows)
-    relative: Array = np.sqrt(weight) * np.concatenate(blocks)
-    return relative, relative @ ancestor_bones(scene)
-
-
-def ancestor_bones(scene: Scene) -> Array:
-    """``(N, E)``: ones where a bone lies between a point and its body's root."""
-    bone_of = {child: (row, parent) for row, (parent, child) in enumerate(scene.bones.tolist())}
-    ancestors = np.zeros((scene.points.shape[1], len(scene.bones)))
-    for point in range(len(ancestors)):
-        joint = point
-        while joint in bone_of:
-            row, joint = bone_of[joint]
-            ancestors[point, row] = 1
-    return ancestors
-
-
-def hinge_joints(scene: Scene) -> NDArray[np.intp]:
-    """Return the elbows and knees of both bodies, ``(H, 3)`` points (parent, hinge, child).
-
-    Names differ between skeletons, so limbs are identified by structure: a limb begins at a joint
-    with a mirror image whose parent has none. Its hinge lies between its two long bones.
-    """
-    lengths = np.linalg.norm(scene.bone_vectors, axis=-1).mean(axis=0)
-    hinges, first_joint, first_bone = [], 0, 0
-    for skeleton in scene.skeletons:
-        body_lengths = lengths[first_bone : first_bone + len(skeleton.bones)]
-        hinges += [first_joint + hinge for hinge in _hinges_of_body(skeleton, body_lengths)]
-        first_joint += len(skeleton.joints)
-        first_bone += len(skeleton.bones)
-    return np.array(hinges, dtype=np.intp).reshape(-1, 3)
-
-
-def _hinges_of_body(skeleton: Skeleton, lengths: Array) -> list[NDArray[np.intp]]:
-    """List (parent, hinge, child) of each limb: the adjacent bones whose shorter one is longest."""
-    parents, mirrored = skeleton.parents, {i for pair in skeleton.left_right for i in pair}
-    length = dict(zip(skeleton.bones[:, 1].tolist(), lengths.tolist(), strict=True))
-    hinges: dict[int, tuple[float, list[int]]] = {}
-    limb_of: dict[int, int] = {}
-    for joint in skeleton.order[1:]:
-        parent = parents[joint]
-        if joint in mirrored:
-            limb_of[joint] = limb_of.get(parent, joint)
-        if parent in limb_of and joint in limb_of:
-            limb = limb_of[joint]
-            shorter = min(length[parent], length[joint])
-            if limb not in hinges or shorter > hinges[limb][0]:
-                hinges[limb] = (shorter, [parents[parent], parent, joint])
-    return [np.array(chain, dtype=np.intp) for _, chain in hinges.values()]

@@ -1,4 +1,8 @@
-"""Measurements of the quality of a variation."""
+"""Measurements of a variation: what changed that the other body does not explain.
+
+Each is of the person for whom it is worse. Angles, heights and speeds are compared with the source,
+contacts and penetration with the source at the same frame.
+"""
 
 from dataclasses import dataclass
 
@@ -6,140 +10,331 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from pacmo_core.interaction_mesh.body_parts import (
+    ancestor_bones,
+    bone_to_joint,
+    hinges,
+    scene_bone_kinds,
+    trunk_joints,
+)
+from pacmo_core.interaction_mesh.capsules import capsule_penetration
 from pacmo_core.interaction_mesh.linear_algebra import batched_product
-from pacmo_core.interaction_mesh.mesh import hinge_joints, support_steps
-from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.mesh import support_steps
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single, common_scale
 from pacmo_core.interaction_mesh.settings import AttemptLimits, Settings
 
-# Frames before and after a frame whose median its acceleration is compared with.
-MEDIAN_RADIUS = 10
+# Seconds before and after a frame with the median of which its acceleration is compared, and the
+# fraction of the mean acceleration that it is compared with at least.
+MEDIAN_SECONDS = 1 / 3
+REST_FRACTION = 0.5
 # Frames whose near pairs are measured together.
 FRAMES_PER_BATCH = 64
 # Minimal sine of the bend angle at which the bend direction of a limb is defined.
 MIN_BEND_SINE = 0.25
+# Metres between the nearest joints of the two people, from which on they are apart.
+APART_DISTANCE = 0.5
+PERCENTILE = 95
+ANGLES = ("knee", "elbow", "hip", "shoulder", "spine")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """Measurements of one variation, before the scene is scaled as a whole.
+    """Measurements of one variation, of the person for whom each is worse.
 
     Parameters
     ----------
-    near_distance_error, far_distance_error : metres, mean change of the distances between joints
-        of the two bodies, of pairs near in the source and of all others
-    near_distance_error_naive : the same of naive scaling
-    contacts_preserved : fraction of the pairs and frames in contact in the source
+    knee_change, elbow_change, hip_change, shoulder_change, spine_change : degrees, mean over frames
+        and joints of the absolute change of a joint's angle
+    knee_change_p95, ... : degrees, 95th percentile of the same
+    knee_change_apart : degrees, mean over the frames in which nobody is within 0.5 m of the other
+    pelvis_height_error : metres, mean over frames: height of the root above the ground, against the
+        source's times the scale of the leg
+    below_floor : metres, depth of the lowest joint below the person's lowest in the source
+    trunk_change : largest relative error of a distance between two joints of the trunk, median over
+        frames, against bones that are scaled along their own directions
     added_foot_skate : metres per second, mean horizontal speed of supporting joints in addition to
         the source's
-    penetration : metres, largest decrease of a distance between joints of the two bodies, within
-        the clearance
-    acceleration_peak_ratio : the largest mean acceleration of a frame over the median of the frames
-        around it, relative to the source's own ratio where that is above 1
-    bend_flip_fraction : fraction of frames in which an elbow or knee bends to the other side
+    peak_acceleration_ratio : the largest mean acceleration of a frame over that of the source
+    seam_ratio : the largest mean acceleration of a frame over the median of the frames around it,
+        relative to the source's own ratio where that is above 1
+    knee_flips, elbow_flips : fraction of frames in which a knee or elbow bends to the other side
+    capsule_penetration : metres by which the bodies are deeper in each other than in the source
+    contacts_kept : fraction of the pairs and frames in contact in the source that are in contact by
+        the same distance
+    contacts_kept_with_slack : the same, with a slack on the distance afterwards
+    near_distance_error, far_distance_error : metres, mean change of the distances between joints
+        of the two bodies, of pairs near in the source and of all others, before the scene is scaled
+        as a whole
+    near_distance_error_naive : the same of naive scaling
     attempt : number of the attempt, from 0
     primal_residual : largest relative error of a bone length before it is set to its target
     fixed_point_residual : step of the last ADMM iteration, root mean square, relative to the
         growth of the bones (``retargeting.step_scale``)
     iterations : of ADMM in the attempt
-    energy : the terms by name
+    energy : of the motion
     """
 
+    knee_change: float
+    knee_change_p95: float
+    knee_change_apart: float
+    elbow_change: float
+    elbow_change_p95: float
+    hip_change: float
+    hip_change_p95: float
+    shoulder_change: float
+    shoulder_change_p95: float
+    spine_change: float
+    spine_change_p95: float
+    pelvis_height_error: float
+    below_floor: float
+    trunk_change: float
+    added_foot_skate: float
+    peak_acceleration_ratio: float
+    seam_ratio: float
+    knee_flips: float
+    elbow_flips: float
+    capsule_penetration: float
+    contacts_kept: float
+    contacts_kept_with_slack: float
     near_distance_error: float
     far_distance_error: float
     near_distance_error_naive: float
-    contacts_preserved: float
-    added_foot_skate: float
-    penetration: float
-    acceleration_peak_ratio: float
-    bend_flip_fraction: float
     attempt: int
     primal_residual: float
     fixed_point_residual: float
     iterations: int
-    energy: dict[str, float]
+    energy: float
 
     def limit_ratio(self, limits: AttemptLimits) -> float:
         """Return the largest ratio of a measurement to its limit; at most 1 if accepted."""
         return max(
             self.primal_residual / limits.primal_residual,
-            self.penetration / limits.penetration,
-            self.acceleration_peak_ratio / limits.acceleration_peak_ratio,
+            (1 - self.contacts_kept) / (1 - limits.contacts_kept),
+            self.capsule_penetration / limits.capsule_penetration,
+            self.seam_ratio / limits.seam_ratio,
         )
 
     def has_diverged(self, limits: AttemptLimits) -> bool:
         """Whether more iterations of the same attempt will not help."""
         return (
             self.primal_residual > limits.primal_residual
-            or self.acceleration_peak_ratio > limits.acceleration_peak_ratio
+            or self.seam_ratio > limits.seam_ratio
         )
 
 
 def measure_motions(
-    scene: Scene, settings: Settings, is_support: NDArray[np.bool_], points: Array
+    scene: Scene,
+    settings: Settings,
+    is_support: NDArray[np.bool_],
+    scales: Array,
+    points: Array,
 ) -> dict[str, Array]:
-    """Measure motions (T, N, 3, V), metres: by the names of ``Report``, (V,) each."""
-    distances = measure_distances(scene, settings, points)
-    source_skate = _foot_skate(scene.points[..., None], is_support, scene.fps)
+    """Measure motions (T, N, 3, V), metres, of bodies (V, E): by the names of ``Report``, (V,) each."""
+    people = [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
+    common = common_scale(scene, scales)
+    contacts = [
+        contacts_kept(scene, points / common, settings.contact_distance, slack)
+        for slack in (0.0, settings.contact_slack)
+    ]
     return {
-        "near_distance_error": distances.near,
-        "far_distance_error": distances.far,
-        "contacts_preserved": distances.contacts_preserved,
-        "added_foot_skate": _foot_skate(points, is_support, scene.fps) - source_skate,
-        "penetration": distances.penetration.clip(min=0),
-        "acceleration_peak_ratio": _acceleration_peak_ratio(scene, points),
-        "bend_flip_fraction": bend_flip_fraction(scene, points),
+        **{name: np.maximum(people[0][name], people[1][name]) for name in people[0]},
+        "capsule_penetration": capsule_penetration(scene, points / common),
+        "contacts_kept": contacts[0],
+        "contacts_kept_with_slack": contacts[1],
     }
 
 
-@dataclass(frozen=True)
-class DistanceErrors:
-    """Errors of the distances between joints of the two bodies in V motions, (V,) each.
+def _measure_person(
+    scene: Scene, is_support: NDArray[np.bool_], scales: Array, points: Array, person: int
+) -> dict[str, Array]:
+    """Measure one person."""
+    n_a = scene.n_joints[0]
+    joints = slice(None, n_a) if person == 0 else slice(n_a, None)
+    source, body = scene.points[:, joints, :, None], points[:, joints]
+    skate = [_foot_skate(p, is_support[:, joints], scene.fps) for p in (body, source)]
+    flips = bend_flips(scene, points, person)
+    measures = {
+        "pelvis_height_error": _pelvis_height_error(scene, scales, points, person),
+        "below_floor": (source[:, :, 1].min() - body[:, :, 1].min(axis=(0, 1))).clip(min=0),
+        "trunk_change": trunk_change(scene, scales, points, person),
+        "added_foot_skate": skate[0] - skate[1],
+        **acceleration_measures(source, body, scene.fps),
+        "knee_flips": flips["knee"],
+        "elbow_flips": flips["elbow"],
+    }
+    is_apart = ~_is_within_reach(scene)
+    for name in ANGLES:
+        changes = angle_changes(scene, points, person, name)
+        flat = changes.reshape(-1, points.shape[-1])
+        measures[f"{name}_change"] = _mean(flat)
+        measures[f"{name}_change_p95"] = (
+            np.percentile(flat, PERCENTILE, axis=0) if len(flat) else np.zeros(flat.shape[-1])
+        )
+        if name == "knee":
+            measures["knee_change_apart"] = _mean(
+                changes[is_apart].reshape(-1, points.shape[-1])
+            )
+    return measures
 
-    Parameters
-    ----------
-    near : metres, mean change of the distance of pairs that are near in the source
-    far : metres, of all others
-    contacts_preserved : fraction of the pairs in contact in the source
-    penetration : metres, largest decrease of a distance within the clearance
+
+def angle_changes(scene: Scene, points: Array, person: int, name: str) -> Array:
+    """Return the absolute changes of a person's angles of one name, ``(T, K, V)`` degrees.
+
+    Knees and elbows: between the two bones. Hips and shoulders: between the limb's first bone and
+    the trunk, from the middle of the hips to the middle of the shoulders. Spine: between
+    consecutive bones from the root to where the arms begin.
     """
+    pairs = [
+        (_vectors(scene.points[..., None], first), _vectors(scene.points[..., None], second),
+         _vectors(points, first), _vectors(points, second))
+        for first, second in _angle_vectors(scene, person, name)
+    ]  # fmt: skip
+    changes = [np.abs(_angle(c, d) - _angle(a, b)) for a, b, c, d in pairs]
+    empty = np.zeros((len(points), 0, points.shape[-1]))
+    return np.stack(changes, axis=1) if changes else empty
 
-    near: Array
-    far: Array
-    contacts_preserved: Array
-    penetration: Array
+
+_Vector = tuple[list[int], list[int]]  # from the middle of some points to that of others
 
 
-def measure_distances(scene: Scene, settings: Settings, points: Array) -> DistanceErrors:
-    """Compare motions (T, N, 3, V), metres, with the source.
+def _angle_vectors(scene: Scene, person: int, name: str) -> list[tuple[_Vector, _Vector]]:
+    """List the two vectors between which each angle of one name is measured."""
+    bones = [_bone_vector(scene, row) for row in range(len(scene.bones))]
+    kinds = scene_bone_kinds(scene)
+    first = scene.n_bones[0] if person else 0
+    own = range(first, first + scene.n_bones[person])
+    if name in ("knee", "elbow"):
+        pairs, names = hinges(scene)
+        rows = [pair for pair, n in zip(pairs.tolist(), names, strict=True) if n == name]
+        return [(bones[upper], bones[lower]) for upper, lower in rows if lower in own]
+    upper = {"hip": "thigh", "shoulder": "upper_arm"}
+    roots = {k: [row for row in own if kinds[row] == k] for k in upper.values()}
+    if not all(roots.values()):
+        return []
+    hips, shoulders = ([int(scene.bones[row, 0]) for row in rows] for rows in roots.values())
+    if name in upper:
+        trunk = (hips, shoulders)
+        return [(trunk, bones[row]) for row in roots[upper[name]]]
+    chains = [_chain_to_root(scene, joint) for joint in shoulders]
+    shared = [row for row in chains[0] if all(row in chain for chain in chains)]
+    return [(bones[lower], bones[upper]) for upper, lower in zip(shared, shared[1:], strict=False)]
 
-    Without near pairs the error is 0; without contacts all are preserved.
+
+def _bone_vector(scene: Scene, row: int) -> _Vector:
+    parent, child = scene.bones[row].tolist()
+    return [parent], [child]
+
+
+def _chain_to_root(scene: Scene, joint: int) -> list[int]:
+    """List the bones from a joint to the root of its body."""
+    bone_of, chain = bone_to_joint(scene), []
+    while joint in bone_of:
+        chain.append(bone_of[joint])
+        joint = int(scene.bones[chain[-1], 0])
+    return chain
+
+
+def _vectors(points: Array, vector: _Vector) -> Array:
+    begin, end = (points[:, joints].mean(axis=1) for joints in vector)
+    difference: Array = end - begin
+    return difference
+
+
+def _angle(first: Array, second: Array) -> Array:
+    """``(T, V)`` degrees between vectors (T, 3, V)."""
+    cross = np.cross(first, second, axis=1)
+    sine = np.sqrt(np.einsum("tcv,tcv->tv", cross, cross))
+    angle: Array = np.degrees(np.arctan2(sine, np.einsum("tcv,tcv->tv", first, second)))
+    return angle
+
+
+def _is_within_reach(scene: Scene) -> NDArray[np.bool_]:
+    """``(T,)``: whether any two joints of the two people are within ``APART_DISTANCE``."""
+    nearest = np.full(len(scene.points), np.inf)
+    a, b = np.split(scene.points, [scene.n_joints[0]], axis=1)
+    for joint in range(a.shape[1]):
+        distances = np.linalg.norm(b - a[:, joint, None], axis=-1)
+        nearest = np.minimum(nearest, distances.min(axis=1))
+    return nearest < APART_DISTANCE
+
+
+def _pelvis_height_error(scene: Scene, scales: Array, points: Array, person: int) -> Array:
+    """``(V,)`` metres."""
+    root = scene.n_joints[0] * person + scene.skeletons[person].root
+    first = scene.n_bones[0] * person
+    kinds = scene_bone_kinds(scene)
+    own = range(first, first + scene.n_bones[person])
+    legs = [row for row in own if kinds[row] in ("thigh", "shin")] or list(own)
+    lengths = np.linalg.norm(scene.bone_vectors[:, legs], axis=-1).mean(axis=0)
+    leg_scale = np.average(scales[:, legs], axis=1, weights=lengths)
+    before = scene.points[:, root, 1, None] - scene.ground_height
+    error = points[:, root, 1] - scene.ground_height - leg_scale * before
+    return _mean(np.abs(error))
+
+
+def trunk_change(scene: Scene, scales: Array, points: Array, person: int) -> Array:
+    """Return ``Report.trunk_change`` of one person, (V,)."""
+    joints = trunk_joints(scene)[person]
+    if len(joints) < 2:
+        return np.zeros(len(scales))
+    first, second = np.triu_indices(len(joints), k=1)
+    paths = ancestor_bones(scene)
+    difference = paths[joints[first]] - paths[joints[second]]
+    largest = np.zeros(len(scales))
+    for row, (i, j) in enumerate(zip(joints[first], joints[second], strict=True)):
+        used = np.flatnonzero(difference[row])
+        vectors = difference[row, used, None] * scene.bone_vectors[:, used]
+        expected = np.einsum("tec,ve->tcv", vectors, scales[:, used])
+        ratios = np.linalg.norm(points[:, i] - points[:, j], axis=1) / np.maximum(
+            np.linalg.norm(expected, axis=1), np.finfo(np.float32).tiny
+        )
+        largest = np.maximum(largest, np.abs(np.median(ratios, axis=0) - 1))
+    return largest
+
+
+def contacts_kept(scene: Scene, points: Array, distance: float, slack: float) -> Array:
+    """Return the fraction of contacts of the source that are kept within a slack, ``(V,)``.
+
+    Without contacts all are kept.
+    """
+    n_a = scene.n_joints[0]
+    total, count = np.zeros(points.shape[-1]), 0
+    for first in range(0, len(points), FRAMES_PER_BATCH):
+        batch = slice(first, first + FRAMES_PER_BATCH)
+        a, b = np.split(scene.points[batch], [n_a], axis=1)
+        before = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1)
+        frame, i, j = np.nonzero(before < distance)
+        vectors = points[batch][frame, i] - points[batch][frame, n_a + j]
+        after = np.einsum("pcv,pcv->pv", vectors, vectors)
+        total += (after < (distance + slack) ** 2).sum(axis=0)
+        count += len(frame)
+    return total / count if count else np.ones(len(total))
+
+
+def measure_distances(
+    scene: Scene, settings: Settings, points: Array
+) -> tuple[Array, Array]:
+    """Return the mean change of near and of far distances between the bodies, (V,) metres each.
+
+    Without near pairs their error is 0.
     """
     n_bodies = points.shape[-1]
-    sums, counts = np.zeros((3, n_bodies)), np.zeros(3)
-    # The maximum over frames is taken pair by pair: reductions along few columns are slow.
-    depths = np.zeros((*scene.n_joints, n_bodies), dtype=np.float32).reshape(-1, n_bodies)
+    sums, counts = np.zeros((2, n_bodies)), np.zeros(2)
     for pose, frame in zip(scene.points, points, strict=True):
         before = _inter_body_distances(scene, pose[..., None])
-        near, contact = (
-            before[:, 0] < limit for limit in (settings.near_distance, settings.contact_distance)
-        )
+        near = before[:, 0] < settings.near_distance
         after = _inter_body_distances(scene, frame)
-        preserved = after[contact] < settings.contact_distance + settings.contact_slack
         np.subtract(before, after, out=after)
-        np.maximum(depths, after - (before - settings.clearance).clip(min=0), out=depths)
         weights: Single = np.stack([near, ~near]).astype(np.float32)
         np.abs(after, out=after)
-        sums[:2] += batched_product(weights, after)
-        sums[2] += preserved.sum(axis=0)
-        counts += [near.sum(), (~near).sum(), contact.sum()]
-    means = sums / counts.clip(min=1)[:, None]
-    contacts_preserved = means[2] if counts[2] else np.ones(n_bodies)
-    penetration = depths.max(axis=0).astype(np.float64)
-    return DistanceErrors(means[0], means[1], contacts_preserved, penetration)
+        sums += batched_product(weights, after)
+        counts += [near.sum(), (~near).sum()]
+    near_error, far_error = sums / counts.clip(min=1)[:, None]
+    return near_error, far_error
 
 
 def near_distance_error(scene: Scene, settings: Settings, points: Array) -> Array:
-    """Return ``measure_distances(...).near``, (V,), without measuring other pairs."""
+    """Return the near part of ``measure_distances``, (V,), without measuring other pairs."""
     total, count = np.zeros(points.shape[-1]), 0
     for first in range(0, len(points), FRAMES_PER_BATCH):
         batch = slice(first, first + FRAMES_PER_BATCH)
@@ -167,33 +362,43 @@ def _inter_body_distances(scene: Scene, pose: Array) -> Single:
     return distances
 
 
-def acceleration_ratios(points: Array) -> Array:
-    """Return the mean acceleration of the joints over the median of the frames around it.
+def acceleration_measures(source: Array, body: Array, fps: float) -> dict[str, Array]:
+    """Return ``peak_acceleration_ratio`` and ``seam_ratio``, (V,), of one person.
 
     Parameters
     ----------
-    points : (T, N, 3, V), T >= 3
-
-    Returns
-    -------
-    (T - 2, V)
+    source, body : (T, J, 3, 1) and (T, J, 3, V) metres
     """
+    if len(source) < 3:
+        ones = np.ones(body.shape[-1])
+        return {"peak_acceleration_ratio": ones, "seam_ratio": ones}
+    before, after = mean_accelerations(source), mean_accelerations(body)
+    peak = after.max(axis=0) / np.maximum(before.max(axis=0), np.finfo(np.float32).tiny)
+    radius = max(1, round(MEDIAN_SECONDS * fps))
+    seam = seam_ratios(after, radius) / np.maximum(1, seam_ratios(before, radius))
+    return {"peak_acceleration_ratio": peak, "seam_ratio": seam.max(axis=0)}
+
+
+def mean_accelerations(points: Array) -> Array:
+    """Return the mean over joints of the second difference, ``(T - 2, V)``, of (T, N, 3, V)."""
     differences = points[2:] - points[1:-1]
     differences -= points[1:-1]
     differences += points[:-2]
-    accelerations = np.sqrt(np.einsum("tncv,tncv->tnv", differences, differences)).mean(axis=1)
-    padded = np.pad(accelerations, ((MEDIAN_RADIUS, MEDIAN_RADIUS), (0, 0)), mode="reflect")
-    medians = np.median(sliding_window_view(padded, 2 * MEDIAN_RADIUS + 1, axis=0), axis=-1)
-    ratios: Array = accelerations / np.maximum(medians, np.finfo(np.float32).tiny)
+    norms: Array = np.sqrt(np.einsum("tncv,tncv->tnv", differences, differences)).mean(axis=1)
+    return norms
+
+
+def seam_ratios(accelerations: Array, radius: int) -> Array:
+    """Return accelerations (F, V) over the median of the frames around each.
+
+    Where these are at rest, over a fraction of the motion's mean.
+    """
+    radius = min(radius, len(accelerations) - 1)
+    padded = np.pad(accelerations, ((radius, radius), (0, 0)), mode="reflect")
+    medians = np.median(sliding_window_view(padded, 2 * radius + 1, axis=0), axis=-1)
+    least = REST_FRACTION * accelerations.mean(axis=0) + np.finfo(np.float32).tiny
+    ratios: Array = accelerations / np.maximum(medians, least)
     return ratios
-
-
-def _acceleration_peak_ratio(scene: Scene, points: Array) -> Array:
-    if len(scene.points) < MEDIAN_RADIUS + 3:
-        return np.ones(points.shape[-1])
-    source_ratios = np.maximum(1, acceleration_ratios(scene.points[..., None]))
-    ratio: Array = (acceleration_ratios(points) / source_ratios).max(axis=0)
-    return ratio
 
 
 def _foot_skate(points: Array, is_support: NDArray[np.bool_], fps: float) -> Array:
@@ -207,31 +412,39 @@ def _foot_skate(points: Array, is_support: NDArray[np.bool_], fps: float) -> Arr
     return speeds
 
 
-def bend_flip_fraction(scene: Scene, points: Array) -> Array:
-    """``(V,)``: fraction of frames in which an elbow or knee bends opposite to the source.
+def bend_flips(scene: Scene, points: Array, person: int) -> dict[str, Array]:
+    """Return the fraction of frames in which a knee, or elbow, bends opposite to the source.
 
     Joints that are straight in either motion do not count.
 
     Parameters
     ----------
     points : (T, N, 3, V) metres
+
+    Returns
+    -------
+    (V,) each, by ``knee`` and ``elbow``
     """
-    hinges = hinge_joints(scene)
-    if not len(hinges):
-        return np.zeros(points.shape[-1])
-    source_normals, was_bent = _bend_normals(scene.points[..., None], hinges)
-    normals, is_bent = _bend_normals(points, hinges)
-    is_flipped = was_bent & is_bent & ((source_normals * normals).sum(axis=2) < 0)
-    fraction: Array = is_flipped.any(axis=1).mean(axis=0)
-    return fraction
+    fractions = {}
+    for name in ("knee", "elbow"):
+        flipped = np.zeros((len(points), points.shape[-1]), dtype=np.bool_)
+        for upper, lower in _angle_vectors(scene, person, name):
+            before, was_bent = _bend_normal(scene.points[..., None], upper, lower)
+            after, is_bent = _bend_normal(points, upper, lower)
+            flipped |= was_bent & is_bent & ((before * after).sum(axis=1) < 0)
+        fractions[name] = flipped.mean(axis=0)
+    return fractions
 
 
-def _bend_normals(points: Array, hinges: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the normal of each hinge's bend plane, (T, H, 3, V), and whether the hinge is bent."""
-    first, middle, last = (points[:, hinges[:, end]] for end in range(3))
-    upper, lower = middle - first, last - middle
-    normals = np.cross(upper, lower, axis=2)
-    upper_length, lower_length, normal_length = (
-        np.linalg.norm(vectors, axis=2) for vectors in (upper, lower, normals)
-    )
-    return normals, normal_length > MIN_BEND_SINE * upper_length * lower_length
+def _bend_normal(points: Array, upper: _Vector, lower: _Vector) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the normal of a hinge's bend plane, (T, 3, V), and whether the hinge is bent."""
+    first, second = _vectors(points, upper), _vectors(points, lower)
+    normal = np.cross(first, second, axis=1)
+    sine = np.linalg.norm(normal, axis=1)
+    scale = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    return normal, sine > MIN_BEND_SINE * scale
+
+
+def _mean(values: Array) -> Array:
+    """Mean over the first axis; zeros if it is empty."""
+    return values.mean(axis=0) if len(values) else np.zeros(values.shape[1:])

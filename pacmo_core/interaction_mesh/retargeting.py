@@ -11,27 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.admm import AdmmSolver, AdmmStart, build_solver, solve_admm
+from pacmo_core.interaction_mesh.constraints import build_floor, build_rows
 from pacmo_core.interaction_mesh.energy import (
     QuadraticEnergy,
     build_energy,
-    energy_target,
-    energy_terms,
+    energy_of,
+    energy_rhs,
 )
-from pacmo_core.interaction_mesh.factorisation import (
-    add_separation_constraints,
-    bone_constraints,
-    bone_stiffness,
-    factorise,
-)
+from pacmo_core.interaction_mesh.factorisation import bone_stiffness, factorise
 from pacmo_core.interaction_mesh.linear_algebra import (
     AXIS_ORDER,
     COLUMN_WIDTH,
-    batched_product,
     padded_width,
     pair_frames,
     single_blas_thread,
 )
-from pacmo_core.interaction_mesh.report import Report, measure_motions, near_distance_error
+from pacmo_core.interaction_mesh.report import (
+    Report,
+    measure_distances,
+    measure_motions,
+    near_distance_error,
+)
 from pacmo_core.interaction_mesh.scene import (
     Array,
     Scene,
@@ -48,7 +48,7 @@ from pacmo_core.interaction_mesh.warm_start import LinearResponse, linear_respon
 MAX_BATCH = 48
 MAX_BATCH_FRAMES = 40_000
 # Metres, root mean square: bodies whose bones grow by less converge at once.
-MIN_GROWTH_RMS = 1e-6
+MIN_GROWTH_RMS = 1e-3
 # Exponent by which the tolerance falls with the number of bones that share a body's growth. With
 # this one, whole bodies and single bones end about equally far from the minimum of the energy.
 GROWTH_SHARING_EXPONENT = 0.75
@@ -88,23 +88,15 @@ class PreparedSource:
 
     def solver(self, attempt: Attempt) -> AdmmSolver:
         """Return the solver of an attempt."""
-        penalties = (attempt.bone_penalty, attempt.separation_penalty)
+        penalties = (attempt.bone_penalty, attempt.pair_penalty)
         if penalties not in self.solvers:
             scene, settings = self.scene, self.settings
-            constraints = bone_constraints(scene, attempt.bone_penalty * self.stiffness)
-            if attempt.separation_penalty:
-                constraints = add_separation_constraints(
-                    scene,
-                    constraints,
-                    attempt.separation_penalty,
-                    settings.n_separation_pairs,
-                    settings.clearance,
-                )
+            rows = build_rows(scene, settings, attempt, self.stiffness)
+            floor = build_floor(scene, settings.floor_penalty)
+            factorisation = factorise(self.energy, rows, floor)
+            source = rows.differences(scene.points)
             self.solvers[penalties] = build_solver(
-                factorise(self.energy, constraints),
-                constraints,
-                n_bones=len(scene.bones),
-                relaxation=settings.relaxation,
+                factorisation, rows, floor, source, settings.relaxation
             )
         return self.solvers[penalties]
 
@@ -163,9 +155,8 @@ def retarget_in_batches(source: PreparedSource, scales: Array) -> Iterator[Varia
     easy ones do not iterate with the few hard ones.
     """
     check_scales(scales, len(source.scene.bones))
-    common = common_scale(source.scene, scales)
-    relative = scales / common[:, None]
     # Bodies of similar growth converge at about the same time.
+    relative = scales / common_scale(source.scene, scales)[:, None]
     order = np.argsort(-source.squared_growth(relative).sum(axis=1))
     waiting: dict[int, AttemptResult | None] = dict.fromkeys(order.tolist())
     for number in range(len(source.settings.attempts)):
@@ -174,7 +165,7 @@ def retarget_in_batches(source: PreparedSource, scales: Array) -> Iterator[Varia
             batch = rows[first : first + source.batch_size]
             previous = [waiting[row] for row in batch]
             with single_blas_thread():
-                results = run_attempt(source, relative[batch], number, previous)
+                results = run_attempt(source, scales[batch], number, previous)
             waiting |= dict(zip(batch, results, strict=True))
             done = [
                 row
@@ -182,7 +173,7 @@ def retarget_in_batches(source: PreparedSource, scales: Array) -> Iterator[Varia
                 if is_final(source, number, result)
             ]
             if done:
-                yield _pop_variations(source, common, done, waiting)
+                yield _pop_variations(done, waiting)
 
 
 @dataclass(frozen=True)
@@ -191,16 +182,18 @@ class AttemptResult:
 
     Parameters
     ----------
-    motion : (T, N, 3) metres
+    points : (T, N, 3) metres
     report : of that motion
-    has_diverged : whether the last attempt, of which the bones and forces are, has diverged
+    has_diverged : whether the last attempt, of which what follows is, has diverged
+    displacement : (T, N, 3) float32 metres, of ADMM
     bones : (T, E, 3) float32 metres, bone vectors of the target lengths (z)
     bone_forces : (T, E, 3) float32, penalties times scaled dual variables (P u)
     """
 
-    motion: Array
+    points: Array
     report: Report
     has_diverged: bool
+    displacement: Single
     bones: Single
     bone_forces: Single
 
@@ -231,26 +224,28 @@ def run_attempt(
     # not depend on the others.
     columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
     scales = scales[columns]
-    target = energy_target(source.energy, scales).astype(np.float32)
-    start = _attempt_start(source, scales, target, number, previous)
+    common = common_scale(source.scene, scales)
+    relative = scales / common[:, None]
+    start = _attempt_start(source, relative, common, number, previous)
     solution = _solve_attempt(source, start, number, columns)
     displacement = solution.displacement
-    motions = project_bone_lengths(source.scene, displacement, solution.bones, scales)
-    measurements = _measure(source, scales, motions, previous)
-    measurements["primal_residual"] = primal_residual(source.scene, displacement, scales)
+    motions = project_bone_lengths(source.scene, displacement, solution.bones, relative)
+    points = scale_scene(source.scene, motions, common)
+    measurements = _measure(source, scales, motions, points, previous)
+    measurements["primal_residual"] = primal_residual(source.scene, displacement, relative)
     measurements["fixed_point_residual"] = solution.residual
-    projected = (motions - source.scene.points[..., None]).astype(np.float32)
-    terms = energy_terms(source.energy, projected, target)
+    projected = motions - source.scene.points[..., None]
+    measurements["energy"] = energy_of(source.energy, projected, relative)
     limits, results = source.settings.limits, []
     for v, before in enumerate(previous):
         report = Report(
             attempt=number,
             iterations=int(solution.iterations[v]),
-            energy={name: float(term[v]) for name, term in terms.items()},
             **{name: float(values[v]) for name, values in measurements.items()},
         )
         result = AttemptResult(
-            motion=np.ascontiguousarray(motions[..., v]),
+            points=np.ascontiguousarray(points[..., v]),
+            displacement=displacement[..., v],
             report=report,
             has_diverged=report.has_diverged(limits),
             bones=solution.bones[..., v],
@@ -345,26 +340,42 @@ def _select_better(
         return result
     if result.report.limit_ratio(limits) <= max(1, previous.report.limit_ratio(limits)):
         return result
-    return replace(result, motion=previous.motion, report=previous.report)
+    return replace(result, points=previous.points, report=previous.report)
 
 
 def _measure(
-    source: PreparedSource, scales: Array, motions: Array, previous: list[AttemptResult | None]
+    source: PreparedSource,
+    scales: Array,
+    motions: Array,
+    points: Array,
+    previous: list[AttemptResult | None],
 ) -> dict[str, Array]:
-    """Measure the motions (T, N, 3, V), and naive scaling in the first attempt."""
+    """Measure motions (T, N, 3, V), points as they are scaled, and naive scaling once.
+
+    Parameters
+    ----------
+    motions : before the scene is scaled as a whole
+    """
     scene, settings = source.scene, source.settings
-    measurements = measure_motions(scene, settings, source.energy.is_support, motions)
+    measurements = measure_motions(scene, settings, source.energy.is_support, scales, points)
+    near, far = measure_distances(scene, settings, motions)
     known = [r.report.near_distance_error_naive for r in previous if r is not None]
     if known:
-        return measurements | {"near_distance_error_naive": np.array(known)}
-    naive = near_distance_error(scene, settings, naive_scaling(scene, scales))
-    return measurements | {"near_distance_error_naive": naive}
+        naive = np.array(known)
+    else:
+        relative = scales / common_scale(scene, scales)[:, None]
+        naive = near_distance_error(scene, settings, naive_scaling(scene, relative))
+    return measurements | {
+        "near_distance_error": near,
+        "far_distance_error": far,
+        "near_distance_error_naive": naive,
+    }
 
 
 def _attempt_start(
     source: PreparedSource,
     scales: Array,
-    target: Single,
+    common: Array,
     number: int,
     previous: list[AttemptResult | None],
 ) -> AdmmStart:
@@ -372,48 +383,35 @@ def _attempt_start(
 
     Parameters
     ----------
-    scales, target : (W, E) and (T, N + M, 3, W), padded to W columns
+    scales, common : (W, E) relative to the common scale (W,), padded to W columns
     """
     attempt, n_bodies = source.settings.attempts[number], len(previous)
-    laplacians = source.energy.laplacians.transpose(0, 2, 1).astype(np.float32)
-    rhs = batched_product(laplacians, target.reshape(*target.shape[:2], -1))
-    rhs = _to_blocks(rhs.reshape(*rhs.shape[:2], *target.shape[2:])[..., :n_bodies])
+    solver = source.solver(attempt)
+    rhs = _to_blocks(energy_rhs(source.energy, scales)[..., :n_bodies])
     penalties = (attempt.bone_penalty * source.stiffness[..., None]).astype(np.float32)
     vectors = source.scene.bone_vectors
     bones = source.response.warm_start(vectors, scales, penalties)[..., :n_bodies]
-    scales = scales[:n_bodies]
+    scales = scales[:n_bodies].T
     min_growth = MIN_GROWTH_RMS**2 * len(source.stiffness)
-    return AdmmStart(
-        energy_rhs=rhs.reshape(len(rhs), -1, *rhs.shape[3:]),
-        governing=_initial_governing(source, bones, penalties, number, previous),
-        scales=scales.T.astype(np.float32),
-        step_scale=step_scale(source.squared_growth(scales) + min_growth),
-    )
-
-
-def _initial_governing(
-    source: PreparedSource,
-    bones: Single,
-    penalties: Single,
-    number: int,
-    previous: list[AttemptResult | None],
-) -> Single:
-    """Start from the linear response (T, E, 3, V), or from the end of the previous attempt."""
-    pairs = source.solver(source.settings.attempts[number]).separation_pairs
-    differences = _pair_differences(source.scene.points, pairs)
-    differences = np.repeat(differences[..., None], len(previous), axis=-1)
+    n_pairs = solver.rows.lower.shape[1] - len(scales)
+    floor = solver.floor
+    heights = np.repeat(floor.heights[..., None], n_bodies, axis=-1)
+    differences = source.scene.points[..., None] + np.zeros(n_bodies)
     for v, result in enumerate(previous):
         if result is not None and not result.has_diverged:
             # v = z + u, with the dual rescaled to the penalties of this attempt.
             bones[..., v] = result.bones + result.bone_forces / penalties
-            differences[..., v] = _pair_differences(result.motion, pairs)
-    return _to_blocks(np.concatenate([bones, differences], axis=1))
-
-
-def _pair_differences(points: Array, pairs: NDArray[np.intp]) -> Single:
-    first, second = (np.take_along_axis(points, pairs[..., end, None], axis=1) for end in (0, 1))
-    differences: Single = (second - first).astype(np.float32)
-    return differences
+            differences[..., v] += result.displacement
+            heights[..., v] += result.displacement[:, floor.joints, 1]
+    pairs = solver.rows.differences(differences)[:, len(scales) :]
+    return AdmmStart(
+        energy_rhs=rhs.reshape(len(rhs), -1, *rhs.shape[3:]),
+        governing=_to_blocks(np.concatenate([bones, pairs], axis=1)),
+        floor=pair_frames(heights.astype(np.float32)),
+        scales=np.concatenate([scales, np.ones((n_pairs, n_bodies))]).astype(np.float32),
+        lowest=(floor.lowest[:, None] / common[:n_bodies]).astype(np.float32),
+        step_scale=step_scale(source.squared_growth(scales.T) + min_growth),
+    )
 
 
 def _to_blocks(columns: NDArray[np.floating]) -> Single:
@@ -452,14 +450,10 @@ def _solve_attempt(
 
 
 def _pop_variations(
-    source: PreparedSource,
-    common: Array,
-    rows: list[int],
-    waiting: dict[int, AttemptResult | None],
+    rows: list[int], waiting: dict[int, AttemptResult | None]
 ) -> Variations:
     """Remove rows from those that wait, and return their variations."""
     results = [result for row in rows if (result := waiting.pop(row)) is not None]
-    motions = np.stack([result.motion for result in results])
-    points = scale_scene(source.scene, motions, common[rows])
+    points = np.stack([result.points for result in results])
     reports = tuple(result.report for result in results)
     return Variations(np.array(rows, dtype=np.intp), points, reports)

@@ -139,16 +139,16 @@ def common_scale(scene: Scene, scales: Array) -> Array:
 
 
 def scale_scene(scene: Scene, points: Array, scale: Array) -> Array:
-    """Scale motions about the scene's centre on the ground: ``(V, T, N, 3)`` metres.
+    """Scale motions about the scene's centre on the ground: ``(T, N, 3, V)`` metres.
 
     Parameters
     ----------
-    points : (V, T, N, 3) metres
+    points : (T, N, 3, V) metres
     scale : (V,)
     """
     centre = scene.points.mean(axis=(0, 1))
     centre[1] = scene.ground_height
-    scaled: Array = centre + scale[:, None, None, None] * (points - centre)
+    scaled: Array = centre[:, None] + scale * (points - centre[:, None])
     return scaled
 
 

@@ -7,31 +7,66 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
+class Posture:
+    """Weights that keep the direction of each bone, by part of the body; see ``energy``.
+
+    Parameters
+    ----------
+    trunk : bones between the limbs, with neck and head
+    upper_limb : thighs and upper arms
+    shin, foot : each, toes included in the foot
+    forearm : forearms and hands
+    knee, elbow : weights on the angle of the hinge
+    spine : weight on the angle between two bones of the trunk
+    """
+
+    trunk: float
+    upper_limb: float
+    shin: float
+    foot: float
+    forearm: float
+    knee: float
+    elbow: float
+    spine: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Weights:
     """Weights of the energy's terms (``energy``); the Laplacian term has weight 1.
 
     Parameters
     ----------
-    distance_exponent : p in the Laplacian weights ``1 / (distance + distance_softening) ** p``
-    distance_softening : metres added to every distance; bounds the weight of touching joints
+    distance_softening : metres added to every distance, of which the Laplacian weights are the
+        inverse; bounds the weight of touching joints
+    interaction_range : metres at which a Laplacian weight between the bodies has fallen by 1/e
+    posture : of bones and hinges
     trunk_shape : weight on the deformation of each trunk
+    root : weight on the displacement of each root from its place in the source
     acceleration : weight on the acceleration of the displacement, at 30 frames per second
     contact : weight of all contacts of one joint together
     contact_range : metres at which a contact weight has fallen to 1/e
+    body_contact : factor on contacts in which no wrist or hand takes part
+    smoothing_time : seconds, standard deviation of the filter on Laplacian and contact weights
     stance : weight on the velocity of the displacement of supporting joints, at 30 frames per
         second
-    stance_height : weight on the vertical displacement of supporting joints
-    regularisation : Tikhonov weight on the displacement; fixes the position of the whole scene
+    stance_height : weight on the height of supporting joints
+    floor_height : weight on the height of joints near the floor
+    regularisation : Tikhonov weight on the displacement
     """
 
-    distance_exponent: float
     distance_softening: float
+    interaction_range: float
+    posture: Posture
     trunk_shape: float
+    root: float
     acceleration: float
     contact: float
     contact_range: float
+    body_contact: float
+    smoothing_time: float
     stance: float
     stance_height: float
+    floor_height: float
     regularisation: float
 
 
@@ -65,15 +100,15 @@ class Attempt:
         compression of bones is so high that they buckle and ADMM cycles; large penalties always
         converge, slowly
     max_iterations : of ADMM
-    separation_penalty : ADMM penalty of the separation of close pairs of joints of the two bodies;
-        0 leaves these constraints out
+    pair_penalty : ADMM penalty of separation and contact of the two bodies; 0 leaves these
+        constraints out
     tolerance : on the fixed-point residual (``Report.fixed_point_residual``); a body that has not
         converged goes on to the next attempt
     """
 
     bone_penalty: float
     max_iterations: int
-    separation_penalty: float
+    pair_penalty: float
     tolerance: float
 
 
@@ -84,13 +119,15 @@ class AttemptLimits:
     Parameters
     ----------
     primal_residual : fraction of a bone's length
-    penetration : metres, in addition to the source's
-    acceleration_peak_ratio : dimensionless
+    contacts_kept : lower limit, fraction
+    capsule_penetration : metres, in addition to the source's
+    seam_ratio : dimensionless
     """
 
     primal_residual: float
-    penetration: float
-    acceleration_peak_ratio: float
+    contacts_kept: float
+    capsule_penetration: float
+    seam_ratio: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,42 +136,40 @@ class Settings:
 
     Parameters
     ----------
-    graph : ``complete``, every joint of one body is connected to every joint of the other; or
-        ``delaunay``, the edges of each frame's Delaunay tetrahedra
     weights : of the energy
     support : criteria of ground support
     limits : within which an attempt is accepted
     attempts : in order, until one is within the limits
     relaxation : ADMM over-relaxation factor, 1 to 2
-    clearance : metres between joints of the two bodies below which they penetrate
-    n_separation_pairs : closest pairs of joints in each frame that attempts with a
-        ``separation_penalty`` keep apart
+    floor_penalty : ADMM penalty of the floor, for joints on it
+    pair_stiffness : stiffness of separation and contact, to be compared with ``weights.contact``;
+        pairs that cannot be kept give way by the forces on them over this stiffness
+    n_pairs : largest number of pairs of bones that are separated in each frame, and of pairs of
+        joints that are kept in contact
     near_distance : metres; a pair of joints closer than this in the source counts as near in the
         report
-    contact_distance : metres; a pair of joints closer than this in the source is in contact
+    contact_distance : metres; a pair of joints closer than this is in contact
     contact_slack : metres by which the distance of a preserved contact may grow
 
     Raises
     ------
     ValueError
-        If the graph is unknown, there is no attempt, or the relaxation is not between 0 and 2.
+        If there is no attempt, or the relaxation is not between 0 and 2.
     """
 
-    graph: str
     weights: Weights
     support: Support
     limits: AttemptLimits
     attempts: tuple[Attempt, ...]
     relaxation: float
-    clearance: float
-    n_separation_pairs: int
+    floor_penalty: float
+    pair_stiffness: float
+    n_pairs: int
     near_distance: float
     contact_distance: float
     contact_slack: float
 
     def __post_init__(self) -> None:
-        if self.graph not in ("complete", "delaunay"):
-            raise ValueError(f"graph must be complete or delaunay; got {self.graph!r}")
         if not self.attempts:
             raise ValueError("attempts must not be empty")
         if not 0 < self.relaxation < 2:

@@ -4,7 +4,7 @@ To first order the solution is linear in the bone scales: the minimum of E(U) wh
 reaches its length along its own direction. The free variables are two rotations per bone and three
 translations per root, a reduced basis in which one block Cholesky factorisation (two frames per
 block) gives the response to every bone. The warm start of any body is a sum of these responses.
-Being a start only, it is computed segment by segment, and at a reduced frame rate.
+Being a start only, it is computed at a reduced frame rate.
 """
 
 from collections.abc import Iterator
@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
-from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_target, hessian_product
+from pacmo_core.interaction_mesh.body_parts import ancestor_bones
+from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_rhs, hessian_product
 from pacmo_core.interaction_mesh.factorisation import (
     couple_next,
     diagonal_blocks,
     temporal_coupling,
 )
 from pacmo_core.interaction_mesh.linear_algebra import batched_product, pair_frames
-from pacmo_core.interaction_mesh.mesh import ancestor_bones
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 
 Floats = NDArray[np.floating]
@@ -30,9 +30,6 @@ Floats = NDArray[np.floating]
 # Approximate frame rate of the responses. At half of it, variations of single bones end 3 % above
 # the minimum of the energy.
 RESPONSE_FPS = 30
-# Frames (at that rate) of a segment, and of its neighbours that are solved with it.
-SEGMENT_FRAMES = 480
-OVERLAP_FRAMES = 40
 
 
 @dataclass(frozen=True)
@@ -84,41 +81,23 @@ class LinearResponse:
         return result
 
 
-def linear_response(scene: Scene, energy: QuadraticEnergy) -> LinearResponse:
-    """Compute the linear response to the scale of every bone, segment by segment."""
+def linear_response(scene: Scene, whole_energy: QuadraticEnergy) -> LinearResponse:
+    """Compute the linear response to the scale of every bone."""
     stride = max(1, round(scene.fps / RESPONSE_FPS))
-    n_frames, n_bones = -(-len(scene.bone_vectors) // stride), scene.bone_vectors.shape[1]
-    displacements = np.zeros((n_frames, n_bones, 3, n_bones), dtype=np.float32)
-    tensions = np.zeros((n_frames, n_bones, n_bones), dtype=np.float32)
-    for first in range(0, n_frames, SEGMENT_FRAMES):
-        begin, end = max(0, first - OVERLAP_FRAMES), first + SEGMENT_FRAMES + OVERLAP_FRAMES
-        frames = slice(begin * stride, end * stride, stride)
-        response = _segment_response(scene, energy, frames)
-        inner = slice(first - begin, first - begin + SEGMENT_FRAMES)
-        segment = slice(first, first + SEGMENT_FRAMES)
-        displacements[segment], tensions[segment] = (values[inner] for values in response)
-    return LinearResponse(stride, displacements, tensions)
-
-
-def _segment_response(
-    scene: Scene, whole_energy: QuadraticEnergy, frames: slice
-) -> tuple[Single, Single]:
-    """Return displacements and tensions of some frames."""
-    energy = whole_energy.subsample(frames)
-    vectors = scene.bone_vectors[frames].astype(np.float32)
+    energy = whole_energy.subsample(stride)
+    vectors = scene.bone_vectors[::stride].astype(np.float32)
     n_bones = vectors.shape[1]
     basis = reduced_basis(scene, vectors)
     # Each bone at twice its length along its direction, all other bones unchanged.
     stretched = basis.carried_joints[:, None, :n_bones] * vectors.transpose(0, 2, 1)[:, None]
-    target = energy_target(energy, np.eye(n_bones) + 1).astype(np.float32)
-    rhs = apply_matrices(energy.laplacians.transpose(0, 2, 1).astype(np.float32), target)
+    rhs = energy_rhs(energy, np.eye(n_bones) + 1)
     reduced_rhs = basis.project(rhs - hessian_product(energy, stretched))
     moves = basis.expand(solve_reduced(energy, basis, reduced_rhs))
     displacement = stretched + apply_matrices(basis.carried_joints, moves)
     force = rhs - hessian_product(energy, displacement)
     force = apply_matrices(basis.carried_joints.T[:n_bones], force)
     along = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return moves[:, :n_bones], np.einsum("tec,tecv->tev", along, force)
+    return LinearResponse(stride, moves[:, :n_bones], np.einsum("tec,tecv->tev", along, force))
 
 
 @dataclass(frozen=True)
@@ -222,7 +201,7 @@ def _reduced_blocks(energy: QuadraticEnergy, basis: ReducedBasis) -> Iterator[tu
     """Yield H in the basis of two frames, and between that and the basis of the next two."""
     coupling, size = temporal_coupling(energy), len(basis.bones)
     directions = pair_frames(basis.directions.astype(np.float64)).reshape(-1, 2 * size, 3)
-    heights = pair_frames(np.sqrt(energy.stance_height * energy.support_weights))
+    heights = pair_frames(np.sqrt(energy.height_weights))
     heights = heights.reshape(len(directions), -1)
     carried = np.kron(np.eye(2), basis.carried_joints).astype(np.float64)
     rows = np.concatenate([basis.bones, basis.bones + basis.carried_joints.shape[1]])

@@ -10,7 +10,7 @@ from pacmo_core.augmentation.bodies import (
     sample_scales,
     segment_scales,
 )
-from pacmo_core.augmentation.segments import segments
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import NTU25, SBU15
 from tests.augmentation.test_segments import DUO27, PRIOR17
 

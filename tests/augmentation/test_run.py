@@ -21,7 +21,7 @@ from pacmo_core.augmentation.run import (
     source_key,
     trunk_deformation,
 )
-from pacmo_core.augmentation.segments import segments
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.interaction_mesh import MAX_BATCH
 from tests.augmentation.real_windows import salsa_window

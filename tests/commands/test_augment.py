@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from pacmo_core.augmentation.run import scene_from
-from pacmo_core.augmentation.segments import segments
 from pacmo_core.commands.augment import read_solver_section
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import Interaction, bone_lengths
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.bvh_pairs import BvhPairs

@@ -9,9 +9,9 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from pacmo_core.augmentation.segments import segments
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import stream_motions, write_motions

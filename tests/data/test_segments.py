@@ -2,7 +2,7 @@
 
 import pytest
 
-from pacmo_core.augmentation.segments import segments
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import (
     DUET15,
     EXPI18,
