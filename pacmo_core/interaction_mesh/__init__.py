@@ -6,9 +6,9 @@ with the target bone lengths minimises the deformation of a mesh that connects b
 number of target bodies by ADMM.
 """
 
+from pacmo_core.interaction_mesh.attempt import MAX_BATCH
 from pacmo_core.interaction_mesh.report import Report
 from pacmo_core.interaction_mesh.retargeting import (
-    MAX_BATCH,
     PreparedSource,
     Variations,
     prepare,

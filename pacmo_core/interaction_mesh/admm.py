@@ -38,6 +38,7 @@ from pacmo_core.interaction_mesh.scene import Array, Single
 # cost more calls.
 BLOCKS_PER_STEP = 4
 MIN_SQUARED_STEP = 1e-30  # square metres
+PAIR_TOLERANCE = 5e-4  # metres, step of a row between the bodies when ADMM has converged
 # Iterations between two checks of convergence.
 CHECK_EVERY = 3
 # Checks between two extrapolated steps, each of at most MAX_EXTRAPOLATION times its own length.
@@ -63,6 +64,7 @@ class State:
     scales : (R, V) float32, factor on the bounds of each row
     lowest : (F, V) float32 metres, lower bound of the heights above the ground
     squared_step : (V,) squared step of v in a measured iteration, summed over rows
+    largest_pair_step : (V,) square metres, the largest squared step of a row that is no bone
     """
 
     energy_rhs: Single
@@ -74,6 +76,7 @@ class State:
     scales: Single
     lowest: Single
     squared_step: NDArray[np.float64]
+    largest_pair_step: Single
 
     @property
     def n_bodies(self) -> int:
@@ -90,7 +93,8 @@ class State:
         )
         others = (self.governing, self.projection, self.floor, self.scales, self.lowest)
         selected = (np.ascontiguousarray(values[..., bodies]) for values in others)
-        return State(energy_rhs, rhs, displacement, *selected, self.squared_step[bodies])
+        steps = (self.squared_step[bodies], self.largest_pair_step[bodies])
+        return State(energy_rhs, rhs, displacement, *selected, *steps)
 
     def workspace(self, n_rows: int) -> "Workspace":
         """Allocate working arrays for R rows per frame."""
@@ -218,6 +222,10 @@ class AdmmSolver:
                 np.subtract(governing, extrapolated, out=governing)
             np.multiply(other, other, out=other)
             _add_rows(other, state.squared_step)
+            pairs = other[:, :, self.rows.n_bones :].reshape(-1, 3, state.n_bodies)
+            if len(pairs):
+                largest = pairs.sum(axis=1).max(axis=0)
+                np.maximum(state.largest_pair_step, largest, out=state.largest_pair_step)
         self._floor_step(state, work, blocks)
         self._project(state, work, blocks)
 
@@ -483,12 +491,15 @@ def solve_admm(
         work.extrapolation, rate = rate.extrapolate() if is_extrapolated else (None, rate)
         work.is_measured = number % CHECK_EVERY == 0 or number == max_iterations
         state.squared_step[:] = 0
+        state.largest_pair_step[:] = 0
         solver.iterate(state, work)
         if is_extrapolated or not work.is_measured:
             continue
         rate = rate.update(state.squared_step)
         residuals = np.sqrt(state.squared_step / start.step_scale[columns])
-        converged = (residuals <= tolerance) | (number == max_iterations)
+        # One contact of a clip hardly counts in the residual.
+        has_settled = (residuals <= tolerance) & (state.largest_pair_step <= PAIR_TOLERANCE**2)
+        converged = has_settled | (number == max_iterations)
         converged &= active
         solution.store(state, columns[converged], np.flatnonzero(converged), number)
         solution.residual[columns[converged]] = residuals[converged]
@@ -523,6 +534,7 @@ def _initial_state(solver: AdmmSolver, start: AdmmStart) -> State:
         scales=np.ascontiguousarray(start.scales[:, bodies]),
         lowest=np.ascontiguousarray(start.lowest[:, bodies]),
         squared_step=np.zeros(len(bodies)),
+        largest_pair_step=np.zeros(len(bodies), dtype=np.float32),
     )
     solver.initialise(state)
     return state

@@ -174,8 +174,7 @@ def contact_rows(scene: Scene, settings: Settings) -> Rows:
 def build_floor(scene: Scene, penalty: float) -> Floor:
     """Keep joints above the lowest point of their person in the source."""
     heights = scene.points[..., 1]
-    n_a = scene.n_joints[0]
-    lowest = np.repeat([heights[:, :n_a].min(), heights[:, n_a:].min()], scene.n_joints)
+    lowest = scene.levels.lowest
     joints = np.flatnonzero(heights.min(axis=0) < lowest + FLOOR_REACH)
     above = heights[:, joints] - lowest[joints]
     return Floor(

@@ -26,8 +26,6 @@ from pacmo_core.interaction_mesh.body_parts import (
 from pacmo_core.interaction_mesh.scene import Array, Scene
 from pacmo_core.interaction_mesh.settings import Posture, Support, Weights
 
-# Quantile of a joint's heights that is its lowest level; heights below it are noise.
-LOWEST_QUANTILE = 0.05
 # Metres: bones of this length have their posture weight as it is set; shorter ones more, so that
 # the weight is on angles.
 REFERENCE_LENGTH = 0.3
@@ -175,7 +173,7 @@ def root_term(scene: Scene, weight: float) -> tuple[Array, HeightTerm]:
         share = np.exp(-(heights[:, joints] - lowest[:, None]) / LOWEST_RANGE)
         share /= share.sum(axis=1, keepdims=True)
         targets[:, root] = -(share @ ancestors[joints]) * scene.bone_vectors[..., 1]
-        above = (lowest - heights[:, joints].min()) / AIRBORNE_HEIGHT
+        above = (lowest - scene.levels.lowest[root]) / AIRBORNE_HEIGHT
         standing = np.exp(-(above.clip(min=0) ** 4))
         weights[:, root] = weight * (AIRBORNE_FRACTION + (1 - AIRBORNE_FRACTION) * standing)
     return weights, HeightTerm(weights, targets)
@@ -190,7 +188,7 @@ def height_terms(scene: Scene, weights: Weights, supports: Array) -> Iterator[He
     near, targets = np.zeros(heights.shape), np.zeros((*heights.shape, len(scene.bones)))
     bone_of = bone_to_joint(scene)
     for joints, root in _people(scene):
-        lowest = heights[:, joints].min()
+        lowest = scene.levels.lowest[root]
         near[:, joints] = np.exp(-np.square((heights[:, joints] - lowest) / FLOOR_RANGE))
         for joint in joints.tolist():
             below = [row for row, (parent, _) in enumerate(scene.bones.tolist()) if parent == joint]
@@ -258,7 +256,7 @@ def ground_supports(scene: Scene, support: Support) -> NDArray[np.bool_]:
     Feet, and hands and knees where they bear weight.
     """
     heights = scene.points[..., 1]
-    level = np.quantile(heights, LOWEST_QUANTILE, axis=0)
+    level = scene.levels.joints
     is_low = heights < level + support.height_tolerance
     is_near_ground = level < scene.ground_height + support.max_height
     return is_low & is_near_ground & (_joint_speeds(scene) < support.max_speed)

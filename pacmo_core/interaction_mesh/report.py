@@ -20,8 +20,15 @@ from pacmo_core.interaction_mesh.body_parts import (
 from pacmo_core.interaction_mesh.capsules import capsule_penetration
 from pacmo_core.interaction_mesh.linear_algebra import batched_product
 from pacmo_core.interaction_mesh.mesh import support_steps
-from pacmo_core.interaction_mesh.scene import Array, Scene, Single, common_scale
-from pacmo_core.interaction_mesh.settings import AttemptLimits, Settings
+from pacmo_core.interaction_mesh.scene import (
+    Array,
+    Scene,
+    Single,
+    common_scale,
+    naive_scaling,
+    scale_scene,
+)
+from pacmo_core.interaction_mesh.settings import Settings
 
 # Seconds before and after a frame with the median of which its acceleration is compared, and the
 # fraction of the mean acceleration that it is compared with at least.
@@ -65,13 +72,12 @@ class Report:
     near_distance_error, far_distance_error : metres, mean change of the distances between joints
         of the two bodies, of pairs near in the source and of all others, before the scene is scaled
         as a whole
-    near_distance_error_naive : the same of naive scaling
+    near_distance_error_naive : the same of naive scaling (``scene.naive_scaling``)
     attempt : number of the attempt, from 0
     primal_residual : largest relative error of a bone length before it is set to its target
     fixed_point_residual : step of the last ADMM iteration, root mean square, relative to the
         growth of the bones (``retargeting.step_scale``)
     iterations : of ADMM in the attempt
-    energy : of the motion
     """
 
     knee_change: float
@@ -103,23 +109,6 @@ class Report:
     primal_residual: float
     fixed_point_residual: float
     iterations: int
-    energy: float
-
-    def limit_ratio(self, limits: AttemptLimits) -> float:
-        """Return the largest ratio of a measurement to its limit; at most 1 if accepted."""
-        return max(
-            self.primal_residual / limits.primal_residual,
-            (1 - self.contacts_kept) / (1 - limits.contacts_kept),
-            self.capsule_penetration / limits.capsule_penetration,
-            self.seam_ratio / limits.seam_ratio,
-        )
-
-    def has_diverged(self, limits: AttemptLimits) -> bool:
-        """Whether more iterations of the same attempt will not help."""
-        return (
-            self.primal_residual > limits.primal_residual
-            or self.seam_ratio > limits.seam_ratio
-        )
 
 
 def measure_motions(
@@ -132,15 +121,21 @@ def measure_motions(
     """Measure motions (T, N, 3, V), metres, of bodies (V, E): by the names of ``Report``, (V,) each."""
     people = [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
     common = common_scale(scene, scales)
+    motions = scale_scene(scene, points, 1 / common)
     contacts = [
-        contacts_kept(scene, points / common, settings.contact_distance, slack)
+        contacts_kept(scene, motions, settings.contact_distance, slack)
         for slack in (0.0, settings.contact_slack)
     ]
+    near, far = measure_distances(scene, settings, motions)
+    naive = naive_scaling(scene, scales / common[:, None])
     return {
         **{name: np.maximum(people[0][name], people[1][name]) for name in people[0]},
-        "capsule_penetration": capsule_penetration(scene, points / common),
+        "capsule_penetration": capsule_penetration(scene, motions),
         "contacts_kept": contacts[0],
         "contacts_kept_with_slack": contacts[1],
+        "near_distance_error": near,
+        "far_distance_error": far,
+        "near_distance_error_naive": near_distance_error(scene, settings, naive),
     }
 
 
@@ -151,14 +146,16 @@ def _measure_person(
     n_a = scene.n_joints[0]
     joints = slice(None, n_a) if person == 0 else slice(n_a, None)
     source, body = scene.points[:, joints, :, None], points[:, joints]
+    lowest = scene.levels.lowest[joints][0]
     skate = [_foot_skate(p, is_support[:, joints], scene.fps) for p in (body, source)]
     flips = bend_flips(scene, points, person)
     measures = {
         "pelvis_height_error": _pelvis_height_error(scene, scales, points, person),
-        "below_floor": (source[:, :, 1].min() - body[:, :, 1].min(axis=(0, 1))).clip(min=0),
+        "below_floor": (lowest - body[:, :, 1].min(axis=(0, 1))).clip(min=0),
         "trunk_change": trunk_change(scene, scales, points, person),
         "added_foot_skate": skate[0] - skate[1],
-        **acceleration_measures(source, body, scene.fps),
+        "peak_acceleration_ratio": peak_acceleration_ratio(source, body),
+        "seam_ratio": _seam_ratio_of_person(source, body, scene.fps),
         "knee_flips": flips["knee"],
         "elbow_flips": flips["elbow"],
     }
@@ -362,21 +359,37 @@ def _inter_body_distances(scene: Scene, pose: Array) -> Single:
     return distances
 
 
-def acceleration_measures(source: Array, body: Array, fps: float) -> dict[str, Array]:
-    """Return ``peak_acceleration_ratio`` and ``seam_ratio``, (V,), of one person.
+def peak_acceleration_ratio(source: Array, body: Array) -> Array:
+    """Return the largest mean acceleration of a frame over the source's, (V,), of one person.
 
     Parameters
     ----------
     source, body : (T, J, 3, 1) and (T, J, 3, V) metres
     """
     if len(source) < 3:
-        ones = np.ones(body.shape[-1])
-        return {"peak_acceleration_ratio": ones, "seam_ratio": ones}
+        return np.ones(body.shape[-1])
     before, after = mean_accelerations(source), mean_accelerations(body)
-    peak = after.max(axis=0) / np.maximum(before.max(axis=0), np.finfo(np.float32).tiny)
+    ratio: Array = after.max(axis=0) / np.maximum(before.max(axis=0), np.finfo(np.float32).tiny)
+    return ratio
+
+
+def seam_ratio(scene: Scene, points: Array) -> Array:
+    """Return ``Report.seam_ratio`` of motions (T, N, 3, V), (V,)."""
+    n_a = scene.n_joints[0]
+    a, b = (
+        _seam_ratio_of_person(scene.points[:, joints, :, None], points[:, joints], scene.fps)
+        for joints in (slice(None, n_a), slice(n_a, None))
+    )
+    return np.maximum(a, b)
+
+
+def _seam_ratio_of_person(source: Array, body: Array, fps: float) -> Array:
+    if len(source) < 3:
+        return np.ones(body.shape[-1])
     radius = max(1, round(MEDIAN_SECONDS * fps))
-    seam = seam_ratios(after, radius) / np.maximum(1, seam_ratios(before, radius))
-    return {"peak_acceleration_ratio": peak, "seam_ratio": seam.max(axis=0)}
+    before = seam_ratios(mean_accelerations(source), radius)
+    ratio: Array = seam_ratios(mean_accelerations(body), radius) / np.maximum(1, before)
+    return ratio.max(axis=0)
 
 
 def mean_accelerations(points: Array) -> Array:

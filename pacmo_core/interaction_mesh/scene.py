@@ -1,6 +1,6 @@
 """Two bodies as one set of points connected by bones, and scalings of it that need no solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -16,6 +16,8 @@ Real = TypeVar("Real", Array, Single)
 
 # Metres: a shorter bone has no direction, a thinner body no volume.
 MIN_LENGTH = 1e-3
+# Quantile of a joint's heights that is its lowest level; heights below it are noise.
+LOWEST_QUANTILE = 0.05
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class Scene:
     motions : two of (T, J, 3) float32, metres, y up, right-handed, finite; J may differ
     skeletons : two, of as many joints
     fps : frames per second
+    given_levels : heights of the ground and of the joints; of these motions, unless they are a part of
+        longer ones
 
     Raises
     ------
@@ -37,6 +41,7 @@ class Scene:
     motions: tuple[Motion, Motion]
     skeletons: tuple[Skeleton, Skeleton]
     fps: float
+    given_levels: "Levels | None" = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.fps) and self.fps > 0):
@@ -75,9 +80,47 @@ class Scene:
         return vectors
 
     @cached_property
+    def levels(self) -> "Levels":
+        """Heights of the ground and of the joints."""
+        return self.given_levels or measure_levels(self)
+
+    @property
     def ground_height(self) -> float:
         """Metres: median over frames of the height of the lowest joint."""
-        return float(np.median(self.points[..., 1].min(axis=1)))
+        return self.levels.ground
+
+    def frames(self, frames: slice) -> "Scene":
+        """Return a stretch of the motions, with the levels of the whole."""
+        a, b = (motion[frames] for motion in self.motions)
+        return replace(self, motions=(a, b), given_levels=self.levels)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Heights in a scene, metres.
+
+    Parameters
+    ----------
+    ground : median over frames of the height of the lowest joint
+    lowest : (N,), lowest point of the person to which a joint belongs
+    joints : (N,), low quantile of each joint's heights
+    """
+
+    ground: float
+    lowest: Array
+    joints: Array
+
+
+def measure_levels(scene: Scene) -> Levels:
+    """Measure the levels of a scene."""
+    heights = scene.points[..., 1]
+    n_a = scene.n_joints[0]
+    lowest = np.repeat([heights[:, :n_a].min(), heights[:, n_a:].min()], scene.n_joints)
+    return Levels(
+        ground=float(np.median(heights.min(axis=1))),
+        lowest=lowest,
+        joints=np.quantile(heights, LOWEST_QUANTILE, axis=0),
+    )
 
 
 def check_scales(scales: Array, n_bones: int) -> None:

@@ -1,0 +1,397 @@
+"""One attempt of ADMM on a window of the source, and the attempts with growing penalties.
+
+A body gets several attempts, until the result is within the limits; bodies that need a further one
+wait for it together, so that the many easy ones do not iterate with the few hard ones. All is
+relative to the scale that both bodies have in common (``scene.common_scale``).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.interaction_mesh.admm import AdmmSolver, AdmmStart, build_solver, solve_admm
+from pacmo_core.interaction_mesh.capsules import capsule_penetration
+from pacmo_core.interaction_mesh.constraints import build_floor, build_rows
+from pacmo_core.interaction_mesh.energy import QuadraticEnergy, build_energy, energy_rhs
+from pacmo_core.interaction_mesh.factorisation import bone_stiffness, factorise
+from pacmo_core.interaction_mesh.linear_algebra import (
+    AXIS_ORDER,
+    COLUMN_WIDTH,
+    padded_width,
+    pair_frames,
+    single_blas_thread,
+)
+from pacmo_core.interaction_mesh.report import contacts_kept, seam_ratio
+from pacmo_core.interaction_mesh.scene import Array, Scene, Single
+from pacmo_core.interaction_mesh.settings import Attempt, AttemptLimits, Settings
+from pacmo_core.interaction_mesh.warm_start import LinearResponse, linear_response
+
+# Bodies solved together, and the sum of their frames: bounds memory.
+MAX_BATCH = 48
+MAX_BATCH_FRAMES = 40_000
+# Metres, root mean square: bodies whose bones grow by less converge at once.
+MIN_GROWTH_RMS = 1e-3
+# Exponent by which the tolerance falls with the number of bones that share a body's growth. With
+# this one, whole bodies and single bones end about equally far from the minimum of the energy.
+GROWTH_SHARING_EXPONENT = 0.75
+
+
+@dataclass(frozen=True)
+class PreparedWindow:
+    """A scene with all that does not depend on the target bodies.
+
+    Parameters
+    ----------
+    scene, settings : arguments of ``prepare_window``
+    energy : of the scene
+    stiffness : (T, E), of the bones; penalties are relative to it
+    response : to the scale of each bone, for the warm start
+    solvers : by penalties, built at first use
+    """
+
+    scene: Scene
+    settings: Settings
+    energy: QuadraticEnergy
+    stiffness: Array
+    response: LinearResponse
+    solvers: dict[tuple[float, float], AdmmSolver] = field(default_factory=dict)
+
+    def squared_growth(self, scales: Array) -> Array:
+        """``(V, E)`` square metres: squared change of each bone's length, summed over frames."""
+        squares = np.square(self.scene.bone_vectors).sum(axis=(0, 2))
+        growth: Array = np.square(scales - 1) * squares
+        return growth
+
+    def solver(self, attempt: Attempt) -> AdmmSolver:
+        """Return the solver of an attempt."""
+        penalties = (attempt.bone_penalty, attempt.pair_penalty)
+        if penalties not in self.solvers:
+            scene, settings = self.scene, self.settings
+            rows = build_rows(scene, settings, attempt, self.stiffness)
+            floor = build_floor(scene, settings.floor_penalty)
+            factorisation = factorise(self.energy, rows, floor)
+            source = rows.differences(scene.points)
+            self.solvers[penalties] = build_solver(
+                factorisation, rows, floor, source, settings.relaxation
+            )
+        return self.solvers[penalties]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What decides whether an attempt is accepted; names and units as in ``Report``."""
+
+    attempt: int
+    iterations: int
+    fixed_point_residual: float
+    primal_residual: float
+    contacts_kept: float
+    capsule_penetration: float
+    seam_ratio: float
+
+    def limit_ratio(self, limits: AttemptLimits) -> float:
+        """Return the largest ratio of a measurement to its limit; at most 1 if accepted."""
+        return max(
+            self.primal_residual / limits.primal_residual,
+            (1 - self.contacts_kept) / (1 - limits.contacts_kept),
+            self.capsule_penetration / limits.capsule_penetration,
+            self.seam_ratio / limits.seam_ratio,
+        )
+
+    def has_diverged(self, limits: AttemptLimits) -> bool:
+        """Whether more iterations of the same attempt will not help."""
+        return (
+            self.primal_residual > limits.primal_residual or self.seam_ratio > limits.seam_ratio
+        )
+
+
+@dataclass(frozen=True)
+class AttemptResult:
+    """The best motion of a variation so far, and the state from which the next attempt starts.
+
+    Parameters
+    ----------
+    motion : (T, N, 3) metres
+    quality : of that motion
+    has_diverged : whether the last attempt, of which what follows is, has diverged
+    displacement : (T, N, 3) float32 metres, of ADMM
+    bones : (T, E, 3) float32 metres, bone vectors of the target lengths (z)
+    bone_forces : (T, E, 3) float32, penalties times scaled dual variables (P u)
+    """
+
+    motion: Array
+    quality: Quality
+    has_diverged: bool
+    displacement: Single
+    bones: Single
+    bone_forces: Single
+
+
+@dataclass(frozen=True)
+class _AttemptSolution:
+    """Solution of ADMM, frame by frame.
+
+    Parameters
+    ----------
+    displacement : (T, N, 3, V) float32 metres
+    bones, bone_forces : (T, E, 3, V), as in ``AttemptResult``
+    residual, iterations : (V,)
+    """
+
+    displacement: Single
+    bones: Single
+    bone_forces: Single
+    residual: Array
+    iterations: NDArray[np.intp]
+
+
+def prepare_window(scene: Scene, settings: Settings) -> PreparedWindow:
+    """Build and factorise the energy of a window, and compute its linear response."""
+    with single_blas_thread():
+        energy = build_energy(scene, settings)
+        stiffness, response = bone_stiffness(energy, scene), linear_response(scene, energy)
+        window = PreparedWindow(scene, settings, energy, stiffness, response)
+        window.solver(settings.attempts[0])
+    return window
+
+
+def batch_size(n_frames: int) -> int:
+    """Return the number of bodies to solve together."""
+    largest = MAX_BATCH_FRAMES // n_frames // COLUMN_WIDTH * COLUMN_WIDTH
+    return min(MAX_BATCH, max(COLUMN_WIDTH, largest))
+
+
+def solve_bodies(
+    window: PreparedWindow, scales: Array, common: Array
+) -> Iterator[tuple[list[int], list[AttemptResult]]]:
+    """Yield rows of the scales as they are solved, with their results; each row comes once.
+
+    Parameters
+    ----------
+    scales : (V, E), relative to the common scale
+    common : (V,)
+    """
+    # Bodies of similar growth converge at about the same time.
+    order = np.argsort(-window.squared_growth(scales).sum(axis=1), kind="stable")
+    waiting: dict[int, AttemptResult | None] = dict.fromkeys(order.tolist())
+    size = batch_size(len(window.scene.points))
+    for number in range(len(window.settings.attempts)):
+        rows = list(waiting)
+        for first in range(0, len(rows), size):
+            batch = rows[first : first + size]
+            previous = [waiting[row] for row in batch]
+            with single_blas_thread():
+                results = run_attempt(window, scales[batch], common[batch], number, previous)
+            done: dict[int, AttemptResult] = {}
+            for row, result in zip(batch, results, strict=True):
+                waiting[row] = result
+                if is_final(window, number, result):
+                    done[row] = result
+                    del waiting[row]
+            if done:
+                yield list(done), list(done.values())
+
+
+def run_attempt(
+    window: PreparedWindow,
+    scales: Array,
+    common: Array,
+    number: int,
+    previous: list[AttemptResult | None],
+) -> list[AttemptResult]:
+    """Run an attempt for bodies (V, E); return the better of it and the previous."""
+    # Padded to full width: sums along few columns round differently, and the result of a body must
+    # not depend on the others.
+    columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
+    scales = scales[columns]
+    start = _attempt_start(window, scales, common, number, previous)
+    solution = _solve_attempt(window, start, number, columns)
+    displacement, scene = solution.displacement, window.scene
+    motions = project_bone_lengths(scene, displacement, solution.bones, scales)
+    measurements = {
+        "primal_residual": primal_residual(scene, displacement, scales),
+        "contacts_kept": contacts_kept(scene, motions, window.settings.contact_distance, 0.0),
+        "capsule_penetration": capsule_penetration(scene, motions),
+        "seam_ratio": seam_ratio(scene, motions),
+        "fixed_point_residual": solution.residual,
+    }
+    limits, results = window.settings.limits, []
+    for v, before in enumerate(previous):
+        values = {name: float(column[v]) for name, column in measurements.items()}
+        quality = Quality(attempt=number, iterations=int(solution.iterations[v]), **values)
+        result = AttemptResult(
+            motion=np.ascontiguousarray(motions[..., v]),
+            quality=quality,
+            has_diverged=quality.has_diverged(limits),
+            displacement=displacement[..., v],
+            bones=solution.bones[..., v],
+            bone_forces=solution.bone_forces[..., v],
+        )
+        results.append(_select_better(limits, before, result))
+    return results
+
+
+def is_final(window: PreparedWindow, number: int, result: AttemptResult) -> bool:
+    """Whether a variation needs no further attempt."""
+    attempts, quality = window.settings.attempts, result.quality
+    has_converged = (
+        quality.attempt == number and quality.fixed_point_residual <= attempts[number].tolerance
+    )
+    is_accepted = has_converged and quality.limit_ratio(window.settings.limits) <= 1
+    return number + 1 == len(attempts) or is_accepted
+
+
+def _select_better(
+    limits: AttemptLimits, previous: AttemptResult | None, result: AttemptResult
+) -> AttemptResult:
+    """Return the better motion; the later of two within the limits, which had more iterations."""
+    if previous is None:
+        return result
+    if result.quality.limit_ratio(limits) <= max(1, previous.quality.limit_ratio(limits)):
+        return result
+    return replace(result, motion=previous.motion, quality=previous.quality)
+
+
+def step_scale(squared_growth: Array) -> Array:
+    """Return the squared step that a residual of 1 stands for, (V,), from the growth, (V, E).
+
+    The more bones share the growth of a body, the smaller: such bodies converge slowly as a whole,
+    and are still far from the solution when their steps are short.
+    """
+    total = squared_growth.sum(axis=1)
+    n_bones = total**2 / np.square(squared_growth).sum(axis=1)
+    scale: Array = total / n_bones**GROWTH_SHARING_EXPONENT
+    return scale
+
+
+def primal_residual(scene: Scene, displacement: Single, scales: Array) -> Array:
+    """Return the largest relative error of a bone length of the linear step, ``(V,)``.
+
+    The projection on the bone lengths hides it: if ADMM cycles, its motions have exact bones too,
+    and feet that slide.
+
+    Parameters
+    ----------
+    displacement : (T, N, 3, V) float32 metres, of ADMM
+    scales : (V, E)
+    """
+    source = scene.bone_vectors.astype(np.float32)
+    lengths = np.linalg.norm(source, axis=-1)
+    largest = np.zeros(len(scales))
+    for bone, (parent, child) in enumerate(scene.bones):
+        vector = displacement[:, child] - displacement[:, parent] + source[:, bone, :, None]
+        length = np.sqrt(np.einsum("tcv,tcv->tv", vector, vector))
+        ratio = length / (lengths[:, bone, None] * scales[:, bone].astype(np.float32))
+        largest = np.maximum(largest, np.abs(ratio - 1).max(axis=0))
+    return largest
+
+
+def project_bone_lengths(
+    scene: Scene, displacement: Single, directions: Single, scales: Array
+) -> Array:
+    """Return motions with the exact bone lengths, ``(T, N, 3, V)`` float64 metres.
+
+    The bones follow ``directions``, each body's mean position the displacement.
+
+    Parameters
+    ----------
+    displacement : (T, N, 3, V) float32 metres, of ADMM
+    directions : (T, E, 3, V), of any length but zero
+    scales : (V, E)
+    """
+    lengths = np.linalg.norm(scene.bone_vectors, axis=-1)
+    motions = np.zeros(displacement.shape)
+    first_joint = first_bone = 0
+    for skeleton in scene.skeletons:
+        joints = slice(first_joint, first_joint + len(skeleton.joints))
+        body = motions[:, joints]
+        bone_of = {child: row + first_bone for row, (_, child) in enumerate(skeleton.bones)}
+        for joint in skeleton.order[1:]:
+            bone = bone_of[joint]
+            vector = directions[:, bone].astype(np.float64)
+            norm = np.sqrt(np.einsum("tcv,tcv->tv", vector, vector))
+            vector *= (lengths[:, bone, None] * scales[:, bone] / norm)[:, None]
+            np.add(body[:, skeleton.parents[joint]], vector, out=body[:, joint])
+        source_mean = scene.points[:, joints].mean(axis=1)[..., None]
+        mean = source_mean + displacement[:, joints].mean(axis=1)
+        body += (mean - body.mean(axis=1))[:, None]
+        first_joint, first_bone = joints.stop, first_bone + len(skeleton.bones)
+    return motions
+
+
+def _attempt_start(
+    window: PreparedWindow,
+    scales: Array,
+    common: Array,
+    number: int,
+    previous: list[AttemptResult | None],
+) -> AdmmStart:
+    """Return the start of the V bodies of ``previous``.
+
+    Parameters
+    ----------
+    scales : (W, E), padded to W columns
+    common : (V,)
+    """
+    attempt, n_bodies = window.settings.attempts[number], len(previous)
+    solver, scene = window.solver(attempt), window.scene
+    rhs = _to_blocks(energy_rhs(window.energy, scales)[..., :n_bodies])
+    penalties = (attempt.bone_penalty * window.stiffness[..., None]).astype(np.float32)
+    bones = window.response.warm_start(scene.bone_vectors, scales, penalties)[..., :n_bodies]
+    scales, floor = scales[:n_bodies].T, solver.floor
+    heights = np.repeat(floor.heights[..., None], n_bodies, axis=-1)
+    points = np.repeat(scene.points[..., None], n_bodies, axis=-1)
+    for v, result in enumerate(previous):
+        if result is not None and not result.has_diverged:
+            # v = z + u, with the dual rescaled to the penalties of this attempt.
+            bones[..., v] = result.bones + result.bone_forces / penalties
+            points[..., v] += result.displacement
+            heights[..., v] += result.displacement[:, floor.joints, 1]
+    pairs = solver.rows.differences(points)[:, len(scales) :]
+    pair_scales = np.ones((pairs.shape[1], n_bodies))
+    min_growth = MIN_GROWTH_RMS**2 * len(window.stiffness)
+    return AdmmStart(
+        energy_rhs=rhs.reshape(len(rhs), -1, *rhs.shape[3:]),
+        governing=_to_blocks(np.concatenate([bones, pairs], axis=1)),
+        floor=pair_frames(heights.astype(np.float32)),
+        scales=np.concatenate([scales, pair_scales]).astype(np.float32),
+        lowest=(floor.lowest[:, None] / common).astype(np.float32),
+        step_scale=step_scale(window.squared_growth(scales.T) + min_growth),
+    )
+
+
+def _to_blocks(columns: NDArray[np.floating]) -> Single:
+    """Reshape (T, R, 3, V) to (K, 2, R, 3, V) float32, axes in ``AXIS_ORDER``."""
+    return pair_frames(columns.astype(np.float32, copy=False)[:, :, AXIS_ORDER])
+
+
+def _solve_attempt(
+    window: PreparedWindow, start: AdmmStart, number: int, columns: NDArray[np.intp]
+) -> _AttemptSolution:
+    """Run ADMM, and return its solution frame by frame for the padded columns."""
+    attempt = window.settings.attempts[number]
+    solution = solve_admm(
+        window.solver(attempt),
+        start,
+        max_iterations=attempt.max_iterations,
+        tolerance=attempt.tolerance,
+    )
+    n_frames, n_bones = window.stiffness.shape
+    n_points = window.scene.points.shape[1]
+
+    def from_blocks(blocks: Single, n_rows: int) -> Single:
+        rows = blocks.reshape(-1, n_rows, 3, blocks.shape[-1])[:n_frames]
+        return rows[:, :, AXIS_ORDER][..., columns]
+
+    governing = solution.governing[:, :, :n_bones]
+    bones = governing * solution.projection[:, :, :n_bones, None]
+    penalties = (attempt.bone_penalty * window.stiffness[..., None, None]).astype(np.float32)
+    return _AttemptSolution(
+        displacement=from_blocks(solution.displacement, n_points),
+        bones=from_blocks(bones, n_bones),
+        bone_forces=from_blocks(governing - bones, n_bones) * penalties,
+        residual=solution.residual,
+        iterations=solution.iterations,
+    )
