@@ -19,7 +19,9 @@ from pacmo_core.augmentation.run import report_measurements, trunk_deformation
 from pacmo_core.commands.captures import (
     PEOPLE,
     TwoPersonCapture,
+    WrittenCapture,
     check_output,
+    constant_bones_line,
     read_two_people,
     write_two_people,
 )
@@ -27,6 +29,9 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.figures.clips import measurement_summary
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
+from pacmo_core.interaction_mesh.mesh import ground_supports
+from pacmo_core.interaction_mesh.report import measure_motions
+from pacmo_core.interaction_mesh.scene import common_scale, scale_scene
 from pacmo_core.project.workspace import CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
 
@@ -129,11 +134,12 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
                             for w in words), *profile]).replace("=", "-")  # fmt: skip
         solution = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
         moved = duo.moved(_split_people(duo, solution.points[0]))
-        written, max_error = write_two_people(moved, scales, label, out)
-        figures = report_measurements(solution.reports[0]) | _measure(duo, moved, scales)
-        for line in _report_lines(figures, solving.limits, max_error):
+        written = write_two_people(moved, scales, label, out)
+        figures = report_measurements(solution.reports[0])
+        figures |= measure_written(duo, written, scales, solving.solver)
+        for line in _report_lines(figures, solving.limits, written.max_error):
             typer.echo(line)
-        typer.echo(f"{len(solution.points[0])} frames in {', '.join(map(str, written))}")
+        typer.echo(f"{len(solution.points[0])} frames in {', '.join(map(str, written.files))}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -178,15 +184,33 @@ def _split_people(duo: TwoPersonCapture, points: Scales) -> tuple[Motion, Motion
     return a.astype(np.float32), b.astype(np.float32)
 
 
-def _measure(
-    duo: TwoPersonCapture, moved: TwoPersonCapture, scales: tuple[Scales, Scales]
+def measure_written(
+    duo: TwoPersonCapture,
+    written: WrittenCapture,
+    scales: tuple[Scales, Scales],
+    settings: Settings,
 ) -> dict[str, float]:
-    """Return the trunk deformation of the person whose trunk deforms more."""
+    """Measure the motion of the files that were written against the capture.
+
+    The scale that both people have in common is divided out (``interaction_mesh.common_scale``).
+
+    Returns
+    -------
+    by the names of ``interaction_mesh.Report``, and ``trunk_deformation`` of the person whose trunk
+    deforms more
+    """
+    scene = duo.scene
+    points = np.concatenate([person.motion for person in written.people], axis=1, dtype=np.float64)
+    common = common_scale(scene, np.concatenate(scales)[None])
+    relative = scale_scene(scene, points[None], 1 / common)[0]
+    supports = ground_supports(scene, settings.support)
+    measured = measure_motions(scene, settings, supports, relative[..., None])
     changes = [
         trunk_deformation(source.motion, varied.motion, source.skeleton, scales_of_person)
-        for source, varied, scales_of_person in zip(duo.people, moved.people, scales, strict=True)
+        for source, varied, scales_of_person in zip(duo.people, written.people, scales, strict=True)
     ]
-    return {"trunk_deformation": max(changes)}
+    figures = {name: float(value[0]) for name, value in measured.items()}
+    return figures | {"trunk_deformation": max(changes)}
 
 
 def _report_lines(
@@ -195,7 +219,7 @@ def _report_lines(
     """Yield the lines that summarise the measurements."""
     yield measurement_summary(figures)
     if max_error:
-        yield f"constant bones in the BVH file move joints by {1e3 * max_error:.1f} mm at most"
+        yield constant_bones_line(max_error)
     reason = rejection_reason(figures, limits)
     if reason:
         yield f"outside the limits for training: {reason}"

@@ -12,6 +12,7 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.inverse_kinematics import proximity_weights
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
@@ -20,7 +21,7 @@ from pacmo_core.formats.registry import (
     read_partner,
     select_person,
 )
-from pacmo_core.formats.write_bvh import Rewritten, format_bvh, rewrite_bvh
+from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import write_text
@@ -114,13 +115,29 @@ def check_output(duo: TwoPersonCapture, out: Path) -> None:
             raise CommandError(f"{out}: this would overwrite {file}; name another output")
 
 
+@dataclass(frozen=True)
+class WrittenCapture:
+    """Files, and the motion in them.
+
+    Parameters
+    ----------
+    files : that were written
+    people : read back from the files; BVH files hold bones of constant length
+    max_error : metres, the largest distance of a joint in the files from where it was to be
+    """
+
+    files: list[Path]
+    people: tuple[PersonMotion, PersonMotion]
+    max_error: float
+
+
 def write_two_people(
     duo: TwoPersonCapture,
     scales: tuple[NDArray[np.float64], NDArray[np.float64]],
     label: str,
     out: Path,
-) -> tuple[list[Path], float]:
-    """Write both people; return the files, and the largest error of a joint in them, in metres.
+) -> WrittenCapture:
+    """Write both people, and read back what was written.
 
     Parameters
     ----------
@@ -133,18 +150,60 @@ def write_two_people(
             times = a.times - a.times[0]
             pair = Interaction(a.skeleton, times, a.motion, b.motion)
             writer.add(f"{duo.name}~{label}", pair)
-        return [out], 0.0
-    files, max_error = _output_files(duo, out), 0.0
-    for number, (person, scales_of_person) in enumerate(zip(duo.people, scales, strict=True)):
-        if duo.files[0].suffix.lower() == ".bvh":
-            file = duo.files[number]
-            written, metres = _rewritten(file, duo.settings, person, scales_of_person)
-            write_text(files[number], written.text)
-            max_error = max(max_error, float(written.errors.max()) * metres)
-        else:
-            fps = float(1 / np.median(np.diff(person.times)))
-            write_text(files[number], format_bvh(person.motion, fps, person.skeleton))
-    return files, max_error
+        return WrittenCapture([out], duo.people, 0.0)
+    files, written = _output_files(duo, out), []
+    weights = proximity_weights(a.motion, b.motion)
+    for number, person in enumerate(duo.people):
+        targets = PersonTargets(person, weights[number], scales[number])
+        written.append(_write_person(duo, number, targets, files[number]))
+    errors = [
+        np.linalg.norm(back.motion - person.motion, axis=-1).max()
+        for back, person in zip(written, duo.people, strict=True)
+    ]
+    return WrittenCapture(files, (written[0], written[1]), float(max(errors)))
+
+
+@dataclass(frozen=True)
+class PersonTargets:
+    """What a BVH file shall hold.
+
+    Parameters
+    ----------
+    person : the motion
+    weights : (T, J), of the squared error of each joint
+    bone_scales : (E,), bone lengths relative to the capture's
+    """
+
+    person: PersonMotion
+    weights: NDArray[np.float64]
+    bone_scales: NDArray[np.float64]
+
+
+def _write_person(
+    duo: TwoPersonCapture, number: int, targets: PersonTargets, out: Path
+) -> PersonMotion:
+    """Write a BVH file, in the hierarchy of the input if that is BVH; return what it holds."""
+    person, settings = targets.person, {"unit": 1.0, "up": "y"}
+    if duo.files[0].suffix.lower() == ".bvh":
+        file = duo.files[number]
+        pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **duo.settings})
+        settings = {"unit": pairs.metres(file), "up": pairs.up_axis}
+        write_text(out, _rewritten(file, pairs, targets))
+    else:
+        fps = float(1 / np.median(np.diff(person.times)))
+        write_text(out, format_bvh(person.motion, fps, person.skeleton, targets.weights))
+    return read_back(out, person, settings)
+
+
+def constant_bones_line(max_error: float) -> str:
+    """Say how far joints in BVH files are from where they were to be, in metres at most."""
+    return f"constant bones in BVH files move joints by {1e3 * max_error:.1f} mm at most"
+
+
+def read_back(file: Path, person: PersonMotion, settings: Mapping[str, Any]) -> PersonMotion:
+    """Read the motion of a BVH file that was written for a person."""
+    found = read_partner(file, "bvh", settings, person=None, clip="")
+    return replace(person, motion=found.select_joints(person.skeleton).motion)
 
 
 def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:
@@ -159,22 +218,20 @@ def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:
     return [out / f"{stem}_{person.upper()}.bvh" for person in PEOPLE]
 
 
-def _rewritten(
-    file: Path, settings: Mapping[str, Any], person: PersonMotion, bone_scales: NDArray[np.float64]
-) -> tuple[Rewritten, float]:
+def _rewritten(file: Path, pairs: BvhPairs, targets: PersonTargets) -> str:
     """Write a motion in the hierarchy, unit and axes of its BVH file."""
-    bvh, pairs = read_bvh(file), BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **settings})
+    bvh, person = read_bvh(file), targets.person
     metres = pairs.metres(file)
     x, y, z = np.moveaxis(person.motion.astype(np.float64) / metres, -1, 0)
-    files = np.stack((x, y, z) if pairs.up_axis == "y" else (x, -z, y), axis=-1)
+    positions = np.stack((x, y, z) if pairs.up_axis == "y" else (x, -z, y), axis=-1)
     joints = [bvh.joints.index(name) for name in person.skeleton.joints]
     scales = np.ones(len(bvh.joints))
     bones = person.skeleton.bones[:, 1].tolist()
-    for child, scale in zip(bones, bone_scales.tolist(), strict=True):
+    for child, scale in zip(bones, targets.bone_scales.tolist(), strict=True):
         scales[joints[child]] = scale
     for end in bvh.end_sites:
         scales[end] = scales[bvh.parents[end]]
-    return rewrite_bvh(file, bvh, joints, files, scales), metres
+    return rewrite_bvh(file, bvh, BvhTargets(joints, positions, targets.weights), scales)
 
 
 def _make_capture(

@@ -2,7 +2,8 @@
 
 A rewritten file keeps its hierarchy, channels, unit and axes. Its own rotations are kept as far as
 the new bone directions allow, so that what positions leave undetermined (the twist of a limb, the
-rotation of a hand) stays as captured.
+rotation of a hand) stays as captured. Where several bones leave one joint, the angles between them
+are fitted to the new motion, as a file holds them constant.
 """
 
 from collections.abc import Iterator
@@ -16,11 +17,10 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh
-from pacmo_core.formats.fit_bones import (
-    ConstantBoneMotion,
+from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
+from pacmo_core.formats.inverse_kinematics import (
     aim_bones,
-    fit_bones,
-    forward_kinematics,
+    fit_rest_directions,
     inverse_kinematics,
 )
 from pacmo_core.formats.rotations import GIMBAL_LOCK, axis_rotations, euler_angles_near
@@ -30,7 +30,9 @@ from pacmo_core.formats.rotations import GIMBAL_LOCK, axis_rotations, euler_angl
 ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
 
 
-def format_bvh(motion: Motion, fps: float, skeleton: Skeleton) -> str:
+def format_bvh(
+    motion: Motion, fps: float, skeleton: Skeleton, weights: NDArray[np.float64] | None = None
+) -> str:
     """Write a motion as the nearest one of constant bones (see ``fit_bones``).
 
     Every leaf of the hierarchy has an End Site of zero length at the joint.
@@ -39,8 +41,13 @@ def format_bvh(motion: Motion, fps: float, skeleton: Skeleton) -> str:
     ----------
     motion : (T, J, 3) float32, metres, y up
     fps : frames a second
+    weights : (T, J), of the squared error of each joint; without them each joint only points its
+        bones to its children
     """
-    return format_bvh_of_fit(fit_bones(motion, skeleton), fps, skeleton)
+    fitted = fit_bones(motion, skeleton)
+    if weights is not None:
+        fitted = reach_targets(fitted, motion, weights, skeleton)
+    return format_bvh_of_fit(fitted, fps, skeleton)
 
 
 def format_bvh_of_fit(fitted: ConstantBoneMotion, fps: float, skeleton: Skeleton) -> str:
@@ -102,31 +109,28 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Rewritten:
-    """The new text, and how far its joints are from their targets.
+class BvhTargets:
+    """Where joints of a file shall be.
 
     Parameters
     ----------
-    text : of the file
-    errors : (T, K) file units, distance of each joint from its target; bones that leave one joint
-        keep their angles to each other in a BVH, so that not every pose can be reached
+    joints : the K joints that have targets, the root among them
+    positions : (T, K, 3) file units, in the file's world
+    weights : (T, K), of the squared distance of each joint from its target
     """
 
-    text: str
-    errors: Array
+    joints: list[int]
+    positions: Array
+    weights: Array
 
 
-def rewrite_bvh(
-    file: Path, bvh: Bvh, joints: list[int], targets: Array, scales: Array
-) -> Rewritten:
+def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str:
     """Write a file with other bone lengths and another motion (inverse kinematics on its channels).
 
     Parameters
     ----------
     file : for messages
     bvh : the file as read, with as many frames as ``targets``
-    joints : the K joints that have targets, the root among them
-    targets : (T, K, 3) file units, in the file's world
     scales : (J,), of the bone that ends at each joint
 
     Raises
@@ -135,15 +139,14 @@ def rewrite_bvh(
         If a joint has not three rotation channels, or the root no position channels.
     """
     _check_channels(file, bvh)
-    offsets = _displacements(bvh) * scales[:, None]
-    target_of_joint: dict[int, Array] = {joint: targets[:, k] for k, joint in enumerate(joints)}
-    initial = aim_bones(bvh.parents, target_of_joint, offsets, _local_rotations(bvh))
-    root, local = inverse_kinematics(bvh.parents, target_of_joint, offsets, initial)
-    posed, _ = forward_kinematics(bvh.parents, root, offsets, local)
-    errors = np.stack(
-        [np.linalg.norm(posed[:, j] - target_of_joint[j], axis=-1) for j in joints], axis=1
-    )
-    return Rewritten(_format_rewritten(bvh, scales, _rows(bvh, root, offsets, local)), errors)
+    of_joint = {joint: targets.positions[:, k] for k, joint in enumerate(targets.joints)}
+    fixed = {joint for joint, names in enumerate(bvh.channels)
+             if not any(name.endswith("position") for name in names)}  # fmt: skip
+    rest = fit_rest_directions(bvh.parents, of_joint, bvh.offsets * scales[:, None], fixed)
+    offsets = _displacements(bvh, rest, scales)
+    initial = aim_bones(bvh.parents, of_joint, offsets, _local_rotations(bvh))
+    root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, offsets, initial)
+    return _format_rewritten(bvh, rest, _rows(bvh, root, offsets, local))
 
 
 def _check_channels(file: Path, bvh: Bvh) -> None:
@@ -156,15 +159,15 @@ def _check_channels(file: Path, bvh: Bvh) -> None:
         raise FormatError(file, f"{bvh.joints[0]} has no position channels to write")
 
 
-def _displacements(bvh: Bvh) -> Array:
-    """``(T, J, 3)`` from the parent, in its frame: a joint's position channels, or its offset.
+def _displacements(bvh: Bvh, rest: Array, scales: Array) -> Array:
+    """``(T, J, 3)`` from the parent, in its frame: scaled position channels, or the rest offset.
 
     The root's is left out: its position is given.
     """
-    offsets = np.repeat(bvh.offsets[None], len(bvh.motion), axis=0)
+    offsets = np.repeat(rest[None], len(bvh.motion), axis=0)
     for joint, column, channel in _columns(bvh):
         if channel.endswith("position") and bvh.parents[joint] >= 0:
-            offsets[:, joint, "xyz".index(channel[0])] = bvh.motion[:, column]
+            offsets[:, joint, "xyz".index(channel[0])] = scales[joint] * bvh.motion[:, column]
     return offsets
 
 
@@ -213,10 +216,10 @@ def _rotation_columns(bvh: Bvh) -> dict[int, dict[str, int]]:
     return angles
 
 
-def _format_rewritten(bvh: Bvh, scales: Array, rows: Array) -> str:
+def _format_rewritten(bvh: Bvh, offsets: Array, rows: Array) -> str:
     lines = [
         "HIERARCHY",
-        *_rewritten_hierarchy(bvh, bvh.offsets * scales[:, None], 0, 0),
+        *_rewritten_hierarchy(bvh, offsets, 0, 0),
         "MOTION",
         f"Frames: {len(rows)}",
         f"Frame Time: {bvh.frame_time:.9g}",

@@ -1,0 +1,272 @@
+"""Inverse kinematics of a tree of rigid joints: rest directions and rotations that reach targets.
+
+Bones that leave one joint keep their angles to each other, so that not every pose can be reached.
+``fit_rest_directions`` fits these angles to the whole motion, ``aim_bones`` points bones at the
+targets, and ``inverse_kinematics`` spreads what is left over the body by weighted least squares.
+"""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.data.interaction import Motion
+
+Array = NDArray[np.float64]
+
+# Weight that keeps a joint's present rotation, relative to squared bone length: it only determines
+# what positions leave undetermined.
+ROTATION_REGULARISATION = 1e-6
+N_REST_ROUNDS = 10  # of alternating between rest directions and rotations
+N_GAUSS_NEWTON_STEPS = 6
+DAMPING = 1e-3  # of a rotation, relative to the squared size of the skeleton
+FRAMES_PER_BATCH = 128  # bounds memory
+
+# Weights of targets near the other person or the ground, in addition to 1, and the distances in
+# metres at which they have fallen to 1/e. They change smoothly with the motion: a step in a weight
+# would cause a jerk.
+CONTACT_WEIGHT, CONTACT_RANGE = 8.0, 0.15
+GROUND_WEIGHT, GROUND_RANGE = 8.0, 0.12
+
+
+def proximity_weights(a: Motion, b: Motion) -> tuple[Array, Array]:
+    """Weight joints near the other person or the ground: the squared error of each counts so often.
+
+    ``w = 1 + 8 exp(-(d / 0.15 m)^2) + 8 exp(-(h / 0.12 m)^2)`` with d the distance to the nearest
+    joint of the other person, and h the height above the ground.
+
+    Parameters
+    ----------
+    a, b : (T, J, 3) float32, metres, y up; J may differ
+
+    Returns
+    -------
+    (T, J) of a, and of b
+    """
+    ground = float(np.median(np.minimum(a[..., 1].min(axis=1), b[..., 1].min(axis=1))))
+    return _proximity_weights(a, b, ground), _proximity_weights(b, a, ground)
+
+
+def _proximity_weights(motion: Motion, other: Motion, ground: float) -> Array:
+    # Joint by joint: all differences at once would take three times the memory of the distances.
+    distances = np.stack(
+        [np.linalg.norm(other - joint[:, None], axis=-1).min(axis=1)
+         for joint in np.moveaxis(motion, 1, 0)],
+        axis=1,
+    )  # fmt: skip
+    heights = motion[..., 1] - ground
+    weights: Array = (
+        1.0
+        + CONTACT_WEIGHT * np.exp(-np.square(distances / CONTACT_RANGE))
+        + GROUND_WEIGHT * np.exp(-np.square(heights / GROUND_RANGE))
+    ).astype(np.float64)
+    return weights
+
+
+def forward_kinematics(
+    parents: Sequence[int], root: Array, offsets: Array, local: Array
+) -> tuple[Array, Array]:
+    """Compute joint positions (T, J, 3) and world rotations (T, J, 3, 3).
+
+    Parameters
+    ----------
+    parents : each before its children
+    root : (T, 3)
+    offsets : (T, J, 3) from the parent, in the parent's frame
+    local : (T, J, 3, 3), rotations against the parent
+    """
+    positions, rotations_world = np.zeros_like(offsets), np.zeros_like(local)
+    positions[:, 0], rotations_world[:, 0] = root, local[:, 0]
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            positions[:, joint] = positions[:, parent] + rotate_vectors(
+                rotations_world[:, parent], offsets[:, joint]
+            )
+            rotations_world[:, joint] = rotations_world[:, parent] @ local[:, joint]
+    return positions, rotations_world
+
+
+def fit_rest_directions(
+    parents: Sequence[int], targets: dict[int, Array], offsets: Array, turnable: Collection[int]
+) -> Array:
+    """Fit the angles between bones that leave one joint to the targets of the whole motion.
+
+    Generalised Procrustes analysis: rotations of each frame (Kabsch) and the mean directions in
+    their frames alternate. Lengths do not change, nor does a bone that leaves its joint alone. The
+    bones of a joint as a whole stay in their rest pose: rotations in the file keep their meaning.
+
+    Parameters
+    ----------
+    targets : (T, 3) positions of some joints
+    offsets : (J, 3) from the parent, in the parent's frame
+    turnable : joints whose offsets may change
+
+    Returns
+    -------
+    (J, 3)
+    """
+    fitted = offsets.copy()
+    for joint in sorted(set(parents) & set(targets)):
+        ends = [c for c, p in enumerate(parents)
+                if p == joint and c in targets and c in turnable and offsets[c].any()]  # fmt: skip
+        if len(ends) > 1:
+            bones = np.stack([targets[end] - targets[joint] for end in ends], axis=1)
+            fitted[ends] = _mean_directions(bones, offsets[ends])
+    return fitted
+
+
+def _mean_directions(bones: Array, rest: Array) -> Array:
+    """``(n, 3)``: offsets of the lengths of ``rest`` that, rotated, are nearest to (T, n, 3)."""
+    offsets, lengths = rest, np.linalg.norm(rest, axis=-1, keepdims=True)
+    for _ in range(N_REST_ROUNDS):
+        rotations = _nearest_rotations(bones, offsets[None], np.eye(3))
+        means = np.einsum("tij,tni->nj", rotations, bones)
+        norms = np.linalg.norm(means, axis=-1, keepdims=True)
+        offsets = means * lengths / np.maximum(norms, np.finfo(np.float64).tiny)
+    (back,) = _nearest_rotations(rest[None], offsets[None], np.eye(3))
+    aligned: Array = offsets @ back.T
+    return aligned
+
+
+def aim_bones(
+    parents: Sequence[int], targets: dict[int, Array], offsets: Array, local: Array
+) -> tuple[Array, Array]:
+    """Rotate joints from the root outwards so that their bones point to the targets (Kabsch).
+
+    Parameters
+    ----------
+    targets : (T, 3) positions of some joints, the root among them
+    local : (T, J, 3, 3), which determine what positions leave undetermined
+
+    Returns
+    -------
+    root : (T, 3)
+    local : (T, J, 3, 3)
+    """
+    positions, rotations_world, solution = (
+        np.zeros_like(offsets),
+        np.zeros_like(local),
+        np.zeros_like(local),
+    )
+    for joint, parent in enumerate(parents):
+        parent_rotation = rotations_world[:, parent] if parent >= 0 else np.eye(3)[None]
+        base = targets[joint] if parent < 0 else positions[:, parent]
+        positions[:, joint] = base + (
+            rotate_vectors(parent_rotation, offsets[:, joint]) if parent >= 0 else 0
+        )
+        ends = [c for c, p in enumerate(parents) if p == joint and c in targets]
+        rotations_world[:, joint] = parent_rotation @ local[:, joint]
+        if ends:
+            directions = np.stack([targets[end] - positions[:, joint] for end in ends], axis=1)
+            rotations_world[:, joint] = _nearest_rotations(
+                directions, offsets[:, ends], rotations_world[:, joint]
+            )
+        solution[:, joint] = np.swapaxes(parent_rotation, -1, -2) @ rotations_world[:, joint]
+    return targets[0], solution
+
+
+def inverse_kinematics(
+    parents: Sequence[int],
+    targets: dict[int, Array],
+    weights: Array,
+    offsets: Array,
+    initial: tuple[Array, Array],
+) -> tuple[Array, Array]:
+    """Pose the tree by damped Gauss-Newton steps on the weighted squared distances to the targets.
+
+    Parameters
+    ----------
+    targets : (T, 3) positions of K joints, the root among them
+    weights : (T, K), of the squared distances, in the order of ``targets``
+    offsets : (T, J, 3) from the parent, in the parent's frame
+    initial : root and local rotations, as ``aim_bones`` gives them
+    """
+    root, local = initial[0].copy(), initial[1].copy()
+    for first in range(0, len(root), FRAMES_PER_BATCH):
+        part = slice(first, first + FRAMES_PER_BATCH)
+        batch_targets = {joint: positions[part] for joint, positions in targets.items()}
+        for _ in range(N_GAUSS_NEWTON_STEPS):
+            pose = (root[part], local[part])
+            _gauss_newton_step(parents, batch_targets, weights[part], offsets[part], pose)
+    return root, local
+
+
+def rotate_vectors(frames: Array, vectors: Array) -> Array:
+    """``(T, 3)``: vectors given in frames, in the world."""
+    solution: Array = (frames @ vectors[..., None])[..., 0]
+    return solution
+
+
+def _gauss_newton_step(
+    parents: Sequence[int],
+    targets: dict[int, Array],
+    weights: Array,
+    offsets: Array,
+    pose: tuple[Array, Array],
+) -> None:
+    """Take one damped Gauss-Newton step, in place."""
+    root, local = pose
+    positions, rotations_world = forward_kinematics(parents, root, offsets, local)
+    inner = sorted(set(parents) - {-1})
+    rows = list(targets)
+    roots = np.sqrt(weights)[..., None]
+    jacobian = _jacobian(parents, positions, inner, rows) * np.repeat(roots, 3, axis=1)
+    residual = np.stack([targets[joint] - positions[:, joint] for joint in rows], axis=1) * roots
+    normal = jacobian.swapaxes(1, 2) @ jacobian
+    scale = np.square(positions - positions.mean(axis=1, keepdims=True)).sum(axis=-1).mean(axis=1)
+    damping = np.concatenate([np.zeros(3), np.full(3 * len(inner), DAMPING)])
+    normal += np.eye(len(damping)) * (damping * scale[:, None])[:, None]
+    gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
+    solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
+    root += solution[:, :3]
+    for index, joint in enumerate(inner):
+        rotation = _rotation(solution[:, 3 + 3 * index : 6 + 3 * index])
+        parent_rotation = (
+            rotations_world[:, parents[joint]] if parents[joint] >= 0 else np.eye(3)[None]
+        )
+        local[:, joint] = (
+            np.swapaxes(parent_rotation, -1, -2) @ rotation @ parent_rotation @ local[:, joint]
+        )
+
+
+def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: list[int]) -> Array:
+    """``(T, 3 K, 3 + 3 I)``: derivatives by the root and by rotations of inner joints."""
+    jacobian = np.zeros((len(positions), len(rows), 3, 1 + len(inner), 3))
+    jacobian[..., 0, :] = np.eye(3)
+    for row, joint in enumerate(rows):
+        ancestor = parents[joint]
+        while ancestor >= 0:
+            lever = positions[:, joint] - positions[:, ancestor]
+            jacobian[:, row, :, 1 + inner.index(ancestor)] = -_cross(lever)
+            ancestor = parents[ancestor]
+    return jacobian.reshape(len(positions), 3 * len(rows), -1)
+
+
+def _cross(vectors: Array) -> Array:
+    """``(T, 3, 3)``: the matrix that multiplies by a vector's cross product."""
+    x, y, z = vectors.T
+    none = np.zeros_like(x)
+    return np.array([[none, -z, y], [z, none, -x], [-y, x, none]]).transpose(2, 0, 1)
+
+
+def _rotation(vectors: Array) -> Array:
+    """``(T, 3, 3)``: the rotation about each vector by its length in radians (Rodrigues)."""
+    angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
+    cross = _cross(vectors / np.maximum(angle[:, 0], np.finfo(np.float64).tiny))
+    rotations_world: Array = (
+        np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    )
+    return rotations_world
+
+
+def _nearest_rotations(directions: Array, offsets: Array, fallback: Array) -> Array:
+    """``(T, 3, 3)``: rotate offsets nearest to directions, both (T, n, 3) (Kabsch).
+
+    What they leave undetermined is that of ``fallback``.
+    """
+    scale = np.maximum(np.square(offsets).sum(axis=(1, 2)), np.finfo(np.float64).tiny)
+    covariance = directions.swapaxes(1, 2) @ offsets / scale[:, None, None]
+    u, _, right = np.linalg.svd(covariance + ROTATION_REGULARISATION * fallback)
+    u[..., -1] *= np.linalg.det(u @ right)[:, None]
+    nearest: Array = u @ right
+    return nearest
