@@ -6,7 +6,6 @@ upper body, scaled by 0.75 to 1.25 in steps of 0.05.
 
 import os
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,14 +26,10 @@ TAKES = {
     "duo_mocap": (2.0, ("salsa/Easy_01", "salsa/Easy_02", "salsa/Easy_03", "acts/")),
     "cmu_18_19": (None, ("18_10", "18_11", "18_15")),
 }
-
-
-@cache
-def default_settings() -> Settings:
-    """Return the solver's settings of ``params.yaml``."""
-    path = Path(__file__).parents[1] / "params.yaml"
-    section = YAML(typ="safe").load(path)["augment"]["solver"]
-    return TypeAdapter(Settings).validate_python(section)
+PARAMS = Path(__file__).parents[1] / "params.yaml"
+SETTINGS: Settings = TypeAdapter(Settings).validate_python(
+    YAML(typ="safe").load(PARAMS)["augment"]["solver"]
+)
 
 
 @dataclass(frozen=True)

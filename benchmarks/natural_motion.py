@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._figures import arguments, show
-from benchmarks._retargeting_tasks import default_settings
+from benchmarks._retargeting_tasks import SETTINGS
 from pacmo_core.augmentation.bodies import measure_body, profile_scales
 from pacmo_core.augmentation.run import scene_from
 from pacmo_core.data.interaction import Interaction, joint_distances
@@ -196,7 +196,7 @@ def bodies(interaction: Interaction) -> tuple[list[str], Array]:
 def measure(one: Window) -> list[Result]:
     """Retarget a window to all bodies and measure."""
     names, scales = bodies(one.interaction)
-    result = retarget(prepare(scene_from(one.interaction), default_settings()), scales)
+    result = retarget(prepare(scene_from(one.interaction), SETTINGS), scales)
     return [
         Result(one.name, one.kind, name, " b " in name, _values(report))
         for name, report in zip(names, result.reports, strict=True)

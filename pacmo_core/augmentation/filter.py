@@ -7,7 +7,7 @@ from math import inf, isnan
 from pacmo_core.data.interaction import Interaction, joint_distances
 
 # Measurements with a lower limit; all others have an upper limit.
-LOWER_LIMITS = ("contacts_preserved",)
+LOWER_LIMITS = ("contacts_kept",)
 
 
 @dataclass(frozen=True)
@@ -70,17 +70,24 @@ def _occurrence_index(names: Sequence[str]) -> list[int]:
 class VariationLimits:
     """Limits on the measurements of an accepted variation.
 
-    See ``interaction_mesh.Report`` and ``run.trunk_deformation`` for the measurements. All are
-    upper limits, but for ``contacts_preserved``, which is a lower limit.
+    See ``interaction_mesh.Report`` for the measurements. All are upper limits, but for
+    ``contacts_kept``, which is a lower limit.
     """
 
     primal_residual: float
-    contacts_preserved: float
+    contacts_kept: float
+    capsule_penetration: float
+    knee_change_p95: float
+    elbow_change_p95: float
+    spine_change_p95: float
+    pelvis_height_error: float
+    trunk_change: float
+    below_floor: float
     added_foot_skate: float
-    penetration: float
-    acceleration_peak_ratio: float
-    bend_flip_fraction: float
-    trunk_deformation: float
+    peak_acceleration_ratio: float
+    seam_ratio: float
+    knee_flips: float
+    elbow_flips: float
 
 
 def exceeded_limits(measurements: Mapping[str, float], limits: VariationLimits) -> dict[str, float]:

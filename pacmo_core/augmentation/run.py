@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from pacmo_core.augmentation.bodies import Scales
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.data.segments import segments
-from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.execution import DaskExecutor, ProcessExecutor
 from pacmo_core.interaction_mesh import PreparedSource, Report, Scene, Settings, prepare, retarget
 from pacmo_core.store.cache import code_hash
@@ -28,7 +26,6 @@ SOLVER_CODE = (
 )
 SOLVER_PACKAGES = ("numpy", "scipy")
 HASH_LENGTH = 32  # characters
-ENERGY = "energy"
 
 
 @dataclass(frozen=True)
@@ -152,9 +149,7 @@ def solve_batch(batch: Batch) -> BatchResult:
     variations = {}
     for row, key in enumerate(batch.body_keys):
         motions = split_people(result.points[row], batch.source)
-        measurements = report_measurements(result.reports[row])
-        measurements |= _max_trunk_deformation(batch, motions, batch.scales[row])
-        variations[key] = SolvedVariation(motions, measurements)
+        variations[key] = SolvedVariation(motions, report_measurements(result.reports[row]))
     return BatchResult(batch.source_key, variations)
 
 
@@ -177,71 +172,8 @@ def split_people(points: NDArray[np.float64], source: Interaction) -> Motion:
 
 
 def report_measurements(report: Report) -> dict[str, float]:
-    """List a report's measurements by name, the energy's terms as ``energy_NAME``."""
-    measurements = {name: value for name, value in asdict(report).items() if name != ENERGY}
-    terms = {f"{ENERGY}_{name}": value for name, value in report.energy.items()}
-    return {name: float(value) for name, value in (measurements | terms).items()}
-
-
-def trunk_deformation(source: Motion, varied: Motion, skeleton: Skeleton, scales: Scales) -> float:
-    """Return the largest relative error of a distance between two joints of the trunk.
-
-    The reference is the source with every bone scaled along its own direction. The error of a pair
-    of joints is the median over frames.
-
-    Parameters
-    ----------
-    source, varied : (T, J, 3) metres, of one person
-    scales : (E,)
-    """
-    joints = _trunk_joints(skeleton)
-    if len(joints) < 2:
-        return 0.0
-    reference = _scale_along_bones(source.astype(np.float64), skeleton, scales)[:, joints]
-    ratios = _pair_distances(varied.astype(np.float64)[:, joints]) / _pair_distances(reference)
-    return float(np.abs(np.median(ratios, axis=0) - 1).max())
-
-
-def _max_trunk_deformation(batch: Batch, motions: Motion, scales: Scales) -> dict[str, float]:
-    """Return the larger trunk deformation of the two people."""
-    people = (batch.source.person_a, batch.source.person_b)
-    deformations = [
-        trunk_deformation(person, motion, batch.source.skeleton, person_scales)
-        for person, motion, person_scales in zip(people, motions, np.split(scales, 2), strict=True)
-    ]
-    return {"trunk_deformation": max(deformations)}
-
-
-def _trunk_joints(skeleton: Skeleton) -> list[int]:
-    """List the root and the joints at which bones of the trunk end, without head and neck."""
-    named = zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True)
-    head = {"head", "neck", "upperneck", "lowerneck"}
-    return [
-        skeleton.root,
-        *(joint for joint, s in named if s.part == "trunk" and not head & set(s.name.split("_"))),
-    ]
-
-
-def _scale_along_bones(
-    motion: NDArray[np.float64], skeleton: Skeleton, scales: Scales
-) -> NDArray[np.float64]:
-    """Scale each bone along its own direction, from the root outwards: ``(T, J, 3)``."""
-    scale_of = dict(zip(skeleton.bones[:, 1].tolist(), scales.tolist(), strict=True))
-    positions = motion.copy()
-    for joint in skeleton.order[1:]:
-        parent = skeleton.parents[joint]
-        bone = motion[:, joint] - motion[:, parent]
-        positions[:, joint] = positions[:, parent] + scale_of[joint] * bone
-    return positions
-
-
-def _pair_distances(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(T, P)`` metres, at least the smallest positive float32: of each pair of joints."""
-    first, second = np.triu_indices(positions.shape[1], k=1)
-    distances: NDArray[np.float64] = np.linalg.norm(
-        positions[:, first] - positions[:, second], axis=-1
-    )
-    return np.maximum(distances, np.finfo(np.float32).tiny)
+    """List a report's measurements by name."""
+    return {name: float(value) for name, value in asdict(report).items()}
 
 
 class _SourceKey:

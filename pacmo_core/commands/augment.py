@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
 from pacmo_core.augmentation.filter import VariationLimits, rejection_reason
 from pacmo_core.augmentation.plan import check_scale
-from pacmo_core.augmentation.run import report_measurements, trunk_deformation
+from pacmo_core.augmentation.run import report_measurements
 from pacmo_core.commands.captures import (
     PEOPLE,
     TwoPersonCapture,
@@ -31,7 +31,6 @@ from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
 from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.interaction_mesh.report import measure_motions
-from pacmo_core.interaction_mesh.scene import common_scale, scale_scene
 from pacmo_core.project.workspace import CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
 
@@ -192,25 +191,16 @@ def measure_written(
 ) -> dict[str, float]:
     """Measure the motion of the files that were written against the capture.
 
-    The scale that both people have in common is divided out (``interaction_mesh.common_scale``).
-
     Returns
     -------
-    by the names of ``interaction_mesh.Report``, and ``trunk_deformation`` of the person whose trunk
-    deforms more
+    by the names of ``interaction_mesh.Report``
     """
     scene = duo.scene
     points = np.concatenate([person.motion for person in written.people], axis=1, dtype=np.float64)
-    common = common_scale(scene, np.concatenate(scales)[None])
-    relative = scale_scene(scene, points[None], 1 / common)[0]
     supports = ground_supports(scene, settings.support)
-    measured = measure_motions(scene, settings, supports, relative[..., None])
-    changes = [
-        trunk_deformation(source.motion, varied.motion, source.skeleton, scales_of_person)
-        for source, varied, scales_of_person in zip(duo.people, written.people, scales, strict=True)
-    ]
-    figures = {name: float(value[0]) for name, value in measured.items()}
-    return figures | {"trunk_deformation": max(changes)}
+    both = np.concatenate(scales)[None]
+    measured = measure_motions(scene, settings, supports, both, points[..., None])
+    return {name: float(value[0]) for name, value in measured.items()}
 
 
 def _report_lines(

@@ -67,24 +67,31 @@ MEASUREMENT_COLUMNS = {
         "Near pairs, scaled", UNKNOWN, "m", "the same if each body is only scaled"
     ),
     "far_distance_error": Metric("Far pairs", LOWER, "m", "the same for all other pairs"),
-    "contacts_preserved": Metric(
-        "Contacts kept", HIGHER, "", "share of contacts over pairs and frames"
+    "contacts_kept": Metric(
+        "Contacts kept",
+        HIGHER,
+        "",
+        "share of contacts over pairs and frames, within 10 cm as before",
     ),
+    "contacts_kept_with_slack": Metric("Within 12 cm", HIGHER, "", "the same within 12 cm"),
+    "knee_change_p95": Metric("Knees", LOWER, "°", "95th percentile of the change of the angle"),
+    "elbow_change_p95": Metric("Elbows", LOWER, "°", "the same of elbows"),
+    "spine_change_p95": Metric("Spine", LOWER, "°", "the same within the spine"),
+    "pelvis_height_error": Metric(
+        "Pelvis", LOWER, "m", "mean error of its height, against the source's times the leg's scale"
+    ),
+    "trunk_change": Metric("Trunk", LOWER, "", "largest relative change of a distance within it"),
+    "below_floor": Metric("Below the floor", LOWER, "m", "of the lowest joint"),
     "added_foot_skate": Metric(
         "Added foot skate", LOWER, "m/s", "of feet in stance, relative to the source"
     ),
-    "penetration": Metric(
-        "Penetration", LOWER, "m", "largest decrease of a distance below that of the source"
+    "capsule_penetration": Metric(
+        "Penetration", LOWER, "m", "depth of the bodies in each other, beyond that of the source"
     ),
-    "acceleration_peak_ratio": Metric(
-        "Peak acceleration", LOWER, "", "largest acceleration over that of the frames around it"
+    "peak_acceleration_ratio": Metric(
+        "Peak acceleration", LOWER, "", "largest acceleration over that of the source"
     ),
-    "bend_flip_fraction": Metric(
-        "Flips", LOWER, "", "share of frames with an elbow or knee bent backwards"
-    ),
-    "trunk_deformation": Metric(
-        "Trunk deformation", LOWER, "", "largest relative decrease of a distance within a trunk"
-    ),
+    "elbow_flips": Metric("Elbow flips", LOWER, "", "share of frames with an elbow bent backwards"),
 }
 KINDS = {
     "uniform": ("One body scaled", "all bones by one factor"),
@@ -133,9 +140,11 @@ def measurement_summary(measurements: Mapping[str, float]) -> str:
     return (
         f"near distances changed by {1e3 * measurements['near_distance_error']:.1f} mm "
         f"({1e3 * measurements['near_distance_error_naive']:.0f} if only scaled), "
-        f"contacts kept {100 * measurements['contacts_preserved']:.1f} %, "
+        f"contacts kept {100 * measurements['contacts_kept']:.1f} %, "
+        f"knees changed by {measurements['knee_change_p95']:.0f}° at most "
+        f"(95th percentile), elbows {measurements['elbow_change_p95']:.0f}°, "
+        f"pelvis height off by {100 * measurements['pelvis_height_error']:.1f} cm, "
         f"foot skate {100 * measurements['added_foot_skate']:+.2f} cm/s, "
-        f"penetration {1e3 * measurements['penetration']:.1f} mm, "
-        f"peak acceleration {measurements['acceleration_peak_ratio']:.2f}, "
-        f"trunk deformation {100 * measurements['trunk_deformation']:.0f} %"
+        f"penetration {100 * measurements['capsule_penetration']:.1f} cm, "
+        f"below the floor {100 * measurements['below_floor']:.1f} cm"
     )

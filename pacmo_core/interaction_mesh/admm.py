@@ -327,10 +327,12 @@ def build_solver(
     points, coefficients = pair_frames(rows.points), pair_frames(rows.coefficients)
     penalties = pair_frames(rows.penalties)
     elasticity = np.where(np.arange(n_rows) < n_bones, 1, rows.elasticity)
-    lower, upper, floor_source, floor_penalties = (
+    lower, upper, floor_penalties = (
         pair_frames(values)[..., None].astype(np.float32)
-        for values in (rows.lower, rows.upper, floor.heights, floor.penalties)
+        for values in (rows.lower, rows.upper, floor.penalties)
     )
+    # A frame that only pads the last block is above the floor as well.
+    floor_source = pair_frames(floor.heights, repeat=True)[..., None].astype(np.float32)
     matrices = []
     for first in range(0, len(points), BLOCKS_PER_STEP):
         blocks = slice(first, first + BLOCKS_PER_STEP)
@@ -353,9 +355,7 @@ def build_solver(
     )
 
 
-def _difference_matrix(
-    points: NDArray[np.intp], coefficients: Array, n_points: int
-) -> csr_array:
+def _difference_matrix(points: NDArray[np.intp], coefficients: Array, n_points: int) -> csr_array:
     """Return A of some blocks, with points and coefficients (B, 2, R, 4)."""
     frames = np.arange(2 * len(points)).reshape(-1, 2, 1, 1)
     is_used = coefficients != 0

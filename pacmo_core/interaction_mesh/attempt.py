@@ -102,9 +102,7 @@ class Quality:
 
     def has_diverged(self, limits: AttemptLimits) -> bool:
         """Whether more iterations of the same attempt will not help."""
-        return (
-            self.primal_residual > limits.primal_residual or self.seam_ratio > limits.seam_ratio
-        )
+        return self.primal_residual > limits.primal_residual or self.seam_ratio > limits.seam_ratio
 
 
 @dataclass(frozen=True)
@@ -355,7 +353,7 @@ def _attempt_start(
     return AdmmStart(
         energy_rhs=rhs.reshape(len(rhs), -1, *rhs.shape[3:]),
         governing=_to_blocks(np.concatenate([bones, pairs], axis=1)),
-        floor=pair_frames(heights.astype(np.float32)),
+        floor=pair_frames(heights.astype(np.float32), repeat=True),
         scales=np.concatenate([scales, pair_scales]).astype(np.float32),
         lowest=(floor.lowest[:, None] / common).astype(np.float32),
         step_scale=step_scale(window.squared_growth(scales.T) + min_growth),

@@ -165,7 +165,9 @@ def _leg_length(kinds: Iterable[str], lengths: Array) -> float:
 def _radius_fractions(skeleton: Skeleton) -> list[float]:
     ends = {joint for pair in skeleton.left_right for joint in pair}
     fractions = []
-    named = zip(skeleton.bones[:, 1].tolist(), bone_kinds(skeleton), segments(skeleton), strict=True)
+    named = zip(
+        skeleton.bones[:, 1].tolist(), bone_kinds(skeleton), segments(skeleton), strict=True
+    )
     for child, kind, segment in named:
         if kind == "hand":
             fractions.append(HAND_RADIUS)

@@ -56,8 +56,9 @@ class Rows:
         total = np.zeros((*self.lower.shape, *points.shape[2:]))
         for end in range(self.points.shape[-1]):
             factors = self.coefficients[..., end]
-            total += factors.reshape(*factors.shape, *[1] * (points.ndim - 2)) * (
-                points[frames, self.points[..., end]]
+            total += (
+                factors.reshape(*factors.shape, *[1] * (points.ndim - 2))
+                * (points[frames, self.points[..., end]])
             )
         return total
 

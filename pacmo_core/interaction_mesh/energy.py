@@ -39,7 +39,6 @@ from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.linear_algebra import batched_product
 from pacmo_core.interaction_mesh.mesh import (
-    HeightTerm,
     LinearTerm,
     contact_hessians,
     ground_supports,
@@ -118,7 +117,10 @@ def build_energy(scene: Scene, settings: Settings) -> QuadraticEnergy:
     hessians[:, points, points] += root_hessian
     height_weights = np.zeros((n_frames, n_points))
     height_targets = np.zeros(targets.shape)
-    for height, own_weight in ((root, False), *((t, True) for t in height_terms(scene, weights, supports))):
+    for height, own_weight in (
+        (root, False),
+        *((t, True) for t in height_terms(scene, weights, supports)),
+    ):
         weighted = height.weights[:, :, None] * height.targets
         height_targets += weighted
         height_weights += height.weights if own_weight else 0
@@ -148,7 +150,13 @@ def _add_linear_term(
     targets += transposed @ term.factors
     products = np.swapaxes(term.factors, -1, -2) @ term.factors
     vectors = scene.bone_vectors
-    constant += np.einsum("tef,tec,tfc->ef", np.broadcast_to(products, (len(vectors), *products.shape[-2:])), vectors, vectors, optimize=True)
+    constant += np.einsum(
+        "tef,tec,tfc->ef",
+        np.broadcast_to(products, (len(vectors), *products.shape[-2:])),
+        vectors,
+        vectors,
+        optimize=True,
+    )
 
 
 def energy_rhs(energy: QuadraticEnergy, scales: Array) -> Single:

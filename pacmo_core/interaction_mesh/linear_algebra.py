@@ -61,9 +61,15 @@ def column_groups(columns: Real) -> Real:
     return np.moveaxis(columns.reshape(*columns.shape[:-1], n_groups, COLUMN_WIDTH), -2, -3)
 
 
-def pair_frames(values: Values) -> Values:
-    """Reshape (T, ...) to blocks of two frames (K, 2, ...); zeros pad an odd end."""
+def pair_frames(values: Values, *, repeat: bool = False) -> Values:
+    """Reshape (T, ...) to blocks of two frames (K, 2, ...).
+
+    Parameters
+    ----------
+    repeat : the last frame, at an odd end; otherwise zeros pad it
+    """
     if len(values) % 2:
-        values = np.concatenate([values, np.zeros_like(values[:1])])
+        padding = values[-1:] if repeat else np.zeros_like(values[:1])
+        values = np.concatenate([values, padding])
     paired: Values = values.reshape(len(values) // 2, 2, *values.shape[1:])
     return paired

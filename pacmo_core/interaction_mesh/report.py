@@ -168,9 +168,7 @@ def _measure_person(
             np.percentile(flat, PERCENTILE, axis=0) if len(flat) else np.zeros(flat.shape[-1])
         )
         if name == "knee":
-            measures["knee_change_apart"] = _mean(
-                changes[is_apart].reshape(-1, points.shape[-1])
-            )
+            measures["knee_change_apart"] = _mean(changes[is_apart].reshape(-1, points.shape[-1]))
     return measures
 
 
@@ -308,9 +306,7 @@ def contacts_kept(scene: Scene, points: Array, distance: float, slack: float) ->
     return total / count if count else np.ones(len(total))
 
 
-def measure_distances(
-    scene: Scene, settings: Settings, points: Array
-) -> tuple[Array, Array]:
+def measure_distances(scene: Scene, settings: Settings, points: Array) -> tuple[Array, Array]:
     """Return the mean change of near and of far distances between the bodies, (V,) metres each.
 
     Without near pairs their error is 0.

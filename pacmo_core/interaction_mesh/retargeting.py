@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.attempt import (
-    AttemptResult,
     PreparedWindow,
     Quality,
     batch_size,

@@ -12,7 +12,7 @@ from pacmo_core.augmentation.bodies import (
 )
 from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import NTU25, SBU15
-from tests.augmentation.test_segments import DUO27, PRIOR17
+from tests.data.test_segments import DUO27, PRIOR17
 
 
 def body(skeleton=NTU25, leg: float = 0.4) -> Body:

@@ -48,21 +48,35 @@ def test_mean_near_pairs_counts_near_pairs_per_frame() -> None:
 
 LIMITS = VariationLimits(
     primal_residual=0.01,
-    contacts_preserved=0.9,
+    contacts_kept=0.9,
+    capsule_penetration=0.01,
+    knee_change_p95=30,
+    elbow_change_p95=60,
+    spine_change_p95=40,
+    pelvis_height_error=0.1,
+    trunk_change=0.5,
+    below_floor=0.01,
     added_foot_skate=0.01,
-    penetration=0.01,
-    acceleration_peak_ratio=1.5,
-    bend_flip_fraction=0.02,
-    trunk_deformation=0.5,
+    peak_acceleration_ratio=1.5,
+    seam_ratio=2.0,
+    knee_flips=0.0,
+    elbow_flips=0.02,
 )
 GOOD = {
     "primal_residual": 0.001,
-    "contacts_preserved": 0.95,
+    "contacts_kept": 0.95,
+    "capsule_penetration": 0.01,
+    "knee_change_p95": 3.0,
+    "elbow_change_p95": 20.0,
+    "spine_change_p95": 2.0,
+    "pelvis_height_error": 0.02,
+    "trunk_change": 0.1,
+    "below_floor": 0.0,
     "added_foot_skate": -0.001,
-    "penetration": 0.01,
-    "acceleration_peak_ratio": 1.2,
-    "bend_flip_fraction": 0.0,
-    "trunk_deformation": 0.1,
+    "peak_acceleration_ratio": 1.2,
+    "seam_ratio": 1.1,
+    "knee_flips": 0.0,
+    "elbow_flips": 0.0,
 }
 
 
@@ -73,12 +87,12 @@ def test_a_variation_at_its_limits_is_accepted() -> None:
 
 
 def test_exceeded_limits_are_listed_largest_ratio_first() -> None:
-    bad = GOOD | {"contacts_preserved": 0.7, "acceleration_peak_ratio": 3.0}
+    bad = GOOD | {"contacts_kept": 0.7, "peak_acceleration_ratio": 3.0}
     assert exceeded_limits(bad, LIMITS) == pytest.approx(
-        {"contacts_preserved": 3.0, "acceleration_peak_ratio": 2.0}
+        {"contacts_kept": 3.0, "peak_acceleration_ratio": 2.0}
     )
     assert rejection_reason(bad, LIMITS) == (
-        "contacts_preserved 0.7, wanted at least 0.9; acceleration_peak_ratio 3, wanted at most 1.5"
+        "contacts_kept 0.7, wanted at least 0.9; peak_acceleration_ratio 3, wanted at most 1.5"
     )
     assert max_limit_ratio(bad, LIMITS) == pytest.approx(3.0)
 
@@ -91,6 +105,6 @@ def test_nan_exceeds_every_limit() -> None:
 
 
 def test_a_limit_of_zero_accepts_zero_only() -> None:
-    strict = replace(LIMITS, penetration=0.0, contacts_preserved=1.0)
-    assert set(exceeded_limits(GOOD, strict)) == {"penetration", "contacts_preserved"}
-    assert exceeded_limits(GOOD | {"penetration": 0.0, "contacts_preserved": 1.0}, strict) == {}
+    strict = replace(LIMITS, capsule_penetration=0.0, contacts_kept=1.0)
+    assert set(exceeded_limits(GOOD, strict)) == {"capsule_penetration", "contacts_kept"}
+    assert exceeded_limits(GOOD | {"capsule_penetration": 0.0, "contacts_kept": 1.0}, strict) == {}

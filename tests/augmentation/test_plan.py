@@ -8,7 +8,7 @@ import pytest
 from pacmo_core.augmentation.bodies import Population
 from pacmo_core.augmentation.plan import Plan, SingleBones, plan_variations
 from tests.augmentation.test_bodies import body
-from tests.augmentation.test_segments import CMU22, DUO27
+from tests.data.test_segments import CMU22, DUO27
 
 STEPS = tuple(round(0.75 + 0.05 * step, 2) for step in range(11))
 PAPER = Plan(

@@ -19,10 +19,7 @@ from pacmo_core.augmentation.run import (
     solve_with_processes,
     solver_key,
     source_key,
-    trunk_deformation,
 )
-from pacmo_core.data.segments import segments
-from pacmo_core.data.skeleton import NTU25
 from pacmo_core.interaction_mesh import MAX_BATCH
 from tests.augmentation.real_windows import salsa_window
 from tests.augmentation.sources import SETTINGS, batch, bodies, flat_source, source
@@ -192,51 +189,3 @@ def test_a_cluster_without_its_package_says_which_one(monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ModuleNotFoundError, match="distributed"):
         list(solve_on_cluster([batch(bodies(1))], "tcp://127.0.0.1:1"))
-
-
-def standing() -> np.ndarray:
-    """Give a Kinect body, (5, 25, 3), that stands and walks ahead."""
-    random = np.random.default_rng(0)
-    pose = random.uniform(-0.5, 0.5, (25, 3))
-    places = {"spine_base": 0.9, "spine_mid": 1.1, "spine_shoulder": 1.3}
-    for name, height in places.items():
-        pose[NTU25.joints.index(name)] = [0, height, 0]
-    for side, sign in (("left", 1), ("right", -1)):
-        pose[NTU25.joints.index(f"{side}_hip")] = [0.15 * sign, 0.9, 0]
-        pose[NTU25.joints.index(f"{side}_shoulder")] = [0.2 * sign, 1.3, 0]
-    return (pose + np.linspace(0, 1, 5)[:, None, None] * [0, 0, 1]).astype(np.float32)
-
-
-def test_a_scaled_trunk_is_not_deformed() -> None:
-    body = standing()
-    assert trunk_deformation(body, body, NTU25, np.ones(24)) == pytest.approx(0, abs=1e-6)
-    assert trunk_deformation(body, 0.8 * body, NTU25, np.full(24, 0.8)) == pytest.approx(
-        0, abs=1e-6
-    )
-
-
-def test_folded_hips_deform_the_trunk_and_reaching_arms_do_not() -> None:
-    body = standing()
-    folded, reaching = body.copy(), body.copy()
-    for side in ("left", "right"):
-        # Bones of the same length, forwards: the hips are 0 apart instead of 0.3.
-        folded[:, NTU25.joints.index(f"{side}_hip")] = body[:, 0] + np.float32([0, 0, 0.15])
-        for joint in ("elbow", "wrist", "hand"):
-            reaching[:, NTU25.joints.index(f"{side}_{joint}")] += 0.3
-    reaching[:, NTU25.joints.index("head")] += 0.2
-    assert trunk_deformation(body, folded, NTU25, np.ones(24)) == pytest.approx(1, abs=1e-6)
-    assert trunk_deformation(body, reaching, NTU25, np.ones(24)) == pytest.approx(0, abs=1e-6)
-
-
-def test_a_target_spine_length_is_not_a_deformation() -> None:
-    body = standing()
-    longer, scales = body.copy(), np.ones(24)
-    for row, segment in enumerate(segments(NTU25)):
-        if segment.name == "spine_mid":
-            scales[row] = 1.5
-    legs = ("spine_base", "hip", "knee", "ankle", "foot")
-    for joint, name in enumerate(NTU25.joints):
-        if not name.endswith(legs):
-            longer[:, joint, 1] += 0.1
-    assert trunk_deformation(body, longer, NTU25, scales) == pytest.approx(0, abs=1e-6)
-    assert trunk_deformation(body, longer, NTU25, np.ones(24)) > 0.2

@@ -18,12 +18,18 @@ FIGURES = {
     "near_distance_error": 0.0057,
     "near_distance_error_naive": 0.205,
     "far_distance_error": 0.01,
-    "contacts_preserved": 0.99,
+    "contacts_kept": 0.99,
+    "contacts_kept_with_slack": 1.0,
+    "knee_change_p95": 3.2,
+    "elbow_change_p95": 17.0,
+    "spine_change_p95": 4.0,
+    "pelvis_height_error": 0.013,
+    "trunk_change": 0.25,
+    "below_floor": 0.001,
     "added_foot_skate": -0.0031,
-    "penetration": 0.004,
-    "acceleration_peak_ratio": 1.21,
-    "bend_flip_fraction": 0.0,
-    "trunk_deformation": 0.25,
+    "capsule_penetration": 0.004,
+    "peak_acceleration_ratio": 1.21,
+    "elbow_flips": 0.0,
 }
 
 
@@ -36,7 +42,7 @@ def page() -> tuple[Report, str]:
 
 def test_measurements_are_summarised_in_practical_units() -> None:
     text = measurement_summary(FIGURES)
-    for words in ("5.7 mm", "205 if only scaled", "99.0 %", "-0.31 cm/s", "4.0 mm", "25 %"):
+    for words in ("5.7 mm", "205 if only scaled", "99.0 %", "-0.31 cm/s", "0.4 cm", "elbows 17°"):
         assert words in text
 
 

@@ -6,81 +6,103 @@ from scipy.linalg import solveh_banded
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_target
+from pacmo_core.interaction_mesh.body_parts import (
+    ancestor_bones,
+    hinges,
+    posture_weights,
+    spine_bends,
+    trunk_joints,
+)
+from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_of, energy_rhs
+from pacmo_core.interaction_mesh.mesh import (
+    contact_hessians,
+    ground_supports,
+    height_terms,
+    laplacian_matrices,
+    root_term,
+    support_weights,
+)
 from pacmo_core.interaction_mesh.scene import Scene
+from pacmo_core.interaction_mesh.settings import Settings
 
 Array = NDArray[np.float64]
 
 
-def energy_by_definition(energy: QuadraticEnergy, displacement: Array, target: Array) -> float:
-    """Sum E over frames and joints, one at a time.
+def energy_by_definition(
+    scene: Scene, settings: Settings, displacement: Array, scales: Array
+) -> float:
+    """Sum E over frames, bones and joints, one at a time, as the head of ``energy`` states it.
 
     Parameters
     ----------
-    change : (T, N, 3) metres
-    target : (T, N + M, 3) metres, as ``target_of`` gives it
+    displacement : (T, N, 3) metres
+    scales : (E,)
     """
-    total = 0.0
-    for t, frame_displacement in enumerate(displacement):
-        total += np.sum((energy.laplacians[t] @ frame_displacement - target[t]) ** 2) / 2
-        total += energy.regularisation * np.sum(frame_displacement**2) / 2
-        for i in range(len(frame_displacement)):
-            total += (
-                energy.stance_height
-                * energy.support_weights[t, i]
-                * frame_displacement[i, 1] ** 2
-                / 2
-            )
-            if t:
-                weight = (
-                    energy.stance * energy.support_weights[t, i] * energy.support_weights[t - 1, i]
-                )
-                total += weight * np.sum((frame_displacement[i] - displacement[t - 1, i]) ** 2) / 2
+    weights, rate = settings.weights, scene.fps / 30
+    laplacians = laplacian_matrices(scene, weights)
+    closeness = -contact_hessians(scene, weights)
+    supports = support_weights(
+        ground_supports(scene, settings.support), scene.fps, settings.support.fade_time
+    )
+    root_weights, root_heights = root_term(scene, weights.root)
+    (heights,) = height_terms(scene, weights, supports)
+    posture = posture_weights(scene, weights.posture)
+    lengths = np.linalg.norm(scene.bone_vectors, axis=-1).mean(axis=0)
+    limbs, names = hinges(scene)
+    bends = [(pair, getattr(weights.posture, n)) for pair, n in zip(limbs, names, strict=True)]
+    bends += [(pair, weights.posture.spine) for pair in spine_bends(scene)]
+    growth, total = scales - 1, 0.0
+    for t, moved in enumerate(displacement):
+        vectors = scene.bone_vectors[t]
+        excess = []
+        for e, (parent, child) in enumerate(scene.bones):
+            excess.append(moved[child] - moved[parent] - growth[e] * vectors[e])
+            total += posture[e] * (0.3 / lengths[e]) * np.sum(excess[-1] ** 2) / 2
+        for (upper, lower), weight in bends:
+            turn = 0.4 * (excess[lower] / lengths[lower] - excess[upper] / lengths[upper])
+            total += weight * np.sum(turn**2) / 2
+        target = np.zeros_like(moved)
+        for e, (parent, child) in enumerate(scene.bones):
+            target[parent] += laplacians[t, parent, child] * growth[e] * vectors[e]
+            target[child] -= laplacians[t, child, parent] * growth[e] * vectors[e]
+        total += np.sum((laplacians[t] @ moved - target) ** 2) / 2
+        grown = ancestor_bones(scene) @ (growth[:, None] * vectors)
+        for joints in trunk_joints(scene):
+            rest = moved[joints] - grown[joints]
+            total += weights.trunk_shape * np.sum((rest - rest.mean(axis=0)) ** 2) / 2
+        for i in range(len(moved)):
+            wanted = np.array([0, root_heights.targets[t, i] @ growth, 0])
+            total += root_weights[t, i] * np.sum((moved[i] - wanted) ** 2) / 2
+            error = moved[i, 1] - heights.targets[t, i] @ growth
+            total += heights.weights[t, i] * error**2 / 2
+            total += weights.regularisation * np.sum(moved[i] ** 2) / 2
             for j in range(i):
-                total += (
-                    energy.contact_weights[t, i, j]
-                    * np.sum((frame_displacement[i] - frame_displacement[j]) ** 2)
-                    / 2
-                )
+                total += closeness[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
+            if t:
+                step = supports[t, i] * supports[t - 1, i] * weights.stance * rate**2
+                total += step * np.sum((moved[i] - displacement[t - 1, i]) ** 2) / 2
         if 0 < t < len(displacement) - 1:
-            second = displacement[t + 1] - 2 * frame_displacement + displacement[t - 1]
-            total += energy.acceleration * np.sum(second**2) / 2
+            second = displacement[t + 1] - 2 * moved + displacement[t - 1]
+            total += weights.acceleration * rate**4 * np.sum(second**2) / 2
     return total
 
 
 def energy_value(energy: QuadraticEnergy, displacement: Array, scales: Array) -> float:
     """Return E for one body's scales (E,)."""
-    target = energy_target(energy, scales[None])[..., 0]
-    return energy_by_definition(energy, displacement, target)
+    return float(energy_of(energy, displacement[..., None], scales[None])[0])
 
 
 def matrix(energy: QuadraticEnergy) -> csc_array:
-    """Build H over all frames, joints and directions, (3TN, 3TN), straight from the definition."""
-    n_frames, n_points = energy.support_weights.shape
+    """Build H over all frames, joints and directions, (3TN, 3TN)."""
+    n_frames, n_points = energy.height_weights.shape
     size = 3 * n_frames * n_points
-    frame_hessians = np.array(
-        [lap.T @ lap + energy.regularisation * np.eye(n_points) for lap in energy.laplacians]
-    )
-    for i_point in range(n_points):
-        for j_point in range(i_point):
-            for a, b, sign in (
-                (i_point, i_point, 1),
-                (j_point, j_point, 1),
-                (i_point, j_point, -1),
-                (j_point, i_point, -1),
-            ):
-                frame_hessians[:, a, b] += sign * energy.contact_weights[:, i_point, j_point]
     t, i, j, c = np.indices((n_frames, n_points, n_points, 3)).reshape(4, -1)
     rows, columns = 3 * (t * n_points + i) + c, 3 * (t * n_points + j) + c
-    values = (
-        frame_hessians[t, i, j]
-        + ((i == j) & (c == 1)) * energy.stance_height * energy.support_weights[t, i]
-    )
+    values = energy.frame_hessians[t, i, j] + ((i == j) & (c == 1)) * energy.height_weights[t, i]
     hessian = csc_array((values, (rows, columns)), shape=(size, size))
     step = 3 * n_points
     first = diags_array([-1.0, 1.0], offsets=[0, step], shape=(size - step, size))
-    step_weights = energy.support_weights[1:] * energy.support_weights[:-1]
-    stance = diags_array(np.repeat(step_weights.reshape(-1), 3))
+    stance = diags_array(np.repeat(energy.step_weights.reshape(-1), 3))
     hessian = csc_array(hessian + energy.stance * first.T @ stance @ first)
     if n_frames > 2:
         second = diags_array(
@@ -92,8 +114,7 @@ def matrix(energy: QuadraticEnergy) -> csc_array:
 
 def right_side(energy: QuadraticEnergy, scales: Array) -> Array:
     """Give g for one body's scales (E,), flat."""
-    target = energy_target(energy, scales[None])[..., 0]
-    rhs: Array = (energy.laplacians.transpose(0, 2, 1) @ target).reshape(-1)
+    rhs: Array = energy_rhs(energy, scales[None])[..., 0].reshape(-1).astype(np.float64)
     return rhs
 
 

@@ -5,31 +5,48 @@ from dataclasses import replace
 import numpy as np
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, Settings, Support, Weights
+from pacmo_core.interaction_mesh import (
+    Attempt,
+    AttemptLimits,
+    Posture,
+    Scene,
+    Settings,
+    Support,
+    Weights,
+)
 
 SETTINGS = Settings(
-    graph="complete",
     weights=Weights(
-        distance_exponent=1,
         distance_softening=0.01,
+        interaction_range=0.5,
+        posture=Posture(
+            trunk=2, upper_limb=2, shin=3, foot=3, forearm=0.5, knee=4, elbow=1, spine=1
+        ),
         trunk_shape=20,
+        root=0.3,
         acceleration=10,
         contact=10,
         contact_range=0.15,
+        body_contact=0.3,
+        smoothing_time=0.1,
         stance=300,
         stance_height=300,
+        floor_height=5,
         regularisation=1e-2,  # for scenes of so few points: with less, float32 blurs their steps
     ),
     support=Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.07),
-    limits=AttemptLimits(primal_residual=1e-2, penetration=0.01, acceleration_peak_ratio=1.5),
+    limits=AttemptLimits(
+        primal_residual=1e-2, contacts_kept=0.5, capsule_penetration=0.5, seam_ratio=2
+    ),
     attempts=(
-        Attempt(bone_penalty=0.7, max_iterations=40, separation_penalty=0, tolerance=1e-3),
-        Attempt(bone_penalty=2, max_iterations=100, separation_penalty=0, tolerance=1e-3),
-        Attempt(bone_penalty=6, max_iterations=200, separation_penalty=60, tolerance=1e-3),
+        Attempt(bone_penalty=0.7, max_iterations=40, pair_penalty=0, tolerance=1e-3),
+        Attempt(bone_penalty=2, max_iterations=100, pair_penalty=0, tolerance=1e-3),
+        Attempt(bone_penalty=6, max_iterations=200, pair_penalty=60, tolerance=1e-3),
     ),
     relaxation=1.6,
-    clearance=0.1,
-    n_separation_pairs=12,
+    floor_penalty=0,  # which the oracles do not have
+    pair_stiffness=500,
+    n_pairs=12,
     near_distance=0.25,
     contact_distance=0.1,
     contact_slack=0.02,
@@ -46,9 +63,7 @@ ARM = Skeleton(
 
 def thorough(iterations: int = 2000, **changes: object) -> Settings:
     """Give settings that iterate to the end."""
-    attempts = (
-        Attempt(bone_penalty=3, max_iterations=iterations, separation_penalty=0, tolerance=0),
-    )
+    attempts = (Attempt(bone_penalty=3, max_iterations=iterations, pair_penalty=0, tolerance=0),)
     return replace(SETTINGS, attempts=attempts, **changes)
 
 

@@ -5,17 +5,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh import report as module
 from pacmo_core.interaction_mesh.energy import build_energy
-from pacmo_core.interaction_mesh.mesh import hinge_joints
 from pacmo_core.interaction_mesh.report import (
-    acceleration_ratios,
-    bend_flip_fraction,
+    bend_flips,
+    mean_accelerations,
     measure_distances,
     measure_motions,
     near_distance_error,
+    seam_ratios,
+    trunk_change,
 )
 from pacmo_core.interaction_mesh.scene import naive_scaling
 from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
@@ -23,28 +26,92 @@ from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 def report(source, points):
     is_support = build_energy(source, SETTINGS).is_support
-    measurements = measure_motions(source, SETTINGS, is_support, points[..., None])
+    scales = np.ones((1, len(source.bones)))
+    measurements = measure_motions(source, SETTINGS, is_support, scales, points[..., None])
     return SimpleNamespace(**{name: values[0] for name, values in measurements.items()})
 
 
 def test_distance_errors_equal_a_loop_over_pairs():
     source = touching_scene(0, 9)
     points = source.points + np.random.default_rng(0).normal(scale=0.05, size=source.points.shape)
-    near, far, preserved, depth = [], [], [], 0.0
+    near, far, kept, kept_with_slack = [], [], [], []
     for before, after in zip(source.points, points, strict=True):
         for i in range(6):
             for j in range(6, 12):
                 was = np.linalg.norm(before[i] - before[j])
                 now = np.linalg.norm(after[i] - after[j])
                 (near if was < 0.25 else far).append(abs(now - was))
-                preserved += [now < 0.12] if was < 0.1 else []
-                depth = max(depth, min(was, 0.1) - now)
-    assert preserved and depth > 0
+                kept += [now < 0.1] if was < 0.1 else []
+                kept_with_slack += [now < 0.12] if was < 0.1 else []
+    assert kept and not all(kept)
     result = measure_distances(source, SETTINGS, points[..., None])
-    assert result.near[0] == pytest.approx(np.mean(near), rel=1e-4)
-    assert result.far[0] == pytest.approx(np.mean(far), rel=1e-4)
-    assert result.contacts_preserved[0] == pytest.approx(np.mean(preserved))
-    assert result.penetration[0] == pytest.approx(depth, abs=1e-5)
+    assert result[0][0] == pytest.approx(np.mean(near), rel=1e-4)
+    assert result[1][0] == pytest.approx(np.mean(far), rel=1e-4)
+    measured = report(source, points)
+    assert measured.contacts_kept == pytest.approx(np.mean(kept))
+    assert measured.contacts_kept_with_slack == pytest.approx(np.mean(kept_with_slack))
+
+
+def test_each_measurement_is_of_the_person_for_whom_it_is_worse():
+    source = scene(1, 12)
+    points = source.points.copy()
+    points[:, 6:, 1] -= 0.2  # person b alone sinks
+    measured = report(source, points)
+    assert measured.below_floor == pytest.approx(0.2)
+    assert measured.pelvis_height_error == pytest.approx(0.2)
+    assert measured.peak_acceleration_ratio == pytest.approx(1)
+
+
+def test_a_bent_knee_is_measured_in_degrees_and_apart():
+    source = walkers()
+    knee, ankle = (NTU25.joints.index(f"left_{name}") for name in ("knee", "ankle"))
+    foot = NTU25.joints.index("left_foot")
+    points = source.points.copy()
+    axis = np.array([1.0, 0, 0])
+    for joint in (ankle, foot):
+        lever = source.points[:, joint] - source.points[:, knee]
+        points[:, joint] = source.points[:, knee] + Rotation.from_rotvec(
+            np.radians(20) * axis
+        ).apply(lever)
+    measured = report(source, points)
+    # Of two knees, one changes by 20 degrees.
+    assert measured.knee_change == pytest.approx(10, abs=0.1)
+    assert measured.knee_change_p95 == pytest.approx(20, abs=0.1)
+    assert measured.knee_change_apart == measured.knee_change
+    assert measured.elbow_change == pytest.approx(0, abs=1e-5)
+    assert measured.trunk_change == pytest.approx(0, abs=1e-5)
+
+
+def test_a_folded_hip_changes_the_trunk_and_a_scaled_one_does_not():
+    source = walkers()
+    hip, base = NTU25.joints.index("left_hip"), NTU25.joints.index("spine_base")
+    folded = source.points.copy()
+    folded[:, hip] = folded[:, NTU25.joints.index("right_hip")]
+    assert report(source, folded).trunk_change == pytest.approx(1, abs=1e-5)
+    scales = np.full((1, len(source.bones)), 0.8)
+    scaled = source.points[:, [base]] + 0.8 * (source.points - source.points[:, [base]])
+    scaled[:, 25:] = scaled[:, 25:] + 0  # both people about the first one's root
+    assert trunk_change(source, scales, scaled[..., None], 0)[0] == pytest.approx(0, abs=1e-6)
+
+
+def walkers() -> Scene:
+    """Two people who stand 3 m apart, with bent knees and elbows."""
+    heights = {"spine_base": 0.95, "spine_mid": 1.2, "spine_shoulder": 1.45, "neck": 1.5}
+    heights |= {"head": 1.65}
+    sides = {
+        "shoulder": (0.2, 1.42, 0), "elbow": (0.25, 1.15, -0.05), "wrist": (0.25, 0.95, 0.1),
+        "hand": (0.25, 0.9, 0.15), "hand_tip": (0.25, 0.85, 0.18), "thumb": (0.22, 0.9, 0.2),
+        "hip": (0.1, 0.93, 0), "knee": (0.11, 0.5, 0.08), "ankle": (0.11, 0.1, 0),
+        "foot": (0.12, 0.03, 0.15),
+    }  # fmt: skip
+    pose = np.zeros((25, 3))
+    for name, height in heights.items():
+        pose[NTU25.joints.index(name)] = [0, height, 0.01 * height]
+    for name, (x, y, z) in sides.items():
+        for side, sign in (("left", 1), ("right", -1)):
+            pose[NTU25.joints.index(f"{side}_{name}")] = [sign * x, y, z]
+    motion = (pose + np.zeros((5, 1, 1))).astype(np.float32)
+    return Scene((motion, motion + np.float32([0, 0, 3])), (NTU25, NTU25), 30.0)
 
 
 def test_a_translated_body_has_foot_skate_only_while_it_moves():
@@ -63,27 +130,31 @@ def test_a_translated_body_has_foot_skate_only_while_it_moves():
     assert report(still_scene, drift).added_foot_skate == pytest.approx(0.01 * 30, rel=1e-4)
 
 
-def test_a_jump_is_an_acceleration_peak_and_the_source_has_none():
+def test_a_jump_is_a_seam_and_the_source_has_none():
     source = scene(2, 60)
-    assert report(source, source.points).acceleration_peak_ratio <= 1
+    assert report(source, source.points).seam_ratio <= 1
+    assert report(source, source.points).peak_acceleration_ratio == pytest.approx(1)
     jumped = source.points.copy()
     jumped[30:] += np.array([0, 0.02, 0])
-    assert report(source, jumped).acceleration_peak_ratio > 3
-    assert acceleration_ratios(jumped[..., None])[:, 0].argmax() in (28, 29)
+    assert report(source, jumped).seam_ratio > 3
+    accelerations = mean_accelerations(jumped[..., None])
+    assert seam_ratios(accelerations, 10)[:, 0].argmax() in (28, 29)
 
 
 def test_an_elbow_bent_to_the_other_side_is_a_flip_and_one_bent_further_is_not():
-    source = scene(3, 10)
-    (parent, hinge, child), *_ = hinge_joints(source)
+    source = walkers()
+    joints = [NTU25.joints.index(f"left_{name}") for name in ("shoulder", "elbow", "wrist")]
+    parent, hinge, child = joints
     upper = source.points[:, hinge] - source.points[:, parent]
     lower = source.points[:, child] - source.points[:, hinge]
     axis = upper / np.linalg.norm(upper, axis=1, keepdims=True)
     along = (lower * axis).sum(axis=1, keepdims=True) * axis
     flipped, further = source.points.copy(), source.points.copy()
-    flipped[:4, child] = (source.points[:, hinge] + along - (lower - along))[:4]
+    flipped[:2, child] = (source.points[:, hinge] + along - (lower - along))[:2]
     further[:, child] = source.points[:, hinge] + along + 1.2 * (lower - along)
-    assert bend_flip_fraction(source, flipped[..., None])[0] == pytest.approx(0.4)
-    assert bend_flip_fraction(source, further[..., None])[0] == 0
+    assert bend_flips(source, flipped[..., None], 0)["elbow"][0] == pytest.approx(0.4)
+    assert bend_flips(source, flipped[..., None], 1)["elbow"][0] == 0
+    assert bend_flips(source, further[..., None], 0)["elbow"][0] == 0
 
 
 def test_naive_scaling_preserves_directions_roots_and_lowest_heights():
@@ -106,7 +177,7 @@ def test_near_distance_error_equals_that_of_all_pairs(monkeypatch):
     source = touching_scene(0, 11)
     random = np.random.default_rng(0)
     points = source.points[..., None] + 0.1 * random.normal(size=(*source.points.shape, 3))
-    all_pairs = measure_distances(source, SETTINGS, points).near
+    all_pairs = measure_distances(source, SETTINGS, points)[0]
     assert (all_pairs > 0).all()
     monkeypatch.setattr(module, "FRAMES_PER_BATCH", 4)
     np.testing.assert_allclose(near_distance_error(source, SETTINGS, points), all_pairs, rtol=1e-5)

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
-from pacmo_core.interaction_mesh import Attempt, AttemptLimits, Scene, prepare, retarget
+from pacmo_core.interaction_mesh import MAX_BATCH, Attempt, Scene, prepare, retarget
+from pacmo_core.interaction_mesh import retargeting as module
+from pacmo_core.interaction_mesh.attempt import GROWTH_SHARING_EXPONENT, step_scale
 from pacmo_core.interaction_mesh.energy import build_energy
-from pacmo_core.interaction_mesh.retargeting import GROWTH_SHARING_EXPONENT, MAX_BATCH, step_scale
 from tests.interaction_mesh.oracles import (
     banded,
     energy_value,
@@ -49,8 +51,8 @@ def test_scales_of_one_give_the_source(seed, n_frames):
     np.testing.assert_allclose(result.points[0], source.points, atol=1e-6)
     report = result.reports[0]
     assert report.primal_residual < 1e-5 and report.near_distance_error < 1e-5
-    assert report.contacts_preserved == 1 and report.bend_flip_fraction == 0
-    assert sum(report.energy.values()) < 1e-9
+    assert report.contacts_kept == 1 and report.knee_flips == report.elbow_flips == 0
+    assert report.attempt == 0
 
 
 @FEW
@@ -122,28 +124,87 @@ def test_near_distances_change_less_than_by_naive_scaling():
     assert report.near_distance_error < report.near_distance_error_naive
 
 
-def test_separation_constraints_prevent_penetration():
-    source = touching_scene(5, 9)
+PAIRS = Attempt(bone_penalty=6, max_iterations=600, pair_penalty=60, tolerance=0)
+
+
+def test_separation_keeps_capsules_from_getting_deeper():
+    source = touching_scene(1, 9)
     scales = np.ones((1, 10))
-    scales[0, :5] = 1.25
-    without_constraints = replace(
-        thorough(300),
-        weights=replace(SETTINGS.weights, contact=0),
-        clearance=0.25,
-        n_separation_pairs=36,
-        limits=AttemptLimits(primal_residual=1, penetration=1, acceleration_peak_ratio=100),
+    scales[0, 5:] = 0.6
+    weights = replace(SETTINGS.weights, contact=0, interaction_range=0.05)
+    free = replace(thorough(300), weights=weights)
+    separated = replace(free, attempts=(PAIRS,), pair_stiffness=1e5)
+    (before,) = retarget(prepare(source, free), scales).reports
+    (after,) = retarget(prepare(source, separated), scales).reports
+    assert before.capsule_penetration > 0.01
+    assert after.capsule_penetration < 0.3 * before.capsule_penetration
+    assert after.primal_residual < 1e-2
+
+
+def test_contacts_are_kept_within_their_distance():
+    source = touching_scene(3, 9)
+    scales = np.ones((1, 10))
+    scales[0, 5:] = 0.6
+    weights = replace(SETTINGS.weights, contact=0, interaction_range=0.05)
+    free = replace(thorough(300), weights=weights)
+    (before,) = retarget(prepare(source, free), scales).reports
+    kept = replace(free, attempts=(PAIRS,), pair_stiffness=1e5)
+    (after,) = retarget(prepare(source, kept), scales).reports
+    assert before.contacts_kept < 0.5
+    assert after.contacts_kept > 0.95
+
+
+def test_no_joint_goes_below_the_lowest_point_of_its_person():
+    source = scene(6, 9)
+    scales = np.ones((1, 10))
+    scales[0, :5] = 1.3
+    weights = replace(SETTINGS.weights, root=0, stance_height=0, floor_height=0)
+    free = replace(thorough(300), weights=weights)
+    (before,) = retarget(prepare(source, free), scales).reports
+    (after,) = retarget(prepare(source, replace(free, floor_penalty=60)), scales).reports
+    assert before.below_floor > 0.01
+    assert after.below_floor < 2e-3
+
+
+def test_a_long_source_is_solved_in_windows_that_differ_little_from_the_whole(monkeypatch):
+    source = scene(4, 90)
+    scales = np.ones((2, 10))
+    scales[0, 5:], scales[1, :5] = 0.85, 1.15
+    whole = prepare(source, SETTINGS)
+    assert len(whole.windows) == 1
+    monkeypatch.setattr(module, "WINDOW_SECONDS", 1.4)
+    monkeypatch.setattr(module, "OVERLAP_SECONDS", 0.6)
+    windows = prepare(source, SETTINGS)
+    assert len(windows.windows) == 3
+    expected, result = retarget(whole, scales), retarget(windows, scales)
+    np.testing.assert_allclose(result.points, expected.points, atol=0.02)
+    target_lengths = scales[:, None] * np.linalg.norm(source.bone_vectors, axis=-1)
+    np.testing.assert_allclose(lengths_of(source, result.points), target_lengths, atol=1e-12)
+    assert max(report.seam_ratio for report in result.reports) < 1.3
+
+
+@pytest.mark.parametrize("n_frames", [1, 30, 1200, 1201, 4000])
+def test_the_windows_cover_all_frames_and_their_weights_sum_to_one(n_frames):
+    windows = module.window_slices(n_frames, 30.0)
+    total = np.zeros(n_frames)
+    for number, frames in enumerate(windows):
+        total[frames] += module._fade(windows, number, 30.0)
+    np.testing.assert_allclose(total, 1, atol=1e-12)
+    assert all(w.stop - w.start <= 1200 for w in windows)
+
+
+def test_the_frame_rate_does_not_change_the_result():
+    slow = scene(8, 30)
+    times, fast_times = np.arange(30), np.arange(0, 29.01, 0.25)
+    motions = tuple(
+        CubicSpline(times, motion)(fast_times).astype(np.float32) for motion in slow.motions
     )
-    constrained = replace(
-        without_constraints,
-        attempts=(
-            Attempt(bone_penalty=15, max_iterations=600, separation_penalty=40, tolerance=0),
-        ),
-    )
-    (unconstrained,) = retarget(prepare(source, without_constraints), scales).reports
-    (separated,) = retarget(prepare(source, constrained), scales).reports
-    assert unconstrained.penetration > 0.02
-    assert separated.penetration < 0.005
-    assert separated.primal_residual < 1e-2
+    fast = Scene(motions, slow.skeletons, 4 * slow.fps)
+    scales = np.ones((1, 10))
+    scales[0, 5:] = 0.85
+    before = retarget(prepare(slow, thorough(400)), scales).points[0]
+    after = retarget(prepare(fast, thorough(400)), scales).points[0]
+    assert np.abs(after[::4] - before).mean() < 5e-3
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -185,16 +246,6 @@ def test_different_skeletons_converge_to_the_energy_of_the_oracle():
     assert ours == pytest.approx(theirs, rel=1e-3)
 
 
-def test_the_reported_energy_is_that_of_the_motion():
-    source = scene(5)
-    scales = np.ones((1, 10))
-    scales[0, 2] = 0.8
-    prepared = prepare(source, SETTINGS)
-    result = retarget(prepared, scales)
-    expected = energy_value(prepared.energy, result.points[0] - source.points, scales[0])
-    assert sum(result.reports[0].energy.values()) == pytest.approx(expected, rel=1e-5)
-
-
 def test_a_variation_has_the_same_bytes_in_any_batch():
     source = scene(6)
     scales = np.random.default_rng(0).uniform(0.8, 1.2, size=(MAX_BATCH + 5, 10))
@@ -210,19 +261,6 @@ def test_no_target_bodies_give_no_variations():
     result = retarget(prepare(scene(), SETTINGS), np.ones((0, 10)))
     assert result.points.shape == (0, 15, 12, 3)
     assert result.reports == ()
-
-
-def test_the_delaunay_graph_has_fewer_edges_and_converges_to_the_oracle():
-    source = scene(7, 8)
-    settings = replace(thorough(), graph="delaunay")
-    energy = build_energy(source, settings)
-    assert (energy.laplacians != 0).sum() < (build_energy(source, SETTINGS).laplacians != 0).sum()
-    scales = np.ones((1, 10))
-    scales[0, 5:] = 0.85
-    result = retarget(prepare(source, settings), scales)
-    ours = energy_value(energy, result.points[0] - source.points, scales[0])
-    theirs = energy_value(energy, manifold(source, energy, scales[0]), scales[0])
-    assert ours == pytest.approx(theirs, rel=1e-3)
 
 
 def test_the_step_scale_of_one_bone_is_its_growth() -> None:

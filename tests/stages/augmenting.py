@@ -53,12 +53,19 @@ SECOND = {
 }
 LIMITS = {
     "primal_residual": 1e-2,
-    "contacts_preserved": 0.9,
-    "added_foot_skate": 0.05,
-    "penetration": 0.01,
-    "acceleration_peak_ratio": 1.5,
-    "bend_flip_fraction": 0.02,
-    "trunk_deformation": 2.0,
+    "contacts_kept": 0.0,
+    "capsule_penetration": 1.0,
+    "knee_change_p95": 90.0,
+    "elbow_change_p95": 90.0,
+    "spine_change_p95": 90.0,
+    "pelvis_height_error": 1.0,
+    "trunk_change": 2.0,
+    "below_floor": 1.0,
+    "added_foot_skate": 0.1,
+    "peak_acceleration_ratio": 3.0,
+    "seam_ratio": 3.0,
+    "knee_flips": 0.1,
+    "elbow_flips": 0.1,
 }
 
 

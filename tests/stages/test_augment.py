@@ -106,7 +106,7 @@ def test_other_limits_compute_nothing_and_other_settings_everything(
     lay_out(tmp_path, {"one": CLIPS["one"]})
     run(tmp_path, monkeypatch)
     del in_process[:]
-    write_params(tmp_path, limits={**LIMITS, "acceleration_peak_ratio": 1.0})
+    write_params(tmp_path, limits={**LIMITS, "seam_ratio": 0.5})
     run(tmp_path, monkeypatch)
     assert in_process == []
     changed = tmp_path / "params.yaml"

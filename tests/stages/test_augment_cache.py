@@ -123,7 +123,7 @@ def test_clips_that_a_run_did_not_use_are_forgotten_and_their_variations_stay(
     run(tmp_path, monkeypatch)
     assert len(cached_clips(tmp_path)) == 1
     assert set(cached_clips(tmp_path)) < set(finished)
-    write_params(tmp_path, limits={**LIMITS, "acceleration_peak_ratio": 1.0})
+    write_params(tmp_path, limits={**LIMITS, "seam_ratio": 0.5})
     run(tmp_path, monkeypatch)
     assert len(cached_clips(tmp_path)) == 1
     assert not set(cached_clips(tmp_path)) & set(finished)

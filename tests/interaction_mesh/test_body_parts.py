@@ -3,10 +3,32 @@
 import numpy as np
 import pytest
 
-from pacmo_core.data.skeleton import DUET15, INTERHUMAN22, NTU25, SBU15
+from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import Scene
-from pacmo_core.interaction_mesh.mesh import ancestor_bones, hinge_joints, trunk_joints
+from pacmo_core.interaction_mesh.body_parts import (
+    ancestor_bones,
+    capsule_radii,
+    hinges,
+    is_hand,
+    scene_bone_kinds,
+    trunk_joints,
+)
+from tests.data.test_segments import CMU22, DUO27, PRIOR17, tree
 from tests.interaction_mesh.scenes import scene
+
+# Joints of the ZED camera's BODY_34.
+ZED34 = tree(
+    "zed34",
+    "pelvis naval_spine<pelvis chest_spine<naval_spine neck<chest_spine left_clavicle<chest_spine"
+    " left_shoulder<left_clavicle left_elbow<left_shoulder left_wrist<left_elbow"
+    " left_hand<left_wrist left_hand_tip<left_hand left_thumb<left_hand"
+    " right_clavicle<chest_spine right_shoulder<right_clavicle right_elbow<right_shoulder"
+    " right_wrist<right_elbow right_hand<right_wrist right_hand_tip<right_hand"
+    " right_thumb<right_hand left_hip<pelvis left_knee<left_hip left_ankle<left_knee"
+    " left_foot<left_ankle right_hip<pelvis right_knee<right_hip right_ankle<right_knee"
+    " right_foot<right_ankle head<neck nose<head left_eye<nose left_ear<left_eye right_eye<nose"
+    " right_ear<right_eye left_heel<left_ankle right_heel<right_ankle",
+)
 
 
 @pytest.mark.parametrize(
@@ -25,7 +47,7 @@ def test_hinges_are_elbows_and_knees(skeleton, middle):
 def hinge_names(skeleton):
     """Lay a grown-up's bones along a line of the tree and name the hinges of person a."""
     source = person(skeleton)
-    result = hinge_joints(source)[:, 1]
+    result = source.bones[hinges(source)[0][:, 1], 0]
     return sorted(skeleton.joints[i] for i in result if i < len(skeleton.joints))
 
 
@@ -44,6 +66,22 @@ def person(skeleton):
         )
     motion = pose.astype(np.float32)
     return Scene((motion, motion + np.float32(1)), (skeleton, skeleton), 30.0)
+
+
+SKELETONS = [NTU25, SBU15, DUET15, INTERHUMAN22, EXPI18, DUO27, CMU22, PRIOR17, ZED34]
+
+
+@pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda s: s.name)
+def test_every_skeleton_has_two_of_each_limb_hands_and_a_trunk(skeleton):
+    source = person(skeleton)
+    kinds = scene_bone_kinds(source)[: len(skeleton.bones)]
+    for kind in ("thigh", "shin", "upper_arm", "forearm"):
+        assert kinds.count(kind) == 2
+    assert "trunk" in kinds
+    n_hands = kinds.count("hand") + 2
+    assert is_hand(source)[: len(skeleton.joints)].sum() == n_hands
+    assert len(hinges(source)[0]) == 8
+    assert (capsule_radii(source) > 0).all()
 
 
 @pytest.mark.parametrize("skeleton", [NTU25, INTERHUMAN22])
