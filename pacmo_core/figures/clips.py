@@ -71,7 +71,7 @@ MEASUREMENT_COLUMNS = {
         "Contacts kept",
         HIGHER,
         "",
-        "share of contacts over pairs and frames, within 10 cm as before",
+        "share of contacts over pairs and frames, strictly",
     ),
     "contacts_kept_with_slack": Metric("Within 12 cm", HIGHER, "", "the same within 12 cm"),
     "knee_change_p95": Metric("Knees", LOWER, "°", "95th percentile of the change of the angle"),

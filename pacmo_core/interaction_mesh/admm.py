@@ -91,10 +91,24 @@ class State:
             )
             for values in (self.energy_rhs, self.rhs, self.displacement)
         )
-        others = (self.governing, self.projection, self.floor, self.scales, self.lowest)
-        selected = (np.ascontiguousarray(values[..., bodies]) for values in others)
-        steps = (self.squared_step[bodies], self.largest_pair_step[bodies])
-        return State(energy_rhs, rhs, displacement, *selected, *steps)
+        return State(
+            energy_rhs=energy_rhs,
+            rhs=rhs,
+            displacement=displacement,
+            governing=np.ascontiguousarray(self.governing[..., bodies]),
+            projection=np.ascontiguousarray(self.projection[..., bodies]),
+            floor=np.ascontiguousarray(self.floor[..., bodies]),
+            scales=np.ascontiguousarray(self.scales[:, bodies]),
+            lowest=np.ascontiguousarray(self.lowest[:, bodies]),
+            squared_step=self.squared_step[bodies],
+            largest_pair_step=self.largest_pair_step[bodies],
+        )
+
+    def clear_steps(self) -> "State":
+        """Set the measured steps to zero; return the state itself."""
+        self.squared_step[:] = 0
+        self.largest_pair_step[:] = 0
+        return self
 
     def workspace(self, n_rows: int) -> "Workspace":
         """Allocate working arrays for R rows per frame."""
@@ -483,24 +497,20 @@ def solve_admm(
     # Steps under bounds between the bodies oscillate, and extrapolation would sustain that.
     can_extrapolate = solver.rows.n_bones == solver.rows.lower.shape[1]
     for number in range(1, max_iterations + 1):
+        is_last = number == max_iterations
         is_extrapolated = (
-            number % (EXTRAPOLATE_EVERY * CHECK_EVERY) == 0
-            and number < max_iterations
-            and can_extrapolate
+            number % (EXTRAPOLATE_EVERY * CHECK_EVERY) == 0 and can_extrapolate and not is_last
         )
         work.extrapolation, rate = rate.extrapolate() if is_extrapolated else (None, rate)
-        work.is_measured = number % CHECK_EVERY == 0 or number == max_iterations
-        state.squared_step[:] = 0
-        state.largest_pair_step[:] = 0
-        solver.iterate(state, work)
+        work.is_measured = number % CHECK_EVERY == 0 or is_last
+        solver.iterate(state.clear_steps(), work)
         if is_extrapolated or not work.is_measured:
             continue
         rate = rate.update(state.squared_step)
         residuals = np.sqrt(state.squared_step / start.step_scale[columns])
         # One contact of a clip hardly counts in the residual.
         has_settled = (residuals <= tolerance) & (state.largest_pair_step <= PAIR_TOLERANCE**2)
-        converged = has_settled | (number == max_iterations)
-        converged &= active
+        converged = (has_settled | is_last) & active
         solution.store(state, columns[converged], np.flatnonzero(converged), number)
         solution.residual[columns[converged]] = residuals[converged]
         active &= ~converged

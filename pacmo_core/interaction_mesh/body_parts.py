@@ -36,9 +36,7 @@ SIDEWAYS_RADIUS = 0.06
 
 @lru_cache(maxsize=8)
 def bone_kinds(skeleton: Skeleton) -> tuple[str, ...]:
-    """Return the kind of every bone: ``trunk``, ``thigh``, ``shin``, ``foot``, ``upper_arm``,
-    ``forearm`` or ``hand``.
-    """
+    """Return the kind of every bone: trunk, thigh, shin, foot, upper_arm, forearm or hand."""
     kinds = []
     for segment in segments(skeleton):
         if segment.part in ("trunk", "foot"):
@@ -91,7 +89,7 @@ def hinges(scene: Scene) -> tuple[Indices, list[str]]:
 
 
 def spine_bends(scene: Scene) -> Indices:
-    """``(S, 2)``: pairs of bones of a trunk that meet at a joint, one beyond or beside the other."""
+    """``(S, 2)``: pairs of bones of a trunk that meet at a joint."""
     kinds, bones = scene_bone_kinds(scene), scene.bones.tolist()
     trunk = [row for row, kind in enumerate(kinds) if kind == "trunk"]
     pairs = [

@@ -22,8 +22,8 @@ FLOOR_REACH = 0.4
 FLOOR_PENALTY_RANGE = 0.25
 # Contacts are closed to this fraction of the contact distance, to be within it.
 CONTACT_MARGIN = 0.97
-# Slope with which the bound of a pair grows with its distance in the source beyond that: continuous,
-# as a bound that vanishes from one frame to the next causes a jerk.
+# Slope with which the bound of a pair grows with its distance in the source beyond that. A bound
+# that vanished from one frame to the next would cause a jerk.
 RELEASE = 3.0
 
 

@@ -42,7 +42,7 @@ from pacmo_core.interaction_mesh.mesh import (
     LinearTerm,
     contact_hessians,
     ground_supports,
-    height_terms,
+    height_term,
     linear_terms,
     root_term,
     support_weights,
@@ -111,11 +111,10 @@ def build_energy(scene: Scene, settings: Settings) -> QuadraticEnergy:
     hessians[:, points, points] += weights.regularisation
     targets = np.zeros((n_frames, n_points, len(scene.bones)))
     constant = np.zeros((len(scene.bones), len(scene.bones)))
-    for term in linear_terms(scene, weights):
-        _add_linear_term(term, scene, hessians, targets, constant)
+    for linear in linear_terms(scene, weights):
+        _add_linear_term(linear, scene, hessians, targets, constant)
     root_hessian, root = root_term(scene, weights.root)
     hessians[:, points, points] += root_hessian
-    height_weights = np.zeros((n_frames, n_points))
     height_targets = np.zeros(targets.shape)
     for height, own_weight in (
         (root, False),

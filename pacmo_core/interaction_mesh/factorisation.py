@@ -1,10 +1,11 @@
 """The block Cholesky factorisation of a source, which serves all target bodies.
 
 The matrix of ADMM's linear step is ``H + A^T P A``: H the energy's Hessian, A the differences of
-points and the heights that are constrained, P their penalties. It couples a frame with the two before it. With two
-frames per block it is block tridiagonal, its off-diagonal blocks C_k consist of diagonal matrices,
-and block elimination needs only the inverse of each pivot S_k. Supports and the floor act on heights
-alone, hence one stack of pivots for the horizontal directions and one for the height.
+points and the heights that are constrained, P their penalties. It couples a frame with the two
+before it. With two frames per block it is block tridiagonal, its off-diagonal blocks C_k consist of
+diagonal matrices, and block elimination needs only the inverse of each pivot S_k. Supports and the
+floor act on heights alone, hence one stack of pivots for the horizontal directions and one for the
+height.
 """
 
 from collections.abc import Iterable, Iterator
@@ -62,7 +63,7 @@ def temporal_coupling(energy: QuadraticEnergy) -> TemporalCoupling:
 def diagonal_blocks(
     energy: QuadraticEnergy, coupling: TemporalCoupling, constraints: Rows | None
 ) -> Iterator[Array]:
-    """Yield the diagonal blocks of ``H + A^T P A``, (2N, 2N), without what acts on heights alone."""
+    """Yield the diagonal blocks of ``H + A^T P A``, (2N, 2N), but for what acts on heights alone."""
     n_frames, n_points = energy.height_weights.shape
     points = np.arange(n_points)
     for first in range(0, len(coupling.diagonal), 2):

@@ -118,8 +118,8 @@ def hinge_term(scene: Scene, posture: Posture) -> LinearTerm:
     bends = spine_bends(scene)
     pairs = np.concatenate([limbs, bends])
     weight_of = {"knee": posture.knee, "elbow": posture.elbow, "spine": posture.spine}
-    roots = [weight_of[name] for name in (*names, *["spine"] * len(bends))]
-    roots = HINGE_LENGTH * np.sqrt(roots)
+    weights = [weight_of[name] for name in (*names, *["spine"] * len(bends))]
+    roots = HINGE_LENGTH * np.sqrt(weights)
     lengths, rows = _mean_lengths(scene), np.arange(len(pairs))
     factors = np.zeros((len(pairs), len(lengths)))
     for end, sign in ((1, 1), (0, -1)):
@@ -179,8 +179,8 @@ def root_term(scene: Scene, weight: float) -> tuple[Array, HeightTerm]:
     return weights, HeightTerm(weights, targets)
 
 
-def height_terms(scene: Scene, weights: Weights, supports: Array) -> Iterator[HeightTerm]:
-    """Yield what holds supporting joints, and joints near the floor, at their height.
+def height_term(scene: Scene, weights: Weights, supports: Array) -> HeightTerm:
+    """Return what holds supporting joints, and joints near the floor, at their height.
 
     A joint's height grows with the bone below it, or beside it at the end of a limb.
     """
@@ -194,7 +194,7 @@ def height_terms(scene: Scene, weights: Weights, supports: Array) -> Iterator[He
             below = [row for row, (parent, _) in enumerate(scene.bones.tolist()) if parent == joint]
             bones = [bone_of[joint]] if joint != root and not below else below
             targets[:, joint, bones] = (heights[:, joint] - lowest)[:, None] / len(bones)
-    yield HeightTerm(weights.stance_height * supports + weights.floor_height * near, targets)
+    return HeightTerm(weights.stance_height * supports + weights.floor_height * near, targets)
 
 
 def joint_distances(points: Array) -> Array:

@@ -5,6 +5,7 @@ contacts and penetration with the source at the same frame.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -118,7 +119,12 @@ def measure_motions(
     scales: Array,
     points: Array,
 ) -> dict[str, Array]:
-    """Measure motions (T, N, 3, V), metres, of bodies (V, E): by the names of ``Report``, (V,) each."""
+    """Measure motions (T, N, 3, V), metres, of bodies (V, E).
+
+    Returns
+    -------
+    (V,) each, by the names of ``Report``
+    """
     people = [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
     common = common_scale(scene, scales)
     motions = scale_scene(scene, points, 1 / common)
@@ -212,7 +218,7 @@ def _angle_vectors(scene: Scene, person: int, name: str) -> list[tuple[_Vector, 
         return [(trunk, bones[row]) for row in roots[upper[name]]]
     chains = [_chain_to_root(scene, joint) for joint in shoulders]
     shared = [row for row in chains[0] if all(row in chain for chain in chains)]
-    return [(bones[lower], bones[upper]) for upper, lower in zip(shared, shared[1:], strict=False)]
+    return [(bones[lower], bones[upper]) for upper, lower in pairwise(shared)]
 
 
 def _bone_vector(scene: Scene, row: int) -> _Vector:
@@ -456,4 +462,5 @@ def _bend_normal(points: Array, upper: _Vector, lower: _Vector) -> tuple[Array, 
 
 def _mean(values: Array) -> Array:
     """Mean over the first axis; zeros if it is empty."""
-    return values.mean(axis=0) if len(values) else np.zeros(values.shape[1:])
+    mean: Array = values.mean(axis=0) if len(values) else np.zeros(values.shape[1:])
+    return mean

@@ -8,6 +8,7 @@ window.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,7 @@ def window_slices(n_frames: int, fps: float) -> tuple[slice, ...]:
     if n_windows == 1:
         return (slice(0, n_frames),)
     edges = np.linspace(0, n_frames - overlap, n_windows + 1).round().astype(int).tolist()
-    return tuple(slice(a, b + overlap) for a, b in zip(edges, edges[1:], strict=False))
+    return tuple(slice(a, b + overlap) for a, b in pairwise(edges))
 
 
 def retarget(source: PreparedSource, scales: Array) -> Variations:

@@ -29,8 +29,7 @@ class Scene:
     motions : two of (T, J, 3) float32, metres, y up, right-handed, finite; J may differ
     skeletons : two, of as many joints
     fps : frames per second
-    given_levels : heights of the ground and of the joints; of these motions, unless they are a part of
-        longer ones
+    given_levels : of the whole, if the motions are a part of longer ones
 
     Raises
     ------

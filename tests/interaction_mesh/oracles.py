@@ -17,7 +17,7 @@ from pacmo_core.interaction_mesh.energy import QuadraticEnergy, energy_of, energ
 from pacmo_core.interaction_mesh.mesh import (
     contact_hessians,
     ground_supports,
-    height_terms,
+    height_term,
     laplacian_matrices,
     root_term,
     support_weights,
@@ -38,53 +38,92 @@ def energy_by_definition(
     displacement : (T, N, 3) metres
     scales : (E,)
     """
-    weights, rate = settings.weights, scene.fps / 30
-    laplacians = laplacian_matrices(scene, weights)
-    closeness = -contact_hessians(scene, weights)
-    supports = support_weights(
-        ground_supports(scene, settings.support), scene.fps, settings.support.fade_time
-    )
-    root_weights, root_heights = root_term(scene, weights.root)
-    (heights,) = height_terms(scene, weights, supports)
-    posture = posture_weights(scene, weights.posture)
+    weights = settings.weights
+    posture, smoothness = _posture_energy, _smoothness_energy
+    return sum(
+        part(scene, settings, displacement, scales - 1)
+        for part in (_mesh_energy, posture, _trunk_energy, _place_energy, smoothness)
+    ) + weights.regularisation * float(np.sum(displacement**2) / 2)
+
+
+def _mesh_energy(scene: Scene, settings: Settings, displacement: Array, growth: Array) -> float:
+    """Laplacian deformation and contact."""
+    laplacians = laplacian_matrices(scene, settings.weights)
+    closeness, total = -contact_hessians(scene, settings.weights), 0.0
+    for t, moved in enumerate(displacement):
+        target = np.zeros_like(moved)
+        for e, (parent, child) in enumerate(scene.bones):
+            grown = growth[e] * scene.bone_vectors[t, e]
+            target[parent] += laplacians[t, parent, child] * grown
+            target[child] -= laplacians[t, child, parent] * grown
+        total += np.sum((laplacians[t] @ moved - target) ** 2) / 2
+        for i in range(len(moved)):
+            for j in range(i):
+                total += closeness[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
+    return total
+
+
+def _posture_energy(scene: Scene, settings: Settings, displacement: Array, growth: Array) -> float:
+    """Directions of bones, and angles of hinges and of the trunk."""
+    weights = settings.weights.posture
+    posture, total = posture_weights(scene, weights), 0.0
     lengths = np.linalg.norm(scene.bone_vectors, axis=-1).mean(axis=0)
     limbs, names = hinges(scene)
-    bends = [(pair, getattr(weights.posture, n)) for pair, n in zip(limbs, names, strict=True)]
-    bends += [(pair, weights.posture.spine) for pair in spine_bends(scene)]
-    growth, total = scales - 1, 0.0
-    for t, moved in enumerate(displacement):
-        vectors = scene.bone_vectors[t]
-        excess = []
-        for e, (parent, child) in enumerate(scene.bones):
-            excess.append(moved[child] - moved[parent] - growth[e] * vectors[e])
-            total += posture[e] * (0.3 / lengths[e]) * np.sum(excess[-1] ** 2) / 2
+    bends = [(pair, getattr(weights, name)) for pair, name in zip(limbs, names, strict=True)]
+    bends += [(pair, weights.spine) for pair in spine_bends(scene)]
+    for moved, vectors in zip(displacement, scene.bone_vectors, strict=True):
+        excess = [
+            moved[child] - moved[parent] - growth[e] * vectors[e]
+            for e, (parent, child) in enumerate(scene.bones)
+        ]
+        for e, vector in enumerate(excess):
+            total += posture[e] * (0.3 / lengths[e]) * np.sum(vector**2) / 2
         for (upper, lower), weight in bends:
             turn = 0.4 * (excess[lower] / lengths[lower] - excess[upper] / lengths[upper])
             total += weight * np.sum(turn**2) / 2
-        target = np.zeros_like(moved)
-        for e, (parent, child) in enumerate(scene.bones):
-            target[parent] += laplacians[t, parent, child] * growth[e] * vectors[e]
-            target[child] -= laplacians[t, child, parent] * growth[e] * vectors[e]
-        total += np.sum((laplacians[t] @ moved - target) ** 2) / 2
+    return total
+
+
+def _trunk_energy(scene: Scene, settings: Settings, displacement: Array, growth: Array) -> float:
+    total = 0.0
+    for moved, vectors in zip(displacement, scene.bone_vectors, strict=True):
         grown = ancestor_bones(scene) @ (growth[:, None] * vectors)
         for joints in trunk_joints(scene):
             rest = moved[joints] - grown[joints]
-            total += weights.trunk_shape * np.sum((rest - rest.mean(axis=0)) ** 2) / 2
-        for i in range(len(moved)):
-            wanted = np.array([0, root_heights.targets[t, i] @ growth, 0])
-            total += root_weights[t, i] * np.sum((moved[i] - wanted) ** 2) / 2
-            error = moved[i, 1] - heights.targets[t, i] @ growth
-            total += heights.weights[t, i] * error**2 / 2
-            total += weights.regularisation * np.sum(moved[i] ** 2) / 2
-            for j in range(i):
-                total += closeness[t, i, j] * np.sum((moved[i] - moved[j]) ** 2) / 2
-            if t:
-                step = supports[t, i] * supports[t - 1, i] * weights.stance * rate**2
-                total += step * np.sum((moved[i] - displacement[t - 1, i]) ** 2) / 2
-        if 0 < t < len(displacement) - 1:
-            second = displacement[t + 1] - 2 * moved + displacement[t - 1]
-            total += weights.acceleration * rate**4 * np.sum(second**2) / 2
+            total += settings.weights.trunk_shape * np.sum((rest - rest.mean(axis=0)) ** 2) / 2
     return total
+
+
+def _place_energy(scene: Scene, settings: Settings, displacement: Array, growth: Array) -> float:
+    """Places of the roots, and heights near the floor."""
+    root_weights, root = root_term(scene, settings.weights.root)
+    heights, total = height_term(scene, settings.weights, _supports(scene, settings)), 0.0
+    for t, moved in enumerate(displacement):
+        for i, point in enumerate(moved):
+            wanted = np.array([0, root.targets[t, i] @ growth, 0])
+            total += root_weights[t, i] * np.sum((point - wanted) ** 2) / 2
+            total += heights.weights[t, i] * (point[1] - heights.targets[t, i] @ growth) ** 2 / 2
+    return total
+
+
+def _smoothness_energy(
+    scene: Scene, settings: Settings, displacement: Array, _growth: Array
+) -> float:
+    """Acceleration, and the speed of supporting joints."""
+    weights, rate = settings.weights, scene.fps / 30
+    supports, total = _supports(scene, settings), 0.0
+    for t in range(1, len(displacement)):
+        step = np.sum((displacement[t] - displacement[t - 1]) ** 2, axis=-1)
+        total += weights.stance * rate**2 * (supports[t] * supports[t - 1] @ step) / 2
+    for t in range(1, len(displacement) - 1):
+        second = displacement[t + 1] - 2 * displacement[t] + displacement[t - 1]
+        total += weights.acceleration * rate**4 * np.sum(second**2) / 2
+    return total
+
+
+def _supports(scene: Scene, settings: Settings) -> Array:
+    is_support = ground_supports(scene, settings.support)
+    return support_weights(is_support, scene.fps, settings.support.fade_time)
 
 
 def energy_value(energy: QuadraticEnergy, displacement: Array, scales: Array) -> float:

@@ -38,7 +38,7 @@ def test_the_closest_points_are_those_of_a_search(seed, kind):
 def test_a_difference_is_between_the_closest_points():
     source = scene(0, 4)
     first, second, distances = closest_fractions(source)
-    bones = np.stack(np.divmod(np.arange(25), 5), axis=-1) + [0, 5]
+    bones = np.stack(np.divmod(np.arange(25), 5), axis=-1) + np.array([0, 5])
     bones = np.broadcast_to(bones, (4, 25, 2))
     points, coefficients = segment_differences(source, bones, first, second)
     frames = np.arange(4)[:, None]
