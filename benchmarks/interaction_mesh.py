@@ -3,9 +3,12 @@
 Usage: python -m benchmarks.interaction_mesh [--json] [--cost PICTURE]
 
 Two processes share the nine windows. Our times include factorisation, further attempts and
-reports, but not reading. ``times_banded`` and ``times_per_frame_peer`` compare process seconds per
-frame: the banded solver on one variation of a shorter window, the per-frame solver (``pip install
-cvxpy clarabel``) on a few frames, both extrapolated. ``energy_gap`` is the largest of a few
+reports, but not reading. ``frames_per_s_one_variation``: the same of one variation of each window,
+which bears the cost of its source alone. ``holosoma_frames_per_s``: a published retargeter on its
+own motion of one person, alone on the machine (``_holosoma.py`` says how to install it; else it is
+left out). ``times_banded`` and ``times_per_frame_emulation`` compare process seconds per frame: the
+banded solver on one variation of a shorter window, the emulation of a per-frame solver (``pip
+install cvxpy clarabel``) on a few frames, both extrapolated. ``energy_gap`` is the largest of a few
 variations of shorter windows, relative to the banded solver or ours at convergence;
 ``energy_gap_where_banded_diverged`` that of the others. Measurements of variations are the worst;
 ``contacts_preserved`` and ``bend_flip_fraction`` are means, with the worst in a further key;
@@ -18,14 +21,21 @@ import os
 import resource
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks._figures import arguments, show
-from benchmarks._interaction_mesh_cost import FRAMES, draw_costs, growth_exponent, measure_costs
+from benchmarks._holosoma import holosoma_figures
+from benchmarks._interaction_mesh_cost import (
+    FRAMES,
+    draw_costs,
+    growth_exponent,
+    measure_cost,
+    measure_costs,
+)
 from benchmarks._interaction_mesh_peers import compare_with_peers, released_acceleration_peak_ratio
 from benchmarks._retargeting_tasks import SETTINGS, Task, retargeting_tasks
 from pacmo_core.interaction_mesh import Report, prepare, retarget_in_batches
@@ -58,6 +68,7 @@ def main() -> None:
     if options.cost:
         show(cost_exponents(planned[-1], options.cost), as_json=options.json)
         return
+    figures = holosoma_figures()
     print(f"{kind} windows; {sum(len(task.scales) for task in planned)} variations", flush=True)
     start = time.perf_counter()
     # For the peers: two threads on a core that another process uses wait for each other.
@@ -68,12 +79,21 @@ def main() -> None:
         wall = time.perf_counter() - start
         for one in done:
             print(summary_line(one), flush=True)
-        figures = speed(done, wall) | quality(done)
+        figures |= speed(done, wall) | quality(done)
+        costs = list(pool.map(measure_cost, map(one_variation, planned)))
+        figures["frames_per_s_one_variation"] = sum(c.n_frames for c in costs) / sum(
+            c.seconds for c in costs
+        )
         peers = pool.submit(compare_with_peers, planned, 1 / figures["frames_per_s_per_core"])
         figures |= peers.result()
     if (released := released_acceleration_peak_ratio()) is not None:
         figures["released_acceleration_peak_ratio"] = released
     show(figures, as_json=options.json)
+
+
+def one_variation(task: Task) -> Task:
+    """Return the task with one body scaled as a whole by the least scale, the second variation."""
+    return replace(task, scales=task.scales[1:2])
 
 
 def cost_exponents(task: Task, path: Path) -> dict[str, float]:
