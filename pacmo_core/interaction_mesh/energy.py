@@ -116,18 +116,15 @@ def build_energy(scene: Scene, settings: Settings) -> QuadraticEnergy:
     root_hessian, root = root_term(scene, weights.root)
     hessians[:, points, points] += root_hessian
     height_targets = np.zeros(targets.shape)
-    for height, own_weight in (
-        (root, False),
-        *((t, True) for t in height_terms(scene, weights, supports)),
-    ):
-        weighted = height.weights[:, :, None] * height.targets
+    heights = height_term(scene, weights, supports)
+    for term in (root, heights):
+        weighted = term.weights[:, :, None] * term.targets
         height_targets += weighted
-        height_weights += height.weights if own_weight else 0
         flat = (-1, constant.shape[1])
-        constant += weighted.reshape(flat).T @ height.targets.reshape(flat)
+        constant += weighted.reshape(flat).T @ term.targets.reshape(flat)
     return QuadraticEnergy(
         frame_hessians=hessians,
-        height_weights=height_weights,
+        height_weights=heights.weights,
         targets=targets.astype(np.float32),
         height_targets=height_targets.astype(np.float32),
         bone_vectors=scene.bone_vectors,
@@ -149,13 +146,9 @@ def _add_linear_term(
     targets += transposed @ term.factors
     products = np.swapaxes(term.factors, -1, -2) @ term.factors
     vectors = scene.bone_vectors
-    constant += np.einsum(
-        "tef,tec,tfc->ef",
-        np.broadcast_to(products, (len(vectors), *products.shape[-2:])),
-        vectors,
-        vectors,
-        optimize=True,
-    )
+    for axis in range(3):
+        along = vectors[:, :, axis]
+        constant += (products * along[:, :, None] * along[:, None]).sum(axis=0)
 
 
 def energy_rhs(energy: QuadraticEnergy, scales: Array) -> Single:

@@ -63,7 +63,7 @@ def temporal_coupling(energy: QuadraticEnergy) -> TemporalCoupling:
 def diagonal_blocks(
     energy: QuadraticEnergy, coupling: TemporalCoupling, constraints: Rows | None
 ) -> Iterator[Array]:
-    """Yield the diagonal blocks of ``H + A^T P A``, (2N, 2N), but for what acts on heights alone."""
+    """Yield the diagonal blocks of ``H + A^T P A``, (2N, 2N), without heights alone."""
     n_frames, n_points = energy.height_weights.shape
     points = np.arange(n_points)
     for first in range(0, len(coupling.diagonal), 2):

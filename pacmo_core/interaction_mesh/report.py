@@ -390,8 +390,9 @@ def _seam_ratio_of_person(source: Array, body: Array, fps: float) -> Array:
         return np.ones(body.shape[-1])
     radius = max(1, round(MEDIAN_SECONDS * fps))
     before = seam_ratios(mean_accelerations(source), radius)
-    ratio: Array = seam_ratios(mean_accelerations(body), radius) / np.maximum(1, before)
-    return ratio.max(axis=0)
+    ratios = seam_ratios(mean_accelerations(body), radius) / np.maximum(1, before)
+    largest: Array = ratios.max(axis=0)
+    return largest
 
 
 def mean_accelerations(points: Array) -> Array:
