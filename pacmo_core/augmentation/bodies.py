@@ -1,4 +1,4 @@
-"""Bone scales from a source's body to another: by segment, of a profile, or random.
+"""Skeleton scales (bone scales) from a source's body to another: by segment, profile, or random.
 
 Segment lengths as fractions of stature: Drillis and Contini (1966), *Body segment parameters*, as
 in Winter (2009), *Biomechanics and motor control of human movement*, figure 4.1.

@@ -170,7 +170,7 @@ class AdmmSolver:
     relaxation: float
 
     def iterate(self, state: State, work: Workspace) -> None:
-        """Take a linear and a local step.
+        """Take one ADMM iteration: a linear and a local step.
 
         The local step of a block follows its linear step while it is in the processor's cache.
         """

@@ -91,7 +91,7 @@ def read_candidate(row: str) -> Candidate:
 
 
 def decide_promotion(gate: Gate) -> Decision:
-    """Compare the model in the workspace with the current one; promote it or hold it restored.
+    """Compare the model in the workspace with the current one; promote it or hold it back.
 
     The caller holds the writer lock.
     """
