@@ -1,11 +1,16 @@
 """Truth: Student's interval by hand; names taken apart by eye; sides that are known."""
 
+from argparse import Namespace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from pacmo_core.skeleton_prior.splits import VariationScales
+from pacmo_core.store.tables import VARIATIONS
 from stages import split_variations
-from stages.common.params import PriorRuns, parse_split_name
+from stages.common.params import PriorRuns, StageError, parse_split_name
 from stages.pool_skeleton_prior import interval, over_seeds
 
 
@@ -52,3 +57,35 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
     assert {n for n, side in sides.items() if side == "test"} == {"two~3", "two~4"}
     train = [name for name, side in sides.items() if side == "train"]
     assert len(train) == 1 and train[0] in ("one~0", "one~1")
+
+
+def test_a_dataset_without_variations_is_one_line(tmp_path, monkeypatch):
+    priors = {"datasets": ["default"], "splits": ["random"], "models": [], "seeds": []}
+    section = {"held_out": [], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
+    params = {
+        "runs": {"folds": [1], "seeds": [1], "priors": priors}, "split_variations": section,
+    }  # fmt: skip
+    YAML(typ="safe").dump(params, tmp_path / "params.yaml")
+    monkeypatch.chdir(tmp_path)
+    paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))
+    with pytest.raises(StageError, match=r"runs.priors.datasets: v has no variations of default"):
+        split_variations.main(paths)
+
+
+def test_a_split_that_leaves_nothing_to_test_says_which_parameters_to_change(tmp_path, monkeypatch):
+    priors = {"datasets": ["mine"], "splits": ["cross_interaction"], "models": [], "seeds": []}
+    section = {"held_out": ["*A055"], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
+    params = {
+        "runs": {"folds": [1], "seeds": [1], "priors": priors}, "split_variations": section,
+    }  # fmt: skip
+    YAML(typ="safe").dump(params, tmp_path / "params.yaml")
+    monkeypatch.chdir(tmp_path)
+    facts = {"one~a": VariationScales("one", np.ones((2, 3)))}
+    monkeypatch.setattr(split_variations, "read_variation_facts", lambda _: facts)
+    table = tmp_path / "v" / "mine" / VARIATIONS
+    table.parent.mkdir(parents=True)
+    table.touch()
+    paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))
+    said = r"mine: split cross_interaction: nothing to test on .* held_out is \*A055"
+    with pytest.raises(StageError, match=said):
+        split_variations.main(paths)
