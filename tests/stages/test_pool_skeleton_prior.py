@@ -59,33 +59,23 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
     assert len(train) == 1 and train[0] in ("one~0", "one~1")
 
 
-def test_a_dataset_without_variations_is_one_line(tmp_path, monkeypatch):
-    priors = {"datasets": ["default"], "splits": ["random"], "models": [], "seeds": []}
-    section = {"held_out": [], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
-    params = {
-        "runs": {"folds": [1], "seeds": [1], "priors": priors}, "split_variations": section,
-    }  # fmt: skip
-    YAML(typ="safe").dump(params, tmp_path / "params.yaml")
-    monkeypatch.chdir(tmp_path)
+def refused(said, dataset, split):
+    """Run the stage on the folder ``v``; it must end with a text that the pattern matches."""
+    priors = {"datasets": [dataset], "splits": [split], "models": [], "seeds": []}
+    section = {"held_out": ["*A055"], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
+    runs = {"folds": [1], "seeds": [1], "priors": priors}
+    YAML(typ="safe").dump({"runs": runs, "split_variations": section}, Path("params.yaml"))
     paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))
-    with pytest.raises(StageError, match=r"runs.priors.datasets: v has no variations of default"):
+    with pytest.raises(StageError, match=said):
         split_variations.main(paths)
 
 
-def test_a_split_that_leaves_nothing_to_test_says_which_parameters_to_change(tmp_path, monkeypatch):
-    priors = {"datasets": ["mine"], "splits": ["cross_interaction"], "models": [], "seeds": []}
-    section = {"held_out": ["*A055"], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
-    params = {
-        "runs": {"folds": [1], "seeds": [1], "priors": priors}, "split_variations": section,
-    }  # fmt: skip
-    YAML(typ="safe").dump(params, tmp_path / "params.yaml")
+def test_a_faulty_choice_of_datasets_or_splits_names_the_parameter(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     facts = {"one~a": VariationScales("one", np.ones((2, 3)))}
     monkeypatch.setattr(split_variations, "read_variation_facts", lambda _: facts)
-    table = tmp_path / "v" / "mine" / VARIATIONS
-    table.parent.mkdir(parents=True)
-    table.touch()
-    paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))
-    said = r"mine: split cross_interaction: nothing to test on .* held_out is \*A055"
-    with pytest.raises(StageError, match=said):
-        split_variations.main(paths)
+    (tmp_path / "v" / "mine").mkdir(parents=True)
+    (tmp_path / "v" / "mine" / VARIATIONS).touch()
+    refused("runs.priors.datasets: v has no variations of default", "default", "random")
+    said = r"mine: split cross_interaction: nothing to test on .*held_out is \*A055"
+    refused(said, "mine", "cross_interaction")
