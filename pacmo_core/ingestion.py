@@ -27,7 +27,7 @@ MIN_PARALLEL = 8  # fewer sequences are read in this process: to start others ta
 
 # The code that a reading depends on: an edit of it invalidates the cached readings.
 CODE = ("data/*.py", "formats/*.py", "ingestion.py", "store/cache.py", "store/tables.py")
-PACKAGES = ("numpy", "scipy")
+PACKAGES = ("numpy", "scipy", "pyarrow")
 ARRAYS = ("times", "person_a", "person_b")
 
 Capture = tuple[ClipRecord, Interaction]

@@ -68,6 +68,7 @@ from pacmo_core.store.tables import (
     write_rows,
     write_variations,
 )
+from stages.common.captures import find_captures
 from stages.common.files import CLIPS, MOTIONS, scheduler_address, write_json
 from stages.common.params import read_params, run_stage
 
@@ -154,7 +155,7 @@ def second_dataset(
 
 def _read_captures(second: SecondDataset, raw: Path) -> Iterator[tuple[ClipRecord, Interaction]]:
     raw_format = open_format(second.format or "", second.settings)
-    sequences = sorted(raw_format.find(raw), key=lambda sequence: sequence.name)
+    sequences = find_captures(raw_format, raw)
     settings = IngestionSettings(
         dataset=second.dataset,
         root=raw,

@@ -23,8 +23,9 @@ from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
+from stages.common.captures import find_captures
 from stages.common.files import CLIPS, MOTIONS, QUARANTINE, scheduler_address, write_json
-from stages.common.params import read_params, run_stage
+from stages.common.params import StageError, read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,10 @@ class Params:
 
 def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
     params = read_params("ingest", Params)
-    found = sorted(
-        open_format(params.format, params.settings).find(raw), key=lambda sequence: sequence.name
-    )
+    found = find_captures(open_format(params.format, params.settings), raw)
     included = [sequence for sequence in found if is_included(sequence, raw, params.include)]
     if not included:
-        raise ValueError(
+        raise StageError(
             f"{raw}: found {len(found)} captures of format {params.format}, "
             f"none of them under {', '.join(params.include)}"
         )
@@ -61,7 +60,7 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
     captures = split_usable(readings, quarantined)
     first = next(captures, None)
     if first is None:
-        raise ValueError(
+        raise StageError(
             f"{raw}: no capture of {len(included)} is usable; first: {quarantined[0].reason}"
         )
     rows = []

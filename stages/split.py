@@ -11,7 +11,7 @@ from pathlib import Path
 from pacmo_core.data.splits import ClipOrigin, Split, SplitRule, assign_splits, resolve_method
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
 from stages.common.files import CLIPS, write_json
-from stages.common.params import read_params, run_stage
+from stages.common.params import StageError, read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,10 @@ def main(clips: Path, splits: Path, metrics: Path, *, fold: int) -> None:
     rule = read_params("split", Params)
     rows = read_rows(clips / CLIPS, ClipRecord)
     origins = [ClipOrigin(row.clip, row.recording, people(row)) for row in rows]
-    split_of_clip = assign_splits(origins, rule, fold)
+    try:
+        split_of_clip = assign_splits(origins, rule, fold)
+    except ValueError as fault:  # of the rule, which the user wrote
+        raise StageError(str(fault)) from fault
     write_rows(
         splits, SplitRecord, [SplitRecord(row.clip, split_of_clip[row.clip]) for row in rows]
     )

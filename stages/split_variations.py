@@ -19,10 +19,16 @@ from pacmo_core.skeleton_prior.splits import (
     assign_splits,
     limit_training_samples,
 )
-from pacmo_core.store.tables import SplitRecord, write_rows
+from pacmo_core.store.tables import VARIATIONS, SplitRecord, write_rows
 from stages.common.examples import read_variation_facts
 from stages.common.files import write_json
-from stages.common.params import parse_split_name, read_params, read_prior_runs, run_stage
+from stages.common.params import (
+    StageError,
+    parse_split_name,
+    read_params,
+    read_prior_runs,
+    run_stage,
+)
 
 
 @dataclass(frozen=True)
@@ -40,8 +46,19 @@ def main(paths: argparse.Namespace) -> None:
     counts: dict[str, dict[str, dict[str, int]]] = {}
     paths.splits.mkdir(parents=True, exist_ok=True)
     for dataset, name in read_prior_runs().groups():
+        if not (paths.variations / dataset / VARIATIONS).exists():
+            raise StageError(
+                f"runs.priors.datasets: {paths.variations} has no variations of {dataset}; "
+                "wanted the dataset of ingest, or [] to train no skeleton priors"
+            )
         facts = read_variation_facts(paths.variations / dataset)
-        splits = assign(facts, name, params)
+        try:
+            splits = assign(facts, name, params)
+        except ValueError as fault:  # of the section, which the user wrote
+            raise StageError(
+                f"{dataset}: {fault}; split_variations.held_out is {', '.join(params.held_out)}, "
+                f"and runs.priors.splits lists the splits"
+            ) from fault
         rows = [SplitRecord(variation, split) for variation, split in splits.items()]
         write_rows(paths.splits / dataset / f"{name}.parquet", SplitRecord, rows)
         counts_of_split = Counter(splits.values())

@@ -253,7 +253,7 @@ def test_stages_do_not_import_each_other(module):
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_an_experiment_sets_only_keys_of_params_yaml(name, monkeypatch, tmp_path):
-    for folder in ("sbu", "duo_mocap", "cmu_18_19", "duetdance", "ntu/meta"):
+    for folder in ("sbu", "duo_mocap", "cmu_18_19", "duetdance", "handover", "ntu/meta"):
         (tmp_path / folder).mkdir(parents=True)
     for which in ("", "120"):
         (tmp_path / f"ntu/meta/NTU_RGBD{which}_samples_with_missing_skeletons.txt").touch()

@@ -1,6 +1,7 @@
 """Truth: the commands as they stand in the documentation, run with small inputs."""
 
 import ast
+import json
 import os
 import re
 import subprocess
@@ -13,13 +14,16 @@ import numpy as np
 import pytest
 import typer
 from ruamel.yaml import YAML
+from scipy.io import savemat
 from typer.testing import CliRunner
 
 from pacmo_core.commands import view
 from pacmo_core.commands.cli import app
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.table import Table
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
+from pacmo_core.store.tables import SplitRecord, read_rows
 from tests.commands.test_augment import standing
 from tests.docs import PAGES, ROOT, blocks, commands
 
@@ -164,10 +168,45 @@ def test_the_guides_of_a_new_data_set_and_a_new_stage_work(clone: Path, captures
     said = follow(clone, ROOT / "docs" / "new_dataset.md")
     assert "push01" in said
     assert "0 of 0" in said
+    splits = read_rows(clone / "data" / "splits" / "1.parquet", SplitRecord)
+    assert {row.clip: row.split for row in splits} == {"hug01": "train", "push01": "test"}
+    assert (clone / "data" / "variations" / "mine" / "variations.parquet").exists()
+    # With skeleton priors, as the page says.
+    mine = clone / "experiments" / "mine.yaml"
+    priors = "runs: {priors: {datasets: [mine], splits: [random]}}"
+    assert f"`{priors}`" in " ".join((ROOT / "docs" / "new_dataset.md").read_text().split())
+    mine.write_text(re.sub(r"runs: .*", priors, mine.read_text()))
+    run(clone, ["pacmo", "use", "mine"])
+    run(clone, ["dvc", "repro", "split_variations"])
+    assert (clone / "data" / "priors" / "splits" / "mine" / "random.parquet").exists()
     # On the same clips, so that no other stage has to run.
     said = follow(clone, ROOT / "docs" / "new_stage.md")
     assert "top_speed" in said
     assert "up to date" in run(clone, ["dvc", "repro", "top_speed"])
+
+
+def test_arrays_of_other_programs_become_tables_of_joints_as_the_guide_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    captures = Path("data/captures/mine")
+    captures.mkdir(parents=True)
+    positions = np.random.default_rng(0).uniform(-1, 1, (2, 5, 7, 3))  # person, frame, joint, axis
+    # All x, all y, all z of person a, then of person b, in millimetres.
+    columns = [1000 * positions[who, :, :, axis] for who in (0, 1) for axis in (0, 1, 2)]
+    savemat("push01.mat", {"positions": np.concatenate(columns, axis=1)})
+    frames = {"frames": positions.swapaxes(0, 1).tolist()}
+    Path("hug01.json").write_text(json.dumps(frames))
+    names: dict[str, object] = {}
+    for block in blocks(ROOT / "docs" / "new_dataset.md"):
+        if block.language == "python":
+            exec(compile(block.text, "new_dataset.md", "exec"), names)
+    hug, push = (Table().read(sequence).interaction for sequence in Table().find(captures))
+    x, y, z = np.moveaxis(positions, -1, 0)
+    for clip, wanted in ((hug, positions), (push, np.stack([x, z, -y], axis=-1))):
+        np.testing.assert_allclose(clip.person_a, wanted[0], atol=1e-6)
+        np.testing.assert_allclose(clip.person_b, wanted[1], atol=1e-6)
+    assert (hug.fps, push.fps) == (pytest.approx(30), pytest.approx(120))
 
 
 def follow(folder: Path, page: Path) -> str:

@@ -11,8 +11,10 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.registry import open_format
 from pacmo_core.formats.write_ntu import format_ntu
+from pacmo_core.formats.write_tables import JointTable, npz_table
 from pacmo_core.ingestion import IngestionSettings, ReadingCache, read_sequences, reading_key
-from pacmo_core.store.tables import QuarantineRecord
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
+from stages.common.params import StageError
 from stages.ingest import main
 from tests.formats.real_files import real_folder
 from tests.strategies import LIMITS
@@ -245,3 +247,40 @@ def test_a_sequences_key_holds_its_labels_its_place_and_its_content(tmp_path):
         reading_key(replace(sequence, files=(tmp_path / "elsewhere",)), "a"),
     }
     assert len(keys) == 4
+
+
+def ingest_tables(folder, monkeypatch, labels):
+    """Run the stage on three tables of joints and a ``captures.csv``."""
+    raw = folder / "raw"
+    raw.mkdir()
+    for number in range(3):
+        clip = bodies(number)
+        table = JointTable(NTU25, clip.times, (clip.person_a, clip.person_b), "y", 1.0)
+        (raw / f"take{number}.npz").write_bytes(npz_table(table))
+    (raw / "captures.csv").write_text(f"file,action,person_a,person_b,recording\n{labels}")
+    settings = PARAMS.partition("  settings:")[2].partition("\n")[0]
+    text = PARAMS.replace("format: ntu", "format: table").replace(settings, " {}")
+    (folder / "params.yaml").write_text(text)
+    monkeypatch.chdir(folder)
+    main(Path("raw"), Path("sequences"), Path("m.json"), cache=Path("cache"))
+    return read_rows(folder / "sequences" / "clips.parquet", ClipRecord)
+
+
+def test_tables_are_ingested_with_what_the_table_of_captures_states(tmp_path, monkeypatch):
+    rows = ingest_tables(tmp_path, monkeypatch, "take1.npz,hug,anna,ben,monday\n")
+    stated = [(r.clip, r.action, r.subject_a, r.subject_b, r.recording) for r in rows]
+    assert stated == [
+        ("take0", "", "", "", "take0"),
+        ("take1", "hug", "anna", "ben", "monday"),
+        ("take2", "", "", "", "take2"),
+    ]
+    # A label is part of what a reading is cached under.
+    (tmp_path / "raw" / "captures.csv").write_text("file,action,person_a,person_b\n")
+    main(Path("raw"), Path("sequences"), Path("m.json"), cache=Path("cache"))
+    rows = read_rows(tmp_path / "sequences" / "clips.parquet", ClipRecord)
+    assert {row.action for row in rows} == {""}
+
+
+def test_a_faulty_table_of_captures_ends_the_stage_in_one_line(tmp_path, monkeypatch):
+    with pytest.raises(StageError, match=r"captures.csv:2: 'take9.npz' is the file of no capture$"):
+        ingest_tables(tmp_path, monkeypatch, "take9.npz,hug,anna,ben,\n")

@@ -21,6 +21,7 @@ from pacmo_core.formats.registry import (
     read_partner,
     select_person,
 )
+from pacmo_core.formats.table_parquet import is_clip_file
 from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.project.workspace import CommandError
@@ -75,7 +76,7 @@ def read_two_people(
         If the files are not those of two people at the same times.
     """
     first = files[0]
-    if first.suffix.lower() == ".parquet":
+    if names_clips(first, clip):
         if len(files) > 1 or not clip or settings or form:
             raise CommandError(f"{first}: wanted one file, --clip, and no option of other formats")
         pair = read_motion(first, clip)
@@ -93,6 +94,11 @@ def read_two_people(
         for file, person in zip(sources, PEOPLE, strict=True)
     ]
     return _make_capture(clip or first.stem, files, settings, people)
+
+
+def names_clips(file: Path, clip: str) -> bool:
+    """Return whether a capture is a Parquet file of clips, not one of the formats' files."""
+    return file.suffix.lower() == ".parquet" and (bool(clip) or is_clip_file(file))
 
 
 def is_parquet(out: Path) -> bool:

@@ -26,7 +26,7 @@ from pacmo_core.formats.write_gltf import (
     to_glb,
     to_gltf,
 )
-from pacmo_core.formats.write_tables import format_csv, npz_bytes
+from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import atomic_file, write_text
 
@@ -116,15 +116,9 @@ def _gltf(out: Path, scene: Scene, _: ExportOptions) -> tuple[list[Path], str]:
     return [out], _error_summary(errors)
 
 
-def _csv(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    write_text(out, format_csv(scene.skeleton, scene.times, _convert(scene, form)))
-    return [out], ""
-
-
-def _npz(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    people = _convert(scene, form)
-    content = npz_bytes(scene.skeleton, scene.times, people, up=form.up, unit=form.unit)
-    _write_bytes(out, content)
+def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+    table = JointTable(scene.skeleton, scene.times, _convert(scene, form), form.up, form.unit)
+    _write_bytes(out, TABLE_WRITERS[out.suffix.lower()](table))
     return [out], ""
 
 
@@ -167,15 +161,16 @@ WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]
     ".bvh": _bvh,
     ".glb": _gltf,
     ".gltf": _gltf,
-    ".csv": _csv,
-    ".npz": _npz,
+    **dict.fromkeys(TABLE_WRITERS, _table),
     ".mp4": _film,
     ".gif": _film,
 }
 
 
 Clip = Annotated[str, typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FILE or FILE+FILE")]
-Out = Annotated[Path, typer.Option(help="FILE.bvh, .glb, .gltf, .csv, .npz, .mp4 or .gif")]
+Out = Annotated[
+    Path, typer.Option(help="FILE.bvh, .glb, .gltf, .npz, .csv, .parquet, .mp4 or .gif")
+]
 Fps = Annotated[
     float | None,
     typer.Option(help="frame rate of the file; default: that of the clip, 25 for films"),
@@ -217,9 +212,9 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
 
     .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with
     skeleton, skin and animation, in metres, y up. These formats hold rotations of bones of constant
-    length; the command prints how far that moved joints. .csv: one row per frame. .npz: NumPy
-    arrays. .mp4, .gif: a film; MP4 needs ffmpeg (pip install imageio-ffmpeg). A CLIP is named as
-    for ``pacmo view``.
+    length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of joints,
+    which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip install
+    imageio-ffmpeg). A CLIP is named as for ``pacmo view``.
     """
     options = {"preset": preset, "unit": from_unit, "up": from_up, "fps": from_fps}
     settings = {name: value for name, value in options.items() if value is not None}

@@ -12,7 +12,7 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.captures import is_parquet
+from pacmo_core.commands.captures import is_parquet, names_clips
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
@@ -168,7 +168,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
 
     Input formats: BVH, ASF/AMC, NTU .skeleton, ExPI .tsv, InterHuman .npy, DuetDance .mat and .txt
-    (--format duetdance), SBU .txt (--format sbu) and this project's Parquet. The capture must have
+    (--format duetdance), SBU .txt (--format sbu), tables of joints (.npz, .csv, .parquet) and this
+    project's Parquet with --clip. The capture must have
     the joints of the model, by name; further joints are ignored. A Parquet output has one
     interaction per sample: person_a is the partner, person_b the reaction. BVH outputs are one file
     per person and sample, NAME_0_A.bvh the partner and NAME_0_B.bvh the reaction, in metres, y up,
@@ -206,7 +207,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 def _capture(
     file: Path, form: str | None, settings: dict[str, Any], person: str | None, clip: str
 ) -> PersonMotion:
-    if file.suffix.lower() == ".parquet":
+    if names_clips(file, clip):
         if not clip or settings or form:
             raise CommandError(f"{file}: wanted --clip, and no option of other formats")
         return select_person(read_motion(file, clip), person, clip)

@@ -7,11 +7,18 @@ from typing import Annotated, Any
 
 import typer
 
+from pacmo_core.commands.captures import names_clips
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.base import RawSequence
-from pacmo_core.formats.registry import DEFAULT_SETTINGS, ONE_PERSON_FORMATS, format_of, open_format
+from pacmo_core.formats.registry import (
+    DEFAULT_SETTINGS,
+    ONE_PERSON_FORMATS,
+    format_of,
+    open_format,
+    read_single,
+)
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import motion_file, read_motion
@@ -80,7 +87,7 @@ def _file_of(folder: Path, name: str) -> Path:
 
 
 def _read_captures(files: list[Path], form: str | None, settings: Mapping[str, Any]) -> Scene:
-    if any(file.suffix.lower() == ".parquet" for file in files):
+    if any(names_clips(file, "") for file in files):
         raise CommandError(f"{files[0]}: name the clip, {files[0]}:NAME")
     form = form or format_of(files[0])
     if form not in DEFAULT_SETTINGS:
@@ -91,10 +98,12 @@ def _read_captures(files: list[Path], form: str | None, settings: Mapping[str, A
     opened = open_format(
         form, {**DEFAULT_SETTINGS[form], **_settings_with_rates(files, form, settings)}
     )
+    label = " + ".join(file.stem for file in files)
+    if single := read_single(files[0], opened):
+        return Scene(label, single.skeleton, single.times, (single.motion,))
     # Formats with one person per file pair two files; one file is paired with itself.
     both = (files[0], files[-1]) if pairs else (files[0],)
     interaction = opened.read(RawSequence(files[0].stem, both)).interaction
-    label = " + ".join(file.stem for file in files)
     alone = pairs and len(files) == 1
     return _one_person_scene(label, interaction) if alone else Scene.of(label, interaction)
 

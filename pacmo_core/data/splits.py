@@ -11,6 +11,7 @@ two folds test the same clip.
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from itertools import pairwise
 from typing import Literal
 
@@ -19,7 +20,10 @@ import numpy as np
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import clip_name
 
-METHODS = ("auto", "clip", "recording", "pair", "person", "listed", "listed_people")
+METHODS = (
+    *("auto", "clip", "recording", "pair", "person"),
+    *("listed", "listed_people", "listed_recordings"),
+)
 
 
 @dataclass(frozen=True)
@@ -50,14 +54,18 @@ class SplitRule:
     ----------
     method : ``clip`` (the random split of the papers; the same people are in training and test),
         ``recording``, ``pair``, ``person`` (nobody is in both training and test), ``listed`` (pairs
-        of ``test_pairs``), ``listed_people`` (people of ``test_people``; nobody is in both), or
-        ``auto``: ``person`` if at least ``min_people`` people are known, else ``recording``
+        of ``test_pairs``), ``listed_people`` (people of ``test_people``; nobody is in both),
+        ``listed_recordings`` (those of ``test_recordings``), or ``auto``: ``person`` if at least
+        ``min_people`` people are known, else ``recording``
     test_share, validation_share : expected shares of what is hashed
     validation_by : ``recording``, or ``clip`` if training needs all recordings
     min_people : for ``auto``
     test_pairs : for ``listed``, the pairs that each fold tests, such as the published folds:
         ``s01+s02``, the people in the order of the dataset
     test_people : for ``listed_people``, the people that each fold tests
+    test_recordings : for ``listed_recordings``, patterns of the recordings that each fold tests,
+        such as ``variation_*``; a recording has the name of its file, unless the dataset or
+        ``captures.csv`` says otherwise
     random_seed : part of the hash
     """
 
@@ -68,6 +76,7 @@ class SplitRule:
     min_people: int
     test_pairs: tuple[tuple[str, ...], ...]
     test_people: tuple[tuple[str, ...], ...]
+    test_recordings: tuple[tuple[str, ...], ...]
     random_seed: int
 
     def __post_init__(self) -> None:
@@ -83,8 +92,12 @@ class SplitRule:
 
     @property
     def listed(self) -> tuple[tuple[str, ...], ...]:
-        """The pairs or people that each fold tests, for a method that lists them."""
-        return {"listed": self.test_pairs, "listed_people": self.test_people}.get(self.method, ())
+        """The pairs, people or patterns that each fold tests, for a method that lists them."""
+        return {
+            "listed": self.test_pairs,
+            "listed_people": self.test_people,
+            "listed_recordings": self.test_recordings,
+        }.get(self.method, ())
 
     def check_fold(self, fold: int) -> None:
         """Check that the rule has a fold of this number.
@@ -102,6 +115,7 @@ class SplitRule:
 
 
 Split = Literal["train", "validation", "test", "dropped"]
+MAX_SHOWN = 30  # names in a message
 ROUNDING = 1e-9  # so that five folds of a share of 0.2 fit into 1
 
 
@@ -158,8 +172,8 @@ def assign_splits(origins: Sequence[ClipOrigin], rule: SplitRule, fold: int) -> 
     Raises
     ------
     ValueError
-        If the rule has no such fold or lists a pair or a person that no clip has; if it is by
-        person and a clip names none; or if no clip is left to train on or to test on.
+        If the rule has no such fold or lists a pair, person or recording that no clip has; if it is
+        by person and a clip names none; or if no clip is left to train on or to test on.
     """
     rule.check_fold(fold)
     method = resolve_method(origins, rule)
@@ -180,11 +194,15 @@ def _check_listed(origins: Sequence[ClipOrigin], method: str, rule: SplitRule, f
     if unnamed:
         raise ValueError(f"split by {method} needs the people of every clip; {unnamed[0]} has none")
     known = {unit for names in units.values() for unit in names}
-    unknown = set(rule.listed[fold - 1]) - known if rule.listed else set()
+    listed = rule.listed[fold - 1] if rule.listed else ()
+    unknown = sorted(
+        name for name in listed if not any(_matches(unit, name, method) for unit in known)
+    )
     if unknown:
+        shown = sorted(known)[:MAX_SHOWN]
         raise ValueError(
-            f"fold {fold} lists {', '.join(sorted(unknown))}, of whom there is no clip; "
-            f"there are {', '.join(sorted(known))}"
+            f"fold {fold} lists {', '.join(unknown)}, of whom there is no clip; "
+            f"there are {', '.join(shown)}" + (" ..." if len(known) > MAX_SHOWN else "")
         )
 
 
@@ -203,13 +221,22 @@ def _units(origin: ClipOrigin, method: str) -> tuple[str, ...]:
     if method in ("person", "listed_people"):
         return origin.people
     # A published list of pairs may part (a, b) from (b, a).
-    named = {"clip": origin.clip, "recording": origin.recording, "listed": "+".join(origin.people)}
+    named = {
+        "clip": origin.clip,
+        "recording": origin.recording,
+        "listed_recordings": origin.recording,
+        "listed": "+".join(origin.people),
+    }
     return (named.get(method, origin.pair),)
+
+
+def _matches(unit: str, listed: str, method: str) -> bool:
+    return fnmatchcase(unit, listed) if method == "listed_recordings" else unit == listed
 
 
 def _tests(method: str, unit: str, rule: SplitRule, fold: int) -> bool:
     if rule.listed:
-        return unit in rule.listed[fold - 1]
+        return any(_matches(unit, listed, method) for listed in rule.listed[fold - 1])
     return (fold - 1) * rule.test_share <= _fraction(method, unit, rule) < fold * rule.test_share
 
 

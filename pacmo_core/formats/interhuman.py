@@ -5,7 +5,6 @@ mesh, rotations) are not read. 30 fps. The code of InterGen (Liang et al. 2024) 
 from z up to y up; the axis is a setting.
 """
 
-import tokenize
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,23 +25,10 @@ from pacmo_core.formats.base import (
     to_y_up,
 )
 from pacmo_core.formats.pairing import PairRule, pair_files
-from pacmo_core.formats.tables import to_float64
+from pacmo_core.formats.tables import NPY_ERRORS, to_float64
 
 _COLUMNS = 22 * 3
 
-# Exceptions of NumPy's reader on damaged headers, which it parses as Python text.
-_BROKEN = (
-    ValueError,
-    TypeError,
-    SyntaxError,
-    ArithmeticError,
-    EOFError,
-    OSError,
-    MemoryError,
-    RecursionError,
-    tokenize.TokenError,
-    UserWarning,
-)
 RULES = (
     PairRule(
         pattern=r"(?P<folder>(?:.*/)?)(?P<person>person1|person2)/(?P<id>[^/]+)\.(?i:npy)",
@@ -98,7 +84,7 @@ def _read_array(file: Path) -> NDArray[np.generic]:
             warnings.simplefilter("error")
             # Unlike np.load, this knows neither pickles, which run what the file says, nor zips.
             array = open_memmap(file, mode="r")
-    except _BROKEN as error:
+    except NPY_ERRORS as error:
         raise FormatError(file, f"no array of numbers: {error}") from error
     if array.dtype.kind not in "fiu":
         raise FormatError(file, f"wanted an array of real numbers; got {array.dtype}")

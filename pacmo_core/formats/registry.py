@@ -24,6 +24,7 @@ from pacmo_core.formats.ntu import (
     parse_skeleton_text,
 )
 from pacmo_core.formats.sbu import Sbu
+from pacmo_core.formats.table import Table
 from pacmo_core.formats.tables import read_bytes
 
 # Each a frozen dataclass of settings with the methods of Format.
@@ -35,6 +36,7 @@ FORMATS: dict[str, type[Any]] = {
     "bvh": BvhPairs,
     "cmu": Cmu,
     "interhuman": InterHuman,
+    "table": Table,
 }
 
 
@@ -78,6 +80,9 @@ FORMAT_OF_SUFFIX = {
     ".tsv": "expi",
     ".npy": "interhuman",
     ".mat": "duetdance",
+    ".npz": "table",
+    ".parquet": "table",  # unless it is a file of clips
+    ".csv": "table",
 }
 ONE_PERSON_FORMATS = ("bvh", "cmu", "duetdance", "interhuman")  # a file; the others hold two
 # Settings that the datasets' publications state and their files do not.
@@ -97,6 +102,7 @@ DEFAULT_SETTINGS: dict[str, dict[str, Any]] = {
     "interhuman": {"fps": 30.0, "up": "z"},
     "ntu": {"fps": 30.0, "max_gap": 5, "max_link_distance": 0.3, "min_visible_share": 0.5},
     "sbu": {"fps": 15.0},
+    "table": {},
 }
 
 
@@ -177,7 +183,7 @@ def read_partner(
         format_name,
         {**DEFAULT_SETTINGS[format_name], **_fps_by_subject(file, format_name, settings)},
     )
-    if isinstance(reader, Ntu) and (single := _read_single_body(file, reader)):
+    if single := read_single(file, reader):
         return single
     if format_name in ONE_PERSON_FORMATS:
         # Every reader returns two people: the same file is given twice.
@@ -186,6 +192,21 @@ def read_partner(
     return select_person(
         reader.read(RawSequence(file.stem, (file,))).interaction, person, file.name
     )
+
+
+def read_single(file: Path, reader: Format) -> PersonMotion | None:
+    """Read the one person of a file that could hold two; None where there are two.
+
+    Raises
+    ------
+    FormatError
+        If the file is broken.
+    """
+    if isinstance(reader, Ntu):
+        return _read_single_body(file, reader)
+    if isinstance(reader, Table) and (single := reader.read_single(file)):
+        return PersonMotion(*single)
+    return None
 
 
 def select_person(interaction: Interaction, person: str | None, name: str) -> PersonMotion:

@@ -1,6 +1,7 @@
 """Numeric text files as bytes, lines and tables of numbers; every error names the file and line."""
 
 import re
+import tokenize
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -11,6 +12,20 @@ from pacmo_core.formats.base import FormatError
 
 # A kilometre: larger than any capture volume, and its square is finite in float32.
 MAX_COORDINATE = 1e3
+
+# Exceptions of NumPy's reader on damaged headers, which it parses as Python text.
+NPY_ERRORS = (
+    ValueError,
+    TypeError,
+    SyntaxError,
+    ArithmeticError,
+    EOFError,
+    OSError,
+    MemoryError,
+    RecursionError,
+    tokenize.TokenError,
+    UserWarning,
+)
 
 _NUMBER = re.compile(rb"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
 _NOT_FINITE = re.compile(rb"\s*[-+]?(nan|inf|infinity)\s*", re.IGNORECASE)
@@ -60,6 +75,12 @@ def quote(line: bytes | Sequence[bytes]) -> str:
     """Quote a line for a message: short and printable."""
     text = line if isinstance(line, bytes) else b" ".join(line[:20])
     return repr(text.strip()[:40])[1:] + ("..." if len(text.strip()) > 40 else "")
+
+
+def short_reason(error: BaseException) -> str:
+    """Return the text of another library's error: short, printable and on one line."""
+    text = " ".join(str(error).split())[:200] or type(error).__name__
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 # No length, angle or index of a capture is larger in any unit; the limit keeps float32 finite.

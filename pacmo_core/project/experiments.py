@@ -77,7 +77,8 @@ def compose_params(name: str) -> str:
     ------
     ExperimentError
         If there is no such experiment, it sets a key that the default does not have, it is based
-        on itself, or its captures are not on this machine.
+        on itself, it trains skeleton priors on a dataset that it does not make, or its captures
+        are not on this machine.
     """
     if name == DEFAULT:
         return default_params()
@@ -86,6 +87,7 @@ def compose_params(name: str) -> str:
     yaml.width = 100
     params = _load(yaml, name, derived=())
     _resolve_captures(params)
+    _check_datasets(params, name)
     text = StringIO()
     yaml.dump(params, text)
     return text.getvalue()
@@ -207,6 +209,20 @@ def _override(params: Any, overlay: Any, where: str) -> None:
             _override(params[key], value, f"{where}.{key}")
         else:
             params[key] = value
+
+
+def _check_datasets(params: Any, name: str) -> None:
+    """Refuse skeleton priors of a dataset of which the experiment makes no variations."""
+    second = params.get("augment", {}).get("second_dataset", {})
+    made = [params.get("ingest", {}).get("dataset")]
+    made += [second["dataset"]] if second.get("format") else []
+    datasets = params.get("runs", {}).get("priors", {}).get("datasets", [])
+    unmade = [dataset for dataset in datasets if dataset not in made]
+    if unmade:
+        raise ExperimentError(
+            f"{FOLDER}/{name}.yaml: runs.priors.datasets has {', '.join(unmade)}, of which there "
+            f"will be no variations; wanted {' or '.join(made)}, or [] to train no skeleton priors"
+        )
 
 
 def _resolve_captures(params: Any) -> None:

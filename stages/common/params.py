@@ -17,7 +17,11 @@ Params = TypeVar("Params")
 Arguments = ParamSpec("Arguments")
 
 
-class ParamsError(ValueError):
+class StageError(ValueError):
+    """An error that the user can correct: its text is one line and says how."""
+
+
+class ParamsError(StageError):
     """A section of ``params.yaml`` with a missing, unknown or invalid value."""
 
 
@@ -127,8 +131,8 @@ def parse_split_name(name: str) -> tuple[str, int | None]:
 def run_stage(
     main: Callable[Arguments, None], *args: Arguments.args, **kwargs: Arguments.kwargs
 ) -> None:
-    """Run a stage; report invalid parameters in one line, without a traceback."""
+    """Run a stage; report what the user can correct in one line, without a traceback."""
     try:
         main(*args, **kwargs)
-    except ParamsError as fault:
+    except StageError as fault:
         sys.exit(str(fault))

@@ -15,6 +15,7 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.interaction_mesh import prepare, retarget
 from pacmo_core.store.motions import stream_motions, write_motions
 from tests.formats.real_files import real_folder
@@ -74,6 +75,21 @@ def read(folder: Path, names: tuple[str, str] = ("duo_A.bvh", "duo_B.bvh")) -> I
         max_root_distance=None,
     )  # fmt: skip
     return pairs.read(RawSequence("duo", tuple(folder / name for name in names))).interaction
+
+
+@pytest.mark.parametrize("ending", TABLE_WRITERS)
+def test_a_table_gives_what_the_same_clip_of_the_store_gives(
+    stored: Path, tmp_path: Path, ending: str
+) -> None:
+    table = JointTable(SBU15, CLIP.times, (CLIP.person_a, CLIP.person_b), "y", 1.0)
+    (tmp_path / f"one{ending}").write_bytes(TABLE_WRITERS[ending](table))
+    scale = ["--b-scale", "left_forearm=1.2", "--out"]
+    assert pacmo(tmp_path / f"one{ending}", *scale, tmp_path / "table.parquet").exit_code == 0
+    assert pacmo(stored, "--clip", "one", *scale, tmp_path / "clip.parquet").exit_code == 0
+    ((name, made),) = stream_motions(tmp_path / "table.parquet")
+    ((_, wanted),) = stream_motions(tmp_path / "clip.parquet")
+    assert name == "one~b-left_forearm-1.2"
+    np.testing.assert_allclose(made.person_b, wanted.person_b, atol=1e-5)
 
 
 def test_parquet_comes_out_as_the_solver_gives_it(stored: Path, tmp_path: Path) -> None:

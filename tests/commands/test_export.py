@@ -10,10 +10,12 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
+from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
+from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
 from tests.formats.moving import moving
 
@@ -96,14 +98,38 @@ def test_tables_hold_the_clip_at_the_rate_axis_and_unit_asked_for(tmp_path: Path
         np.testing.assert_allclose(found["person_b"], wanted, atol=1e-3)
         np.testing.assert_allclose(found["times"], CLIP.times[::2], atol=1e-9)
     with (tmp_path / "x.csv").open() as file:
-        rows = list(csv.reader(file))
+        rows = [row for row in csv.reader(file) if not row[0].startswith("#")]
     assert len(rows) == 1 + 16
-    column = rows[0].index("b.head.z")
+    column = rows[0].index("person_b.head.z")
     np.testing.assert_allclose(
         [float(row[column]) for row in rows[1:]],
         wanted[:, NTU25.joints.index("head"), 2],
         atol=1e-3,
     )
+
+
+@pytest.mark.parametrize("ending", [".npz", ".csv", ".parquet"])
+@pytest.mark.parametrize("words", [[], ["--up", "z", "--unit", 0.01]], ids=["metres", "z"])
+def test_a_table_is_a_capture_again_within_a_micrometre(
+    tmp_path: Path, ending: str, words: list[object]
+) -> None:
+    assert export("one", "--out", f"x{ending}", *words).exit_code == 0
+    scene = read_scene(f"x{ending}", None, {})
+    np.testing.assert_allclose(scene.times, CLIP.times, atol=1e-6)
+    for back, was in zip(scene.people, (CLIP.person_a, CLIP.person_b), strict=True):
+        np.testing.assert_allclose(back, was, atol=1e-6)
+    # And from the table, as from any capture.
+    assert export(f"x{ending}", "--out", "again.npz").exit_code == 0
+    with np.load("again.npz") as found:
+        np.testing.assert_allclose(found["person_b"], CLIP.person_b, atol=1e-6)
+
+
+@pytest.mark.parametrize("ending", [".npz", ".csv", ".parquet"])
+def test_a_person_alone_stays_alone_in_a_table(tmp_path: Path, ending: str) -> None:
+    (tmp_path / "x.bvh").write_text(format_bvh(CLIP.person_a, FPS, NTU25))
+    words = ["--from-unit", 1, "--from-up", "y"]
+    assert export("x.bvh", *words, "--out", f"x{ending}").exit_code == 0
+    assert len(read_scene(f"x{ending}", None, {}).people) == 1
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_ntu import format_ntu
+from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.inference import react, sample_times
@@ -123,6 +124,27 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
     refused(pacmo(sbu, *words), "suffix", "sbu")
     refused(pacmo(sbu, "--format", "sbu", *words), "two people")
+
+
+@pytest.mark.parametrize("ending", TABLE_WRITERS)
+def test_a_table_is_a_partner_like_any_capture(
+    weights: Path, stored: Path, tmp_path: Path, ending: str
+) -> None:
+    people = (CLIP.person_a, CLIP.person_b)
+    words = ["--weights", weights, "--seed", 3, "--out"]
+    for name, in_table in (("pair", people), ("alone", people[1:])):
+        table = JointTable(SBU15, CLIP.times, in_table, "y", 1.0)
+        (tmp_path / f"{name}{ending}").write_bytes(TABLE_WRITERS[ending](table))
+    pair, alone = (tmp_path / f"{name}{ending}" for name in ("pair", "alone"))
+    refused(pacmo(pair, *words, tmp_path / "x.parquet"), "two people")
+    assert pacmo(pair, "--person", "b", *words, tmp_path / "pair.out.parquet").exit_code == 0
+    assert pacmo(alone, *words, tmp_path / "alone.out.parquet").exit_code == 0
+    wanted = tmp_path / "wanted.parquet"
+    assert pacmo(stored, "--clip", "one", "--person", "b", *words, wanted).exit_code == 0
+    ((_, wanted_pair),) = stream_motions(wanted)
+    for name in ("pair", "alone"):
+        ((_, made),) = stream_motions(tmp_path / f"{name}.out.parquet")
+        np.testing.assert_allclose(made.person_b, wanted_pair.person_b, atol=1e-4)
 
 
 def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typer.testing import CliRunner, Result
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import build_skeleton_prior
 from pacmo_core.skeleton_prior.kinematics import find_limbs
 from pacmo_core.skeleton_prior.layers import initialise_weights
@@ -101,3 +102,16 @@ def test_what_cannot_be_varied_is_one_line(
     refused(pacmo(*given, "--out", stored), "would overwrite")
     refused(pacmo(*given, "--samples", 2, "--out", tmp_path / "x.bvh"), "2 samples")
     refused(pacmo(*given, "--b-scale", "tail=2", "--out", tmp_path), "tail")
+
+
+def test_a_table_is_varied_like_a_clip_of_the_store(
+    stored: Path, weights: Path, tmp_path: Path
+) -> None:
+    table = JointTable(SBU15, CLIP.times, (CLIP.person_a, CLIP.person_b), "y", 1.0)
+    (tmp_path / "one.npz").write_bytes(TABLE_WRITERS[".npz"](table))
+    words = ["--weights", weights, "--b-scale", "left_forearm=1.2", "--out"]
+    assert pacmo(tmp_path / "one.npz", *words, tmp_path / "table.parquet").exit_code == 0
+    assert pacmo(stored, "--clip", "one", *words, tmp_path / "clip.parquet").exit_code == 0
+    ((_, made),) = stream_motions(tmp_path / "table.parquet")
+    ((_, wanted),) = stream_motions(tmp_path / "clip.parquet")
+    np.testing.assert_allclose(made.person_b, wanted.person_b, atol=1e-5)

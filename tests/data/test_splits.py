@@ -31,6 +31,7 @@ RULE = SplitRule(
     min_people=6,
     test_pairs=(),
     test_people=(),
+    test_recordings=(),
     random_seed=0,
 )
 
@@ -143,6 +144,30 @@ def test_of_listed_people_both_are_tested_neither_is_trained_on_and_the_rest_is_
         assert splits[origin.clip] in wanted
 
 
+def test_listed_recordings_are_tested_whole_and_the_rest_is_trained_on_and_validated():
+    origins = [
+        ClipOrigin(f"{kind}_{k}#{part}", f"{kind}_{k}", ())
+        for kind, n in (("normal", 100), ("variation", 20), ("other", 5))
+        for k in range(n)
+        for part in range(3)
+    ]
+    folds = (("variation_*",), ("other_[01]", "normal_7"))
+    rule = replace(RULE, method="listed_recordings", test_recordings=folds)
+    first, second = (assign_splits(origins, rule, fold) for fold in (1, 2))
+    tested = [{o.recording for o in origins if s[o.clip] == "test"} for s in (first, second)]
+    assert tested == [{f"variation_{k}" for k in range(20)}, {"other_0", "other_1", "normal_7"}]
+    for split in (first, second):
+        parts = {
+            o.recording: {split[p.clip] for p in origins if p.recording == o.recording}
+            for o in origins
+        }
+        assert {len(names) for names in parts.values()} == {1}
+    left = Counter(split for split in first.values() if split != "test")
+    assert left["validation"] / left["train"] == pytest.approx(0.1, abs=0.06)
+    with pytest.raises(ValueError, match=r"fold 1 lists varied_\*, of whom .*; there are normal_0"):
+        assign_splits(origins, replace(rule, test_recordings=(("varied_*",),)), 1)
+
+
 @pytest.mark.parametrize("method", ["clip", "recording", "pair"])
 def test_the_folds_of_a_hashed_split_test_everything_once(method):
     origins = circle(40)
@@ -230,7 +255,10 @@ def folds(name):
     read = YAML(typ="safe").load
     default, changes = read(ROOT / "params.yaml"), read(ROOT / "experiments" / f"{name}.yaml")
     values = {**default["split"], **changes["split"]}
-    listed = {key: tuple(map(tuple, values[key])) for key in ("test_pairs", "test_people")}
+    listed = {
+        key: tuple(map(tuple, values[key]))
+        for key in ("test_pairs", "test_people", "test_recordings")
+    }
     rule = SplitRule(**{**values, **listed})
     return [assign_splits(origins(), rule, fold) for fold in changes["runs"]["folds"]]
 

@@ -17,6 +17,7 @@ from tests.formats.valid_sets import (
     write_duetdance,
     write_expi,
     write_interhuman,
+    write_tables,
 )
 from tests.strategies import LIMITS
 
@@ -66,6 +67,7 @@ READERS = [
     ("bvh", BVH, write_bvh_pair),
     ("cmu", {"fps": {"18": 120.0, "19": 120.0}}, write_cmu),
     ("interhuman", {"fps": 30.0, "up": "z"}, write_interhuman),
+    ("table", {}, write_tables),
 ]
 
 

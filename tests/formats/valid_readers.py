@@ -9,6 +9,7 @@ from pacmo_core.formats.cmu import CMU_FPS, Cmu
 from pacmo_core.formats.duetdance import DuetDance
 from pacmo_core.formats.expi import Expi
 from pacmo_core.formats.interhuman import InterHuman
+from pacmo_core.formats.table import Table
 from tests.formats.valid_sets import (
     write_bvh_pair,
     write_cmu,
@@ -16,6 +17,7 @@ from tests.formats.valid_sets import (
     write_duetdance_text,
     write_expi,
     write_interhuman,
+    write_tables,
 )
 
 # Each writer with a reader whose settings fit what it writes.
@@ -36,5 +38,6 @@ VALID_SETS: dict[str, tuple[Callable[[Path], None], Format]] = {
     "duetdance": (write_duetdance, DuetDance(fps=25.0)),
     "duetdance_text": (write_duetdance_text, DuetDance(fps=25.0)),
     "expi": (write_expi, Expi(fps=25.0, up="y")),
+    "table": (write_tables, Table()),
     "interhuman": (write_interhuman, InterHuman(fps=30.0, up="y")),
 }

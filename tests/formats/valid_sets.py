@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import savemat
 
+from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
+
 FRAMES = 6
 
 # Channel orders differ, an End Site comes before its siblings, one joint has position channels.
@@ -171,3 +174,12 @@ def write_interhuman(root: Path) -> None:
     for seed, person in enumerate(("person1", "person2")):
         (root / person).mkdir(parents=True, exist_ok=True)
         np.save(root / person / "7.npy", numbers(seed, FRAMES, 70).astype(np.float32))
+
+
+def write_tables(root: Path) -> None:
+    """Write a table of joints of each kind, of different motions: metres, y up, 30 fps."""
+    root.mkdir(parents=True, exist_ok=True)
+    for seed, (suffix, write) in enumerate(TABLE_WRITERS.items()):
+        people = list(numbers(seed, 2, FRAMES, 15, 3).astype(np.float32))
+        table = JointTable(SBU15, np.arange(FRAMES) / 30, people, up="y", unit=1.0)
+        (root / f"take{seed}{suffix}").write_bytes(write(table))

@@ -54,6 +54,24 @@ def test_an_experiment_changes_what_it_says_and_nothing_else():
     assert composed["ingest"] == load(DEFAULT)["ingest"]
 
 
+PRIORS = "runs: {{priors: {{datasets: [{}]}}}}\ningest: {{dataset: mine}}\n"
+
+
+@pytest.mark.parametrize("datasets", ["", "mine", "mine, other"])
+def test_skeleton_priors_are_of_datasets_that_the_experiment_makes(project, datasets):
+    second = "augment: {second_dataset: {dataset: other, format: bvh}}\n"
+    text = f"{DEFAULT}augment: {{second_dataset: {{dataset: '', format: }}}}\n".replace(
+        "seeds: [1]}", "seeds: [1], priors: {datasets: [default]}}"
+    ).replace("ingest:\n", "ingest:\n  dataset: default\n")
+    (project / "params.yaml").write_text(text)
+    (project / "experiments" / "own.yaml").write_text(PRIORS.format(datasets) + second)
+    assert load(compose_params("own"))["ingest"]["dataset"] == "mine"
+    (project / "experiments" / "own.yaml").write_text("ingest: {dataset: mine}\n")
+    said = "own.yaml: runs.priors.datasets has default, .* wanted mine, or"
+    with pytest.raises(ExperimentError, match=said):
+        compose_params("own")
+
+
 def test_an_experiment_may_differ_from_another(project):
     (project / "experiments" / "tiny.yaml").write_text("from: small\nruns: {seeds: [4]}\n")
     wanted = load(compose_params("small"))

@@ -90,7 +90,7 @@ def test_the_stage_writes_a_split_a_clip_of_its_fold_and_counts_them(clips, tmp_
     rule = {
         "method": "listed_people", "test_share": 0.2, "validation_share": 0,
         "validation_by": "recording", "min_people": 2, "test_pairs": [],
-        "test_people": [["p2", "p3"], ["p4", "p5"]], "random_seed": 1,
+        "test_people": [["p2", "p3"], ["p4", "p5"]], "test_recordings": [], "random_seed": 1,
     }  # fmt: skip
     YAML(typ="safe").dump({"split": rule}, tmp_path / "params.yaml")
     monkeypatch.chdir(tmp_path)

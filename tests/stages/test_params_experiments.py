@@ -30,7 +30,7 @@ FULL = {"ntu": (NTU25, 21), "duetdance": (DUET15, 15)}
 @pytest.fixture(autouse=True)
 def captures(tmp_path, monkeypatch):
     """Put empty folders in the place of captures."""
-    for folder in ("sbu", "duo_mocap", "cmu_18_19", "duetdance", "ntu/meta"):
+    for folder in ("sbu", "duo_mocap", "cmu_18_19", "duetdance", "handover", "ntu/meta"):
         (tmp_path / folder).mkdir(parents=True)
     for which in ("", "120"):
         (tmp_path / f"ntu/meta/NTU_RGBD{which}_samples_with_missing_skeletons.txt").touch()

@@ -1,11 +1,16 @@
 """Truth: Student's interval by hand; names taken apart by eye; sides that are known."""
 
+from argparse import Namespace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from pacmo_core.skeleton_prior.splits import VariationScales
+from pacmo_core.store.tables import VARIATIONS
 from stages import split_variations
-from stages.common.params import PriorRuns, parse_split_name
+from stages.common.params import PriorRuns, StageError, parse_split_name
 from stages.pool_skeleton_prior import interval, over_seeds
 
 
@@ -52,3 +57,25 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
     assert {n for n, side in sides.items() if side == "test"} == {"two~3", "two~4"}
     train = [name for name, side in sides.items() if side == "train"]
     assert len(train) == 1 and train[0] in ("one~0", "one~1")
+
+
+def refused(said, dataset, split):
+    """Run the stage on the folder ``v``; it must end with a text that the pattern matches."""
+    priors = {"datasets": [dataset], "splits": [split], "models": [], "seeds": []}
+    section = {"held_out": ["*A055"], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
+    runs = {"folds": [1], "seeds": [1], "priors": priors}
+    YAML(typ="safe").dump({"runs": runs, "split_variations": section}, Path("params.yaml"))
+    paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))
+    with pytest.raises(StageError, match=said):
+        split_variations.main(paths)
+
+
+def test_a_faulty_choice_of_datasets_or_splits_names_the_parameter(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    facts = {"one~a": VariationScales("one", np.ones((2, 3)))}
+    monkeypatch.setattr(split_variations, "read_variation_facts", lambda _: facts)
+    (tmp_path / "v" / "mine").mkdir(parents=True)
+    (tmp_path / "v" / "mine" / VARIATIONS).touch()
+    refused("runs.priors.datasets: v has no variations of default", "default", "random")
+    said = r"mine: split cross_interaction: nothing to test on .*held_out is \*A055"
+    refused(said, "mine", "cross_interaction")
