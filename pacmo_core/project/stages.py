@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pacmo_core.project.workspace import (
+    DVC_CACHE,
     DVC_LOCK,
     DVC_YAML,
     HISTORY,
@@ -223,7 +224,8 @@ def _file_facts(path: Path, ignored: frozenset[str]) -> Iterator[str]:
         facts = path.stat()
         entries = sorted(path.iterdir()) if stat.S_ISDIR(facts.st_mode) else None
     except FileNotFoundError:
-        if path.is_symlink():
+        # A link into DVC's cache is one of its outputs, whose object is gone.
+        if path.is_symlink() and not path.resolve().is_relative_to(DVC_CACHE.resolve()):
             raise UnreadableFileError(f"{path}: a link to nothing; remove it") from None
         yield f"{path} missing"
         return
