@@ -35,6 +35,11 @@ def atomic_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
         partial.replace(path)
         if sync:
             fsync(path.parent)
+    except OSError as error:
+        # A write on a full disk names no file.
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
     finally:
         partial.unlink(missing_ok=True)
 

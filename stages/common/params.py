@@ -127,8 +127,12 @@ def parse_split_name(name: str) -> tuple[str, int | None]:
 def run_stage(
     main: Callable[Arguments, None], *args: Arguments.args, **kwargs: Arguments.kwargs
 ) -> None:
-    """Run a stage; report invalid parameters in one line, without a traceback."""
+    """Run a stage; report invalid parameters and a full disk in one line, without a traceback."""
     try:
         main(*args, **kwargs)
     except ParamsError as fault:
         sys.exit(str(fault))
+    except OSError as error:
+        if error.errno is None:  # not of the operating system
+            raise
+        sys.exit(f"{error.filename or 'a file'}: {error.strerror}")
