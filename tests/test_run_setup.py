@@ -16,6 +16,7 @@ run.VENV = Path("venv"); run.STAMP = run.VENV / "stamp"
 
 def install(expected):
     with Path("installing").open("x"):
+        print("installs", flush=True)
         Path("installed").open("a").write("once ")
         sys.stdin.readline()
     Path("installing").unlink()
