@@ -5,19 +5,22 @@
 A capture lies in the inbox under the path that it gets in the folder of captures. It is taken once
 it no longer changes, and read as the stage ``ingest`` would read it. A usable one is moved
 to the captures, any other to the quarantine, with the reason beside it. Files that are not captures
-of the experiment's format stay.
+of the experiment's format stay. What is no regular file (a pipe, a link to nothing or out of the
+inbox) is never opened: only its reason goes to the quarantine.
 
 All moves are first written to a plan. Every file is copied, and only then are they removed from the
 inbox. The plan of a killed run is carried out again from its start: each step may be repeated.
 """
 
 import json
+import os
 import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from pacmo_core.data.names import printable
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import open_format
@@ -85,11 +88,11 @@ def finish_moves(inbox: Path, plan: Path) -> list[Move]:
     facts = json.loads(plan.read_text(encoding="utf-8"))
     moves = [Move(**{**move, "files": tuple(move["files"])}) for move in facts]
     for move in moves:
-        for file in move.files:
-            _copy(inbox / file, Path(move.to) / file)
+        for file, target in zip(move.files, _targets(move), strict=True):
+            _copy(inbox / file, target, is_checked=not move.reason)
         if move.reason:
-            text = json.dumps({key: asdict(move)[key] for key in ("name", "line", "reason")})
-            write_text(Path(move.to) / REASON_FILE, text + "\n")
+            facts = {key: asdict(move)[key] for key in ("name", "line", "reason", "files")}
+            write_text(Path(move.to) / REASON_FILE, json.dumps(facts) + "\n")
     for file in {file for move in moves for file in move.files}:
         (inbox / file).unlink(missing_ok=True)
         _remove_empty((inbox / file).parent, inbox)
@@ -97,9 +100,20 @@ def finish_moves(inbox: Path, plan: Path) -> list[Move]:
     return moves
 
 
-def _copy(source: Path, target: Path) -> None:
+def _targets(move: Move) -> list[Path]:
+    """Return where the files go: under their paths, in quarantine under a number if too long."""
+    names = [
+        f"file-{number}" if move.reason and len(os.fsencode(file)) > MAX_QUARANTINED_PATH else file
+        for number, file in enumerate(move.files)
+    ]
+    return [Path(move.to) / name for name in names]
+
+
+def _copy(source: Path, target: Path, *, is_checked: bool) -> None:
     if not source.exists() and target.exists():
         return  # moved by an earlier run that was killed while it removed files
+    if not is_checked and (source.is_symlink() or not source.is_file()):
+        return
     if target.exists():
         if target.read_bytes() != source.read_bytes():
             raise FileExistsError(f"{target} exists, with other content than {source}")
@@ -115,6 +129,8 @@ def _remove_empty(folder: Path, root: Path) -> None:
 
 
 SEQUENCES = Path("data/sequences")
+MAX_FOLDER = 150  # characters of a capture's name in that of its folder in quarantine
+MAX_QUARANTINED_PATH = 1000  # bytes
 SETTLE_S = 5.0  # a file that is still being copied changes within this
 
 
@@ -170,27 +186,51 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
     return IntakeResult(
         tuple(move.name for move in moves if not move.reason),
         {move.name: move.reason for move in moves if move.reason},
-        tuple(path.relative_to(INBOX).as_posix() for path in _inbox_files()),
+        tuple(printable(path.relative_to(INBOX).as_posix()) for path in _inbox_files()),
     )
 
 
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
     settings = ingestion_settings(params, INBOX)
     known = _known_contents()
-    time_stamp = utc_now().replace(":", "")
-    moves = []
+    existing = {s.name: s.files[0] for s in open_format(params.format, params.settings).find(raw)}
+    moves: list[Move] = []
     for sequence, outcome in zip(ready, read_sequences(settings, ready), strict=True):
         if isinstance(outcome, QuarantineRecord):
             reason, line = outcome.reason, outcome.line
         else:
             facts, interaction = outcome
             reason = _skeleton_mismatch(interaction.skeleton)
+            reason = reason or _name_conflict(sequence, existing, raw)
             reason = reason or _conflict(sequence, facts.sha256, known, params)
             line = 0
         files = tuple(file.relative_to(INBOX).as_posix() for file in sequence.files)
-        to = QUARANTINE / f"{sequence.name.replace('/', '_')}.{time_stamp}" if reason else raw
-        moves.append(Move(sequence.name, files, to.as_posix(), reason, line))
+        to = _quarantine_folder(sequence.name, len(moves)) if reason else raw
+        moves.append(Move(sequence.name, files, to.as_posix(), printable(reason), line))
     return moves
+
+
+def _quarantine_folder(name: str, number: int) -> Path:
+    """Return a new folder; the number tells apart captures whose names were cut."""
+    short, time = name.replace("/", "_"), utc_now().replace(":", "")
+    if len(short) > MAX_FOLDER:
+        short = f"{short[:MAX_FOLDER]}.{number}"
+    return QUARANTINE / f"{short}.{time}"
+
+
+def _name_conflict(sequence: RawSequence, existing: dict[str, Path], raw: Path) -> str:
+    """Return why the captures have no place for a new one of this name and these paths."""
+    files = [file.relative_to(INBOX) for file in sequence.files]
+    other = existing.get(sequence.name)
+    if other is not None and other.relative_to(raw) != files[0]:
+        return f"the name {sequence.name} is that of {other}"
+    for file in files:
+        if (raw / file).is_dir():
+            return f"{raw / file} is a folder"
+        for folder in list((raw / file).parents)[: len(file.parts) - 1]:
+            if os.path.lexists(folder) and not folder.is_dir():
+                return f"{folder} is a file, where a folder is wanted"
+    return ""
 
 
 def _conflict(sequence: RawSequence, digest: str, known: dict[str, str], params: Params) -> str:
@@ -231,16 +271,18 @@ def _settled(settle_s: float) -> set[Path]:
     first = {path: _signature(path) for path in _inbox_files()}
     if first:
         time.sleep(settle_s)
-    return {path for path, old in first.items() if path.exists() and _signature(path) == old}
+    settled = {p for p, old in first.items() if os.path.lexists(p) and _signature(p) == old}
+    # A file that may not be read could not be copied either: it stays.
+    return {p for p in settled if not p.is_file() or os.access(p, os.R_OK)}
 
 
 def _signature(path: Path) -> tuple[int, int]:
-    facts = path.stat()
+    facts = path.lstat()
     return facts.st_size, facts.st_mtime_ns
 
 
 def _inbox_files() -> list[Path]:
-    return sorted(path for path in INBOX.rglob("*") if path.is_file())
+    return sorted(path for path in INBOX.rglob("*") if path.is_symlink() or not path.is_dir())
 
 
 def _is_stage_output(raw: Path) -> bool:

@@ -16,7 +16,6 @@ from prefect.task_runners import ThreadPoolTaskRunner
 
 from flows.dvc_commands import push
 from flows.inbox import take_captures
-from flows.prune import remove_corrupt_objects
 from flows.reproduce import (
     N_WORKERS,
     publish_link,
@@ -28,6 +27,7 @@ from flows.reproduce import (
 )
 from pacmo_core.commands.report import write_report_with_history
 from pacmo_core.project.lock import writer_lock
+from pacmo_core.project.objects import remove_corrupt_objects
 from pacmo_core.project.promote import decide_promotion
 from pacmo_core.project.records import (
     DONE,

@@ -1,4 +1,4 @@
-"""Remove what is old and not needed; find and remove corrupt objects of DVC's cache.
+"""Remove what is old and not needed.
 
 The rule, with its numbers in the section ``prune`` of ``params.yaml``: DVC's cache loses what is
 older than ``max_cache_days`` and is named neither in ``dvc.lock`` nor in that of a promoted model;
@@ -6,12 +6,9 @@ the folder of promoted models all but the last ``n_promoted`` and the current on
 runs all but the last ``n_runs``. Decisions and quarantined captures are never removed.
 """
 
-import hashlib
 import json
-import os
 import re
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +18,7 @@ from ruamel.yaml import YAML
 from flows.reproduce import publish_table, run_step
 from pacmo_core import promotion
 from pacmo_core.project.lock import writer_lock
+from pacmo_core.project.objects import OBJECTS, cache_objects, object_hash
 from pacmo_core.project.records import RunRecord, record_run
 from pacmo_core.project.workspace import (
     DVC_CACHE,
@@ -33,7 +31,6 @@ from pacmo_core.project.workspace import (
 )
 from stages.common.params import read_params
 
-OBJECTS = DVC_CACHE / "files" / "md5"
 RUN_CACHE = DVC_CACHE / "runs"
 _HASH = re.compile(r"\b[0-9a-f]{32}(?:\.dir)?\b")
 _DAY_S = 86400.0
@@ -93,27 +90,6 @@ def remove_records(n_last: int) -> int:
     return len(removed)
 
 
-def corrupt_objects() -> list[Path]:
-    """List the objects of DVC's cache whose content does not have the hash in their name.
-
-    DVC does not hash a write-protected object again, so that it would restore a corrupt one.
-    """
-    return [path for path in _objects() if _md5(path) != _hash_in_name(path).removesuffix(".dir")]
-
-
-def remove_corrupt_objects() -> list[str]:
-    """Remove corrupt objects, so that DVC makes them again; return their hashes.
-
-    Files of the workspace may be links to the same content, with the size and time that DVC has
-    stored. A new modification time makes DVC hash them.
-    """
-    corrupt = corrupt_objects()
-    for path in corrupt:
-        os.utime(path)
-        path.unlink()
-    return [_hash_in_name(path) for path in corrupt]
-
-
 def remove_old_objects(max_days: float, locks: list[Path]) -> tuple[int, int]:
     """Remove old objects, and entries of the run cache, that no lock file names.
 
@@ -128,7 +104,7 @@ def remove_old_objects(max_days: float, locks: list[Path]) -> tuple[int, int]:
     """
     named = {name for lock in locks if lock.exists() for name in _hashes_in(lock)}
     named |= {name for folder in named if folder.endswith(".dir") for name in _members(folder)}
-    old = [p for p in _objects() if _is_old(p, max_days) and _hash_in_name(p) not in named]
+    old = [p for p in cache_objects() if _is_old(p, max_days) and object_hash(p) not in named]
     n_bytes = sum(path.stat().st_size for path in old)
     for path in old:
         path.unlink()
@@ -136,19 +112,6 @@ def remove_old_objects(max_days: float, locks: list[Path]) -> tuple[int, int]:
         if path.is_file() and _is_old(path, max_days):
             path.unlink()
     return len(old), n_bytes
-
-
-def _objects() -> Iterator[Path]:
-    return (path for path in sorted(OBJECTS.glob("[0-9a-f][0-9a-f]/*")) if path.is_file())
-
-
-def _hash_in_name(path: Path) -> str:
-    return path.parent.name + path.name
-
-
-def _md5(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "md5").hexdigest()
 
 
 def _is_old(path: Path, max_days: float) -> bool:

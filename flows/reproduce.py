@@ -29,6 +29,7 @@ from pacmo_core.figures.tables import markdown_table
 from pacmo_core.metrics.catalogue import MAIN_COLUMNS
 from pacmo_core.project.experiments import remove_unused_outputs, use_experiment
 from pacmo_core.project.lock import remove_dead_dvc_locks, remove_partial_files, writer_lock
+from pacmo_core.project.objects import remove_corrupt_objects
 from pacmo_core.project.records import record_run
 from pacmo_core.project.stages import is_target, readable_dvc_lock, upstream_and_stale
 from pacmo_core.project.workspace import (
@@ -37,9 +38,11 @@ from pacmo_core.project.workspace import (
     PARAMS,
     REPORT,
     RUNS,
+    CommandError,
     configure_logging,
     log_event,
 )
+from pacmo_core.store.files import file_hash
 
 N_WORKERS = 2
 STAGE_LIMIT_S = 12 * 3600.0
@@ -49,7 +52,9 @@ Result = TypeVar("Result")
 
 
 @flow(task_runner=ThreadPoolTaskRunner(max_workers=N_WORKERS), persist_result=False)
-def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> list[str]:
+def reproduce(
+    targets: list[str], force: bool = False, experiment: str = "", params_hash: str = ""
+) -> list[str]:
     """Reproduce ``targets`` (none: everything), two stages at a time where the graph allows.
 
     Parameters
@@ -57,21 +62,43 @@ def reproduce(targets: list[str], force: bool = False, experiment: str = "") -> 
     targets : stages by address or name
     force : run the targets themselves even if nothing that they depend on has changed
     experiment : whose parameters to use; empty for those in ``params.yaml``
+    params_hash : SHA-256 of the ``params.yaml`` that is to be run; empty for any
 
     Returns
     -------
     the stages that were stale, in running order
+
+    Raises
+    ------
+    CommandError
+        If ``params.yaml`` is another one.
     """
     configure_logging()
     with writer_lock("reproduce", LOCK), record_run("reproduce", RUNS) as run:
         if experiment:
             switch_experiment(experiment)
+        if params_hash:
+            check_params(params_hash)
         stages = run_stale_stages(targets, force=force, limit_s=STAGE_LIMIT_S)
         run.facts["stages"] = stages
         if stages and not targets and REPORT.exists():
             write_report_with_history()
     publish_metrics(DETAILS)
     return stages
+
+
+def check_params(expected_hash: str) -> None:
+    """Check that ``params.yaml`` is still the one that a run began with.
+
+    Every stage reads it: of a run whose parameters changed, nobody could say whose result it is.
+
+    Raises
+    ------
+    CommandError
+        If it is another one.
+    """
+    if file_hash(PARAMS) != expected_hash:
+        raise CommandError(f"{PARAMS} was changed after this run had begun; run ./run again")
 
 
 def switch_experiment(experiment: str) -> None:
@@ -96,7 +123,9 @@ def run_stale_stages(targets: list[str], *, force: bool, limit_s: float) -> list
     -------
     the stages that ran or were restored, in running order
     """
+    params_hash = file_hash(PARAMS)
     remove_dead_dvc_locks()
+    remove_corrupt_objects(skip_verified=True)
     for path in remove_partial_files():
         log_event(f"removed {path}, which a killed run had not finished writing")
     upstream, stale = readable_dvc_lock(lambda: upstream_and_stale(targets))
@@ -109,14 +138,20 @@ def run_stale_stages(targets: list[str], *, force: bool, limit_s: float) -> list
     order = {name: names for name, names in upstream.items() if name in selected}
     if order:
         log_event(f"{len(order)} of {len(upstream)} stages are stale", n_stages=len(order))
-    _run_tasks(order, forced, limit_s)
+    _run_tasks(order, forced, limit_s, params_hash)
+    check_params(params_hash)
+    # What this run has made is hashed now, not by the next one that has nothing to do.
+    remove_corrupt_objects(skip_verified=True)
     return list(order)
 
 
-def _run_tasks(order: dict[str, list[str]], forced: set[str], limit_s: float) -> None:
+def _run_tasks(
+    order: dict[str, list[str]], forced: set[str], limit_s: float, params_hash: str
+) -> None:
     numbers = count(1)
 
     def run(stage: str) -> None:
+        check_params(params_hash)
         log_event(f"start {stage}", stage=stage, state="start")
         start = time.monotonic()
         outcome = reproduce_stage(stage, force=stage in forced, limit_s=limit_s)

@@ -38,6 +38,7 @@ from pacmo_core.project.lock import (
     remove_dead_dvc_locks,
     writer_lock,
 )
+from pacmo_core.project.objects import remove_corrupt_objects
 from pacmo_core.project.processes import end_on_signal, end_run, kill_marked, start_process
 from pacmo_core.project.records import EXIT_CODES, INTERRUPTED, close_killed_runs, read_runs
 from pacmo_core.project.stages import read_status, readable_dvc_lock, upstream_and_stale
@@ -55,6 +56,7 @@ from pacmo_core.project.workspace import (
     log_event,
     one_line,
 )
+from pacmo_core.store.files import file_hash
 
 RUN_VARIABLE = "PACMO_RUN"  # in the environment of every process of a run
 FLOWS = {
@@ -164,17 +166,22 @@ def _call(flow: Callable[..., object], arguments: Mapping[str, Any]) -> int:
 def _run_job(job: str, options: dict[str, Any], mark: Mapping[str, str]) -> int:
     if job != "reproduce":
         return run_flow(FLOWS[job], options, mark)
-    if _is_up_to_date(options):
+    params_hash = _prepare(options)
+    if not params_hash:
         return 0
-    options["experiment"] = ""  # it is in use by now
-    code = run_flow(FLOWS[job], options, mark)
+    # The experiment is in use by now, unless another command takes the lock before the flow does.
+    arguments = {**options, "experiment": "", "params_hash": params_hash}
+    code = run_flow(FLOWS[job], arguments, mark)
     if not code and REPORT.exists():
         sys.stderr.write(f"report: {REPORT}; with the history of runs: {HISTORY / 'report.html'}\n")
     return code
 
 
-def _is_up_to_date(options: Mapping[str, Any]) -> bool:
-    """Prepare the workspace; return whether nothing has to run, and say so."""
+def _prepare(options: Mapping[str, Any]) -> str:
+    """Prepare the workspace; return the hash of the parameters to run.
+
+    Returns an empty string, and says so, if nothing has to run.
+    """
     targets = options["targets"]
     with writer_lock("check", LOCK):
         remove_dead_dvc_locks()
@@ -183,18 +190,20 @@ def _is_up_to_date(options: Mapping[str, Any]) -> bool:
             sys.stderr.write(f"the edited {PARAMS} is saved as {saved}\n")
         for path in remove_unused_outputs():
             sys.stderr.write(f"removed {path}, which {PARAMS} does not define\n")
+        remove_corrupt_objects(skip_verified=True)
+        params_hash = file_hash(PARAMS)
         if options["force"]:
-            return False
+            return params_hash
         status = read_status()
         n_stages = status.n_stages
         if status.reasons or targets:
             upstream, stale = readable_dvc_lock(lambda: upstream_and_stale(targets))
             n_stages = len(upstream)
             if stale & set(upstream):
-                return False
+                return params_hash
     report = f"; report: {REPORT}" if REPORT.exists() else ""
     sys.stdout.write(f"nothing is stale: {n_stages} stages are up to date{report}\n")
-    return True
+    return ""
 
 
 def _interrupt(mark: Mapping[str, str], command: str) -> str:

@@ -5,13 +5,15 @@ A capture that cannot be used is quarantined: it becomes a record that states th
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+import stat
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Self
+from urllib.parse import quote
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.quality import QualityError, QualityLimits, check_quality, measure_quality
@@ -28,6 +30,17 @@ MIN_PARALLEL = 8  # fewer sequences are read in this process: to start others ta
 # The code that a reading depends on: an edit of it invalidates the cached readings.
 CODE = ("data/*.py", "formats/*.py", "ingestion.py", "store/cache.py", "store/tables.py")
 PACKAGES = ("numpy", "scipy", "pyarrow")
+# A clip's name becomes the name of a file, with what distinguishes a variation and a suffix; file
+# systems take 255 bytes. A path is prefixed by the folder of captures or of the quarantine.
+MAX_NAME = 180
+MAX_PATH_BYTES = 1000
+FILE_KINDS = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFDIR: "a folder",
+}
 ARRAYS = ("times", "person_a", "person_b")
 
 Capture = tuple[ClipRecord, Interaction]
@@ -110,8 +123,8 @@ def read_sequences(
     """Read sequences in order, in one process a core, and quarantine those that do not fit.
 
     The first usable sequence determines the skeleton of the dataset. A sequence of another
-    skeleton, or with the content of an earlier one (it could be in both training and test data),
-    is quarantined.
+    skeleton, with the name of an earlier one, or with its content (it could be in both training and
+    test data), is quarantined; so is one with a file that ``file_fault`` refuses.
 
     Parameters
     ----------
@@ -120,7 +133,7 @@ def read_sequences(
     address : of a Dask scheduler; if empty, processes of this machine are used
     """
     skeleton, names_by_content = None, dict[str, str]()
-    for reading in _read_in_parallel(settings, sequences, cache, address):
+    for reading in _read_or_refuse(settings, sequences, cache, address):
         if isinstance(reading, QuarantineRecord):
             yield reading
             continue
@@ -141,12 +154,91 @@ def read_sequences(
             yield reading
 
 
-def _read_in_parallel(
+def _read_or_refuse(
     settings: IngestionSettings,
     sequences: Sequence[RawSequence],
     cache: ReadingCache | None,
     address: str,
 ) -> Iterator[Capture | QuarantineRecord]:
+    """Read the sequences without a fault of name or file, which is found before one is opened."""
+    faults = list(_faults(sequences, settings.root))
+    sound = [s for s, fault in zip(sequences, faults, strict=True) if not fault]
+    with closing(_read_in_parallel(settings, sound, cache, address)) as readings:
+        for sequence, fault in zip(sequences, faults, strict=True):
+            if fault:
+                names = " + ".join(_relative(file, settings.root) for file in sequence.files)
+                yield QuarantineRecord(sequence.name, names, "", 0, fault)
+            else:
+                yield next(readings)
+
+
+def _faults(sequences: Sequence[RawSequence], root: Path) -> Iterator[str]:
+    """Yield why each sequence cannot be used, by its name and files; empty where it can."""
+    resolved, first_files = root.resolve(), dict[str, str]()
+    for sequence in sequences:
+        faults = (file_fault(file, root, resolved) for file in sequence.files)
+        fault = next(filter(None, faults), "") or _name_fault(sequence.name)
+        if not fault and sequence.name in first_files:
+            fault = f"the name {sequence.name} is that of {first_files[sequence.name]}"
+        if not fault:
+            first_files[sequence.name] = _relative(sequence.files[0], root)
+        yield fault
+
+
+def file_fault(file: Path, root: Path, resolved_root: Path) -> str:
+    """Return why a file is not opened; empty if it may be.
+
+    Opening a pipe waits for ever, a device may have no end, and a link may lead anywhere: only
+    regular files, and links to such below the root, are opened.
+
+    Parameters
+    ----------
+    resolved_root : the root without links
+    """
+    return _path_fault(_relative(file, root)) or _kind_fault(file, root, resolved_root)
+
+
+def _path_fault(name: str) -> str:
+    if name != os.fsencode(name).decode("utf-8", "replace"):
+        return f"its name {name} is not UTF-8"
+    length = len(os.fsencode(name))
+    if length > MAX_PATH_BYTES:
+        return f"its path has {length} bytes; wanted at most {MAX_PATH_BYTES}"
+    return ""
+
+
+def _kind_fault(file: Path, root: Path, resolved_root: Path) -> str:
+    name = _relative(file, root)
+    try:
+        target = file.resolve(strict=True)
+        mode = target.stat().st_mode
+    except (OSError, RuntimeError):  # RuntimeError: a loop, up to Python 3.12
+        return f"{name} is a link to nothing" if file.is_symlink() else f"there is no file {name}"
+    faults = {
+        f"{name} is a link out of the folder, to {target}": not target.is_relative_to(
+            resolved_root
+        ),
+        f"{name} is {FILE_KINDS.get(stat.S_IFMT(mode), 'special')}, no file": not stat.S_ISREG(
+            mode
+        ),
+        f"{name} cannot be read: permission denied": not os.access(file, os.R_OK),
+    }
+    return next((text for text, is_so in faults.items() if is_so), "")
+
+
+def _name_fault(name: str) -> str:
+    length = len(quote(name, safe=""))
+    if length <= MAX_NAME:
+        return ""
+    return f"its name has {length} characters ('/' counts three); wanted at most {MAX_NAME}"
+
+
+def _read_in_parallel(
+    settings: IngestionSettings,
+    sequences: Sequence[RawSequence],
+    cache: ReadingCache | None,
+    address: str,
+) -> Generator[Capture | QuarantineRecord]:
     with _Readers(address) as readers, ThreadPoolExecutor(os.cpu_count()) as hash_threads:
         for start in range(0, len(sequences), BATCH_SIZE):
             batch = sequences[start : start + BATCH_SIZE]

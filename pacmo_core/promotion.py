@@ -5,14 +5,16 @@
 - The *history* is a JSON file for each decision, and one Parquet table of all: ``add_decision``.
   The JSON files are written once; the table is made from them again after each decision.
   Decisions are in the order of their numbers, as clocks may jump.
-- *Promoted models* are copied to a numbered folder each: ``store_model``. DVC does not manage the
-  copies, so that pruning its cache deletes no promoted model. ``current`` is a symbolic link to
-  one of the folders, replaced in one step: a reader finds the old model or the new one, complete.
+- *Promoted models* are copied to a numbered folder each: ``prepare_model`` before the decision is
+  written, ``publish_model`` after it. DVC does not manage the copies, so that pruning its cache
+  deletes no promoted model. ``current`` is a symbolic link to one of the folders, replaced in one
+  step: a reader finds the old model or the new one, complete.
 """
 
 import json
+import math
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -44,6 +46,12 @@ class Gate:
     metrics: tuple[str, ...]
     max_noise_floor_ratio: float
 
+    def __post_init__(self) -> None:
+        if not 0 < self.max_noise_floor_ratio < math.inf:
+            raise ValueError(
+                f"max_noise_floor_ratio must be positive; got {self.max_noise_floor_ratio}"
+            )
+
 
 def check_gate(
     candidate: Mapping[str, Metrics], current: Mapping[str, Metrics] | None, gate: Gate
@@ -52,7 +60,8 @@ def check_gate(
 
     A metric is worse beyond its tolerance where the mean of the candidate is outside the interval
     of the current model, on the bad side. A metric that should be close to that of real motion is
-    compared by its distance to the row ``real`` of the same table.
+    compared by its distance to the row ``real`` of the same table. A metric that is not finite is a
+    reason: no comparison with it has a meaning.
 
     Parameters
     ----------
@@ -63,9 +72,47 @@ def check_gate(
     KeyError
         If the table of the candidate lacks the row or one of the metrics.
     """
-    reasons = _noise_floor_reasons(candidate[gate.row], gate)
+    reasons = [*_not_finite(candidate, gate, "")]
+    if current is not None:
+        reasons += _not_finite(current, gate, "the current model's ")
+    reasons = reasons or _noise_floor_reasons(candidate[gate.row], gate)
+    return reasons + _degradations(candidate, current, gate)
+
+
+def compared_metrics(table: Mapping[str, Metrics], gate: Gate) -> dict[str, dict[str, float]]:
+    """Return the metrics of the gate's row that a decision records: those that are finite."""
+    return {n: dict(table[gate.row][n]) for n in _names(gate) if _is_finite(table[gate.row][n])}
+
+
+def _names(gate: Gate) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*gate.metrics, "f2id", "f2id_floor")))
+
+
+def _is_finite(interval: Interval) -> bool:
+    return all(map(math.isfinite, interval.values()))
+
+
+def _not_finite(table: Mapping[str, Metrics], gate: Gate, whose: str) -> Iterator[str]:
+    """Yield what is wrong with a table whose comparison would have no meaning."""
+    for name in _names(gate):
+        rows = ["real"] if _is_compared_with_real(name) else []
+        for row in (gate.row, *rows):
+            interval = table.get(row, {}).get(name)
+            if interval is not None and not _is_finite(interval):
+                label = METRICS[name].label if name in METRICS else name
+                yield f"{whose}{label} of {row} is not finite: {_format_interval(interval)}"
+
+
+def _is_compared_with_real(name: str) -> bool:
+    return name in METRICS and METRICS[name].better == CLOSER_TO_REAL
+
+
+def _degradations(
+    candidate: Mapping[str, Metrics], current: Mapping[str, Metrics] | None, gate: Gate
+) -> list[str]:
     if current is None:
-        return reasons
+        return []
+    reasons = []
     for name in gate.metrics:
         if name not in current.get(gate.row, {}):
             continue  # a metric added since then has nothing to compare with
@@ -95,7 +142,7 @@ def _degradation(
         return f"{label} rose to {new['mean']:.4g}; current {_format_interval(old)}"
     if better == HIGHER and new["mean"] < old["low"]:
         return f"{label} fell to {new['mean']:.4g}; current {_format_interval(old)}"
-    if better == CLOSER_TO_REAL:
+    if _is_compared_with_real(name):
         real = [table["real"][name]["mean"] for table in (candidate, current)]
         distance, current_distance = abs(new["mean"] - real[0]), abs(old["mean"] - real[1])
         tolerance = max(old["high"] - old["mean"], old["mean"] - old["low"])
@@ -114,6 +161,8 @@ def _format_interval(interval: Interval) -> str:
 CURRENT_LINK = "current"
 TABLE = "decisions.parquet"
 PROMOTED, REJECTED, UNCHANGED, ROLLED_BACK = "promoted", "rejected", "unchanged", "rolled back"
+VERDICTS = (PROMOTED, REJECTED, UNCHANGED, ROLLED_BACK)
+INTERVAL = ("mean", "low", "high")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +192,11 @@ class Decision:
     test_reactions: int
     metrics: dict[str, dict[str, float]]
 
+    def __post_init__(self) -> None:
+        wrong = [name for name, is_right in _checks(vars(self)).items() if not is_right]
+        if wrong:
+            raise ValueError("; ".join(f"{name} is {getattr(self, name)!r}" for name in wrong))
+
 
 @dataclass(frozen=True)
 class UnreadableDecision:
@@ -157,15 +211,15 @@ def read_decisions(folder: Path) -> tuple[list[Decision], list[UnreadableDecisio
     decisions, unreadable = [], []
     for file in sorted(folder.glob("[0-9]*.json")):
         try:
-            decisions.append(_from_json(json.loads(file.read_text(encoding="utf-8"))))
+            decisions.append(_read_decision(file))
         except (ValueError, TypeError) as error:
             unreadable.append(UnreadableDecision(file, str(error)))
     return sorted(decisions, key=lambda decision: decision.number), unreadable
 
 
 def next_number(folder: Path) -> int:
-    """Return the next number; unreadable files count."""
-    return max((int(file.stem) for file in folder.glob("[0-9]*.json")), default=0) + 1
+    """Return the next number; unreadable files count, and those that were set aside."""
+    return max((int(f.stem) for f in folder.glob("[0-9]*.*") if f.stem.isdecimal()), default=0) + 1
 
 
 def add_decision(folder: Path, decision: Decision) -> None:
@@ -186,9 +240,7 @@ def add_decision(folder: Path, decision: Decision) -> None:
 def write_table(folder: Path) -> Path:
     """Write the Parquet table of all decisions, a row each; metrics are a list of structs."""
     decisions, _ = read_decisions(folder)
-    interval = pa.struct(
-        [("metric", pa.string()), *((n, pa.float64()) for n in ("mean", "low", "high"))]
-    )
+    interval = pa.struct([("metric", pa.string()), *((n, pa.float64()) for n in INTERVAL)])
     types: dict[str, pa.DataType] = {
         **dict.fromkeys(("number", "current_model", "test_reactions"), pa.int64()),
         "reasons": pa.list_(pa.string()),
@@ -209,10 +261,38 @@ def _metric_rows(decision: Decision) -> list[dict[str, Any]]:
     return [{"metric": name, **interval} for name, interval in decision.metrics.items()]
 
 
-def _from_json(content: Any) -> Decision:
+def _read_decision(file: Path) -> Decision:
+    content = json.loads(file.read_text(encoding="utf-8"))
     if not isinstance(content, dict):
         raise TypeError(f"wanted an object, got {type(content).__name__}")
-    return Decision(**{**content, "reasons": tuple(content.get("reasons", ()))})
+    decision = Decision(**{**content, "reasons": tuple(content.get("reasons", ()))})
+    if f"{decision.number:06d}" != file.stem:
+        raise ValueError(f"number is {decision.number}")
+    return decision
+
+
+def _checks(values: Mapping[str, Any]) -> dict[str, bool]:
+    """Return whether each field has a value that it can have: a file may hold any."""
+    texts = ("at", "model", "experiment")
+    numbers = ("number", "current_model", "test_reactions")
+    reasons, metrics = values["reasons"], values["metrics"]
+    return {
+        **{name: isinstance(values[name], str) for name in texts},
+        **{name: _is_count(values[name]) for name in numbers},
+        "verdict": values["verdict"] in VERDICTS,
+        "reasons": isinstance(reasons, tuple) and all(isinstance(text, str) for text in reasons),
+        "metrics": isinstance(metrics, dict) and all(map(_is_interval, metrics.values())),
+    }
+
+
+def _is_count(value: object) -> bool:
+    return type(value) is int and value >= 0
+
+
+def _is_interval(value: object) -> bool:
+    if not isinstance(value, dict) or set(value) != set(INTERVAL):
+        return False
+    return all(type(x) in (int, float) and math.isfinite(x) for x in value.values())
 
 
 def model_hash(files: Sequence[Path]) -> str:
@@ -222,8 +302,10 @@ def model_hash(files: Sequence[Path]) -> str:
     return file_hash(*files)
 
 
-def store_model(models: Path, number: int, files: Mapping[str, Path]) -> Path:
-    """Copy the files of a promoted model into a new folder, atomically.
+def prepare_model(models: Path, number: int, files: Mapping[str, Path]) -> None:
+    """Copy the files of a model into a hidden folder, which ``publish_model`` renames.
+
+    What other models were prepared and never published, by killed runs, is removed.
 
     Parameters
     ----------
@@ -236,19 +318,28 @@ def store_model(models: Path, number: int, files: Mapping[str, Path]) -> Path:
     FileExistsError
         If there is a model of that number.
     """
-    folder = models / f"{number:06d}"
-    if folder.exists():
-        raise FileExistsError(f"{folder}: a promoted model is written once")
-    partial = models / f".{folder.name}"
-    if partial.exists():
-        shutil.rmtree(partial)  # of a killed run
+    if (models / f"{number:06d}").exists():
+        raise FileExistsError(f"{models / f'{number:06d}'}: a promoted model is written once")
+    remove_prepared_models(models)
+    partial = models / f".{number:06d}"
     for name, file in files.items():
         (partial / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file, partial / name)
         fsync(partial / name)
-    partial.replace(folder)
-    fsync(models)
-    return folder
+
+
+def publish_model(models: Path, number: int) -> None:
+    """Give a prepared model its place; nothing happens if it has it already."""
+    partial = models / f".{number:06d}"
+    if partial.exists():
+        partial.replace(models / f"{number:06d}")
+        fsync(models)
+
+
+def remove_prepared_models(models: Path) -> None:
+    """Remove models that were never published."""
+    for partial in models.glob(".[0-9]*"):
+        shutil.rmtree(partial)
 
 
 def list_models(models: Path) -> list[int]:

@@ -1,5 +1,7 @@
 """What is trusted: written and published files; for the cache what ingestion gives without it."""
 
+import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +11,19 @@ import pytest
 from pacmo_core import ingestion
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.formats.registry import open_format
+from pacmo_core.formats.registry import (
+    DEFAULT_SETTINGS,
+    FORMAT_OF_SUFFIX,
+    FORMATS,
+    open_format,
+)
 from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.formats.write_tables import JointTable, npz_table
 from pacmo_core.ingestion import IngestionSettings, ReadingCache, read_sequences, reading_key
-from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows, write_rows
 from stages.common.params import StageError
 from stages.ingest import main
+from tests.flows.projects import capture
 from tests.formats.real_files import real_folder
 from tests.strategies import LIMITS
 
@@ -284,3 +292,68 @@ def test_tables_are_ingested_with_what_the_table_of_captures_states(tmp_path, mo
 def test_a_faulty_table_of_captures_ends_the_stage_in_one_line(tmp_path, monkeypatch):
     with pytest.raises(StageError, match=r"captures.csv:2: 'take9.npz' is the file of no capture$"):
         ingest_tables(tmp_path, monkeypatch, "take9.npz,hug,anna,ben,\n")
+
+
+IRREGULAR = {
+    "is a pipe": os.mkfifo,
+    "is a link to nothing": lambda path: path.symlink_to("nowhere"),
+    "is a link out of the folder": lambda path: path.symlink_to("/dev/zero"),
+    "is a folder": lambda path: path.symlink_to(".", target_is_directory=True),
+}
+
+
+@pytest.mark.parametrize("words", IRREGULAR)
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_format_lists_what_is_no_file_and_ingestion_never_opens_it(tmp_path, form, words):
+    folder = tmp_path / "raw" / "male"
+    folder.mkdir(parents=True)
+    suffix = {code: name for name, code in FORMAT_OF_SUFFIX.items()}.get(form)
+    name = f"a{suffix}" if suffix else "skeleton_pos.txt"
+    IRREGULAR[words](folder / name)
+    settings = DEFAULT_SETTINGS[form] | ({"unit": 1.0, "up": "y"} if form == "bvh" else {})
+    usable, (aside,) = ingest(tmp_path / "raw", form, settings)
+    assert not usable and aside.reason.startswith(f"male/{name} {words}")
+    assert aside.sha256 == ""
+
+
+@pytest.mark.parametrize("words", IRREGULAR)
+def test_a_skeleton_of_a_cmu_trial_that_is_no_file_is_never_opened(tmp_path, words):
+    for subject in ("18", "19"):
+        (tmp_path / f"{subject}_01.amc").write_text(":FULLY-SPECIFIED\n1\n")
+    IRREGULAR[words](tmp_path / "18.asf")
+    (aside,) = ingest(tmp_path, "cmu", DEFAULT_SETTINGS["cmu"])[1]
+    assert aside.reason.startswith(f"18.asf {words}")
+
+
+def test_captures_beside_refused_ones_are_read_with_the_cache_too(raw, reads):
+    os.mkfifo(raw / "pipe.skeleton")
+    (raw / "long").mkdir()
+    write(raw / "long", 7, bodies(7)).rename(raw / f"{'n' * 190}.skeleton")
+    for cache in (None, Path("cache"), Path("cache")):
+        made = run("made", cache)
+        rows = {
+            row.sequence: row.reason
+            for row in read_rows(Path("made/quarantine.parquet"), QuarantineRecord)
+        }
+        assert rows["pipe"] == "pipe.skeleton is a pipe, no file"
+        assert rows["n" * 190].startswith("its name has 190 characters")
+        assert json.loads(made[".json"])["usable"] == 2
+
+
+def test_of_two_captures_with_one_name_the_first_is_used(tmp_path):
+    for number, folder in enumerate(("a b", "a-u20-b")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "skeleton_pos.txt").write_text(capture(number))
+    usable, (aside,) = ingest(tmp_path, "sbu", {"fps": 15})
+    assert [facts.source_file for facts, _ in usable] == ["a b/skeleton_pos.txt"]
+    assert aside.reason == "the name a-u20-b is that of a b/skeleton_pos.txt"
+
+
+def test_names_and_reasons_with_control_characters_are_escaped(tmp_path):
+    (tmp_path / "\x1b[31mred\n.skeleton").write_text("1\x1b[2J\n")
+    (tmp_path / os.fsdecode(b"caf\xe9.skeleton")).write_text("1\n")
+    _, aside = ingest(tmp_path)
+    assert len(aside) == 2
+    assert all(text.isprintable() for row in aside for text in (row.sequence, row.file, row.reason))
+    write_rows(tmp_path / "rows.parquet", QuarantineRecord, aside)
+    assert read_rows(tmp_path / "rows.parquet", QuarantineRecord) == aside

@@ -93,6 +93,32 @@ def test_a_better_model_is_never_rejected(f2id, less, diversity):
     assert check_gate(better, table(f2id=f2id, diversity=diversity), GATE) == []
 
 
+BROKEN = [float("nan"), float("inf"), float("-inf")]
+
+
+@pytest.mark.parametrize("part", ["mean", "low", "high"])
+@pytest.mark.parametrize("value", BROKEN)
+@pytest.mark.parametrize("metric", ["f2id", "f2id_floor", "matching", "diversity"])
+def test_a_metric_that_is_not_finite_is_a_reason_of_either_model(metric, value, part):
+    broken = table()
+    broken["pacmo"][metric][part] = value
+    (reason,) = [r for r in check_gate(broken, table(), GATE) if "not finite" in r]
+    assert "of pacmo is not finite" in reason
+    assert check_gate(broken, None, GATE) == [reason]
+    assert check_gate(table(), broken, GATE)[0] == f"the current model's {reason}"
+
+
+def test_real_motion_that_is_not_finite_is_a_reason_where_a_metric_is_compared_with_it():
+    (reason, *_) = check_gate(table(real=float("nan")), table(), GATE)
+    assert reason.startswith("Diversity of real is not finite")
+
+
+@pytest.mark.parametrize("ratio", [float("nan"), float("inf"), 0.0, -1.0])
+def test_a_gate_that_would_let_everything_or_nothing_through_is_refused(ratio):
+    with pytest.raises(ValueError, match="max_noise_floor_ratio must be positive"):
+        Gate(row="pacmo", metrics=(), max_noise_floor_ratio=ratio)
+
+
 def decision(number, **changes):
     facts = {
         "number": number,
@@ -108,6 +134,13 @@ def decision(number, **changes):
     return Decision(**{**facts, **changes})
 
 
+def store(models, number, files):
+    """Promote a model without a decision."""
+    promotion.prepare_model(models, number, files)
+    promotion.publish_model(models, number)
+    return models / f"{number:06d}"
+
+
 @pytest.fixture
 def weights(tmp_path):
     path = tmp_path / "weights"
@@ -116,23 +149,23 @@ def weights(tmp_path):
 
 
 def test_a_promoted_model_is_a_copy_that_edits_do_not_change(tmp_path, weights):
-    promotion.store_model(tmp_path / "promoted", 3, {"models/w": weights})
+    store(tmp_path / "promoted", 3, {"models/w": weights})
     weights.write_bytes(b"two")
     assert (tmp_path / "promoted/000003/models/w").read_bytes() == b"one"
     assert promotion.list_models(tmp_path / "promoted") == [3]
 
 
 def test_a_promoted_model_is_written_once(tmp_path, weights):
-    promotion.store_model(tmp_path / "promoted", 3, {"w": weights})
+    store(tmp_path / "promoted", 3, {"w": weights})
     with pytest.raises(FileExistsError, match="written once"):
-        promotion.store_model(tmp_path / "promoted", 3, {"w": weights})
+        store(tmp_path / "promoted", 3, {"w": weights})
 
 
 def test_what_a_killed_run_left_half_copied_is_no_model(tmp_path, weights):
     (tmp_path / "promoted/.000003").mkdir(parents=True)
     (tmp_path / "promoted/.000003/other").write_bytes(b"half")
     assert promotion.list_models(tmp_path / "promoted") == []
-    place = promotion.store_model(tmp_path / "promoted", 3, {"w": weights})
+    place = store(tmp_path / "promoted", 3, {"w": weights})
     assert [path.name for path in place.iterdir()] == ["w"]
 
 
@@ -141,7 +174,7 @@ def test_current_is_one_of_the_promoted_models_and_can_go_back(tmp_path, weights
     assert promotion.current_model(place) == 0
     for number in (1, 2):
         weights.write_bytes(bytes([number]))
-        promotion.store_model(place, number, {"w": weights})
+        store(place, number, {"w": weights})
         promotion.set_current_model(place, number)
         assert (place / "current/w").read_bytes() == bytes([number])
     promotion.set_current_model(place, 1)

@@ -64,7 +64,7 @@ def _show(lines: Sequence[Sequence[str]], columns: Sequence[str], matching: str)
     for cells in lines:
         if matching in " ".join(cells):
             table.add_row(*cells)
-    Console().print(table)
+    Console(markup=False).print(table)  # a file may be named [bold]
     typer.echo(f"{table.row_count} of {len(lines)}")
 
 

@@ -20,6 +20,7 @@ from pacmo_core.figures.history import (
     StudyTable,
     add_history,
 )
+from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.promote import history_rows
 from pacmo_core.project.records import utc_now
 from pacmo_core.project.workspace import (
@@ -32,6 +33,7 @@ from pacmo_core.project.workspace import (
     CommandError,
     errors_in_one_line,
 )
+from pacmo_core.project.workspace import LOCK as WRITER_LOCK
 from pacmo_core.promotion import read_decisions
 from pacmo_core.store.files import write_text
 
@@ -170,5 +172,5 @@ def report(out: Out = REPORT_WITH_HISTORY) -> None:
     (each call adds the present run to the history), the decisions of the nightly runs,
     history/study.json if there is one, and all stages of dvc.lock.
     """
-    with errors_in_one_line():
+    with errors_in_one_line(), writer_lock("report", WRITER_LOCK):
         typer.echo(f"{write_report_with_history(out)}")

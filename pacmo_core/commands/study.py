@@ -12,15 +12,10 @@ import uvicorn
 from rich.console import Console
 from rich.table import Table
 
-from pacmo_core.commands.study_server import RateLimiter, StudySettings, create_app
-from pacmo_core.commands.study_store import (
-    GENERATED,
-    REAL,
-    Answer,
-    Study,
-    sample_items,
-    write_study,
-)
+from pacmo_core.commands.study_clips import CUTOFF_HZ, sample_items
+from pacmo_core.commands.study_limits import RateLimiter, bounded_protocol, max_connections
+from pacmo_core.commands.study_server import StudySettings, create_app
+from pacmo_core.commands.study_store import GENERATED, REAL, Answer, Study, write_study
 from pacmo_core.metrics.survey import Share, fit_mixed, share
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
@@ -31,12 +26,12 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Can people distinguish generated from captured motion?",
 )
-MAX_CONNECTIONS = 2000
+_ADDRESSES = 50  # at least so many take part, unless --per-address says otherwise
 File = Annotated[Path, typer.Argument(help="file of the study")]
 
 
 @app.command()
-def make(
+def make(  # typer reads the options off the signature
     study: File,
     clips: Annotated[Path, typer.Option(help="captured clips")] = Path("data/clips"),
     reactions: Annotated[Path, typer.Option(help="reactions of a model")] = Path(
@@ -44,14 +39,18 @@ def make(
     ),
     count: Annotated[int, typer.Option(min=2, help="number of clips, each in both forms")] = 40,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    cutoff: Annotated[
+        float, typer.Option(min=0.5, max=15, help="hertz above which both kinds are smoothed")
+    ] = CUTOFF_HZ,
 ) -> None:
     """Create a study of random clips: each as captured, and with the reaction of a model."""
     with reading_errors_in_one_line():
         random = np.random.default_rng(seed)
-        items = list(sample_items(clips, reactions, count, random))
+        items = list(sample_items(clips, reactions, count, random, cutoff))
         of = reactions / MOTIONS
         digest = hashlib.sha256(of.read_bytes()).hexdigest()
-        write_study(study, items, {"reactions": of.as_posix(), "reactions_sha256": digest})
+        facts = {"reactions": of.as_posix(), "reactions_sha256": digest, "cutoff_hz": f"{cutoff:g}"}
+        write_study(study, items, facts)
     typer.echo(f"{study}: {count} captured and {count} generated clips")
 
 
@@ -62,6 +61,10 @@ def serve(  # noqa: PLR0913  # typer reads the options off the signature
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8000,
     per_person: Annotated[int, typer.Option(min=1, help="clips per participant")] = 14,
     people: Annotated[int, typer.Option(min=1, help="maximum number of participants")] = 1000,
+    per_address: Annotated[
+        int | None,
+        typer.Option(min=1, help="participants from one address; a fiftieth of --people if absent"),
+    ] = None,
     rate: Annotated[float, typer.Option(min=0.1, help="requests per second and address")] = 10,
     burst: Annotated[float, typer.Option(min=1, help="requests at once per address")] = 100,
 ) -> None:
@@ -72,7 +75,8 @@ def serve(  # noqa: PLR0913  # typer reads the options off the signature
     """
     with reading_errors_in_one_line():
         opened = Study(study)
-        page = create_app(opened, StudySettings(per_person, people), RateLimiter(rate, burst))
+        settings = StudySettings(per_person, people, per_address or max(1, people // _ADDRESSES))
+        page = create_app(opened, settings, RateLimiter(rate, burst))
     typer.echo(f"http://{host}:{port}", err=True)
     # No access log: addresses are personal data.
     uvicorn.run(
@@ -83,7 +87,8 @@ def serve(  # noqa: PLR0913  # typer reads the options off the signature
         access_log=False,
         server_header=False,
         forwarded_allow_ips="127.0.0.1",
-        limit_concurrency=MAX_CONNECTIONS,
+        http=bounded_protocol(max_connections()),
+        ws="none",
     )
     opened.close()
     typer.echo(f"stopped; the answers are in {study}", err=True)

@@ -5,10 +5,9 @@ only, and limits their rate.
 """
 
 import secrets
-import threading
-import time
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+import sqlite3
+import sys
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -17,16 +16,25 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse
 from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
-from pacmo_core.commands.study_store import Study, balanced_sample
+from pacmo_core.commands.study_clips import balanced_sample
+from pacmo_core.commands.study_limits import (
+    Guard,
+    ParticipantLimiter,
+    RateLimiter,
+    client_of,
+)
+from pacmo_core.commands.study_store import Study
 from pacmo_core.figures.history import render_study
 
 TOKEN = r"^[A-Za-z0-9_-]{22}$"  # 128 random bits
-MAX_BODY = 1000  # bytes
 MAX_REFERENCES = 1000
-MAX_ADDRESSES = 50_000
 Person = Annotated[str, Path(pattern=TOKEN)]
 Place = Annotated[int, Path(ge=0, lt=MAX_REFERENCES)]
-Next = Callable[[Request], Awaitable[Response]]
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
 
 
 class ConsentForm(BaseModel):
@@ -45,40 +53,20 @@ class AnswerForm(BaseModel):
     real: StrictBool
 
 
-@dataclass
-class RateLimiter:
-    """A token bucket for each address.
-
-    Addresses are held in memory only; those with the oldest requests are removed.
+@dataclass(frozen=True)
+class StudySettings:
+    """The size of a study.
 
     Parameters
     ----------
-    rate : requests per second
-    burst : requests at once
+    per_person : clips of a participant
+    people : participants at most
+    per_address : participants at most that begin from one address while the server runs
     """
-
-    rate: float
-    burst: float
-    _seen: dict[str, tuple[float, float]] = field(default_factory=dict)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def allows(self, address: str, now: float) -> bool:
-        """Count a request; return whether it is within the limit."""
-        with self._lock:
-            remaining, then = self._seen.pop(address, (self.burst, now))
-            remaining = min(self.burst, remaining + (now - then) * self.rate)
-            self._seen[address] = (remaining - 1 if remaining >= 1 else remaining, now)
-            if len(self._seen) > MAX_ADDRESSES:
-                del self._seen[next(iter(self._seen))]
-            return remaining >= 1
-
-
-@dataclass(frozen=True)
-class StudySettings:
-    """Clips per participant, and the maximum number of participants."""
 
     per_person: int
     people: int
+    per_address: int
 
 
 def create_app(study: Study, settings: StudySettings, limiter: RateLimiter) -> FastAPI:
@@ -94,18 +82,18 @@ def create_app(study: Study, settings: StudySettings, limiter: RateLimiter) -> F
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     page, policy = render_study()
 
-    @app.middleware("http")
-    async def guard(request: Request, call_next: Next) -> Response:
-        response = _refusal(request, limiter) or await call_next(request)
-        response.headers["Content-Security-Policy"] = policy
-        response.headers["X-Content-Type-Options"] = "nosniff"
-        response.headers["Referrer-Policy"] = "no-referrer"
-        response.headers["Cache-Control"] = "no-store"
-        return response
+    headers = {"Content-Security-Policy": policy, **HEADERS}
+    app.add_middleware(Guard, limiter=limiter, headers=headers)
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_: Request, __: RequestValidationError) -> Response:
         return JSONResponse({"error": "malformed request"}, 422)
+
+    @app.exception_handler(sqlite3.Error)
+    async def not_saved(_: Request, error: sqlite3.Error) -> Response:
+        # A full disk, say. The page tries again.
+        sys.stderr.write(f"pacmo: the study cannot be read or written: {error}\n")
+        return JSONResponse({"error": "nothing was saved"}, 503)
 
     @app.get("/")
     def show() -> Response:
@@ -118,9 +106,12 @@ def create_app(study: Study, settings: StudySettings, limiter: RateLimiter) -> F
 def _endpoints(study: Study, settings: StudySettings, random: np.random.Generator) -> APIRouter:
     """Return the endpoints that the page in the browser uses."""
     router = APIRouter()
+    limiter = ParticipantLimiter(settings.per_address)
 
     @router.post("/begin")
-    def begin(_: ConsentForm) -> Response:
+    def begin(request: Request, _: ConsentForm) -> Response:
+        if not limiter.allows(client_of(request)):
+            return JSONResponse({"error": "too many participants from this address"}, 403)
         person = secrets.token_urlsafe(16)
         # The study calls this under its lock: one sample at a time.
         count = study.begin(
@@ -152,14 +143,3 @@ def _endpoints(study: Study, settings: StudySettings, random: np.random.Generato
 
 def _not_found() -> Response:
     return JSONResponse({"error": "no such participant or place"}, 404)
-
-
-def _refusal(request: Request, limiter: RateLimiter) -> Response | None:
-    """Reject requests that are too large or too frequent, before they are read."""
-    length = request.headers.get("content-length", "")
-    if request.method == "POST" and not (length.isdecimal() and int(length) <= MAX_BODY):
-        return JSONResponse({"error": "too large"}, 413)
-    address = request.client.host if request.client else ""
-    if not limiter.allows(address, time.monotonic()):
-        return JSONResponse({"error": "too fast"}, 429, {"Retry-After": "1"})
-    return None

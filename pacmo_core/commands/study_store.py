@@ -1,21 +1,13 @@
-"""The SQLite file of a study: its tables, their rows, and the sampling of clips."""
+"""The SQLite file of a study: its tables and their rows."""
 
-import json
 import sqlite3
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.names import ReactionName
-from pacmo_core.figures.viewer import Scene, packed_scenes
-from pacmo_core.project.workspace import MOTIONS, CommandError
 from pacmo_core.store.files import StoreError
-from pacmo_core.store.motions import read_motion, stream_motions
 
 REAL, GENERATED = "real", "generated"
 VERSION = 1
@@ -82,36 +74,22 @@ def write_study(path: Path, items: Iterable[Item], facts: Mapping[str, str]) -> 
     ------
     FileExistsError
         If the file exists: it may hold answers.
+    StoreError
+        If the disk is full.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch(exist_ok=False)
-    with _open_file(path) as database:
-        database.executescript(_TABLES)
-        rows = [(item.kind, item.source, item.scene) for item in items]
-        database.executemany("INSERT INTO items (kind, source, scene) VALUES (?, ?, ?)", rows)
-        database.executemany("INSERT INTO facts VALUES (?, ?)", facts.items())
-        database.execute(f"PRAGMA user_version = {VERSION}")
-
-
-@contextmanager
-def _open_file(path: Path) -> Iterator[sqlite3.Connection]:
-    database = sqlite3.connect(path)
+    path.touch(mode=0o600, exist_ok=False)  # it will hold what people answered
     try:
-        with database:
-            yield database
-    finally:
-        database.close()
+        with closing(sqlite3.connect(path)) as database, database:
+            database.executescript(_TABLES)
+            rows = [(item.kind, item.source, item.scene) for item in items]
+            database.executemany("INSERT INTO items (kind, source, scene) VALUES (?, ?, ?)", rows)
+            database.executemany("INSERT INTO facts VALUES (?, ?)", facts.items())
+            database.execute(f"PRAGMA user_version = {VERSION}")
+    except sqlite3.Error as error:  # a full disk
+        path.unlink()
+        raise StoreError(f"{path}: the study cannot be written: {error}") from error
 
-
-__all__ = [
-    "GENERATED",
-    "REAL",
-    "Answer",
-    "Candidate",
-    "Item",
-    "Study",
-    "write_study",
-]
 
 _LOCK_TIMEOUT_S = 30.0
 
@@ -235,63 +213,7 @@ class Study:
         try:
             yield
         except BaseException:
-            self._database.execute("ROLLBACK")
+            if self._database.in_transaction:  # a full disk has ended it already
+                self._database.execute("ROLLBACK")
             raise
         self._database.execute("COMMIT")
-
-
-def sample_items(
-    clips: Path, reactions: Path, count: int, random: np.random.Generator
-) -> Iterator[Item]:
-    """Sample captured clips; yield each as captured and with the first reaction of a model.
-
-    Raises
-    ------
-    CommandError
-        If there are reactions to too few clips.
-    """
-    named = ((ReactionName.parse(n), motion) for n, motion in stream_motions(reactions / MOTIONS))
-    reacted = {name: motion for name, motion in named if name.sample == 0}
-    sources = sorted({name.clip for name in reacted})
-    if len(sources) < count:
-        raise CommandError(f"{reactions}: wanted reactions to {count} clips; got {len(sources)}")
-    for source in random.choice(np.array(sources), count, replace=False).tolist():
-        names = [name for name in reacted if name.clip == source]
-        name = names[int(random.integers(len(names)))]
-        reaction = reacted[name].swapped() if name.direction == "a" else reacted[name]
-        yield _item(REAL, source, read_motion(clips / MOTIONS, source))
-        yield _item(GENERATED, source, reaction)
-
-
-def _item(kind: str, source: str, shown: Interaction) -> Item:
-    """Pack a clip without its name and kind."""
-    return Item(kind, source, json.dumps(packed_scenes([Scene.of("", shown)], contact=0.0)))
-
-
-def balanced_sample(
-    candidates: Sequence[Candidate], count: int, random: np.random.Generator
-) -> list[int]:
-    """Select half of each kind, the least shown first, each source once, in random order.
-
-    Parameters
-    ----------
-    count : number of clips; if odd, one kind at random has one more
-
-    Raises
-    ------
-    ValueError
-        If there are too few sources.
-    """
-    order = random.permutation(len(candidates))
-    by_times_shown = sorted((candidates[k] for k in order), key=lambda c: c.times_shown)
-    expected = {REAL: count // 2, GENERATED: count // 2}
-    expected[(REAL, GENERATED)[int(random.integers(2))]] += count % 2
-    selected: list[int] = []
-    sources: set[str] = set()
-    for kind in random.permutation(np.array([REAL, GENERATED])).tolist():
-        eligible = [c for c in by_times_shown if c.kind == kind and c.source not in sources]
-        if len(eligible) < expected[kind]:
-            raise ValueError(f"a participant wants {count} sources; the study has fewer")
-        selected += [c.item for c in eligible[: expected[kind]]]
-        sources |= {c.source for c in eligible[: expected[kind]]}
-    return [selected[k] for k in random.permutation(len(selected))]

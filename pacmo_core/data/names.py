@@ -25,6 +25,14 @@ _VARIATION_SEPARATOR = "~"
 _REACTION = re.compile(r"(?P<clip>.+)#(?P<direction>[ab])#(?P<sample>\d+)", re.DOTALL)
 
 
+def printable(text: str) -> str:
+    """Return text on one line that a terminal only prints.
+
+    Control characters, and the bytes of a file name that is not UTF-8, are written as escapes.
+    """
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def clip_name(sequence: str, number: int, n_clips: int) -> str:
     """Name clip ``number`` of the ``n_clips`` of a sequence."""
     return sequence if n_clips == 1 else f"{sequence}{_SEPARATOR}{number:04d}"

@@ -3,6 +3,7 @@
 The files state neither action label nor frame rate; both are taken from the index of the database.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -142,4 +143,4 @@ def _subject(amc_file: Path) -> str:
 
 
 def _skeleton_files(files: tuple[Path, ...]) -> tuple[Path, ...]:
-    return tuple(file for file in map(skeleton_file, files) if file.is_file())
+    return tuple(file for file in map(skeleton_file, files) if os.path.lexists(file))

@@ -93,10 +93,13 @@ class DuetDance:
 def _mat_clips(root: Path, file: Path) -> list[RawSequence]:
     """List the clips of one dancer's file: with the man's those that both have, else the rest."""
     sex, dance = file.parent.name, file.stem
+    if not file.is_file():
+        return [unpaired_sequence(root, file)]
     partner = file.parent.parent / {"male": "female"}.get(sex, "male") / file.name
-    ours, theirs = _variable_names(file), _variable_names(partner)
+    ours = _variable_names(file)
     if sex not in ("male", "female") or not partner.is_file() or not ours:
         return [unpaired_sequence(root, file)]
+    theirs = _variable_names(partner)
     folder = file.parent.parent.relative_to(root).as_posix()
     position = dance if folder == "." else f"{folder}/{dance}"
     pairs = [

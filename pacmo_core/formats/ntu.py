@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.base import FormatError, RawSequence, Reading
+from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.tables import (
     MAX_COORDINATE,
     is_number,
@@ -35,6 +36,7 @@ from pacmo_core.formats.tables import (
     parse_floats,
     quote,
     read_bytes,
+    sequence_name,
 )
 
 # Setup, camera, performer, replication, action.
@@ -90,7 +92,7 @@ class Ntu:
 
         A file name that occurs in several folders is distinguished by its folder.
         """
-        files = sorted(path for path in root.rglob("*.skeleton") if not path.is_dir())
+        files = matching_files(root, r".*\.skeleton")
         times = Counter(path.stem for path in files)
         return [
             _sequence(path.stem if times[path.stem] == 1 else _folder_name(path, root), path)
@@ -128,6 +130,7 @@ def read_skip_list(text: str) -> frozenset[str]:
 def _sequence(name: str, file: Path) -> RawSequence:
     """Label a file by its name, which holds one performer's ID; the partner's is unknown."""
     match = _SAMPLE_NAME.fullmatch(file.stem)
+    name = sequence_name(name)
     if not match:
         return RawSequence(name, (file,), recording=name)
     setup, _, performer, replication, action = match.groups()

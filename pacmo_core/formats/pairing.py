@@ -55,9 +55,13 @@ class PairRule:
 
 
 def matching_files(root: Path, file_name: str) -> list[Path]:
-    """List the files below ``root`` whose names match a pattern, in any case, sorted by path."""
-    files = (file for file in root.rglob("*") if re.fullmatch(file_name, file.name, re.IGNORECASE))
-    return sorted(file for file in files if file.is_file())
+    """List the files below ``root`` whose names match a pattern, in any case, sorted by path.
+
+    All but folders: what is no regular file is listed too, so that ingestion can give the reason.
+    """
+    pattern = re.compile(file_name, re.IGNORECASE | re.DOTALL)
+    files = (file for file in root.rglob("*") if pattern.fullmatch(file.name))
+    return sorted(file for file in files if file.is_symlink() or not file.is_dir())
 
 
 def unpaired_sequence(root: Path, file: Path) -> RawSequence:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.base import FormatError, RawSequence, Reading
+from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.tables import (
     MAX_COORDINATE,
     is_number,
@@ -24,6 +25,7 @@ from pacmo_core.formats.tables import (
     parse_floats,
     quote,
     read_bytes,
+    sequence_name,
 )
 
 ACTIONS = {
@@ -60,8 +62,7 @@ class Sbu:
 
     def find(self, root: Path) -> list[RawSequence]:
         """List every ``skeleton_pos.txt`` under ``root``, named by its folders."""
-        files = sorted(path for path in root.rglob("skeleton_pos.txt") if not path.is_dir())
-        return [_sequence(path, root) for path in files]
+        return [_sequence(path, root) for path in matching_files(root, r"skeleton_pos\.txt")]
 
     def read(self, sequence: RawSequence) -> Reading:
         """Read one file.
@@ -83,7 +84,7 @@ def _sequence(file: Path, root: Path) -> RawSequence:
     name = folder.as_posix() if folder.parts else file.stem
     subjects = re.fullmatch(r"(s\d{2})(s\d{2})/(\d{2})/[^/]+", name)
     if not subjects:
-        return RawSequence(name, (file,), recording=name)
+        return RawSequence(sequence_name(name), (file,), recording=name)
     a, b, action = subjects.groups()
     return RawSequence(name, (file,), ACTIONS.get(action, ""), (a, b), recording=name)
 

@@ -1,11 +1,13 @@
 """Promote a trained model, hold it back, or roll back to the one promoted before.
 
-A decision is written to its file before the link ``promoted/current`` is set; ``repair_promotion``
-sets the link where the process was killed in between. What decides is the gate
+The copy of a model is prepared, its decision is written, then the copy and the link
+``promoted/current`` get their places; ``repair_promotion`` finishes this where the process was
+killed after the decision. What decides is the gate
 (``pacmo_core/promotion.py``).
 """
 
 import json
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,7 @@ from pacmo_core.project.workspace import (
     PROMOTED_MODELS,
     REPORT,
     CommandError,
+    log_event,
 )
 from pacmo_core.promotion import (
     PROMOTED,
@@ -102,7 +105,7 @@ def decide_promotion(gate: Gate) -> Decision:
     number = _next_number()
     verdict, reasons = _verdict(candidate, decisions, current_number, gate)
     if verdict == PROMOTED:
-        promotion.store_model(PROMOTED_MODELS, number, candidate.files)
+        promotion.prepare_model(PROMOTED_MODELS, number, candidate.files)
     decision = Decision(
         number=number,
         at=utc_now(),
@@ -112,7 +115,7 @@ def decide_promotion(gate: Gate) -> Decision:
         current_model=number if verdict == PROMOTED else current_number,
         experiment=candidate.experiment,
         test_reactions=candidate.test_reactions,
-        metrics=_compared_metrics(candidate, gate),
+        metrics=promotion.compared_metrics(candidate.tables, gate),
     )
     return _write(decision)
 
@@ -141,7 +144,7 @@ def roll_back(why: str) -> Decision:
         for number in promotion.list_models(PROMOTED_MODELS)
         if number < current_number and number in models and models[number].model not in withdrawn
     ]
-    if not earlier:
+    if not earlier or current_number not in models:
         raise CommandError(f"no model was promoted before the current one, {current_number}")
     restored, replaced = models[earlier[-1]], models[current_number]
     decision = Decision(
@@ -159,17 +162,28 @@ def roll_back(why: str) -> Decision:
 
 
 def repair_promotion() -> None:
-    """Repair what a killed process left: the link, the table, unreadable decisions."""
+    """Repair what a killed process left: model, link and table; set wrong decisions aside."""
     decisions, broken = read_decisions(DECISIONS)
     for fault in broken:
-        fault.file.replace(fault.file.with_suffix(".broken"))
-    if decisions and decisions[-1].current_model not in (
-        0,
-        promotion.current_model(PROMOTED_MODELS),
-    ):
+        _set_aside(fault.file, fault.reason)
+    if decisions and decisions[-1].verdict == PROMOTED:
+        promotion.publish_model(PROMOTED_MODELS, decisions[-1].number)
+    promotion.remove_prepared_models(PROMOTED_MODELS)
+    models = promotion.list_models(PROMOTED_MODELS)
+    # The model of the last decision is current and never removed; so this decision is wrong.
+    while decisions and decisions[-1].current_model not in (0, *models):
+        wrong = decisions.pop()
+        reason = f"there is no model {wrong.current_model}"
+        _set_aside(DECISIONS / f"{wrong.number:06d}.json", reason)
+    if decisions and decisions[-1].current_model:
         promotion.set_current_model(PROMOTED_MODELS, decisions[-1].current_model)
     if decisions:
         write_table(DECISIONS)
+
+
+def _set_aside(file: Path, reason: str) -> None:
+    log_event(f"set aside {file}: {reason}", logging.WARNING)
+    file.replace(file.with_suffix(".broken"))
 
 
 def _verdict(
@@ -200,13 +214,9 @@ def _withdrawn(decisions: list[Decision]) -> dict[str, Decision]:
     return {d.model: d for d in decisions if d.verdict == ROLLED_BACK}
 
 
-def _compared_metrics(candidate: Candidate, gate: Gate) -> dict[str, dict[str, float]]:
-    names = (*gate.metrics, "f2id", "f2id_floor")
-    return {name: dict(candidate.tables[gate.row][name]) for name in dict.fromkeys(names)}
-
-
 def _write(decision: Decision) -> Decision:
     add_decision(DECISIONS, decision)
+    promotion.publish_model(PROMOTED_MODELS, decision.number)
     if decision.current_model:
         promotion.set_current_model(PROMOTED_MODELS, decision.current_model)
     write_history_page(HISTORY_PAGE, read_decisions(DECISIONS)[0])

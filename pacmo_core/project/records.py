@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.data.names import printable
 from pacmo_core.project.workspace import EXIT_FAILED, EXIT_REJECTED
 from pacmo_core.store.files import write_text
 
@@ -70,7 +71,7 @@ def record_run(job: str, folder: Path) -> Iterator[RunRecord]:
         yield run
     except Exception as error:
         run.outcome = FAILED
-        run.reason = " ".join(f"{type(error).__name__}: {error}".split())
+        run.reason = printable(" ".join(f"{type(error).__name__}: {error}".split()))
         raise
     except BaseException:  # KeyboardInterrupt, or Prefect's on SIGTERM
         run.outcome, run.reason = KILLED, INTERRUPTED

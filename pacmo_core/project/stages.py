@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pacmo_core.project.workspace import (
+    DVC_CACHE,
     DVC_LOCK,
     DVC_YAML,
     HISTORY,
@@ -43,6 +44,10 @@ Result = TypeVar("Result")
 
 class TargetError(CommandError, ValueError):
     """A target that is not a stage."""
+
+
+class UnreadableFileError(CommandError):
+    """A dependency that has no content to hash."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +160,7 @@ def _stale(repo: "Repo") -> set[str]:
     import networkx as nx
 
     graph = repo.index.graph
+    _fingerprint(Path(os.path.relpath(dep.fs_path)) for dep in repo.index.deps)
     changed = set(repo.status())
     stale = {stage for stage in graph if stage.addressing in changed}
     return {s.addressing for s in stale.union(*(nx.ancestors(graph, s) for s in stale))}
@@ -218,8 +224,14 @@ def _file_facts(path: Path, ignored: frozenset[str]) -> Iterator[str]:
         facts = path.stat()
         entries = sorted(path.iterdir()) if stat.S_ISDIR(facts.st_mode) else None
     except FileNotFoundError:
+        # A link into DVC's cache is one of its outputs, whose object is gone.
+        if path.is_symlink() and not path.resolve().is_relative_to(DVC_CACHE.resolve()):
+            raise UnreadableFileError(f"{path}: a link to nothing; remove it") from None
         yield f"{path} missing"
         return
+    if entries is None and not stat.S_ISREG(facts.st_mode):
+        # DVC would wait for ever for the content of a pipe.
+        raise UnreadableFileError(f"{path}: neither a file nor a folder; remove it")
     if entries is None:
         yield f"{path} {facts.st_ino} {facts.st_size} {facts.st_mtime_ns}"
         return

@@ -9,6 +9,7 @@ from textwrap import shorten
 from typing import Any
 
 from pacmo_core import promotion
+from pacmo_core.data.names import printable
 from pacmo_core.project.lock import lock_holder
 from pacmo_core.project.records import DONE, REJECTED, SKIPPED, RunRecord, as_killed, read_runs
 from pacmo_core.project.stages import read_status
@@ -47,7 +48,7 @@ def project_status(*, stale: bool) -> dict[str, Any]:
         "decisions": [asdict(decision) for decision in decisions[-_N_LATEST:]],
         "broken_decisions": [error.file.as_posix() for error in unreadable],
         "stale": stale_reasons(holder) if stale else {},
-        "inbox": [file.relative_to(INBOX).as_posix() for file in _files(INBOX)],
+        "inbox": [printable(file.relative_to(INBOX).as_posix()) for file in _files(INBOX)],
         "unfinished_intake": INTAKE_PLAN.exists(),
         "quarantine": quarantined_captures(),
         "free_gb": round(disk.free / 1e9, 1),
@@ -72,8 +73,12 @@ def quarantined_captures() -> list[dict[str, Any]]:
     """List the captures that were moved from the inbox to quarantine, with the reason."""
     captures = []
     for file in sorted(QUARANTINE.glob(f"*/{REASON_FILE}")):
-        facts = json.loads(file.read_text(encoding="utf-8"))
-        captures.append({"folder": file.parent.as_posix(), **facts})
+        try:
+            facts = dict(json.loads(file.read_text(encoding="utf-8")))
+            name, reason = printable(str(facts["name"])), printable(str(facts["reason"]))
+        except (ValueError, TypeError, KeyError) as error:
+            name, reason, facts = file.parent.name, f"{file} cannot be read: {error}", {}
+        captures.append({"folder": file.parent.as_posix(), **facts, "name": name, "reason": reason})
     return captures
 
 
@@ -120,4 +125,4 @@ def _decision_line(decision: Decision) -> str:
 
 
 def _files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.is_file())
+    return sorted(path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())

@@ -15,6 +15,8 @@ from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from typing import TextIO
 
+from pacmo_core.data.names import printable
+
 PARAMS = Path("params.yaml")
 DVC_YAML = Path("dvc.yaml")
 DVC_LOCK = Path("dvc.lock")
@@ -58,9 +60,9 @@ class CommandError(Exception):
 def one_line(error: BaseException) -> str:
     """Return the text of an error on one line; of a ``KeyError`` the message without quotes."""
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename or 'file'}: {error.strerror}"
+        return printable(f"{error.filename or 'file'}: {error.strerror}")
     text = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
-    return " ".join(text.split())
+    return printable(" ".join(text.split()))
 
 
 @contextmanager

@@ -9,6 +9,7 @@ settings and code (``code_hash``), the key the hash of the input. Each file is w
 and contains the hash of its own content: a damaged entry is deleted and computed again.
 """
 
+import errno
 import hashlib
 import json
 import logging
@@ -81,7 +82,10 @@ class Cache:
         path = self.path(key)
         # Not flushed to the disk: after a power failure the hash reveals what was lost.
         with atomic_file(path, sync=False) as partial:
-            save_file(dict(entry.arrays), partial, metadata=header)
+            try:
+                save_file(dict(entry.arrays), partial, metadata=header)
+            except SafetensorError as error:  # a full disk
+                raise OSError(errno.EIO, str(error)) from error
         self._used.add(path)
 
     def path(self, key: str) -> Path:

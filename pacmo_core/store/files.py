@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+_MAX_NAME = 200  # bytes; file systems take names of 255
+
 
 class StoreError(ValueError):
     """A file that this package did not write, that is cut short, or of another version."""
@@ -25,7 +27,7 @@ def atomic_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
     sync : flush file and folder to the disk (fsync), so that the file survives a power failure
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    partial = path.with_name(f".{_short_name(path.name)}.{os.getpid()}")
     try:
         yield partial
         if sync:
@@ -33,8 +35,22 @@ def atomic_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
         partial.replace(path)
         if sync:
             fsync(path.parent)
+    except OSError as error:
+        # A write on a full disk names no file.
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _short_name(name: str) -> str:
+    """Shorten a name to which the number of a process can be added, with a hash for its rest."""
+    encoded = os.fsencode(name)
+    if len(encoded) <= _MAX_NAME:
+        return name
+    digest = hashlib.sha256(encoded).hexdigest()[:16]
+    return os.fsdecode(encoded[: _MAX_NAME - len(digest)]) + digest
 
 
 def write_text(path: Path, text: str) -> None:

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.names import printable
 from pacmo_core.store.files import StoreError, atomic_file
 
 VERSION = "1"
@@ -107,13 +108,20 @@ class SplitRecord:
 
 @dataclass(frozen=True)
 class QuarantineRecord:
-    """One capture that is not used, and the reason; ``line`` is 0 where no line is to blame."""
+    """One capture that is not used, and the reason; ``line`` is 0 where no line is to blame.
+
+    Texts may come from the capture itself: control characters in them are escaped.
+    """
 
     sequence: str
     file: str
     sha256: str
     line: int
     reason: str
+
+    def __post_init__(self) -> None:
+        for name in ("sequence", "file", "reason"):
+            object.__setattr__(self, name, printable(getattr(self, name)))
 
 
 Record = TypeVar("Record", ClipRecord, SplitRecord, QuarantineRecord)

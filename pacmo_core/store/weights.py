@@ -1,5 +1,6 @@
 """Weights of networks in safetensors, with their configuration as JSON in the same file."""
 
+import errno
 import json
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,10 @@ def write_weights(path: Path, config: dict[str, Any], state: dict[str, torch.Ten
     """Write the configuration and the state of a network atomically."""
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in state.items()}
     with atomic_file(path) as partial:
-        save_file(tensors, partial, metadata={"config": json.dumps(config, sort_keys=True)})
+        try:
+            save_file(tensors, partial, metadata={"config": json.dumps(config, sort_keys=True)})
+        except SafetensorError as error:  # a full disk
+            raise OSError(errno.EIO, str(error)) from error
 
 
 def read_weights(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:

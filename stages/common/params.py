@@ -131,8 +131,12 @@ def parse_split_name(name: str) -> tuple[str, int | None]:
 def run_stage(
     main: Callable[Arguments, None], *args: Arguments.args, **kwargs: Arguments.kwargs
 ) -> None:
-    """Run a stage; report what the user can correct in one line, without a traceback."""
+    """Run a stage; report what the user can correct, and a full disk, in one line."""
     try:
         main(*args, **kwargs)
     except StageError as fault:
         sys.exit(str(fault))
+    except OSError as error:
+        if error.errno is None:  # not of the operating system
+            raise
+        sys.exit(f"{error.filename or 'a file'}: {error.strerror}")

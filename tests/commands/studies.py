@@ -49,7 +49,8 @@ def served(path: Path, port: int = 0, *options: str) -> Iterator[tuple[str, subp
         "--port",
         str(port),
     ]
-    command = [sys.executable, *words, "--rate", "100000", "--burst", "100000", *options]
+    unlimited = ["--rate", "100000", "--burst", "100000", "--per-address", "100000"]
+    command = [sys.executable, *words, *unlimited, *options]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         try:
             address = f"http://127.0.0.1:{port}"

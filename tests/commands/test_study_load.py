@@ -13,7 +13,6 @@ from tests.commands.studies import free_port, served, small_study
 from tests.waiting import wait_until
 
 PER_PERSON = 14
-PEOPLE = 30
 Kept = dict[tuple[str, int], bool]
 pytestmark = pytest.mark.slow
 
@@ -71,14 +70,15 @@ def test_of_two_hundred_participants_at_once_no_answer_is_lost_or_doubled(study:
     assert held(study) == kept
 
 
-def test_kills_in_the_middle_lose_nothing_that_was_acknowledged(study: Path) -> None:
+@pytest.mark.parametrize("people", [30, pytest.param(300, marks=pytest.mark.scheduled)])
+def test_kills_in_the_middle_lose_nothing_that_was_acknowledged(study: Path, people: int) -> None:
     kept: Kept = {}
     port = free_port()
     met: list[int] = []
 
     def serve_until(share: float) -> None:
         with served(study, port) as (_, process):
-            wait_until(lambda: len(kept) >= share * PEOPLE * PER_PERSON)
+            wait_until(lambda: len(kept) >= share * people * PER_PERSON)
             process.send_signal(signal.SIGKILL)
             process.wait()
         # Nobody writes now: what was acknowledged so far must stand already.
@@ -90,6 +90,7 @@ def test_kills_in_the_middle_lose_nothing_that_was_acknowledged(study: Path) -> 
         for share in (0.3, 0.6, 1.0):
             serve_until(share)
 
-    asyncio.run(answer_all(f"http://127.0.0.1:{port}", PEOPLE, kept, kill_again_and_again))
-    assert 0 < met[0] < met[1] < PEOPLE * PER_PERSON
+    asyncio.run(answer_all(f"http://127.0.0.1:{port}", people, kept, kill_again_and_again))
+    assert 0 < met[0] < met[1] < people * PER_PERSON
+    assert len(kept) == people * PER_PERSON
     assert held(study) == kept

@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from flows.nightly import retrain
-from flows.prune import corrupt_objects, prune
+from flows.prune import prune
+from pacmo_core.project.objects import corrupt_objects
 from pacmo_core.project.records import RunRecord, read_runs
 from pacmo_core.project.workspace import RUNS, CommandError
 from pacmo_core.promotion import read_decisions

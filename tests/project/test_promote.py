@@ -102,12 +102,89 @@ def test_a_kill_between_decision_and_link_is_made_good():
     assert CURRENT.read_bytes() == b"two"
 
 
-def test_a_kill_between_shelf_and_decision_costs_a_number_only():
+def test_a_kill_before_the_decision_leaves_no_model_and_costs_no_number():
     train(b"one", 0.5)
-    promotion.store_model(PROMOTED_MODELS, 1, read_candidate("pacmo").files)
+    promotion.prepare_model(PROMOTED_MODELS, 1, read_candidate("pacmo").files)
+    repair_promotion()
+    assert list(PROMOTED_MODELS.iterdir()) == []
+    promotion.prepare_model(PROMOTED_MODELS, 7, read_candidate("pacmo").files)
     found = decide_promotion(GATE)
-    assert (found.verdict, found.number) == ("promoted", 2)
+    assert (found.verdict, found.number) == ("promoted", 1)
+    assert sorted(path.name for path in PROMOTED_MODELS.iterdir()) == ["000001", "current"]
     assert CURRENT.read_bytes() == b"one"
+
+
+def test_a_kill_between_the_decision_and_its_model_is_made_good():
+    train(b"one", 0.5)
+    decide_promotion(GATE)
+    (PROMOTED_MODELS / "current").unlink()
+    (PROMOTED_MODELS / "000001").rename(PROMOTED_MODELS / ".000001")
+    repair_promotion()
+    assert CURRENT.read_bytes() == b"one"
+
+
+def test_a_decision_that_cannot_be_written_leaves_no_model(monkeypatch):
+    train(b"one", 0.5)
+
+    def full(*_):
+        raise OSError(28, "No space left on device", "d")
+
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
+        patch.setattr("pacmo_core.project.promote.add_decision", full)
+        decide_promotion(GATE)
+    assert promotion.list_models(PROMOTED_MODELS) == []
+    assert decide_promotion(GATE).number == 1
+    assert sorted(path.name for path in PROMOTED_MODELS.iterdir()) == ["000001", "current"]
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize("metric", ["f2id", "f2id_floor"])
+@pytest.mark.parametrize("part", ["mean", "low", "high"])
+def test_a_metric_that_is_not_finite_holds_the_model_and_leaves_nothing_on_the_shelf(
+    value, metric, part
+):
+    train(b"one", 0.5)
+    details = json.loads(Path("reports/details.json").read_text())
+    details["pacmo"]["rows"]["pacmo"][metric][part] = value
+    Path("reports/details.json").write_text(json.dumps(details))
+    for _ in range(2):
+        held = decide_promotion(GATE)
+        assert held.verdict == "rejected" and metric not in held.metrics
+        assert "of pacmo is not finite" in held.reasons[0]
+    assert not PROMOTED_MODELS.exists() or list(PROMOTED_MODELS.iterdir()) == []
+
+
+WRONG = {
+    "number": 3,
+    "verdict": "maybe",
+    "reasons": [1],
+    "at": None,
+    "model": 5,
+    "current_model": 2,
+    "experiment": ["lab"],
+    "test_reactions": "many",
+    "metrics": {"f2id": {"mean": "low"}},
+}
+
+
+@pytest.mark.parametrize("field", WRONG)
+def test_a_decision_that_parses_and_is_wrong_is_set_aside(field):
+    train(b"one", 0.5)
+    decide_promotion(GATE)
+    file = DECISIONS / "000001.json"
+    wrong = {
+        **json.loads(file.read_text()),
+        "number": 2,
+        "verdict": "unchanged",
+        field: WRONG[field],
+    }
+    (DECISIONS / "000002.json").write_text(json.dumps(wrong))
+    repair_promotion()
+    assert (DECISIONS / "000002.broken").exists()
+    assert [d.number for d in read_decisions(DECISIONS)[0]] == [1]
+    train(b"two", 0.4)
+    assert decide_promotion(GATE).number == 3
+    assert CURRENT.read_bytes() == b"two"
 
 
 def test_a_broken_decision_is_put_aside_and_the_rest_stands():

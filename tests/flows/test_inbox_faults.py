@@ -1,0 +1,187 @@
+"""What is trusted: the names and files that the test made; what lies where afterwards."""
+
+import json
+import os
+import shutil
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flows.inbox import IntakeResult, take_captures
+from pacmo_core.project.stages import read_status, upstream_and_stale
+from pacmo_core.project.status import project_status, status_lines
+from pacmo_core.project.workspace import CommandError, configure_logging
+from tests.flows.projects import capture, make_project
+
+NAME = "skeleton_pos.txt"
+RAW = Path("data/captures/lab")
+INBOX = Path("data/inbox")
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory):
+    """Make the project once: DVC takes seconds for it."""
+    folder = tmp_path_factory.mktemp("template")
+    make_project(folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def project(template, tmp_path, monkeypatch):
+    shutil.copytree(template, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    configure_logging()
+
+
+def put(path: str | bytes, seed: int = 0) -> Path:
+    """Put a usable capture into a folder of the inbox."""
+    folder = INBOX / os.fsdecode(path)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / NAME).write_text(capture(seed))
+    return folder / NAME
+
+
+def night(good: str = "good") -> IntakeResult:
+    """Take captures in, with one good capture beside those of the test."""
+    put(good, seed=99)
+    result = take_captures(settle_s=0.0)
+    assert good in result.accepted and (RAW / good / NAME).is_file()
+    again = take_captures(settle_s=0.0)  # no later night is stopped
+    assert again.accepted == () and again.quarantined == {}
+    return result
+
+
+def reasons() -> list[dict]:
+    return [json.loads(p.read_text()) for p in sorted(Path("data/quarantine").glob("*/*.json"))]
+
+
+def irregular(make: Callable[[Path], None]) -> Path:
+    folder = INBOX / "odd"
+    folder.mkdir(parents=True)
+    make(folder / NAME)
+    return folder / NAME
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as opened:
+        opened.bind(os.path.relpath(path))
+
+
+IRREGULAR = {
+    "a pipe": os.mkfifo,
+    "a socket": _socket,
+    "a link to nothing": lambda path: path.symlink_to("nowhere"),
+    "a link to nothing, as it loops": lambda path: path.symlink_to(path.name),
+    "a link out of the folder": lambda path: path.symlink_to(Path("outside.txt").resolve()),
+    "a link out of the folder, to a device": lambda path: path.symlink_to("/dev/zero"),
+    "a folder": lambda path: path.symlink_to(".", target_is_directory=True),
+}
+
+
+@pytest.mark.parametrize("kind", IRREGULAR)
+def test_what_is_no_regular_file_is_quarantined_unopened(kind):
+    Path("outside.txt").write_text(capture(5))
+    odd = irregular(IRREGULAR[kind])
+    result = night()
+    assert kind.partition(",")[0] in result.quarantined["odd"]
+    assert not os.path.lexists(odd)
+    (facts,) = reasons()
+    assert facts["files"] == [f"odd/{NAME}"] and facts["reason"] == result.quarantined["odd"]
+    assert Path("outside.txt").read_text() == capture(5)
+
+
+def test_a_link_within_the_inbox_is_taken_as_its_content():
+    first = put("one", 1)
+    (INBOX / "two").mkdir()
+    (INBOX / "two" / NAME).symlink_to(Path("..") / "one" / NAME)
+    result = night()
+    assert "one" in result.accepted
+    assert result.quarantined == {"two": "the same content as one"}
+    assert not first.exists() and (RAW / "one" / NAME).is_file()
+
+
+@pytest.mark.parametrize("length", [140, 250])
+def test_a_long_name_stops_no_night(length):
+    put("n" * length)
+    result = night()
+    assert (length == 140) == ("n" * length in result.accepted)
+    if length > 140:
+        assert "250 characters" in result.quarantined["n" * length]
+        (kept,) = Path("data/quarantine").rglob(NAME)
+        assert kept.read_text() == capture(0)
+
+
+def test_long_names_that_begin_alike_are_quarantined_apart():
+    put("n" * 250 + "a", 1)
+    put("n" * 250 + "b", 2)
+    assert len(night().quarantined) == len(reasons()) == 2
+    assert len(list(Path("data/quarantine").rglob(NAME))) == 2
+
+
+def test_a_path_that_is_too_long_is_quarantined_with_its_content():
+    put("/".join(["p" * 200] * 8))
+    (reason,) = night().quarantined.values()
+    assert "wanted at most 1000" in reason
+    (kept,) = Path("data/quarantine").rglob("file-0")
+    assert kept.read_text() == capture(0)
+
+
+def test_a_name_that_is_not_utf8_is_quarantined_with_its_content():
+    put(b"caf\xe9")
+    (reason,) = night().quarantined.values()
+    assert reason == f"its name caf\\udce9/{NAME} is not UTF-8"
+    (kept,) = Path("data/quarantine").rglob(NAME)
+    assert kept.read_text() == capture(0)
+
+
+def test_a_file_where_a_folder_is_wanted_is_a_reason():
+    put("s/01", 1)
+    put("t", 2)
+    (RAW / "s").write_text("a file")
+    (RAW / "t" / NAME).mkdir(parents=True)
+    quarantined = night().quarantined
+    assert quarantined["s/01"] == f"{RAW}/s is a file, where a folder is wanted"
+    assert quarantined["t"] == f"{RAW}/t/{NAME} is a folder"
+
+
+def test_of_two_captures_that_come_to_one_name_the_second_is_quarantined():
+    put("a b", 1)
+    put("a-u20-b", 2)
+    result = night()
+    assert result.accepted == ("a-u20-b", "good")
+    assert result.quarantined["a-u20-b"] == f"the name a-u20-b is that of a b/{NAME}"
+    put("c d", 3)
+    assert take_captures(settle_s=0.0).accepted == ("c-u20-d",)
+    put("c-u20-d", 4)
+    late = take_captures(settle_s=0.0).quarantined
+    assert late == {"c-u20-d": f"the name c-u20-d is that of {RAW}/c d/{NAME}"}
+
+
+def test_control_characters_of_names_reach_no_terminal(capsys):
+    put("\x1b[31mred\n", 1).write_text("1,2\x1b[2J\n")
+    (INBOX / "\x1b[2Jnotes\n").write_text("no capture")
+    os.mkfifo(INBOX / "pipe")
+    result = night()
+    assert result.waiting == ("\\x1b[2Jnotes\\n", "pipe")
+    shown = "\n".join(status_lines(project_status(stale=False)))
+    facts = json.dumps([vars(result), reasons()], ensure_ascii=False) + capsys.readouterr().err
+    assert "\\x1b[2Jnotes" in shown
+    assert "\x1b" not in shown + facts
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("nowhere")])
+def test_a_folder_of_captures_that_dvc_cannot_hash_is_named_in_one_line(make):
+    make(RAW / "odd")
+    for ask in (read_status, lambda: upstream_and_stale([])):
+        with pytest.raises(CommandError, match=rf"{RAW}/odd: .*; remove it"):
+            ask()
+
+
+def test_an_unreadable_reason_hides_no_other(tmp_path):
+    for name, text in (("a", "{"), ("b", '{"name": "b", "reason": "short", "line": 0}')):
+        (tmp_path / f"data/quarantine/{name}").mkdir(parents=True)
+        (tmp_path / f"data/quarantine/{name}/reason.json").write_text(text)
+    shown = "\n".join(status_lines(project_status(stale=False)))
+    assert "a/reason.json cannot be read" in shown and "b: short" in shown
