@@ -10,7 +10,7 @@ import typer
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
-from pacmo_core.formats.base import RawSequence
+from pacmo_core.formats.base import RawSequence, read_capture
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, ONE_PERSON_FORMATS, format_of, open_format
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
@@ -93,7 +93,7 @@ def _read_captures(files: list[Path], form: str | None, settings: Mapping[str, A
     )
     # Formats with one person per file pair two files; one file is paired with itself.
     both = (files[0], files[-1]) if pairs else (files[0],)
-    interaction = opened.read(RawSequence(files[0].stem, both)).interaction
+    interaction = read_capture(opened, RawSequence(files[0].stem, both)).interaction
     label = " + ".join(file.stem for file in files)
     alone = pairs and len(files) == 1
     return _one_person_scene(label, interaction) if alone else Scene.of(label, interaction)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.formats.base import FormatError, RawSequence, Reading
+from pacmo_core.formats.base import FormatError, RawSequence, Reading, check_work
 from pacmo_core.formats.tables import (
     MAX_COORDINATE,
     is_number,
@@ -178,6 +178,7 @@ ACTIONS = {
 
 _N_JOINTS = 25
 _N_INFO, _N_FIELDS = 10, 12
+_MAX_TRACKS = 1000  # IDs in a file: each track is compared with those before it
 _MAX_BODIES = 6  # limit of Kinect v2
 _NUMERIC = b"0123456789+-.eE \t\r\n"
 # Bodies parsed at a time: the split fields of a file take ten times its size.
@@ -214,9 +215,13 @@ def parse_skeleton_text(data: bytes, file: Path) -> Detections:
     """
     lines = data.split(b"\n")
     n_frames = _parse_count_line(lines, 0, file, "a frame count")
+    check_work(file, n_frames, _N_JOINTS)
     bodies = list(_locate_bodies(lines, n_frames, file))
     starts = [line for _, _, line in bodies]
     chunks = [starts[i : i + _BODIES_PER_CHUNK] for i in range(0, len(starts), _BODIES_PER_CHUNK)]
+    n_tracks = len({body_id for _, body_id, _ in bodies})
+    if n_tracks > _MAX_TRACKS:
+        raise FormatError(file, f"wanted at most {_MAX_TRACKS} body IDs; got {n_tracks}")
     poses = [_poses(lines, chunk, file) for chunk in chunks]
     return Detections(
         n_frames=n_frames,
