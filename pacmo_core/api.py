@@ -99,7 +99,9 @@ def load_clips(
     if format not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {format!r}")
     reader = open_format(format, settings)
-    return {sequence.name: read_capture(reader, sequence).interaction for sequence in reader.find(path)}
+    return {
+        sequence.name: read_capture(reader, sequence).interaction for sequence in reader.find(path)
+    }
 
 
 def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:

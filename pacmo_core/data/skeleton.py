@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.limits import MAX_JOINTS
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -59,6 +61,12 @@ class Skeleton:
         KeyError, TypeError, ValueError
             If a field is missing or is not a skeleton's.
         """
+        wrong = [name for name in (fields["name"], *fields["joints"]) if type(name) is not str]
+        indices = (*fields["parents"], *(i for pair in fields["left_right"] for i in pair))
+        wrong += [index for index in indices if type(index) is not int]
+        if wrong or not 1 <= len(fields["joints"]) <= MAX_JOINTS:
+            reason = f"1 to {MAX_JOINTS} names of joints, and indices; got {wrong[:1] or 'another number'}"
+            raise ValueError(f"wanted {reason}")
         return cls(
             name=fields["name"],
             joints=tuple(fields["joints"]),

@@ -12,7 +12,6 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.limits import MAX_BYTES, file_fault, printable, work_fault
 from pacmo_core.data.skeleton import Skeleton
 
-
 _MAX_REASON = 500  # characters
 
 

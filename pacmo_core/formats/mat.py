@@ -114,16 +114,20 @@ def _read_directory(file: Path, _version: tuple[int, int, int]) -> dict[str, _En
     try:
         with file.open("rb") as stream:
             for entry in _entries(stream):
-                if entry.variable.name in entries:
-                    raise _BrokenError(f"the variable {entry.variable.name!r} comes twice")
-                if len(entries) == MAX_VARIABLES:
-                    raise _BrokenError(f"wanted at most {MAX_VARIABLES} variables; got more")
+                _check_new(entry.variable.name, entries)
                 entries[entry.variable.name] = entry
     except _BrokenError as error:
         raise FormatError(file, str(error)) from error
     except OSError as error:
         raise FormatError(file, f"cannot be read: {error.strerror}") from error
     return entries
+
+
+def _check_new(name: str, entries: dict[str, _Entry]) -> None:
+    if name in entries:
+        raise _BrokenError(f"the variable {name!r} comes twice")
+    if len(entries) == MAX_VARIABLES:
+        raise _BrokenError(f"wanted at most {MAX_VARIABLES} variables; got more")
 
 
 def _entries(stream: BinaryIO) -> Iterator[_Entry]:

@@ -215,8 +215,8 @@ def parse_skeleton_text(data: bytes, file: Path) -> Detections:
     """
     lines = data.split(b"\n")
     n_frames = _parse_count_line(lines, 0, file, "a frame count")
-    check_work(file, n_frames, _N_JOINTS)
     bodies = list(_locate_bodies(lines, n_frames, file))
+    check_work(file, n_frames, _N_JOINTS)
     starts = [line for _, _, line in bodies]
     chunks = [starts[i : i + _BODIES_PER_CHUNK] for i in range(0, len(starts), _BODIES_PER_CHUNK)]
     n_tracks = len({body_id for _, body_id, _ in bodies})
