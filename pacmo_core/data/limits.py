@@ -13,6 +13,9 @@ MAX_JOINTS = 1000  # of a person
 MAX_POSITIONS = 4_000_000  # frames times joints: nine minutes of 60 joints at 120 frames a second
 MAX_PAIRS = 400_000_000  # frames times pairs of both people's joints, whose distances are measured
 MAX_GAP = 10.0  # seconds between frames: the lowest frame rate is 0.1
+MAX_SAMPLES = 1000  # that one command generates
+MAX_PARAMETERS = 100_000_000  # of a network: ten times the largest here
+MAX_GRID = 4096  # points of a network's time axis
 MAX_NUMBERS = 6 * MAX_POSITIONS  # in a table: a joint has up to six channels
 
 _KINDS = {

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.formats.base import FormatError, RawSequence, Reading, check_work
+from pacmo_core.formats.base import FormatError, RawSequence, Reading, check_fps, check_work
 from pacmo_core.formats.tables import (
     MAX_COORDINATE,
     is_number,
@@ -61,16 +61,11 @@ class Ntu:
     skip_lists: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if not (
-            self.fps > 0
-            and self.max_gap >= 0
-            and self.max_link_distance >= 0
-            and 0 < self.min_visible_share <= 1
-        ):
+        check_fps(self.fps)
+        if min(self.max_gap, self.max_link_distance) < 0 or not 0 < self.min_visible_share <= 1:
             raise ValueError(
-                "fps must be > 0, max_gap and max_link_distance >= 0, min_visible_share in (0, 1]; "
-                f"got {self.fps}, "
-                f"{self.max_gap}, {self.max_link_distance}, {self.min_visible_share}"
+                "max_gap and max_link_distance must be >= 0, min_visible_share in (0, 1]; "
+                f"got {self.max_gap}, {self.max_link_distance}, {self.min_visible_share}"
             )
 
     @cached_property

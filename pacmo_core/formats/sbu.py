@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.formats.base import FormatError, RawSequence, Reading, check_work
+from pacmo_core.formats.base import FormatError, RawSequence, Reading, check_fps, check_work
 from pacmo_core.formats.tables import (
     MAX_COORDINATE,
     is_number,
@@ -55,8 +55,7 @@ class Sbu:
     fps: float
 
     def __post_init__(self) -> None:
-        if not self.fps > 0:
-            raise ValueError(f"fps must be > 0; got {self.fps}")
+        check_fps(self.fps)
 
     def find(self, root: Path) -> list[RawSequence]:
         """List every ``skeleton_pos.txt`` under ``root``, named by its folders."""

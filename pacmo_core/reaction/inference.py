@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
 from pacmo_core.reaction.data import Condition
@@ -84,8 +85,9 @@ def react_all(
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     """List times at a constant frame rate, from the first of ``times`` to the last at most."""
-    if not fps > 0:
-        raise ValueError(f"fps must be > 0; got {fps}")
+    if not 0 < fps <= MAX_POSITIONS / max(times[-1] - times[0], 1.0):
+        reason = f"fps must be > 0 and give at most {MAX_POSITIONS} frames"
+        raise ValueError(f"{reason}; got {fps:g} for {times[-1] - times[0]:g} s")
     # The last frame is included despite rounding errors.
     count = int(np.floor((times[-1] - times[0]) * fps + 1e-6)) + 1
     result: NDArray[np.float64] = np.minimum(times[0] + np.arange(count) / fps, times[-1])
