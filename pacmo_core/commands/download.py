@@ -175,7 +175,7 @@ _ENCRYPTED = 0x1
 # Of zipfile on damaged archives: names that are no UTF-8, dates, offsets and sizes that are none.
 _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError),
-    *(NotImplementedError, ValueError, OverflowError, RuntimeError),
+    *(NotImplementedError, ValueError, OverflowError, RuntimeError, OSError),
 )
 
 
