@@ -167,7 +167,7 @@ def _spoil_json(g: Grammar, value: Any) -> Any:
 def _spoil_tensor(g: Grammar, tensor: torch.Tensor) -> torch.Tensor:
     kinds = (torch.float64, torch.int32, torch.bool, torch.bfloat16)
     choices = (
-        lambda: tensor[:0],
+        lambda: tensor.flatten()[:0],
         lambda: tensor.flatten(),
         lambda: tensor * float("nan"),
         lambda: tensor * 1e30,

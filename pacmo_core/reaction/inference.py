@@ -67,6 +67,11 @@ def react_all(
     """React to partners of any lengths and frame rates, in batches: ``(S, T_out_i, J, 3)`` each.
 
     Noise is sampled partner by partner, so that reactions do not depend on later partners.
+
+    Raises
+    ------
+    ValueError
+        As ``react``; and if a reaction is not finite.
     """
     n_joints = len(model.skeleton.joints)
     reactions: list[Motion] = []
@@ -80,6 +85,8 @@ def react_all(
                 motion = query.frame.to_world(local.reshape(*local.shape[:2], n_joints, 3))
                 weights = query.weights.astype(np.float32)[:, None, None]
                 reactions[query.partner][:, query.rows] += weights * motion
+    if not all(np.isfinite(reaction).all() for reaction in reactions):
+        raise ValueError("the reaction has values that are not finite: the weights are damaged")
     return reactions
 
 
