@@ -30,6 +30,7 @@ from pacmo_core.store.weights import read_weights
 
 Write = Callable[[Path, Path], None]  # folder, templates
 Alter = Callable[[pa.Table], pa.Table]
+AlterWeights = Callable[[dict[str, Any], dict[str, torch.Tensor]], Any]
 
 
 @dataclass(frozen=True)
@@ -223,9 +224,7 @@ def _read_motions(folder: Path) -> None:
     MotionReader(folder / "motions.parquet").read(names[0])
 
 
-def _write_weights(
-    alter: Callable[[dict[str, Any], dict[str, torch.Tensor]], Any], folder: Path, templates: Path
-) -> None:
+def _write_weights(alter: AlterWeights, folder: Path, templates: Path) -> None:
     config, state = read_weights(templates / "pacmo.safetensors")
     facts = alter(config, state)
     save_file(state, folder / "w.safetensors", metadata={"config": json.dumps(facts)})
@@ -237,21 +236,31 @@ def _edit(config: dict[str, Any], *keys: str, value: Any) -> dict[str, Any]:
     return {**config, keys[0]: _edit(config[keys[0]], *keys[1:], value=value)}
 
 
-def _first(state: dict[str, torch.Tensor], tensor: Callable[[torch.Tensor], torch.Tensor]) -> None:
-    name = min(name for name in state if state[name].ndim > 1)
-    state[name] = tensor(state[name]).contiguous()
+def _tensor(change: Callable[[torch.Tensor], torch.Tensor]) -> AlterWeights:
+    """Change the first tensor with more than one axis, and not the configuration."""
+
+    def alter(config: dict[str, Any], state: dict[str, torch.Tensor]) -> dict[str, Any]:
+        name = min(name for name in state if state[name].ndim > 1)
+        state[name] = change(state[name]).contiguous()
+        return config
+
+    return alter
 
 
-WEIGHTS: dict[str, Callable[[dict[str, Any], dict[str, torch.Tensor]], Any]] = {
+def _special_file(name: str, make: Callable[[Path], None]) -> Write:
+    return lambda folder, _: make(folder / name)
+
+
+WEIGHTS: dict[str, AlterWeights] = {
     "a list": lambda *_: [],
     "null": lambda *_: None,
     "no model": lambda c, _: {"config": c["config"]},
     "a configuration that is null": lambda c, _: {**c, "config": None},
     "a missing tensor": lambda c, s: (s.pop(min(s)), c)[1],
     "a tensor more": lambda c, s: (s.update(more=torch.zeros(1)), c)[1],
-    "a tensor of another shape": lambda c, s: (_first(s, lambda t: t[:-1]), c)[1],
-    "a tensor that is not a number": lambda c, s: (_first(s, lambda t: t * np.nan), c)[1],
-    "a tensor of whole numbers": lambda c, s: (_first(s, lambda t: t.int()), c)[1],
+    "a tensor of another shape": _tensor(lambda t: t[:-1]),
+    "a tensor that is not a number": _tensor(lambda t: t * np.nan),
+    "a tensor of whole numbers": _tensor(lambda t: t.int()),
     "a period that is not a number": lambda c, _: _edit(
         c, "config", "uno", "period", value=float("nan")
     ),
@@ -319,16 +328,16 @@ def crafted_cases() -> dict[str, Crafted]:
     for what, change in WEIGHTS.items():
         write = partial(_write_weights, change)
         cases[f"weights: {what}"] = Crafted(write, _read_weights, (StoreError,))
-    for what, write in ARCHIVES.items():
-        cases[f"archive: {what}"] = Crafted(write, read_archive, (ArchiveError,))
+    for what, pack in ARCHIVES.items():
+        cases[f"archive: {what}"] = Crafted(pack, read_archive, (ArchiveError,))
     for what, make in SPECIAL.items():
         cases[f"motions: {what}"] = Crafted(
-            lambda folder, _, make=make: make(folder / "motions.parquet"),
+            _special_file("motions.parquet", make),
             _read_motions,
             (StoreError, FileNotFoundError),
         )
         cases[f"weights: {what}"] = Crafted(
-            lambda folder, _, make=make: make(folder / "w.safetensors"),
+            _special_file("w.safetensors", make),
             _read_weights,
             (StoreError, FileNotFoundError),
         )

@@ -54,9 +54,8 @@ def make_templates(folder: Path) -> None:
     with write_motions(folder / "motions.parquet", skeleton) as writer:
         for name in sorted(clips):
             writer.add(name, clips[name].frames(0, 12))
-    for name, settings in (("pacmo", {"width": 4}), ("gru", {"hidden": 8})):
-        model = train(name, clips, n_epochs=1, **settings)
-        save(name, model, folder / f"{name}.safetensors")
+    save("pacmo", train("pacmo", clips, n_epochs=1, width=4), folder / "pacmo.safetensors")
+    save("gru", train("gru", clips, n_epochs=1, hidden=8), folder / "gru.safetensors")
     clip = next(iter(clips.values()))
     config = PriorConfig(skeleton, find_limbs(skeleton, clip.person_a), "kinematic", 16, 2, 30, 0.1)
     prior = build_skeleton_prior(config)
@@ -142,8 +141,10 @@ def read_parquet(folder: Path) -> None:
         reader = MotionReader(file)
         for name in names[:2]:
             reader.read(name)
-    elif file.stem in ("clips", "quarantine"):
-        read_rows(file, ClipRecord if file.stem == "clips" else QuarantineRecord)
+    elif file.stem == "clips":
+        read_rows(file, ClipRecord)
+    elif file.stem == "quarantine":
+        read_rows(file, QuarantineRecord)
     elif file.stem == "scores":
         read_scores(file)
     else:

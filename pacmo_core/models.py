@@ -204,7 +204,7 @@ def load_model(path: Path | str, kind: Kind) -> nn.Module:
     name = facts.get("model")
     if name not in model_names(kind):
         raise StoreError(
-            f"{path}: wanted a model of {', '.join(model_names(kind))}; got {name!r:.60}"
+            f"{path}: wanted a model of {', '.join(model_names(kind))}; got {name!s:.60}"
         )
     try:
         model = MODELS[name].read(facts["config"], state)
