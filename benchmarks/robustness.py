@@ -130,26 +130,29 @@ def supervise(job: Job, n_cases: int, tally: Tally) -> None:
         process = context.Process(target=work, args=(job, done, n_cases, sender))
         process.start()
         sender.close()
-        done = _receive(job, receiver, done, tally)
+        done = _receive(job, receiver, (done, n_cases), tally)
         if process.is_alive():
             process.kill()
         process.join()
 
 
-def _receive(job: Job, receiver: Connection, done: int, tally: Tally) -> int:
+def _receive(job: Job, receiver: Connection, cases: tuple[int, int], tally: Tally) -> int:
     """Take results until the process ends; return the number of the next case."""
-    while True:
+    done, stop = cases
+    while done < stop:
         try:
             if not receiver.poll(3 * LIMIT_S):
                 tally.add(job.label(done), "hung", "without leaving compiled code")
                 return done + 1
             number, outcome, detail = receiver.recv()
         except EOFError:
-            return done
+            tally.add(job.label(done), "crashed", "the process died")
+            return done + 1
         tally.add(job.label(number), outcome, detail)
         done = number + 1
         if outcome in ("over_memory", "hung"):
             return done
+    return done
 
 
 def main() -> None:

@@ -70,10 +70,10 @@ def test_what_is_no_file_or_too_large_is_refused_unopened(
 class AnyFormat(Format):
     """A format that checks nothing."""
 
-    def find(self, root: Path) -> list[RawSequence]:
+    def find(self, root: Path) -> list[RawSequence]:  # noqa: D102
         return []
 
-    def read(self, sequence: RawSequence) -> Reading:
+    def read(self, sequence: RawSequence) -> Reading:  # noqa: D102
         return Reading(make_interaction(np.random.default_rng(0), 20))
 
 
