@@ -243,9 +243,10 @@ def read_archive(folder: Path) -> None:
 
 def write_mat(g: Grammar, folder: Path) -> None:
     """Write two dancers as MATLAB files, some variables of other shapes and types."""
+    n_frames = g.integer(1, 9)
     for sex in ("male", "female"):
         (folder / sex).mkdir()
-        shape = (g.integer(0, 9), 15, 3) if not g.odd() else tuple(g.random.integers(0, 5, 3))
+        shape = (n_frames, 15, 3) if not g.odd() else tuple(g.random.integers(0, 5, 3))
         values: dict[str, Any] = {f"v{i}_1": g.random.normal(size=shape) for i in range(2)}
         if g.odd():
             others = (np.array(["x"]), {"a": 1}, np.array([1j]), np.zeros((2, 2), "u1"), [[1], "b"])

@@ -55,6 +55,9 @@ class UnoConfig:
                 "channels, modes and ratios must be as many as the layers, seven if there are "
                 f"skips; got {len(self.channels)}, {len(self.modes)}, {len(self.ratios)}"
             )
+        sizes = (self.in_channels, self.out_channels, self.lifting, *self.channels, *self.modes)
+        if min(sizes) < 1:
+            raise ValueError(f"channels and modes must be at least 1; got {min(sizes)}")
         exact = self.period * (self.n_points - 1)
         if self.period <= 1 or self.n_points < 4 or abs(exact - round(exact)) > 1e-9:
             raise ValueError(

@@ -47,6 +47,8 @@ class GeneratorConfig:
                 f"the operator must have {inputs} input channels for {self.noise_channels} of noise"
                 f" and {self.action_channels} of labels; got {self.uno.in_channels}"
             )
+        if self.actions and not self.action_channels:
+            raise ValueError("action_channels must be positive where there are actions; got 0")
         if self.uno.out_channels != 3 * len(self.skeleton.joints):
             raise ValueError(f"output channels must be 3 a joint; got {self.uno.out_channels}")
 

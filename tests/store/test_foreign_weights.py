@@ -72,7 +72,9 @@ FAULTS: dict[str, Alter] = {
     "100000000 parameters": setting("config", "uno", "lifting", value=10**6),
     "cannot convert float NaN": setting("config", "uno", "period", value=float("nan")),
     "names as text": setting("config", "skeleton", "joints", value=[1, 2]),
-    "str": setting("config", "actions", value=[1]),
+    "boolean": setting("config", "uno", "skips", value=1),
+    "action_channels must be positive": setting("config", "actions", value=["a"]),
+    "channels and modes must be at least 1": setting("config", "uno", "lifting", value=0),
     "input channels": setting("config", "noise_channels", value=-1),
     "n_modes must be": setting("config", "noise", "n_modes", value=10**9),
 }
