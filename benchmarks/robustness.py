@@ -144,7 +144,8 @@ def _receive(job: Job, receiver: Connection, cases: tuple[int, int], tally: Tall
             if not receiver.poll(3 * LIMIT_S):
                 tally.add(job.label(done), "hung", "without leaving compiled code")
                 return done + 1
-            number, outcome, detail = receiver.recv()
+            result: tuple[int, str, str] = receiver.recv()
+            number, outcome, detail = result
         except EOFError:
             tally.add(job.label(done), "crashed", "the process died")
             return done + 1
