@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from pacmo_core.data.names import printable
+from pacmo_core.data.limits import printable
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import open_format

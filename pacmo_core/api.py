@@ -24,6 +24,7 @@ from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment
 from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
+from pacmo_core.formats.base import read_capture
 from pacmo_core.formats.registry import FORMATS, open_format
 from pacmo_core.interaction_mesh import Scene as MeshScene
 from pacmo_core.interaction_mesh import Settings, prepare
@@ -98,7 +99,9 @@ def load_clips(
     if format not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {format!r}")
     reader = open_format(format, settings)
-    return {sequence.name: reader.read(sequence).interaction for sequence in reader.find(path)}
+    return {
+        sequence.name: read_capture(reader, sequence).interaction for sequence in reader.find(path)
+    }
 
 
 def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:

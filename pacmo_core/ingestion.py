@@ -19,7 +19,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.quality import QualityError, QualityLimits, check_quality, measure_quality
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.execution import Executor, open_executor
-from pacmo_core.formats.base import Format, FormatError, RawSequence
+from pacmo_core.formats.base import Format, FormatError, RawSequence, read_capture
 from pacmo_core.store.cache import Cache, CacheEntry, code_hash, short_hash
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord
@@ -290,7 +290,7 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
     names = " + ".join(_relative(file, settings.root) for file in sequence.files)
     digest = file_hash(*sequence.files)
     try:
-        reading = settings.format.read(sequence)
+        reading = read_capture(settings.format, sequence)
         interaction = reading.interaction.without(list(settings.drop_joints))
         quality = measure_quality(interaction, contact_distance=settings.contact_distance)
         check_quality(quality, settings.limits, settings.stated_fps)

@@ -7,7 +7,8 @@ import torch.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -157,6 +158,12 @@ _ROWS = (
     _skeleton_prior("m_cnn", "M-CNN"),
     _skeleton_prior("m_gcn", "M-GCN"),
 )
+# Of constructors and of torch on a configuration or tensors that are not the model's.
+_FAULTS = (
+    *(KeyError, TypeError, ValueError, AttributeError, IndexError),
+    *(RuntimeError, ArithmeticError, MemoryError),
+)
+MAX_FAULT = 300  # characters; torch lists every tensor
 MODELS = {model.name: model for model in _ROWS}
 
 
@@ -196,13 +203,37 @@ def load_model(path: Path | str, kind: Kind) -> nn.Module:
     facts, state = read_weights(Path(path))
     name = facts.get("model")
     if name not in model_names(kind):
-        raise StoreError(f"{path}: wanted a model of {', '.join(model_names(kind))}; got {name}")
-    try:
-        return MODELS[name].read(facts["config"], state)
-    except (KeyError, TypeError) as fault:
         raise StoreError(
-            f"{path}: a model of another version, to be trained again; differs in {fault}"
+            f"{path}: wanted a model of {', '.join(model_names(kind))}; got {name!s:.60}"
+        )
+    try:
+        model = MODELS[name].read(facts["config"], state)
+        _check_types(model)
+        _check_tensors(model, state)
+    except _FAULTS as fault:
+        text = " ".join(str(fault).split())[:MAX_FAULT]
+        raise StoreError(
+            f"{path}: a model of another version, to be trained again; differs in {text}"
         ) from fault
+    return model
+
+
+def _check_types(model: nn.Module) -> None:
+    """Raise ValueError unless every value of a model's configuration has the type of its field."""
+    from pydantic import TypeAdapter  # noqa: PLC0415
+
+    config: Any = model.config
+    text = json.dumps(asdict(config), allow_nan=False)
+    TypeAdapter(type(config)).validate_json(text, strict=True)
+
+
+def _check_tensors(model: nn.Module, state: Mapping[str, Tensor]) -> None:
+    """Raise ValueError unless the tensors are finite and of the model's types."""
+    for name, tensor in model.state_dict().items():
+        if state[name].dtype != tensor.dtype:
+            raise ValueError(f"tensor {name}: wanted {tensor.dtype}, got {state[name].dtype}")
+        if not bool(tensor.isfinite().all()):
+            raise ValueError(f"tensor {name}: wanted finite numbers")
 
 
 def load_reaction_model(path: Path | str) -> ReactionModel:

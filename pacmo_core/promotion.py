@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from pacmo_core.metrics.catalogue import CLOSER_TO_REAL, HIGHER, LOWER, METRICS
 from pacmo_core.store.files import atomic_file, file_hash, fsync, write_text
-from pacmo_core.store.tables import VERSION
+from pacmo_core.store.parquet import VERSION
 
 Interval = Mapping[str, float]  # mean, low, high
 Metrics = Mapping[str, Interval]

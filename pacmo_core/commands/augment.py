@@ -31,7 +31,7 @@ from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
 from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.interaction_mesh.report import measure_motions
-from pacmo_core.project.workspace import CommandError, errors_in_one_line
+from pacmo_core.project.workspace import CommandError, errors_in_one_line, one_line
 from pacmo_core.store.files import StoreError
 
 
@@ -223,5 +223,5 @@ def solver_errors_in_one_line(files: str) -> Iterator[None]:
             yield
         except (StoreError, FormatError) as fault:
             raise CommandError(str(fault)) from fault
-        except (ValueError, KeyError) as fault:
-            raise CommandError(f"{files}: {fault.args[0]}") from fault
+        except (ValueError, KeyError, ArithmeticError, MemoryError) as fault:
+            raise CommandError(f"{files}: {one_line(fault)}") from fault

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
@@ -220,7 +221,7 @@ def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:
         names = [file.name for file in duo.files]
         if names[0] != names[1]:
             return [out / name for name in names]
-    stem = duo.name.replace("/", "_")
+    stem = file_stem(duo.name)
     return [out / f"{stem}_{person.upper()}.bvh" for person in PEOPLE]
 
 

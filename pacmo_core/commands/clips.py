@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from pacmo_core.data.limits import printable
 from pacmo_core.project.workspace import CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, read_rows
@@ -63,10 +65,11 @@ def _show(lines: Sequence[Sequence[str]], columns: Sequence[str], matching: str)
     table = Table(*columns, box=None)
     for cells in lines:
         if matching in " ".join(cells):
-            table.add_row(*cells)
-    Console(markup=False).print(table)  # a file may be named [bold]
+            table.add_row(*map(Text, cells))
+    Console().print(table)
     typer.echo(f"{table.row_count} of {len(lines)}")
 
 
 def _cell(value: object) -> str:
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    # Escaped: a name may hold controls of the terminal, and brackets that Rich takes as markup.
+    return f"{value:.2f}" if isinstance(value, float) else printable(str(value))

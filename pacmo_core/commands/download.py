@@ -7,6 +7,7 @@ The bytes of an unfinished download are in ``NAME.part``, the version of the fil
 import hashlib
 import json
 import re
+import struct
 import time
 import zipfile
 import zlib
@@ -26,6 +27,9 @@ class FileVersion:
 
     validator: str | None = None
     length: int | None = None
+
+
+_TEXT, _NUMBER = (str, type(None)), (int, type(None))
 
 
 class PartialFile:
@@ -50,8 +54,10 @@ class PartialFile:
         """The version that the bytes belong to; empty if it is unknown."""
         try:
             version = FileVersion(**json.loads(self._note.read_text(encoding="utf-8")))
-        except (FileNotFoundError, ValueError, TypeError):
+        except (FileNotFoundError, ValueError, TypeError, RecursionError):
             return FileVersion()  # the version file is missing or damaged
+        if type(version.validator) not in _TEXT or type(version.length) not in _NUMBER:
+            return FileVersion()
         return version if version.length is None or self.size <= version.length else FileVersion()
 
     @property
@@ -148,7 +154,8 @@ def _read(file: Path) -> dict[str, str]:
     if not file.exists():
         return {}
     sums = {}
-    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
+    text = file.read_text(encoding="utf-8", errors="replace")
+    for number, line in enumerate(text.splitlines(), start=1):
         match = _LINE.fullmatch(line)
         if match is None:
             raise CommandError(f"{file}:{number}: wanted '<sha256>  <file>', got {line!r}")
@@ -160,8 +167,16 @@ class ArchiveError(CommandError):
     """An archive that is damaged, unsafe, or has unexpected contents."""
 
 
-_TAKE = re.compile(r"(?:.*/)?(\d\d/\d\d\d/skeleton_pos\.txt)")
+_TAKE = re.compile(r"(?:.*/)?(\d\d/\d\d\d/skeleton_pos\.txt)", re.ASCII)
 _MAX_BYTES = 8 << 20  # bytes; a take of 46 frames has about 40 kB
+_MAX_MEMBERS = 200_000  # of an archive: those of SBU have some thousands of pictures
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # the others inflate without a limit
+_ENCRYPTED = 0x1
+# Of zipfile on damaged archives: names that are no UTF-8, dates, offsets and sizes that are none.
+_BROKEN = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError),
+    *(NotImplementedError, ValueError, OverflowError, RuntimeError, OSError),
+)
 
 
 def extract_skeletons(archive: Path) -> Iterator[tuple[str, bytes]]:
@@ -180,12 +195,14 @@ def extract_skeletons(archive: Path) -> Iterator[tuple[str, bytes]]:
             members = _selected_members(archive, opened.infolist())
             for path, member in members.items():
                 yield path, opened.read(member)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+    except _BROKEN as error:
         raise ArchiveError(f"{_label(archive)}: not a complete zip archive ({error})") from error
 
 
 def _selected_members(archive: Path, members: list[zipfile.ZipInfo]) -> dict[str, zipfile.ZipInfo]:
     selected: dict[str, zipfile.ZipInfo] = {}
+    if len(members) > _MAX_MEMBERS:
+        raise ArchiveError(f"{_label(archive)}: holds more than {_MAX_MEMBERS} files")
     for member in members:
         _refuse_escape(archive, member)
         match = _TAKE.fullmatch(member.filename)
@@ -193,14 +210,22 @@ def _selected_members(archive: Path, members: list[zipfile.ZipInfo]) -> dict[str
             continue
         if match[1] in selected:
             raise ArchiveError(f"{_label(archive)}: holds {match[1]} twice")
-        if member.file_size > _MAX_BYTES:
-            raise ArchiveError(
-                f"{_label(archive)}: {member.filename} claims {member.file_size} bytes"
-            )
+        _check_member(archive, member)
         selected[match[1]] = member
     if not selected:
         raise ArchiveError(f"{_label(archive)}: holds no skeleton_pos.txt")
     return selected
+
+
+def _check_member(archive: Path, member: zipfile.ZipInfo) -> None:
+    """Refuse a take that is encrypted, packed in an unusual way, or larger than a take."""
+    what = f"{_label(archive)}: {member.filename}"
+    if member.flag_bits & _ENCRYPTED:
+        raise ArchiveError(f"{what} is encrypted")
+    if member.compress_type not in _METHODS:
+        raise ArchiveError(f"{what} is packed by method {member.compress_type}")
+    if member.file_size > _MAX_BYTES:
+        raise ArchiveError(f"{what} claims {member.file_size} bytes")
 
 
 def _refuse_escape(archive: Path, member: zipfile.ZipInfo) -> None:
@@ -218,7 +243,8 @@ def _label(archive: Path) -> str:
 
 Report = Callable[[int, int | None], None]  # bytes so far, total bytes if known
 
-_CONTENT_RANGE = re.compile(r"bytes (\d+)-\d+/(\d+)")
+_CONTENT_RANGE = re.compile(r"bytes (\d{1,18})-\d+/(\d{1,18})", re.ASCII)
+_DIGITS = re.compile(r"\d{1,18}", re.ASCII)
 
 
 class MissingError(CommandError):
@@ -354,6 +380,8 @@ def _length(response: httpx.Response) -> int | None:
         raise CommandError(
             f"{response.url}: no length stated, so an incomplete file could not be detected"
         )
+    if stated is not None and not _DIGITS.fullmatch(stated):
+        raise CommandError(f"{response.url}: wanted a length, got {stated!r:.40}")
     return None if stated is None else int(stated)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.limits import work_fault
 from pacmo_core.figures.body_mesh import make_skin
 from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
@@ -78,6 +79,8 @@ def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Pat
 def resample_scene(scene: Scene, fps: float) -> Scene:
     """Return the scene at another frame rate."""
     at = sample_times(scene.times, fps)
+    if fault := work_fault(len(at), len(scene.skeleton.joints)):
+        raise CommandError(f"--fps {fps:g}: {fault}")
     people = tuple(resample(motion, scene.times, at) for motion in scene.people)
     return replace(scene, times=at - at[0], people=people)
 

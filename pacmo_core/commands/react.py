@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.captures import is_parquet, names_clips
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
+from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.base import check_fps
 from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
@@ -35,7 +38,7 @@ def react_to_lines(lines: Iterable[str], live: ReactionStream, n_joints: int) ->
         try:
             time, pose, as_json = _parse_frame(line, n_joints)
             reactions = live.react(pose, time)
-        except (ValueError, KeyError, TypeError) as fault:
+        except (ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as fault:
             raise CommandError(f"line {number}: {fault}") from fault
         yield _json(time, reactions) if as_json else _numbers(time, reactions)
 
@@ -46,10 +49,17 @@ def _parse_frame(line: str, n_joints: int) -> tuple[float, Motion, bool]:
         frame: dict[str, Any] = json.loads(line)
         if set(frame) != {"time", "pose"}:
             raise ValueError(f"wanted the keys time and pose; got {sorted(frame)}")
+        if isinstance(frame["time"], str) or np.array(frame["pose"]).dtype.kind not in "if":
+            raise ValueError("wanted numbers as time and pose")
         return float(frame["time"]), np.array(frame["pose"], np.float32), True
-    values = np.array(line.replace(",", " ").split(), np.float64)
-    if len(values) != 1 + 3 * n_joints:
-        raise ValueError(f"wanted a time and {3 * n_joints} numbers; got {len(values)} in all")
+    words = line.replace(",", " ").split()
+    if len(words) != 1 + 3 * n_joints:
+        raise ValueError(f"wanted a time and {3 * n_joints} numbers; got {len(words)} in all")
+    # float() also takes underscores and the digits of other scripts.
+    wrong = [word for word in words if not word.isascii() or "_" in word]
+    if wrong:
+        raise ValueError(f"wanted a number; got {wrong[0][:40]!r}")
+    values = np.array(words, np.float64)
     return float(values[0]), values[1:].astype(np.float32).reshape(-1, 3), False
 
 
@@ -96,7 +106,9 @@ def write_reactions(reactions: Reactions, out: Path) -> list[Path]:
                 writer.add(f"{reactions.name}#{number:04d}", pair)
         return [out]
     folder, stem = (
-        (out, reactions.name) if not out.suffix or out.is_dir() else (out.parent, out.stem)
+        (out, file_stem(reactions.name))
+        if not out.suffix or out.is_dir()
+        else (out.parent, out.stem)
     )
     return _write_bvh(reactions, folder, stem)
 
@@ -116,6 +128,7 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str) -> list[Path]:
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
 MIN_FRAMES = 4  # of a cubic spline
+MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused, in parts
 
 PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
@@ -185,6 +198,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     settings = {name: value for name, value in options.items() if value is not None}
     torch.set_num_threads(1)
     with reading_errors_in_one_line():
+        check_samples(samples)
         if stream:
             _stream(load_reaction_model(weights), samples, seed, action)
             return
@@ -195,6 +209,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         capture = _capture(partner, form, settings, person, clip).select_joints(model.skeleton)
         name = clip or partner.stem
         at = _sample_times(capture, fps, name)
+        check_total(samples, len(at), len(model.skeleton.joints))
         random = torch.Generator().manual_seed(seed)
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
@@ -218,16 +233,33 @@ def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArra
     """Return the times of the frames of the reaction."""
     if len(capture.times) < MIN_FRAMES:
         raise CommandError(f"{name}: wanted {MIN_FRAMES} frames or more; got {len(capture.times)}")
+    if fps is not None:
+        check_fps(fps)
     at = capture.times if fps is None else sample_times(capture.times, fps)
     if len(at) < 2:
         raise CommandError(f"{name}: too short for two frames at {fps:g} fps")
     return at
 
 
+def check_samples(samples: int) -> None:
+    """Refuse more samples than one command generates."""
+    if samples > MAX_SAMPLES:
+        raise CommandError(f"--samples must be 1 to {MAX_SAMPLES}; got {samples}")
+
+
+def check_total(samples: int, frames: int, joints: int) -> None:
+    """Refuse an output that would not fit into memory."""
+    most = 4 * MAX_POSITIONS // joints
+    if samples * frames > most:
+        wanted = f"wanted at most {most} frames of {joints} joints in all samples"
+        raise CommandError(f"{wanted}; got {samples} x {frames}")
+
+
 def _stream(model: ReactionModel, samples: int, seed: int, action: str) -> None:
     random = torch.Generator().manual_seed(seed)
     live = ReactionStream(model, n_samples=samples, random=random, action=action)
     typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
-    for line in react_to_lines(sys.stdin, live, len(model.skeleton.joints)):
+    lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
+    for line in react_to_lines(lines, live, len(model.skeleton.joints)):
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

@@ -34,6 +34,7 @@ from pacmo_core.commands.captures import (
     read_two_people,
     write_two_people,
 )
+from pacmo_core.commands.react import check_samples, check_total
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
@@ -86,8 +87,10 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     files = (first,) if second is None else (first, second)
     torch.set_num_threads(1)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
+        check_samples(samples)
         model = load_skeleton_prior(weights)
         duo = _select_joints(read_two_people(files, form, settings, clip), model.config.skeleton)
+        check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
         places = _output_files(duo, samples, out)
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         random = torch.Generator().manual_seed(seed)

@@ -11,7 +11,7 @@ from pacmo_core.commands.captures import names_clips
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
-from pacmo_core.formats.base import RawSequence
+from pacmo_core.formats.base import RawSequence, read_capture
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
@@ -103,7 +103,7 @@ def _read_captures(files: list[Path], form: str | None, settings: Mapping[str, A
         return Scene(label, single.skeleton, single.times, (single.motion,))
     # Formats with one person per file pair two files; one file is paired with itself.
     both = (files[0], files[-1]) if pairs else (files[0],)
-    interaction = opened.read(RawSequence(files[0].stem, both)).interaction
+    interaction = read_capture(opened, RawSequence(files[0].stem, both)).interaction
     alone = pairs and len(files) == 1
     return _one_person_scene(label, interaction) if alone else Scene.of(label, interaction)
 

@@ -11,6 +11,7 @@
 clip by clip is sorted by name.
 """
 
+import hashlib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,19 +19,12 @@ from typing import Literal
 
 Direction = Literal["a", "b"]
 DIRECTIONS: tuple[Direction, Direction] = ("a", "b")
+MAX_STEM = 150  # bytes of a file's name without suffixes; file systems take 255
 MAX_SAMPLES = 10  # numbers of one digit sort as they count
 
 _SEPARATOR = "#"
 _VARIATION_SEPARATOR = "~"
 _REACTION = re.compile(r"(?P<clip>.+)#(?P<direction>[ab])#(?P<sample>\d+)", re.DOTALL)
-
-
-def printable(text: str) -> str:
-    """Return text on one line that a terminal only prints.
-
-    Control characters, and the bytes of a file name that is not UTF-8, are written as escapes.
-    """
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def clip_name(sequence: str, number: int, n_clips: int) -> str:
@@ -121,6 +115,19 @@ def split_variation_name(name: str) -> tuple[str, str]:
         return name, ""
     clip, _, variation = name.rpartition(_VARIATION_SEPARATOR)
     return clip, variation
+
+
+def file_stem(name: str) -> str:
+    """Return the name of a clip as one part of a file's path, which stays in its folder.
+
+    ``/`` and every other character that is unusual in a file's name become ``_``, as does a dot at
+    the start; a name that is too long for a file system is cut and ends in its hash.
+    """
+    stem = re.sub(r"[^\w.#~+ -]", "_", name)
+    if len(stem.encode()) > MAX_STEM:
+        digest = hashlib.sha256(name.encode(errors="replace")).hexdigest()[:8]
+        stem = f"{stem.encode()[:MAX_STEM].decode(errors='ignore')}-{digest}"
+    return re.sub(r"^\.", "_", stem)
 
 
 def sort_clips(clips: Iterable[str]) -> list[str]:

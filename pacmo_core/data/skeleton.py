@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.limits import MAX_JOINTS
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -59,6 +61,7 @@ class Skeleton:
         KeyError, TypeError, ValueError
             If a field is missing or is not a skeleton's.
         """
+        _check_types(fields)
         return cls(
             name=fields["name"],
             joints=tuple(fields["joints"]),
@@ -144,6 +147,17 @@ class Skeleton:
         while parent >= 0 and self.joints[parent] in removed:
             parent = self.parents[parent]
         return parent
+
+
+def _check_types(fields: Mapping[str, Any]) -> None:
+    """Raise ValueError unless names are texts and indices whole numbers, of a body's joints."""
+    indices = (*fields["parents"], *(i for pair in fields["left_right"] for i in pair))
+    wrong: list[object] = [x for x in (fields["name"], *fields["joints"]) if type(x) is not str]
+    wrong += [index for index in indices if type(index) is not int]
+    if wrong:
+        raise ValueError(f"wanted names as text and whole numbers as indices; got {wrong[0]!r:.40}")
+    if not 1 <= len(fields["joints"]) <= MAX_JOINTS:
+        raise ValueError(f"wanted 1 to {MAX_JOINTS} joints; got {len(fields['joints'])}")
 
 
 def mirror_by_name(joints: tuple[str, ...]) -> tuple[tuple[int, int], ...]:

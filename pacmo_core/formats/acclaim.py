@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.formats.base import FormatError
+from pacmo_core.data.limits import MAX_JOINTS
+from pacmo_core.formats.base import FormatError, check_work
 from pacmo_core.formats.rotations import Frames, identity_frames, rotate_about_axis, to_world
 from pacmo_core.formats.tables import parse_number, parse_rows, read_lines
 
 ROOT_DOF = ("tx", "ty", "tz", "rx", "ry", "rz")
-MAX_BONES = 1000  # no body has more; bounds what a faulty file can cost
 Words = tuple[list[str], int]
 
 
@@ -138,7 +138,7 @@ def _bone_blocks(file: Path, sections: dict[str, list[Words]]) -> dict[str, _Bon
             bone = _BoneBlock()
         elif word == "end" and bone is not None:
             bone.name = " ".join(bone.values.get("name", ([], 0))[0])
-            if not bone.name or bone.name in {*bones, "root"} or len(bones) == MAX_BONES:
+            if not bone.name or bone.name in {*bones, "root"} or len(bones) == MAX_JOINTS:
                 raise FormatError(file, f"wanted a new bone; got {bone.name[:40]!r}", number)
             bones[bone.name] = bone
             bone = None
@@ -263,6 +263,7 @@ def read_amc(asf_file: Path, amc_file: Path) -> Amc:
     if any(line.strip().lower() == ":radians" for line in lines):
         raise FormatError(amc_file, "wanted :DEGREES; got :RADIANS")
     moving = {name: dof for name, dof in zip(asf.joints, asf.dof, strict=True) if dof}
+    check_work(amc_file, len(kept) // (1 + len(moving)), len(asf.joints))
     return Amc(asf, _parse_motion(amc_file, kept, moving))
 
 
@@ -297,7 +298,7 @@ def _check_frames(
         reason = f"the first frame lacks {missing[:5]} and has {extra[:5]} that the ASF moves not"
         raise FormatError(file, reason, lines[0][1])
     first = lines[0][0]
-    if not first.isdecimal() or len(first) > 9:
+    if not (first.isascii() and first.isdecimal()) or len(first) > 9:
         raise FormatError(file, f"wanted a frame's number; got {first[:40]!r}", lines[0][1])
     size = 1 + len(order)
     for i, (line, number) in enumerate(lines):

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.limits import MAX_BYTES, file_fault, printable, work_fault
 from pacmo_core.data.skeleton import Skeleton
+
+_MAX_REASON = 500  # characters
 
 
 class FormatError(ValueError):
@@ -23,8 +26,10 @@ class FormatError(ValueError):
     """
 
     def __init__(self, file: Path, reason: str, line: int | None = None) -> None:
-        self.file, self.reason, self.line = file, reason, line
-        super().__init__(f"{file}:{line}: {reason}" if line else f"{file}: {reason}")
+        # What a file holds is quoted in reasons, and may be long or obeyed by a terminal.
+        short = reason if len(reason) <= _MAX_REASON else f"{reason[:_MAX_REASON]}..."
+        self.file, self.reason, self.line = file, printable(short), line
+        super().__init__(f"{file}:{line}: {self.reason}" if line else f"{file}: {self.reason}")
 
     def __reduce__(self) -> tuple[type["FormatError"], tuple[Path, str, int | None]]:
         """Pickle all three arguments: by default the message would be passed as the file."""
@@ -87,6 +92,54 @@ class Format(Protocol):
         ...
 
 
+def read_capture(reader: Format, sequence: RawSequence) -> Reading:
+    """Read one sequence of any format within the limits of ``data.limits``.
+
+    Raises
+    ------
+    FormatError
+        If a file is not a regular file or is too large, before it is opened; if the motion is too
+        large; and as ``Format.read``.
+    """
+    for file in sequence.files:
+        check_file(file)
+    reading = reader.read(sequence)
+    interaction = reading.interaction
+    check_work(sequence.files[0], len(interaction.times), len(interaction.skeleton.joints))
+    return reading
+
+
+def check_file(file: Path) -> None:
+    """Raise FormatError unless a path is a regular file of at most ``MAX_BYTES``."""
+    if fault := file_fault(file):
+        raise FormatError(file, fault)
+
+
+def check_work(file: Path, frames: int, joints: int) -> None:
+    """Raise FormatError if a motion is larger than ``data.limits`` allows."""
+    if fault := work_fault(frames, joints):
+        raise FormatError(file, fault)
+
+
+def read_content(file: Path) -> bytes:
+    """Read a whole file of at most ``MAX_BYTES``.
+
+    Raises
+    ------
+    FormatError
+        If it cannot be read, is not a regular file, or is too large.
+    """
+    check_file(file)
+    try:
+        with file.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)  # it may have grown
+    except OSError as error:
+        raise FormatError(file, f"cannot be read: {error.strerror}") from error
+    if len(content) > MAX_BYTES:
+        raise FormatError(file, f"wanted at most {MAX_BYTES >> 20} MiB; got more")
+    return content
+
+
 UP_AXES = ("y", "z")
 MIN_FPS, MAX_FPS = 0.1, 10_000.0  # frames a second
 MAX_DISTANCE = 1e3  # metres: no capture volume is larger
@@ -122,6 +175,8 @@ def pair_people(people: Sequence[Person]) -> Reading:
     if len(people) != 2:
         raise FormatError(people[0].file, f"no second person: wanted two files, got {len(people)}")
     a, b = people
+    for person in people:
+        check_work(person.file, *person.positions.shape[:2])
     if a.skeleton != b.skeleton:
         raise FormatError(b.file, f"not the joints of {a.file.name}: {_skeleton_difference(a, b)}")
     # Programs round a thirtieth of a second to six or seven digits: at most a tenth of a

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.formats.base import MAX_FPS, MIN_FPS, FormatError
+from pacmo_core.data.limits import MAX_JOINTS
+from pacmo_core.formats.base import MAX_FPS, MIN_FPS, FormatError, check_work
 from pacmo_core.formats.rotations import Frames, identity_frames, rotate_about_axis, to_world
 from pacmo_core.formats.tables import parse_number, parse_rows, read_lines
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
-MAX_JOINTS = 1000  # no body has more; bounds what a faulty file can cost
 KEYWORDS = ("root", "joint", "end", "{", "}", "offset", "channels")
 
 
@@ -103,7 +103,8 @@ class Hierarchy:
         if not values or values[0] != str(len(names)):
             stated = values[0][:40] if values else "none"
             raise self.error(line, f"wanted as many channels as stated, {stated}; got {len(names)}")
-        wrong = [name for name in names if name not in CHANNELS or names.count(name) > 1]
+        few = names[: len(CHANNELS) + 1]  # of seven, one is unknown or comes twice
+        wrong = [name for name in few if name not in CHANNELS or few.count(name) > 1]
         if wrong:
             raise self.error(line, f"wanted channels {', '.join(CHANNELS)}; got {wrong[0][:40]!r}")
         self.channels[joint] = names
@@ -137,9 +138,9 @@ def parse_hierarchy(file: Path, lines: list[str]) -> tuple[Hierarchy, int]:
                 unclosed = len(hierarchy.unclosed)
                 raise FormatError(file, f"MOTION while {unclosed} braces are unclosed", number)
             return hierarchy, number
-        for statement in re.findall(r"[{}]|[^{}]+", line):
-            if statement.strip():
-                hierarchy.add(number, statement.split())
+        for statement in re.finditer(r"[{}]|[^{}]+", line):
+            if words := statement[0].split():
+                hierarchy.add(number, words)
     raise FormatError(file, "the file ends before MOTION", len(lines))
 
 
@@ -229,6 +230,7 @@ def _assemble(
     width = sum(len(names) for names in channels)
     if not rows or not width:
         raise FormatError(file, f"no motion: {len(rows)} rows of {width} channels")
+    check_work(file, len(rows), len(channels))
     return Bvh(
         joints=tuple(hierarchy.joints),
         parents=tuple(hierarchy.parents),

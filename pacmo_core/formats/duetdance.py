@@ -23,6 +23,7 @@ from pacmo_core.formats.base import (
     RawSequence,
     Reading,
     check_fps,
+    check_work,
     pair_people,
 )
 from pacmo_core.formats.mat import list_variables, read_variable
@@ -99,7 +100,7 @@ def _mat_clips(root: Path, file: Path) -> list[RawSequence]:
     ours = _variable_names(file)
     if sex not in ("male", "female") or not partner.is_file() or not ours:
         return [unpaired_sequence(root, file)]
-    theirs = _variable_names(partner)
+    theirs = set(_variable_names(partner))
     folder = file.parent.parent.relative_to(root).as_posix()
     position = dance if folder == "." else f"{folder}/{dance}"
     pairs = [
@@ -134,7 +135,8 @@ def _positions(file: Path, clip: str) -> NDArray[np.float64]:
     """``(T, 15, 3)`` metres."""
     if file.suffix.lower() != ".mat":
         return _read_text(file)
-    names = [name for name in list_variables(file) if sequence_name(name) == clip]
+    known = list_variables(file)
+    names = [clip] if clip in known else [name for name in known if sequence_name(name) == clip]
     if not names:
         reason = f"no second person: {clip!r} is no variable of a male/ and a female/ file"
         raise FormatError(file, reason)
@@ -147,6 +149,7 @@ def _positions(file: Path, clip: str) -> NDArray[np.float64]:
 def _read_text(file: Path) -> NDArray[np.float64]:
     numbered = [(text, line) for line, text in enumerate(read_lines(file), 1) if text.strip()]
     rows, lines = zip(*numbered, strict=True)
+    check_work(file, len(rows), len(DUET15.joints))
     table = parse_rows(file, rows, lines, width=46, delimiter=",")
     gaps = np.flatnonzero(np.diff(table[:, 0]) != 1)
     if len(gaps):

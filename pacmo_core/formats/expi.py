@@ -20,6 +20,7 @@ from pacmo_core.formats.base import (
     Reading,
     check_fps,
     check_up,
+    check_work,
     pair_people,
     to_y_up,
 )
@@ -88,5 +89,6 @@ def _read_table(file: Path) -> NDArray[np.float64]:
         reason = f"wanted a header of {_COLUMNS} names; got {len(header)} words"
         raise FormatError(file, f"{reason}: {lines[0][:40]!r}", 1)
     rows = [(text, line) for line, text in enumerate(lines[1:], 2) if text.strip()]
+    check_work(file, len(rows), 18)
     texts, numbers = [text for text, _ in rows], [line for _, line in rows]
     return parse_rows(file, texts, numbers, width=_COLUMNS, delimiter=",")

@@ -19,8 +19,10 @@ from pacmo_core.formats.base import (
     Person,
     RawSequence,
     Reading,
+    check_file,
     check_fps,
     check_up,
+    check_work,
     pair_people,
     to_y_up,
 )
@@ -79,6 +81,7 @@ class InterHuman:
 
 def _read_array(file: Path) -> NDArray[np.generic]:
     """Open a two-dimensional real array; mapped, so that columns not wanted are not read."""
+    check_file(file)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -90,4 +93,5 @@ def _read_array(file: Path) -> NDArray[np.generic]:
         raise FormatError(file, f"wanted an array of real numbers; got {array.dtype}")
     if array.ndim != 2 or array.shape[1] < _COLUMNS:
         raise FormatError(file, f"wanted (T, {_COLUMNS} or more); got {array.shape}")
+    check_work(file, len(array), 22)
     return array

@@ -9,16 +9,20 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from math import prod
+from os import SEEK_END
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.formats.base import FormatError
+from pacmo_core.data.limits import MAX_NUMBERS
+from pacmo_core.formats.base import FormatError, check_file
 from pacmo_core.formats.tables import to_float64
 
-MAX_NUMBERS = 20_000_000  # in a variable; bounds what a faulty file can cost
+MAX_VARIABLES = 4096  # in a file
 _MATRIX, _COMPRESSED = 14, 15
 _HEAD = 4096  # bytes that hold a variable's class, shape and name
 _DTYPES = {
@@ -47,8 +51,16 @@ class _Variable:
     shape: tuple[int, ...]
     order: str  # byte order, < or >
     numbers: int  # where they start in the unpacked variable
-    packed: memoryview
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A variable's place in the file: bytes ``start`` to ``start + size``."""
+
+    variable: _Variable
     kind: int
+    start: int
+    size: int
 
 
 def list_variables(file: Path) -> list[str]:
@@ -59,24 +71,25 @@ def list_variables(file: Path) -> list[str]:
     FormatError
         If the file is no MATLAB file of level 5, or a variable is not plain real numbers.
     """
-    return list(_variables(file))
+    return list(_directory(file))
 
 
 def read_variable(file: Path, name: str) -> NDArray[np.float64]:
-    """Read one variable as float64.
+    """Read one variable as float64; only its own bytes are read.
 
     Raises
     ------
     FormatError
         If it is not there, or not all finite real numbers.
     """
-    variables = _variables(file)
-    if name not in variables:
-        raise FormatError(file, f"wanted the variable {name!r}; it has {', '.join(variables)}")
-    variable = variables[name]
-    count = prod(variable.shape)
+    entries = _directory(file)
+    if name not in entries:
+        raise FormatError(file, f"wanted the variable {name!r}; it has {', '.join(entries)}")
+    entry = entries[name]
+    variable, count = entry.variable, prod(entry.variable.shape)
     try:
-        matrix = _unpacked(variable.kind, variable.packed, 8 * count + _HEAD)
+        with file.open("rb") as stream:
+            matrix = _unpacked(stream, entry.kind, entry.start, entry.size, 8 * count + _HEAD)
         code, payload, _ = _element(matrix, variable.numbers, variable.order)
     except _BrokenError as error:
         raise FormatError(file, f"{name}: {error}") from error
@@ -88,45 +101,62 @@ def read_variable(file: Path, name: str) -> NDArray[np.float64]:
     return to_float64(file, flat.reshape(variable.shape, order="F"))
 
 
-def _variables(file: Path) -> dict[str, _Variable]:
+def _directory(file: Path) -> dict[str, _Entry]:
+    check_file(file)
+    facts = file.stat()
+    return _read_directory(file, (facts.st_ino, facts.st_size, facts.st_mtime_ns))
+
+
+# Every clip of a dance is a variable of the same two files: their directories are read once.
+@lru_cache(maxsize=16)
+def _read_directory(file: Path, _version: tuple[int, int, int]) -> dict[str, _Entry]:
+    entries: dict[str, _Entry] = {}
     try:
-        content = memoryview(file.read_bytes())
-    except OSError as error:
-        raise FormatError(file, f"cannot be opened: {error.strerror}") from error
-    order = {b"IM": "<", b"MI": ">"}.get(bytes(content[126:128]))
-    if order is None:
-        raise FormatError(file, "no MATLAB file of level 5 (versions 5 to 7.2)")
-    try:
-        variables = [
-            _variable(_unpacked(kind, packed, _HEAD), kind, packed, order)
-            for kind, packed in _top_level(content, order)
-        ]
+        with file.open("rb") as stream:
+            for entry in _entries(stream):
+                _check_new(entry.variable.name, entries)
+                entries[entry.variable.name] = entry
     except _BrokenError as error:
         raise FormatError(file, str(error)) from error
-    by_name = {variable.name: variable for variable in variables}
-    if len(by_name) != len(variables):
-        raise FormatError(file, f"a variable comes twice; it has {', '.join(by_name)}")
-    return by_name
+    except OSError as error:
+        raise FormatError(file, f"cannot be read: {error.strerror}") from error
+    return entries
 
 
-def _top_level(content: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Yield (kind, bytes) of each packed or plain variable."""
-    offset = 128
-    while offset < len(content):
-        if len(content) - offset < 8:
+def _check_new(name: str, entries: dict[str, _Entry]) -> None:
+    if name in entries:
+        raise _BrokenError(f"the variable {name!r} comes twice")
+    if len(entries) == MAX_VARIABLES:
+        raise _BrokenError(f"wanted at most {MAX_VARIABLES} variables; got more")
+
+
+def _entries(stream: BinaryIO) -> Iterator[_Entry]:
+    """Yield each packed or plain variable."""
+    head = stream.read(128)
+    order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
+    if order is None:
+        raise _BrokenError("no MATLAB file of level 5 (versions 5 to 7.2)")
+    end, offset = stream.seek(0, SEEK_END), 128
+    while offset < end:
+        if end - offset < 8:
             raise _BrokenError("the file ends inside a variable")
-        kind, size = struct.unpack_from(order + "II", content, offset)
+        stream.seek(offset)
+        kind, size = struct.unpack(order + "II", stream.read(8))
         offset += 8
-        if kind not in (_MATRIX, _COMPRESSED) or size > len(content) - offset:
+        if kind not in (_MATRIX, _COMPRESSED) or size > end - offset:
             raise _BrokenError(f"wanted a variable; got {size} bytes of type {kind}")
-        yield kind, content[offset : offset + size]
+        matrix = _unpacked(stream, kind, offset, size, _HEAD)
+        yield _Entry(_variable(matrix, order), kind, offset, size)
         offset += size
 
 
-def _unpacked(kind: int, packed: memoryview, limit: int) -> memoryview:
+def _unpacked(stream: BinaryIO, kind: int, start: int, size: int, limit: int) -> memoryview:
     """Give the first ``limit`` bytes of a matrix, inflated if need be."""
+    stream.seek(start)
     if kind == _MATRIX:
-        return packed[:limit]
+        return memoryview(stream.read(min(size, limit)))
+    # Deflated data are never much longer than their content.
+    packed = stream.read(min(size, limit + _HEAD))
     try:
         # The inflated bytes open with the matrix' own tag.
         return memoryview(zlib.decompressobj().decompress(packed, limit + 8))[8:]
@@ -148,7 +178,7 @@ def _element(matrix: memoryview, offset: int, order: str) -> tuple[int, memoryvi
     return code, payload, start + step
 
 
-def _variable(head: memoryview, kind: int, packed: memoryview, order: str) -> _Variable:
+def _variable(head: memoryview, order: str) -> _Variable:
     _, flags, offset = _element(head, 0, order)
     _, sizes, offset = _element(head, offset, order)
     _, letters, offset = _element(head, offset, order)
@@ -162,4 +192,4 @@ def _variable(head: memoryview, kind: int, packed: memoryview, order: str) -> _V
         raise _BrokenError(f"{name}: wanted plain real numbers; got a {what}")
     if min(shape) < 0 or prod(shape) > MAX_NUMBERS:
         raise _BrokenError(f"{name}: {shape} is more than {MAX_NUMBERS} numbers")
-    return _Variable(name, shape, order, offset, packed, kind)
+    return _Variable(name, shape, order, offset)

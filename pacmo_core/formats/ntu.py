@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.formats.base import FormatError, RawSequence, Reading
+from pacmo_core.formats.base import FormatError, RawSequence, Reading, check_fps, check_work
 from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.tables import (
     MAX_COORDINATE,
@@ -63,16 +63,11 @@ class Ntu:
     skip_lists: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if not (
-            self.fps > 0
-            and self.max_gap >= 0
-            and self.max_link_distance >= 0
-            and 0 < self.min_visible_share <= 1
-        ):
+        check_fps(self.fps)
+        if min(self.max_gap, self.max_link_distance) < 0 or not 0 < self.min_visible_share <= 1:
             raise ValueError(
-                "fps must be > 0, max_gap and max_link_distance >= 0, min_visible_share in (0, 1]; "
-                f"got {self.fps}, "
-                f"{self.max_gap}, {self.max_link_distance}, {self.min_visible_share}"
+                "max_gap and max_link_distance must be >= 0, min_visible_share in (0, 1]; "
+                f"got {self.max_gap}, {self.max_link_distance}, {self.min_visible_share}"
             )
 
     @cached_property
@@ -181,6 +176,7 @@ ACTIONS = {
 
 _N_JOINTS = 25
 _N_INFO, _N_FIELDS = 10, 12
+_MAX_TRACKS = 1000  # IDs in a file: each track is compared with those before it
 _MAX_BODIES = 6  # limit of Kinect v2
 _NUMERIC = b"0123456789+-.eE \t\r\n"
 # Bodies parsed at a time: the split fields of a file take ten times its size.
@@ -218,8 +214,12 @@ def parse_skeleton_text(data: bytes, file: Path) -> Detections:
     lines = data.split(b"\n")
     n_frames = _parse_count_line(lines, 0, file, "a frame count")
     bodies = list(_locate_bodies(lines, n_frames, file))
+    check_work(file, n_frames, _N_JOINTS)
     starts = [line for _, _, line in bodies]
     chunks = [starts[i : i + _BODIES_PER_CHUNK] for i in range(0, len(starts), _BODIES_PER_CHUNK)]
+    n_tracks = len({body_id for _, body_id, _ in bodies})
+    if n_tracks > _MAX_TRACKS:
+        raise FormatError(file, f"wanted at most {_MAX_TRACKS} body IDs; got {n_tracks}")
     poses = [_poses(lines, chunk, file) for chunk in chunks]
     return Detections(
         n_frames=n_frames,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import NTU25, Skeleton
-from pacmo_core.formats.base import Format, FormatError, RawSequence
+from pacmo_core.formats.base import Format, FormatError, RawSequence, read_capture
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.cmu import CMU_FPS, Cmu
 from pacmo_core.formats.duetdance import DuetDance
@@ -188,9 +188,9 @@ def read_partner(
     if format_name in ONE_PERSON_FORMATS:
         # Every reader returns two people: the same file is given twice.
         sequence = RawSequence(clip or file.stem, (file, file))
-        return select_person(reader.read(sequence).interaction, "a", file.name)
+        return select_person(read_capture(reader, sequence).interaction, "a", file.name)
     return select_person(
-        reader.read(RawSequence(file.stem, (file,))).interaction, person, file.name
+        read_capture(reader, RawSequence(file.stem, (file,))).interaction, person, file.name
     )
 
 

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.formats.base import check_fps, check_up
 
 _SPLINE_DEGREE = 3
@@ -21,6 +22,8 @@ def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     check_fps(fps)
     # A hundredth of a frame: times of a file are rounded.
     count = int((times[-1] - times[0]) * fps + 0.01) + 1
+    if count > MAX_POSITIONS:
+        raise ValueError(f"wanted at most {MAX_POSITIONS} frames; got {count} at {fps:g} fps")
     if count < 2:
         raise ValueError(f"{times[-1] - times[0]:g} s are too short for two frames at {fps:g} fps")
     at: NDArray[np.float64] = times[0] + np.arange(count) / fps

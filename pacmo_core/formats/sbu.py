@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.formats.base import FormatError, RawSequence, Reading
+from pacmo_core.formats.base import FormatError, RawSequence, Reading, check_fps, check_work
 from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.tables import (
     MAX_COORDINATE,
@@ -57,8 +57,7 @@ class Sbu:
     fps: float
 
     def __post_init__(self) -> None:
-        if not self.fps > 0:
-            raise ValueError(f"fps must be > 0; got {self.fps}")
+        check_fps(self.fps)
 
     def find(self, root: Path) -> list[RawSequence]:
         """List every ``skeleton_pos.txt`` under ``root``, named by its folders."""
@@ -97,17 +96,25 @@ def _values(data: bytes, file: Path) -> NDArray[np.float64]:
     FormatError
         If a line has other fields, there are fewer than two lines, or frames do not follow on.
     """
-    rows = [line.split(b",") for line in data.rstrip().split(b"\n")]
-    for line, row in enumerate(rows, start=1):
-        if len(row) != _N_FIELDS:
-            raise FormatError(file, f"wanted {_N_FIELDS} fields, got {len(row)}", line)
-        wrong = [field for field in row if not is_number(field)]
-        if wrong:
-            raise FormatError(file, f"wanted numbers, got {quote(wrong[0])}", line)
+    lines = data.rstrip().split(b"\n")
+    check_work(file, len(lines), _N_JOINTS)
+    rows = [_row(text, file, line) for line, text in enumerate(lines, start=1)]
     if len(rows) < 2:
         raise FormatError(file, "wanted two frames or more, got one", 1)
-    _check_frames([row[0] for row in rows], file)
-    return parse_floats(field for row in rows for field in row).reshape(-1, _N_FIELDS)
+    _check_frames([text.partition(b",")[0] for text in lines], file)
+    return np.stack(rows)
+
+
+def _row(text: bytes, file: Path, line: int) -> NDArray[np.float64]:
+    """``(91,)``: the fields of one line."""
+    n_fields = text.count(b",") + 1
+    if n_fields != _N_FIELDS:
+        raise FormatError(file, f"wanted {_N_FIELDS} fields, got {n_fields}", line)
+    fields = text.split(b",")
+    wrong = [field for field in fields if not is_number(field)]
+    if wrong:
+        raise FormatError(file, f"wanted numbers, got {quote(wrong[0])}", line)
+    return parse_floats(fields)
 
 
 def _check_frames(fields: list[bytes], file: Path) -> None:

@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pacmo_core.data.limits import MAX_NUMBERS
 from pacmo_core.formats.base import FormatError
-from pacmo_core.formats.mat import MAX_NUMBERS
 from pacmo_core.formats.table_columns import Columns, wanted_columns
 from pacmo_core.formats.tables import short_reason
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.formats.base import FormatError
+from pacmo_core.data.limits import MAX_LINES, MAX_NUMBERS
+from pacmo_core.formats.base import FormatError, read_content
 
 # A kilometre: larger than any capture volume, and its square is finite in float32.
 MAX_COORDINATE = 1e3
@@ -37,15 +38,20 @@ def read_bytes(file: Path) -> bytes:
     Raises
     ------
     FormatError
-        If it cannot be read, or is empty.
+        If it cannot be read, is empty, or is larger than ``data.limits`` allows.
     """
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise FormatError(file, f"cannot be read: {error.strerror}") from error
+    data = read_content(file)
+    check_lines(file, data)
     if not data.strip():
         raise FormatError(file, "the file is empty")
     return data
+
+
+def check_lines(file: Path, content: bytes) -> None:
+    """Raise FormatError if a text has more than ``MAX_LINES`` lines, however they end."""
+    n_lines = max(content.count(b"\n"), content.count(b"\r")) + 1
+    if n_lines > MAX_LINES:
+        raise FormatError(file, f"wanted at most {MAX_LINES} lines; got {n_lines}")
 
 
 def parse_floats(fields: Iterable[bytes]) -> NDArray[np.float64]:
@@ -93,12 +99,11 @@ def read_lines(file: Path) -> list[str]:
     Raises
     ------
     FormatError
-        If the file cannot be opened, is empty or is not UTF-8.
+        If the file cannot be read, is empty, is not UTF-8, or is larger than ``data.limits``
+        allows.
     """
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise FormatError(file, f"cannot be opened: {error.strerror}") from error
+    content = read_content(file)
+    check_lines(file, content)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -117,8 +122,8 @@ def parse_number(file: Path, line: int, word: str) -> float:
         number = float(word)
     except ValueError:
         raise FormatError(file, f"wanted a number; got {word[:40]!r}", line) from None
-    # float() also takes digits with underscores, which no capture holds.
-    if "_" in word or not abs(number) <= MAX_NUMBER:
+    # float() also takes underscores and the digits of other scripts, which no capture holds.
+    if "_" in word or not word.isascii() or not abs(number) <= MAX_NUMBER:
         raise FormatError(file, f"wanted a number up to {MAX_NUMBER:g}; got {word[:40]!r}", line)
     return number
 
@@ -148,8 +153,11 @@ def parse_rows(
     Raises
     ------
     FormatError
-        If a row has more or fewer numbers, or a word is no finite number.
+        If a row has more or fewer numbers, a word is no finite number, or there are more than
+        ``MAX_NUMBERS``.
     """
+    if len(rows) * width > MAX_NUMBERS:
+        raise FormatError(file, f"wanted at most {MAX_NUMBERS} numbers; got {len(rows) * width}")
     if not rows or not width:
         return np.zeros((len(rows), width))
     try:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from pacmo_core.data.limits import MAX_GRID
+
 
 @dataclass(frozen=True)
 class GaussianRandomField:
@@ -27,6 +29,12 @@ class GaussianRandomField:
     tau: float
     n_modes: int
     period: float
+
+    def __post_init__(self) -> None:
+        if not (0 < self.n_modes <= MAX_GRID and self.period > 0):
+            raise ValueError(
+                f"n_modes must be 1 to {MAX_GRID}, period > 0; got {self.n_modes}, {self.period}"
+            )
 
     def power(self) -> Tensor:
         """``(K,)`` float64: the variance p_k that each frequency carries."""

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from pacmo_core.data.limits import MAX_GRID, MAX_PARAMETERS
 from pacmo_core.operators.spectral import (
     OperatorLayer,
     interpolation_matrix,
@@ -54,17 +55,34 @@ class UnoConfig:
                 "channels, modes and ratios must be as many as the layers, seven if there are "
                 f"skips; got {len(self.channels)}, {len(self.modes)}, {len(self.ratios)}"
             )
+        sizes = (self.in_channels, self.out_channels, self.lifting, *self.channels, *self.modes)
+        if min(sizes) < 1:
+            raise ValueError(f"channels and modes must be at least 1; got {min(sizes)}")
         exact = self.period * (self.n_points - 1)
         if self.period <= 1 or self.n_points < 4 or abs(exact - round(exact)) > 1e-9:
             raise ValueError(
                 "period must exceed 1 and period * (n_points - 1) be whole, n_points >= 4; "
                 f"got {self.period} * {self.n_points - 1}"
             )
+        grid = max(self.n_points, self.n_latent, *self.sizes)
+        if grid > MAX_GRID or self.n_parameters > MAX_PARAMETERS:
+            raise ValueError(
+                f"wanted grids of at most {MAX_GRID} points and {MAX_PARAMETERS} parameters; "
+                f"got {grid} and {self.n_parameters}"
+            )
 
     @property
     def n_latent(self) -> int:
         """Points of the latent grid, over the whole period."""
         return round(self.period * (self.n_points - 1))
+
+    @property
+    def n_parameters(self) -> int:
+        """Parameters of the layers' kernels, without skips, and of the lifting: most of them."""
+        widths = (self.lifting, *self.channels)
+        kernels = zip(widths[:-1], widths[1:], self.modes, strict=True)
+        ends = self.lifting * (self.in_channels + 4 * (self.channels[-1] + self.out_channels))
+        return ends + sum(2 * c_in * c_out * n_modes for c_in, c_out, n_modes in kernels)
 
     @property
     def sizes(self) -> tuple[int, ...]:

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.data.names import printable
+from pacmo_core.data.limits import printable
 from pacmo_core.project.workspace import EXIT_FAILED, EXIT_REJECTED
 from pacmo_core.store.files import write_text
 

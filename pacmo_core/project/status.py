@@ -9,7 +9,7 @@ from textwrap import shorten
 from typing import Any
 
 from pacmo_core import promotion
-from pacmo_core.data.names import printable
+from pacmo_core.data.limits import printable
 from pacmo_core.project.lock import lock_holder
 from pacmo_core.project.records import DONE, REJECTED, SKIPPED, RunRecord, as_killed, read_runs
 from pacmo_core.project.stages import read_status

@@ -15,7 +15,7 @@ from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from typing import TextIO
 
-from pacmo_core.data.names import printable
+from pacmo_core.data.limits import printable
 
 PARAMS = Path("params.yaml")
 DVC_YAML = Path("dvc.yaml")
@@ -58,11 +58,14 @@ class CommandError(Exception):
 
 
 def one_line(error: BaseException) -> str:
-    """Return the text of an error on one line; of a ``KeyError`` the message without quotes."""
+    """Return the text of an error on one line; of a ``KeyError`` the message without quotes.
+
+    Control characters, which a name or a file may contain, are escaped.
+    """
     if isinstance(error, OSError) and error.strerror:
         return printable(f"{error.filename or 'file'}: {error.strerror}")
     text = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
-    return printable(" ".join(text.split()))
+    return printable(" ".join(text.split()) or type(error).__name__)
 
 
 @contextmanager
@@ -81,11 +84,14 @@ def errors_in_one_line() -> Iterator[None]:
 
 @contextmanager
 def reading_errors_in_one_line() -> Iterator[None]:
-    """As ``errors_in_one_line``, and also for ``ValueError`` and ``KeyError`` of file readers."""
+    """As ``errors_in_one_line``, and also for the errors of file readers and of computations.
+
+    These are ``ValueError``, ``KeyError``, numbers that overflow, and memory that does not suffice.
+    """
     with errors_in_one_line():
         try:
             yield
-        except (ValueError, KeyError) as error:
+        except (ValueError, KeyError, ArithmeticError, MemoryError) as error:
             raise CommandError(one_line(error)) from error
 
 

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn.utils.rnn import pad_sequence
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.limits import MAX_PARAMETERS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.quadrature import trapezoid_weights
@@ -44,6 +45,14 @@ class GruConfig:
     fps: float
     hidden: int
     n_layers: int
+
+    def __post_init__(self) -> None:
+        n_parameters = 6 * self.n_layers * self.hidden**2
+        if not self.fps > 0 or min(self.hidden, self.n_layers) < 1 or n_parameters > MAX_PARAMETERS:
+            raise ValueError(
+                f"wanted fps > 0, hidden and n_layers >= 1 and {MAX_PARAMETERS} parameters at most;"
+                f" got {self.fps}, {self.hidden}, {self.n_layers}"
+            )
 
 
 @dataclass(frozen=True)

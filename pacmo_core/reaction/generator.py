@@ -38,6 +38,20 @@ class GeneratorConfig:
     actions: tuple[str, ...]
     action_channels: int
 
+    def __post_init__(self) -> None:
+        # Labels, a partner, a random field, and two of time and one of duration.
+        inputs = 3 * len(self.skeleton.joints) + self.noise_channels + 3
+        inputs += self.action_channels if self.actions else 0
+        if min(self.noise_channels, self.action_channels) < 0 or self.uno.in_channels != inputs:
+            raise ValueError(
+                f"the operator must have {inputs} input channels for {self.noise_channels} of noise"
+                f" and {self.action_channels} of labels; got {self.uno.in_channels}"
+            )
+        if self.actions and not self.action_channels:
+            raise ValueError("action_channels must be positive where there are actions; got 0")
+        if self.uno.out_channels != 3 * len(self.skeleton.joints):
+            raise ValueError(f"output channels must be 3 a joint; got {self.uno.out_channels}")
+
 
 class Generator(nn.Module):
     """``G: A x M -> M`` as a U-NO; metres in, metres out, in the partner's first frame.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
 from pacmo_core.reaction.data import Condition
@@ -66,6 +67,11 @@ def react_all(
     """React to partners of any lengths and frame rates, in batches: ``(S, T_out_i, J, 3)`` each.
 
     Noise is sampled partner by partner, so that reactions do not depend on later partners.
+
+    Raises
+    ------
+    ValueError
+        As ``react``; and if a reaction is not finite.
     """
     n_joints = len(model.skeleton.joints)
     reactions: list[Motion] = []
@@ -79,13 +85,16 @@ def react_all(
                 motion = query.frame.to_world(local.reshape(*local.shape[:2], n_joints, 3))
                 weights = query.weights.astype(np.float32)[:, None, None]
                 reactions[query.partner][:, query.rows] += weights * motion
+    if not all(np.isfinite(reaction).all() for reaction in reactions):
+        raise ValueError("the reaction has values that are not finite: the weights are damaged")
     return reactions
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     """List times at a constant frame rate, from the first of ``times`` to the last at most."""
-    if not fps > 0:
-        raise ValueError(f"fps must be > 0; got {fps}")
+    if not 0 < fps <= MAX_POSITIONS / max(times[-1] - times[0], 1.0):
+        reason = f"fps must be > 0 and give at most {MAX_POSITIONS} frames"
+        raise ValueError(f"{reason}; got {fps:g} for {times[-1] - times[0]:g} s")
     # The last frame is included despite rounding errors.
     count = int(np.floor((times[-1] - times[0]) * fps + 1e-6)) + 1
     result: NDArray[np.float64] = np.minimum(times[0] + np.arange(count) / fps, times[-1])

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.limits import MAX_GRID
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.spectral import initialise_weights, interpolation_matrix
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
@@ -44,6 +45,10 @@ class MatcherConfig:
     uno: UnoConfig
     n_times: int
     temperature: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.n_times <= MAX_GRID:
+            raise ValueError(f"n_times must be 1 to {MAX_GRID}; got {self.n_times}")
 
 
 class Matcher(nn.Module):

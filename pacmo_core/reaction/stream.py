@@ -26,6 +26,7 @@ N_PADDING_POSES = 32
 # noise in the heading of a single pose would rotate all that is transformed to its frame.
 FRAME_SMOOTHING = 0.1
 N_FRAME_POSES = 9
+MAX_PAUSE = 60.0  # seconds between frames: the noise is computed for the time between them
 
 
 class ReactionStream:
@@ -89,8 +90,10 @@ class ReactionStream:
                 time - self._buffer_duration, time, N_PADDING_POSES, endpoint=False
             )
             self._frames.extend((float(earlier), pose) for earlier in padding)
-        if time <= self._frames[-1][0]:
-            raise ValueError(f"time must be later than {self._frames[-1][0]:g} s; got {time:g}")
+        last = self._frames[-1][0]
+        if not last < time <= last + MAX_PAUSE:
+            wanted = f"time must be later than {last:g} s, by {MAX_PAUSE:g} s at most"
+            raise ValueError(f"{wanted}; got {time:g}")
         self._frames.append((time, pose))
         while self._frames[1][0] <= time - self._buffer_duration:
             self._frames.popleft()

@@ -7,6 +7,7 @@ model needs to react in one window: the partner's motion, its frame and the nois
 """
 
 import math
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from pacmo_core.reaction.inputs import Normalisation, action_indices
 MAX_DURATION_STDS = 3.0
 # Windows between independent samples of the noise: long compared with the overlap of half a window.
 NOISE_INTERVAL = 2.0
+MAX_WINDOWS = 20_000  # of a partner's motion: half a working day of clips of two seconds
 # Relative rounding error of times at the ends of windows.
 TIME_TOLERANCE = 1e-9
 
@@ -120,12 +122,22 @@ def max_duration(normalisation: Normalisation) -> float:
 
 
 def split_into_windows(start: float, end: float, normalisation: Normalisation) -> list[Window]:
-    """Return one window up to ``max_duration``; else evenly spaced ones of ``mean_duration``."""
+    """Return one window up to ``max_duration``; else evenly spaced ones of ``mean_duration``.
+
+    Raises
+    ------
+    ValueError
+        If there were more than ``MAX_WINDOWS``.
+    """
     total = end - start
     if total <= max_duration(normalisation):
         return [Window(start, total)]
     duration = mean_duration(normalisation)
-    count = math.ceil(2 * (total - duration) / duration) + 1
+    ratio = 2 * (total - duration) / max(duration, sys.float_info.min)
+    if not ratio < MAX_WINDOWS:
+        reason = f"{total:g} s are too long for a model of clips of {duration:g} s"
+        raise ValueError(f"{reason}: wanted at most {MAX_WINDOWS} windows")
+    count = math.ceil(ratio) + 1
     return [Window(float(first), duration) for first in np.linspace(start, end - duration, count)]
 
 

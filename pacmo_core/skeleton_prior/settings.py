@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from pacmo_core.data.limits import MAX_PARAMETERS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.kinematics import Limb
 
@@ -28,6 +29,17 @@ class PriorConfig:
     frame_stride: int
     fps: float
     dropout: float
+
+    def __post_init__(self) -> None:
+        n_joints = len(self.skeleton.joints)
+        outside = [joint for limb in self.limbs for joint in limb if not 0 <= joint < n_joints]
+        if outside or not self.fps > 0 or min(self.hidden, self.frame_stride) < 1:
+            raise ValueError(
+                "limbs must be joints, fps > 0, hidden and frame_stride >= 1; "
+                f"got {outside}, {self.fps}, {self.hidden}, {self.frame_stride}"
+            )
+        if n_joints * self.hidden**2 > MAX_PARAMETERS:
+            raise ValueError(f"hidden must be smaller with {n_joints} joints; got {self.hidden}")
 
 
 @dataclass(frozen=True)

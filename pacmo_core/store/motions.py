@@ -1,9 +1,11 @@
 """Motions in Parquet: a row a frame, sorted by clip, eight clips a row group.
 
 A single clip is located by the statistics of the row groups, and a file is streamed one row group
-at a time, so that neither needs the whole file in memory. A folder of motions has a file for each
-clip or for all variations of a clip, so that a new clip changes no existing file; Polars reads
-such a folder as ``FOLDER/*.parquet``.
+at a time, so that neither needs the whole file in memory. In files of other programs a clip may
+continue in further row groups, and statistics may be missing: the names are read then.
+
+A folder of motions has a file for each clip or for all variations of a clip, so that a new clip
+changes no existing file; Polars reads such a folder as ``FOLDER/*.parquet``.
 """
 
 import json
@@ -17,15 +19,22 @@ from urllib.parse import quote, unquote
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.limits import MAX_GAP, MAX_POSITIONS
 from pacmo_core.data.names import sort_clips
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.files import StoreError, atomic_file
-from pacmo_core.store.tables import VERSION, check_version, open_parquet
+from pacmo_core.store.parquet import (
+    VERSION,
+    check_columns,
+    check_values,
+    check_version,
+    open_parquet,
+    parquet_errors,
+)
 
 CLIPS_PER_ROW_GROUP = 8
 POSES = ("person_a", "person_b")
@@ -65,7 +74,7 @@ def skeleton_of(schema: pa.Schema, path: Path) -> Skeleton:
         raise StoreError(f"{path}: no skeleton in its metadata; it is not a file of motions")
     try:
         return Skeleton.from_dict(json.loads(text))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise StoreError(f"{path}: its metadata contain no valid skeleton ({error})") from error
 
 
@@ -76,6 +85,7 @@ class MotionWriter:
         self._file, self._skeleton = file, skeleton
         self._last = ""
         self._pending: list[pa.RecordBatch] = []
+        self._n_pending = 0
 
     def add(self, name: str, interaction: Interaction) -> None:
         """Append one clip.
@@ -93,8 +103,12 @@ class MotionWriter:
                 f"({len(self._skeleton.joints)} joints), got {interaction.skeleton.name} "
                 f"({len(interaction.skeleton.joints)} joints)"
             )
+        positions = len(interaction.times) * len(self._skeleton.joints)
+        if self._n_pending + positions > MAX_POSITIONS:
+            self.flush()  # a reader has a whole row group in memory
         self._last = name
         self._pending.append(_to_rows(name, interaction, motion_schema(self._skeleton)))
+        self._n_pending += positions
         if len(self._pending) == CLIPS_PER_ROW_GROUP:
             self.flush()
 
@@ -103,7 +117,7 @@ class MotionWriter:
         if self._pending:
             table = pa.Table.from_batches(self._pending).combine_chunks()
             self._file.write_table(table, row_group_size=len(table))
-            self._pending = []
+            self._pending, self._n_pending = [], 0
 
 
 @contextmanager
@@ -137,10 +151,17 @@ def stream_motions(path: Path) -> Iterator[tuple[str, Interaction]]:
     StoreError
         If the file is not one of this store.
     """
-    file = open_parquet(path)
-    skeleton = skeleton_of(file.schema_arrow, path)
-    for group in range(file.num_row_groups):
-        yield from _clips_of(file.read_row_group(group), skeleton)
+    file = _MotionFile(path)
+    name, parts = "", list[pa.Table]()
+    for group in range(file.n_groups):
+        for next_name, rows in file.read_clips(group).items():
+            if parts and next_name != name:
+                yield name, file.make_interaction(name, parts)
+                parts = []
+            name = file.check_order(name, next_name)
+            parts.append(rows)
+    if parts:
+        yield name, file.make_interaction(name, parts)
 
 
 def read_motion(path: Path, name: str) -> Interaction:
@@ -153,16 +174,7 @@ def read_motion(path: Path, name: str) -> Interaction:
     StoreError
         If the file is not one of this store.
     """
-    file = open_parquet(path)
-    skeleton = skeleton_of(file.schema_arrow, path)
-    for group in range(file.num_row_groups):
-        limits = file.metadata.row_group(group).column(0).statistics
-        if limits.min <= name <= limits.max:
-            table = file.read_row_group(group)
-            table = table.filter(pc.equal(table["clip"], name))
-            if len(table):
-                return _from_rows(table, skeleton)
-    raise KeyError(f"{path}: no clip {name}")
+    return MotionReader(path).read(name)
 
 
 def read_skeleton(path: Path) -> Skeleton:
@@ -171,10 +183,10 @@ def read_skeleton(path: Path) -> Skeleton:
 
 
 class MotionReader:
-    """Reads many clips of one file by name; the last row groups stay in memory.
+    """Reads clips of one file by name; the last row groups stay in memory.
 
-    ``read_motion`` opens the file and reads a row group for every clip. Clips that are read in
-    their order come from a row group already in memory, seven times of eight.
+    Clips that are read in their order come from a row group already in memory, seven times of
+    eight.
 
     Raises
     ------
@@ -183,12 +195,16 @@ class MotionReader:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._file = path, open_parquet(path)
-        self._skeleton = skeleton_of(self._file.schema_arrow, path)
-        metadata = self._file.metadata
-        columns = (metadata.row_group(group).column(0) for group in range(metadata.num_row_groups))
-        self._last_names = [column.statistics.max for column in columns]
-        self._group = lru_cache(maxsize=2)(self._read_group)
+        self._path, self._file = path, _MotionFile(path)
+        limits = [self._file.first_and_last(group) for group in range(self._file.n_groups)]
+        # Groups without rows hold no clip.
+        self._groups = [group for group, names in enumerate(limits) if names is not None]
+        known = [names for names in limits if names is not None]
+        self._first_names = [first for first, _ in known]
+        self._last_names = [last for _, last in known]
+        for earlier, later in zip(self._last_names, self._first_names[1:], strict=False):
+            self._file.check_order(earlier, later)
+        self._group = lru_cache(maxsize=2)(self._file.read_clips)
 
     def read(self, name: str) -> Interaction:
         """Read one clip.
@@ -197,15 +213,92 @@ class MotionReader:
         ------
         KeyError
             If the file contains no such clip.
+        StoreError
+            If its rows are damaged.
         """
-        group = bisect_left(self._last_names, name)
-        clips = self._group(group) if group < len(self._last_names) else {}
-        if name not in clips:
+        parts = []
+        for index in range(bisect_left(self._last_names, name), len(self._groups)):
+            if self._first_names[index] > name:
+                break
+            clips = self._group(self._groups[index])
+            parts += [clips[name]] if name in clips else []
+        if not parts:
             raise KeyError(f"{self._path}: no clip {name}")
-        return clips[name]
+        return self._file.make_interaction(name, parts)
 
-    def _read_group(self, group: int) -> dict[str, Interaction]:
-        return dict(_clips_of(self._file.read_row_group(group), self._skeleton))
+
+class _MotionFile:
+    """An open file of motions whose schema is checked."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._file = path, open_parquet(path)
+        schema = self._file.schema_arrow
+        self._skeleton = skeleton_of(schema, path)
+        check_columns(schema, list(motion_schema(self._skeleton)), path)
+        with parquet_errors(path):
+            leaves = [self._file.schema.column(i).path for i in range(len(self._file.schema))]
+        self._clip_column = leaves.index("clip")
+
+    @property
+    def n_groups(self) -> int:
+        """Number of row groups."""
+        return int(self._file.num_row_groups)
+
+    def first_and_last(self, group: int) -> tuple[str, str] | None:
+        """Return the first and the last clip of a row group by its statistics, or by its rows."""
+        if not self._file.metadata.row_group(group).num_rows:
+            return None
+        with parquet_errors(self._path):
+            statistics = self._file.metadata.row_group(group).column(self._clip_column).statistics
+            if statistics is not None and isinstance(statistics.min, str):
+                return statistics.min, statistics.max
+            names = self._file.read_row_group(group, columns=["clip"])["clip"]
+        check_values(pa.table({"clip": names}), ["clip"], self._path)
+        return str(names[0]), str(names[-1])
+
+    def read_clips(self, group: int) -> dict[str, pa.Table]:
+        """Read the rows of a row group by clip, in their order."""
+        self._check_rows(self._file.metadata.row_group(group).num_rows, f"row group {group}")
+        with parquet_errors(self._path):
+            table = self._file.read_row_group(group)
+        check_values(table, table.column_names, self._path)
+        names = table["clip"].to_numpy()
+        edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
+        clips: dict[str, pa.Table] = {}
+        for start, stop in pairwise(edges if len(names) else []):
+            self.check_order(next(reversed(clips), ""), str(names[start]))
+            clips[str(names[start])] = table.slice(start, stop - start)
+        return clips
+
+    def check_order(self, earlier: str, later: str) -> str:
+        """Return the later of two names; refuse a file whose clips do not ascend."""
+        if later < earlier:
+            raise StoreError(
+                f"{self._path}: clips must be in ascending order; got {later} after {earlier}"
+            )
+        return later
+
+    def make_interaction(self, name: str, parts: list[pa.Table]) -> Interaction:
+        """Join the rows of one clip."""
+        self._check_rows(sum(map(len, parts)), f"clip {name}")
+        table = parts[0] if len(parts) == 1 else pa.concat_tables(parts)
+        frames, times = table["frame"].to_numpy(), table["time"].to_numpy()
+        if not np.array_equal(frames, np.arange(len(frames))):
+            raise StoreError(f"{self._path}: clip {name}: wanted frames 0, 1, ... in order")
+        gaps = np.flatnonzero(~(np.diff(times) <= MAX_GAP))
+        if len(gaps):
+            gap = times[gaps[0] + 1] - times[gaps[0]]
+            reason = f"frame {gaps[0] + 1} is {gap:g} s after the one before it"
+            raise StoreError(f"{self._path}: clip {name}: {reason}; wanted at most {MAX_GAP:g} s")
+        try:
+            return Interaction(self._skeleton, times, *(_to_motion(table[pose]) for pose in POSES))
+        except ValueError as error:
+            raise StoreError(f"{self._path}: clip {name}: {error}") from error
+
+    def _check_rows(self, n_rows: int, what: str) -> None:
+        most = 2 * MAX_POSITIONS // len(self._skeleton.joints)
+        if n_rows > most:
+            raise StoreError(f"{self._path}: {what}: wanted at most {most} frames; got {n_rows}")
 
 
 def motion_file(folder: Path, clip: str) -> Path:
@@ -250,18 +343,7 @@ def _to_poses(motion: NDArray[np.float32]) -> pa.FixedSizeListArray:
     return pa.FixedSizeListArray.from_arrays(points, motion.shape[1])
 
 
-def _clips_of(table: pa.Table, skeleton: Skeleton) -> Iterator[tuple[str, Interaction]]:
-    """Yield the clips of a row group."""
-    names = table["clip"].to_numpy()
-    edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
-    for start, stop in pairwise(edges):
-        yield str(names[start]), _from_rows(table.slice(start, stop - start), skeleton)
-
-
-def _from_rows(table: pa.Table, skeleton: Skeleton) -> Interaction:
-    person_a, person_b = (
-        # flatten() honours the slice; the values reach NumPy without a copy.
-        table[pose].combine_chunks().flatten().flatten().to_numpy().reshape(len(table), -1, 3)
-        for pose in POSES
-    )
-    return Interaction(skeleton, table["time"].to_numpy(), person_a, person_b)
+def _to_motion(column: pa.ChunkedArray) -> NDArray[np.float32]:
+    # flatten() honours the slice; the values reach NumPy without a copy.
+    values: NDArray[np.float32] = column.combine_chunks().flatten().flatten().to_numpy()
+    return values.reshape(len(column), -1, 3)

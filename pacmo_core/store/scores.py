@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pacmo_core.store.files import StoreError, atomic_file
-from pacmo_core.store.tables import VERSION, check_version, open_parquet
+from pacmo_core.store.parquet import VERSION, check_version, open_parquet, read_table
 
 COLUMNS = pa.schema(
     [
@@ -81,16 +82,24 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
     """
     file = open_parquet(path)
     check_version(file.schema_arrow, path)
-    text = file.schema_arrow.metadata.get(b"scores")
-    if text is None or file.schema_arrow.names != COLUMNS.names:
-        raise StoreError(f"{path}: wanted columns {COLUMNS.names} and scores in its metadata")
-    table = file.read()
+    metadata = _metadata(file.schema_arrow, path)
+    table = read_table(file, list(COLUMNS), path)
     row, seed, metric, replicate, value = (table[name].to_numpy() for name in COLUMNS.names)
     first = np.flatnonzero(replicate == 0)
-    ends = [*first[1:], len(replicate)]
+    if len(replicate) and replicate[0] != 0:
+        raise StoreError(f"{path}: wanted replicate 0 of each score first; got {replicate[0]}")
+    ends = np.append(first[1:], len(replicate))[: len(first)]
     scores = [
         Score(str(row[i]), int(seed[i]), str(metric[i]), np.array(value[i:end]))
         for i, end in zip(first, ends, strict=True)
     ]
-    metadata: dict[str, Any] = json.loads(text)
     return scores, metadata
+
+
+def _metadata(schema: pa.Schema, path: Path) -> dict[str, Any]:
+    metadata: object = None
+    with suppress(KeyError, ValueError, RecursionError):
+        metadata = json.loads(schema.metadata[b"scores"])
+    if not isinstance(metadata, dict):
+        raise StoreError(f"{path}: wanted columns {COLUMNS.names} and scores in its metadata")
+    return metadata

@@ -1,11 +1,8 @@
-"""Tables in Parquet: a record of each clip, split, quarantined capture and variation.
-
-Every file of the project names the version of its schema in its metadata; a reader refuses files
-of another version.
-"""
+"""Tables in Parquet: a record of each clip, split, quarantined capture and variation."""
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,39 +11,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.names import printable
+from pacmo_core.data.limits import printable
 from pacmo_core.store.files import StoreError, atomic_file
-
-VERSION = "1"
-
-
-def check_version(schema: pa.Schema, path: Path) -> None:
-    """Refuse a file of another version of the schema.
-
-    Raises
-    ------
-    StoreError
-        If the version is missing or another one.
-    """
-    version = (schema.metadata or {}).get(b"pacmo", b"none").decode()
-    if version != VERSION:
-        raise StoreError(f"{path}: wanted schema version {VERSION}, got {version}")
-
-
-def open_parquet(path: Path) -> pq.ParquetFile:
-    """Open a Parquet file.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    StoreError
-        If it is not Parquet, or cut short; the message names the file.
-    """
-    try:
-        return pq.ParquetFile(path)
-    except pa.ArrowInvalid as error:
-        raise StoreError(f"{path}: not a complete Parquet file ({error})") from error
+from pacmo_core.store.parquet import VERSION, check_version, open_parquet, read_table
 
 
 @dataclass(frozen=True)
@@ -134,8 +101,7 @@ COLUMN_TYPES: dict[object, pa.DataType] = {
 
 def write_rows(path: Path, kind: type[Record], rows: list[Record]) -> None:
     """Write a table of records atomically; without rows it is empty."""
-    columns = [pa.field(field.name, COLUMN_TYPES[field.type], False) for field in fields(kind)]
-    schema = pa.schema(columns, metadata={"pacmo": VERSION})
+    schema = pa.schema(_fields(kind), metadata={"pacmo": VERSION})
     with atomic_file(path) as partial:
         table = pa.Table.from_pylist([asdict(row) for row in rows], schema=schema)
         pq.write_table(table, partial, compression="zstd")
@@ -151,10 +117,11 @@ def read_rows(path: Path, kind: type[Record]) -> list[Record]:
     """
     file = open_parquet(path)
     check_version(file.schema_arrow, path)
-    columns = [field.name for field in fields(kind)]
-    if file.schema_arrow.names != columns:
-        raise StoreError(f"{path}: wanted columns {columns}, got {file.schema_arrow.names}")
-    return [kind(**row) for row in file.read().to_pylist()]
+    return [kind(**row) for row in read_table(file, _fields(kind), path).to_pylist()]
+
+
+def _fields(kind: type[Record]) -> list[pa.Field]:
+    return [pa.field(field.name, COLUMN_TYPES[field.type], False) for field in fields(kind)]
 
 
 # Names in the folder of a dataset of variations: folders of the accepted variations, of those
@@ -204,15 +171,7 @@ def write_variations(path: Path, rows: Sequence[VariationRecord], segments: Sequ
     segments : names, in the order of the bones
     """
     measured = list(dict.fromkeys(name for row in rows for name in row.measurements))
-    body = pa.struct([pa.field(name, pa.float64(), nullable=False) for name in segments])
-    columns = [
-        *(pa.field(name, pa.string(), nullable=False) for name in ("variation", "clip", "kind")),
-        pa.field("accepted", pa.bool_(), nullable=False),
-        pa.field("reason", pa.string(), nullable=False),
-        pa.field("limit_ratio", pa.float64(), nullable=False),
-        *(pa.field(name, pa.float64()) for name in measured),
-        *(pa.field(name, body, nullable=False) for name in SCALES),
-    ]
+    columns = _variation_fields(measured, segments)
     schema = pa.schema(columns, metadata={"pacmo": VERSION, "measurements": json.dumps(measured)})
     with atomic_file(path) as partial:
         table = pa.Table.from_pylist([_columns(row) for row in rows], schema=schema)
@@ -229,11 +188,38 @@ def read_variations(path: Path) -> list[VariationRecord]:
     """
     file = open_parquet(path)
     check_version(file.schema_arrow, path)
-    text = file.schema_arrow.metadata.get(b"measurements")
-    if text is None or file.schema_arrow.names[: len(FIXED_COLUMNS)] != list(FIXED_COLUMNS):
-        raise StoreError(f"{path}: wanted a table of variations, got {file.schema_arrow.names}")
-    measured = json.loads(text)
-    return [_record(row, measured) for row in file.read().to_pylist()]
+    schema = file.schema_arrow
+    measured = _measurements(schema, path)
+    columns = _variation_fields(measured, _segments(schema))
+    return [_record(row, measured) for row in read_table(file, columns, path).to_pylist()]
+
+
+def _variation_fields(measured: Sequence[str], segments: Sequence[str]) -> list[pa.Field]:
+    body = pa.struct([pa.field(name, pa.float64(), nullable=False) for name in segments])
+    types = (*(pa.string(),) * 3, pa.bool_(), pa.string(), pa.float64())
+    return [
+        *(pa.field(name, t, False) for name, t in zip(FIXED_COLUMNS, types, strict=True)),
+        *(pa.field(name, pa.float64()) for name in measured),
+        *(pa.field(name, body, nullable=False) for name in SCALES),
+    ]
+
+
+def _measurements(schema: pa.Schema, path: Path) -> list[str]:
+    """Read the names of the measurements from the metadata."""
+    names: object = None
+    with suppress(KeyError, ValueError, RecursionError):
+        names = json.loads(schema.metadata[b"measurements"])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise StoreError(f"{path}: wanted a table of variations, got {schema.names}")
+    return names
+
+
+def _segments(schema: pa.Schema) -> list[str]:
+    """List the segments of the first column of scales; none where there is no such column."""
+    index = schema.get_field_index(SCALES[0])
+    if index < 0 or not pa.types.is_struct(schema.field(index).type):
+        return []
+    return [field.name for field in schema.field(index).type]
 
 
 def _columns(row: VariationRecord) -> dict[str, Any]:

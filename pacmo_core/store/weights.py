@@ -9,7 +9,13 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
+from pacmo_core.data.limits import file_fault
 from pacmo_core.store.files import StoreError, atomic_file
+
+MAX_WEIGHTS_BYTES = 1 << 30  # of a file of weights, or of a checkpoint
+
+# Of safetensors and JSON on damaged files, and of torch on types of numbers that it does not have.
+_FAULTS = (SafetensorError, KeyError, ValueError, AttributeError, RuntimeError, TypeError)
 
 
 def write_weights(path: Path, config: dict[str, Any], state: dict[str, torch.Tensor]) -> None:
@@ -28,11 +34,17 @@ def read_weights(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
     Raises
     ------
     StoreError
-        If the file is damaged or contains no configuration.
+        If the file is damaged, too large, or contains no configuration.
     """
+    if fault := file_fault(path, MAX_WEIGHTS_BYTES):
+        raise StoreError(f"{path}: {fault}")
     try:
         with safe_open(path, framework="pt") as file:
             config = json.loads((file.metadata() or {})["config"])
-            return config, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, KeyError, json.JSONDecodeError) as error:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except _FAULTS as error:
         raise StoreError(f"{path}: not a complete file of weights ({error})") from error
+    if not isinstance(config, dict):
+        kind = type(config).__name__
+        raise StoreError(f"{path}: not a complete file of weights (its configuration is a {kind})")
+    return config, tensors

@@ -121,7 +121,7 @@ def test_a_faulty_file_is_refused_with_its_line_and_the_reason(tmp_path, text, r
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(FormatError, match="cannot be opened"):
+    with pytest.raises(FormatError, match="cannot be read"):
         read_bvh(tmp_path / "nothing.bvh")
 
 

@@ -79,7 +79,7 @@ def test_files_of_both_subjects_in_one_folder_pair_too(tmp_path):
     ("gone", "reason"),
     [
         ("19/19_01.amc", "no second person"),
-        ("19/19.asf", "19.asf: cannot be opened: No such file"),
+        ("19/19.asf", "19.asf: cannot be read: No such file"),
     ],
 )
 def test_a_missing_file_is_a_reason(tmp_path, gone, reason):
