@@ -136,6 +136,7 @@ def _windows(folder: Path) -> Iterator[tuple[str, str, tuple[Path, ...]]]:
             first = int(np.convolve(near, np.ones(length), mode="valid").argmax())
             out = folder / names[0].replace("/", "_")
             yield (
+                take,
                 preset,
                 tuple(
                     _cut(file, first, length, out / f"{number}_{file.name}")

@@ -8,7 +8,7 @@ import pytest
 
 from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh, read_bvh
-from pacmo_core.formats.write_bvh import rewrite_bvh
+from pacmo_core.formats.write_bvh import BvhTargets, rewrite_bvh
 from tests.formats.real_files import real_folder
 
 TEXT = """HIERARCHY
@@ -58,16 +58,22 @@ def small(folder: Path) -> tuple[Path, Bvh]:
 
 def again(file: Path, bvh: Bvh, places: np.ndarray, scales: np.ndarray) -> tuple[Bvh, float]:
     joints = [j for j in range(len(bvh.joints)) if j not in bvh.end_sites]
-    written = rewrite_bvh(file, bvh, joints, places[:, joints], scales)
     other = file.with_name("again.bvh")
-    other.write_text(written.text)
-    return read_bvh(other), float(written.errors.max())
+    other.write_text(rewrite_bvh(file, bvh, targets(joints, places), scales))
+    found = read_bvh(other)
+    errors = np.linalg.norm(found.positions() - places, axis=-1)[:, joints]
+    return found, float(errors.max())
+
+
+def targets(joints: list[int], places: np.ndarray) -> BvhTargets:
+    """Weigh all joints alike."""
+    return BvhTargets(joints, places[:, joints], np.ones((len(places), len(joints))))
 
 
 def test_a_file_written_as_it_was_read_is_what_it_was(tmp_path: Path) -> None:
     file, bvh = small(tmp_path)
     found, miss = again(file, bvh, bvh.positions(), np.ones(len(bvh.joints)))
-    assert miss < 1e-8
+    assert miss < 1e-4
     for name in ("joints", "parents", "channels", "end_sites"):
         assert getattr(found, name) == getattr(bvh, name)
     assert found.frame_time == pytest.approx(bvh.frame_time, rel=1e-8)
@@ -79,20 +85,10 @@ def test_a_body_that_grew_as_a_whole_is_met_with_the_same_turns(tmp_path: Path) 
     file, bvh = small(tmp_path)
     places = 1.25 * bvh.positions()
     found, miss = again(file, bvh, places, np.array([1, *[1.25] * 5]))
-    assert miss < 1e-8
+    assert miss < 1e-4
     np.testing.assert_allclose(found.positions(), places, atol=1e-4)
     np.testing.assert_allclose(found.offsets[1:], 1.25 * bvh.offsets[1:], atol=1e-6)
     np.testing.assert_allclose(found.motion[:, 3:9], bvh.motion[:, 3:9], atol=1e-4)
-
-
-def test_the_miss_is_how_far_the_written_joints_are_from_their_places(tmp_path: Path) -> None:
-    file, bvh = small(tmp_path)
-    places = bvh.positions() + np.random.default_rng(1).normal(size=(3, 6, 3))
-    found, miss = again(file, bvh, places, np.ones(6))
-    joints = [0, 1, 2, 4]
-    apart = np.linalg.norm(found.positions() - places, axis=-1)[:, joints]
-    assert apart.max() == pytest.approx(miss, abs=1e-4)
-    assert miss > 0.1
 
 
 def test_a_joint_that_cannot_turn_freely_is_refused_by_name(tmp_path: Path) -> None:
@@ -127,9 +123,9 @@ def test_real_files_are_written_as_they_were_read(name: str, tmp_path: Path) -> 
     bvh = replace(whole, motion=whole.motion[:200])
     joints = [j for j in range(len(bvh.joints)) if j not in bvh.end_sites]
     places = bvh.positions()
-    written = rewrite_bvh(original, bvh, joints, places[:, joints], np.ones(len(bvh.joints)))
     file = tmp_path / "written.bvh"
-    file.write_text(written.text)
+    ones = np.ones(len(bvh.joints))
+    file.write_text(rewrite_bvh(original, bvh, targets(joints, places), ones))
     found = read_bvh(file)
     assert found.joints == bvh.joints
     np.testing.assert_allclose(found.positions(), places, atol=1e-4)

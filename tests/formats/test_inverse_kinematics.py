@@ -4,7 +4,13 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from pacmo_core.formats.fit_bones import aim_bones, forward_kinematics, inverse_kinematics
+from pacmo_core.formats.inverse_kinematics import (
+    aim_bones,
+    fit_rest_directions,
+    forward_kinematics,
+    inverse_kinematics,
+    proximity_weights,
+)
 
 # A root with a fork, an arm of three, a leg of two.
 PARENTS = (-1, 0, 1, 2, 0, 4, 1)
@@ -20,13 +26,18 @@ def pose(seed: int, n_frames: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return root, moved, turns.reshape(n_frames, COUNT, 3, 3)
 
 
+def equal(wanted: dict[int, np.ndarray]) -> np.ndarray:
+    """Weigh all targets alike."""
+    return np.ones((len(wanted[0]), len(wanted)))
+
+
 def test_a_pose_that_can_be_taken_is_taken() -> None:
     root, moved, local = pose(0)
     places, _ = forward_kinematics(PARENTS, root, moved, local)
     wanted = {joint: places[:, joint] for joint in range(COUNT)}
     straight = np.broadcast_to(np.eye(3), local.shape)
     found_root, found = inverse_kinematics(
-        PARENTS, wanted, moved, aim_bones(PARENTS, wanted, moved, straight)
+        PARENTS, wanted, equal(wanted), moved, aim_bones(PARENTS, wanted, moved, straight)
     )
     reached, _ = forward_kinematics(PARENTS, found_root, moved, found)
     np.testing.assert_allclose(reached, places, atol=1e-5)
@@ -37,7 +48,7 @@ def test_a_pose_that_is_there_is_left_with_its_twists() -> None:
     places, _ = forward_kinematics(PARENTS, root, moved, local)
     wanted = {joint: places[:, joint] for joint in range(COUNT)}
     found_root, found = inverse_kinematics(
-        PARENTS, wanted, moved, aim_bones(PARENTS, wanted, moved, local)
+        PARENTS, wanted, equal(wanted), moved, aim_bones(PARENTS, wanted, moved, local)
     )
     np.testing.assert_allclose(found, local, atol=1e-9)
     np.testing.assert_allclose(found_root, root, atol=1e-9)
@@ -52,7 +63,8 @@ def test_what_cannot_be_met_is_missed_by_the_least_squares() -> None:
     guess = aim_bones(PARENTS, wanted, moved, local)
     ours = (
         forward_kinematics(
-            PARENTS, *_posed(inverse_kinematics(PARENTS, wanted, moved, guess), moved)
+            PARENTS,
+            *_posed(inverse_kinematics(PARENTS, wanted, equal(wanted), moved, guess), moved),
         )[0]
         - places
     )
@@ -76,5 +88,49 @@ def test_joints_without_a_place_keep_their_turns() -> None:
     root, moved, local = pose(4)
     places, _ = forward_kinematics(PARENTS, root, moved, local)
     wanted = {joint: places[:, joint] for joint in (0, 1, 4)}
-    _, found = inverse_kinematics(PARENTS, wanted, moved, aim_bones(PARENTS, wanted, moved, local))
+    _, found = inverse_kinematics(
+        PARENTS, wanted, equal(wanted), moved, aim_bones(PARENTS, wanted, moved, local)
+    )
     np.testing.assert_allclose(found[:, [2, 3, 5, 6]], local[:, [2, 3, 5, 6]], atol=1e-9)
+
+
+def test_a_target_of_larger_weight_is_missed_by_less() -> None:
+    root, moved, local = pose(5)
+    places, _ = forward_kinematics(PARENTS, root, moved, local)
+    random = np.random.default_rng(6)
+    wanted = {j: places[:, j] + 0.1 * random.normal(size=3) for j in range(COUNT)}
+    guess = aim_bones(PARENTS, wanted, moved, local)
+    missed = []
+    for weight in (1.0, 20.0):
+        weights = equal(wanted)
+        weights[:, 3] = weight
+        found = inverse_kinematics(PARENTS, wanted, weights, moved, guess)
+        reached, _ = forward_kinematics(PARENTS, *_posed(found, moved))
+        missed.append(np.linalg.norm(reached[:, 3] - wanted[3], axis=-1).mean())
+    assert missed[1] < 0.5 * missed[0]
+
+
+def test_joints_near_the_partner_or_the_ground_have_larger_weights() -> None:
+    a = np.zeros((2, 3, 3), np.float32)
+    a[:, :, 1] = [0.0, 0.8, 1.6]
+    b = a + np.float32([3, 0, 0])
+    b[:, 1] = a[:, 1] + np.float32([0.05, 0, 0])
+    weights, _ = proximity_weights(a, b)
+    assert (weights[:, :2] > 4).all()
+    np.testing.assert_allclose(weights[:, 2], 1, atol=1e-3)
+
+
+def test_rest_directions_of_a_fork_are_those_of_the_motion() -> None:
+    random = np.random.default_rng(0)
+    parents, offsets = (-1, 0, 0, 0), random.normal(size=(4, 3))
+    turned = Rotation.from_rotvec([0.4, 0, 0]).apply(offsets[1])
+    held = offsets.copy()
+    held[1] = turned
+    turns = Rotation.random(20, random_state=1)
+    targets = {j: turns.apply(held[j]) if j else np.zeros((20, 3)) for j in range(4)}
+    fitted = fit_rest_directions(parents, targets, offsets, {1, 2, 3})
+    np.testing.assert_allclose(
+        np.linalg.norm(fitted, axis=1), np.linalg.norm(offsets, axis=1), atol=1e-9
+    )
+    angles = fitted[1:] @ fitted[1:].T
+    np.testing.assert_allclose(angles, held[1:] @ held[1:].T, atol=1e-6)
