@@ -40,7 +40,7 @@ from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.data import to_partner_frame
 from pacmo_core.reaction.inference import react as react_to_partner
 from pacmo_core.reaction.windows import ReactionModel, is_deterministic
-from pacmo_core.store.files import write_text
+from pacmo_core.store.files import default_params_file, write_text
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
@@ -357,10 +357,7 @@ def view(clips: Mapping[str, Interaction], path: str | Path) -> Path:
 
 @cache
 def _default_params() -> dict[str, Any]:
-    """Read the packaged ``params.yaml``; in a checkout the root's, its only copy."""
-    packaged = Path(__file__).with_name("params.yaml")
-    file = packaged if packaged.exists() else Path(__file__).parents[1] / "params.yaml"
-    params: dict[str, Any] = YAML(typ="safe").load(file)
+    params: dict[str, Any] = YAML(typ="safe").load(default_params_file())
     return params
 
 

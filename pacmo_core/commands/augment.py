@@ -11,6 +11,7 @@ import typer
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
 from pacmo_core.augmentation.filter import VariationLimits, rejection_reason
@@ -31,8 +32,8 @@ from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
 from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.interaction_mesh.report import measure_motions
-from pacmo_core.project.workspace import CommandError, errors_in_one_line, one_line
-from pacmo_core.store.files import StoreError
+from pacmo_core.project.workspace import PARAMS, CommandError, errors_in_one_line, one_line
+from pacmo_core.store.files import StoreError, default_params_file
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,11 @@ class SolverSection:
 
     solver: Settings
     limits: VariationLimits
+
+
+def _present_params() -> Path:
+    """Return the parameters of this folder if it has some, else those of the package."""
+    return PARAMS if PARAMS.is_file() else default_params_file()
 
 
 def read_solver_section(params: Path) -> SolverSection:
@@ -53,7 +59,11 @@ def read_solver_section(params: Path) -> SolverSection:
     """
     if not params.is_file():
         raise CommandError(f"no {params}: give --params, such as a params.yaml")
-    section = (YAML(typ="safe").load(params) or {}).get("augment")
+    try:
+        content = YAML(typ="safe").load(params)
+    except YAMLError as fault:
+        raise CommandError(f"{params}: not YAML: {' '.join(str(fault).split())}") from fault
+    section = content.get("augment") if isinstance(content, dict) else None
     if not isinstance(section, dict):
         raise CommandError(f"{params}: no section augment")
     try:
@@ -84,7 +94,11 @@ Fps = Annotated[
     float | None, typer.Option(help="frame rate of the capture, if it states none or a wrong one")
 ]
 Params = Annotated[
-    Path, typer.Option(help="file with the settings of the solver, in section augment")
+    Path | None,
+    typer.Option(
+        help="file with the settings of the solver, in section augment; default: params.yaml of "
+        "this folder, or of the package"
+    ),
 ]
 
 Scales = NDArray[np.float64]
@@ -104,7 +118,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     unit: Unit = None,
     up: Up = None,
     fps: Fps = None,
-    params: Params = Path("params.yaml"),
+    params: Params = None,
 ) -> None:
     """Retarget two people's motion to other bodies; contacts and near distances are preserved.
 
@@ -124,7 +138,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     settings = {name: value for name, value in options.items() if value is not None}
     files = (first,) if second is None else (first, second)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
-        solving = read_solver_section(params)
+        solving = read_solver_section(params or _present_params())
         duo = read_two_people(files, form, settings, clip)
         check_output(duo, out)
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]

@@ -76,3 +76,10 @@ def file_hash(*paths: Path) -> str:
             while block := file.read(1 << 20):
                 digest.update(block)
     return digest.hexdigest()
+
+
+def default_params_file() -> Path:
+    """Return the packaged ``params.yaml``; in a checkout the root's, its only copy."""
+    package = Path(__file__).parents[1]
+    packaged = package / "params.yaml"
+    return packaged if packaged.exists() else package.parent / "params.yaml"

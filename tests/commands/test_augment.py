@@ -201,12 +201,26 @@ def test_settings_are_read_from_a_file_that_has_them(stored: Path, tmp_path: Pat
     words = ["augment", str(stored), "--clip", "one", "--a-scale", "uniform=0.9", "--out", "o.bvh"]
     bad = tmp_path / "bad.yaml"
     bad.write_text("augment: {solver: {graph: complete}}\n")
+    broken = tmp_path / "text.yaml"
+    broken.write_text("a: [1\n%")
     for params, text in (
         (tmp_path / "none.yaml", "no "),
         (stored.with_name("bad.yaml"), "augment.solver"),
+        (broken, "not YAML"),
     ):
         said = CliRunner().invoke(app, [*words, "--params", str(params)])
         refused(said, text)
+
+
+def test_without_a_checkout_the_settings_are_those_of_the_package(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    words = ["augment", str(stored), "--clip", "one", "--a-scale", "uniform=0.9"]
+    said = CliRunner().invoke(app, [*words, "--out", "o.parquet"])
+    assert said.exit_code == 0, said.output
 
 
 def test_real_captures_of_sbu_are_varied(tmp_path: Path) -> None:
