@@ -200,6 +200,23 @@ def write_expi(grammar: Grammar, folder: Path) -> None:
     _write(folder / "acro1" / "a-frame1" / "mocap_cleaned.tsv", text)
 
 
+def write_table(grammar: Grammar, folder: Path) -> None:
+    """Write a table of the joints of two people."""
+    names = [grammar.name(i) for i in range(3)]
+    columns = [f"person_{p}.{name}.{axis}" for p in "ab" for name in names for axis in "xyz"]
+    lines = [
+        f"# fps: {grammar.count(30)}",
+        f"# unit: {grammar.count(1)}",
+        f"# up: {'x' if grammar.odd() else grammar.pick(('y', 'z'))}",
+        f"# parents: -1 {grammar.count(0)} {grammar.count(1)}",
+        ",".join(["frame", "time", *columns]),
+    ]
+    for frame in range(grammar.integer(2, 14)):
+        time = "x" if grammar.odd() else f"{frame / 30:.9f}"
+        lines.append(f"{grammar.count(frame)},{time},{grammar.numbers(18, 1, ',')}")
+    _write(folder / "wave.csv", grammar.lines(lines))
+
+
 TEXTS: dict[str, Callable[[Grammar, Path], None]] = {
     "bvh": write_bvh,
     "cmu": write_cmu,
@@ -207,4 +224,5 @@ TEXTS: dict[str, Callable[[Grammar, Path], None]] = {
     "sbu": write_sbu,
     "duetdance": write_duetdance,
     "expi": write_expi,
+    "table": write_table,
 }

@@ -67,7 +67,7 @@ def test_variations_of_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, nam
     a, b = (select_person(CLIP, person, name) for person in "ab")
     duo = TwoPersonCapture(name, (tmp_path / "motions.parquet",), {}, (a, b))
     ones = np.ones(len(SBU15.bones))
-    files, _ = write_two_people(duo, (ones, ones), "label", out)
+    files = write_two_people(duo, (ones, ones), "label", out).files
     assert {file.resolve().parent for file in files} == {out.resolve()}
 
 
