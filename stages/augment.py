@@ -14,7 +14,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from fnmatch import fnmatch
 from math import isfinite
 from pathlib import Path
@@ -69,7 +69,7 @@ from pacmo_core.store.tables import (
     write_variations,
 )
 from stages.common.captures import find_captures
-from stages.common.files import CLIPS, MOTIONS, scheduler_address, write_json
+from stages.common.files import CLIPS, MOTIONS, SOLVER, scheduler_address, write_json
 from stages.common.params import read_params, run_stage
 
 
@@ -417,6 +417,7 @@ def main(paths: argparse.Namespace) -> None:
     metrics = {}
     for dataset in datasets:
         rows = write_dataset(paths.variations / dataset.name, dataset, augmentation)
+        write_json(paths.variations / dataset.name / SOLVER, asdict(params.solver))
         metrics[dataset.name] = summary(rows, params.limits)
     variations.remove_other_namespaces()
     clips.remove_other_namespaces()

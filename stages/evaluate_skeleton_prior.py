@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from pydantic import TypeAdapter
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import variation_name
 from pacmo_core.interaction_mesh import Scene, Settings, prepare
-from pacmo_core.interaction_mesh import Settings as SolverSettings
 from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
 from pacmo_core.metrics import retargeting
 from pacmo_core.metrics.plausibility import BodyJoints, find_body_joints
@@ -33,7 +33,7 @@ from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 from stages.common.examples import stream_examples
-from stages.common.files import ALL_SOURCES, WEIGHTS, write_json
+from stages.common.files import ALL_SOURCES, SOLVER, WEIGHTS, read_json, write_json
 from stages.common.params import read_params, read_prior_runs, run_stage
 
 # The supplement's B is the first character, its A the second, which depends on the first.
@@ -268,7 +268,7 @@ class Params:
 
 def main(paths: argparse.Namespace) -> None:
     params = read_params("evaluate_skeleton_prior", Params)
-    solver = read_params("augment.solver", SolverSettings)
+    solver = TypeAdapter(Settings).validate_python(read_json(paths.dataset / SOLVER))
     runs = read_prior_runs()
     torch.set_num_threads(params.threads)
     torch.use_deterministic_algorithms(mode=True)

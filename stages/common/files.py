@@ -14,6 +14,7 @@ MOTIONS = "motions.parquet"
 CLIPS = "clips.parquet"
 QUARANTINE = "quarantine.parquet"
 WEIGHTS = "weights.safetensors"
+SOLVER = "solver.json"  # settings of the solver that made a dataset of variations
 SCRIPTS = "scripts.json"  # of the synthetic captures; recorded ones have none
 ALL_SOURCES = "all"  # key of the mean over sources
 
