@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from pydantic import TypeAdapter
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import variation_name
