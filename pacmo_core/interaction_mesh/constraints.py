@@ -21,7 +21,7 @@ FLOOR_REACH = 0.4
 # Metres above the floor at which its penalty has fallen to 1/e.
 FLOOR_PENALTY_RANGE = 0.25
 # Contacts are closed to this fraction of the contact distance, to be within it.
-CONTACT_MARGIN = 0.97
+CONTACT_MARGIN = 0.95
 # Slope with which the bound of a pair grows with its distance in the source beyond that. A bound
 # that vanished from one frame to the next would cause a jerk.
 RELEASE = 3.0
@@ -166,7 +166,7 @@ def contact_rows(scene: Scene, settings: Settings) -> Rows:
         coefficients=np.broadcast_to([-1.0, 1.0, 0.0, 0.0], (*distance.shape, 4)),
         penalties=np.zeros(distance.shape),
         lower=np.zeros(distance.shape),
-        upper=np.maximum(limit, limit + RELEASE * (distance - limit)),
+        upper=limit + RELEASE * (distance - settings.contact_distance).clip(min=0),
         n_bones=0,
         elasticity=1.0,
     )
