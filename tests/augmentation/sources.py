@@ -11,7 +11,7 @@ from tests.interaction_mesh.scenes import scene
 
 # A first try so short that it serves easy bodies alone.
 SETTINGS = replace(
-    USUAL, attempts=(replace(USUAL.attempts[0], max_iterations=6, tolerance=3e-3), *USUAL.attempts)
+    USUAL, attempts=(replace(USUAL.attempts[0], max_iterations=24, tolerance=1e-2), *USUAL.attempts)
 )
 
 
