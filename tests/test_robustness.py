@@ -64,7 +64,7 @@ def test_each_fault_of_a_reader_is_counted_and_the_next_case_runs(
     monkeypatch.setattr(robustness, "crafted_cases", lambda: {"bad": case, "good": good})
     monkeypatch.setattr(robustness, "LIMIT_S", 1)
     if outcome == "over_memory":
-        monkeypatch.setattr(robustness, "MAX_RESIDENT_KB", 1)
+        monkeypatch.setattr(robustness, "MAX_GROWTH_KB", 1)
     tally = Tally()
     supervise(Job(Path(), ("bad", "good"), None), 2, tally)
     assert tally.outcomes.total() == 2
