@@ -64,7 +64,7 @@ class State:
     scales : (R, V) float32, factor on the bounds of each row
     lowest : (F, V) float32 metres, lower bound of the heights above the ground
     squared_step : (V,) squared step of v in a measured iteration, summed over rows
-    largest_pair_step : (V,) square metres, the largest squared step of a row that is no bone
+    largest_pair_step : (V,) square metres, the largest squared step of a row between the bodies
     """
 
     energy_rhs: Single
@@ -236,7 +236,7 @@ class AdmmSolver:
                 np.subtract(governing, extrapolated, out=governing)
             np.multiply(other, other, out=other)
             _add_rows(other, state.squared_step)
-            pairs = other[:, :, self.rows.n_bones :].reshape(-1, 3, state.n_bodies)
+            pairs = other[:, :, self.rows.n_body_rows :].reshape(-1, 3, state.n_bodies)
             if len(pairs):
                 largest = pairs.sum(axis=1).max(axis=0)
                 np.maximum(state.largest_pair_step, largest, out=state.largest_pair_step)
@@ -337,10 +337,8 @@ def build_solver(
     relaxation : 1 to 2
     """
     n_points = factorisation.lag_one.shape[1]
-    n_bones, n_rows = rows.n_bones, rows.lower.shape[1]
     points, coefficients = pair_frames(rows.points), pair_frames(rows.coefficients)
     penalties = pair_frames(rows.penalties)
-    elasticity = np.where(np.arange(n_rows) < n_bones, 1, rows.elasticity)
     lower, upper, floor_penalties = (
         pair_frames(values)[..., None].astype(np.float32)
         for values in (rows.lower, rows.upper, floor.penalties)
@@ -361,7 +359,7 @@ def build_solver(
         source=pair_frames(source[..., AXIS_ORDER])[..., None].astype(np.float32),
         lower=lower,
         upper=upper,
-        elasticity=elasticity.astype(np.float32)[:, None],
+        elasticity=rows.elasticity.astype(np.float32)[:, None],
         floor=floor,
         floor_source=floor_source,
         floor_penalties=floor_penalties,
@@ -495,7 +493,7 @@ def solve_admm(
     active = np.arange(len(columns)) < n_bodies  # the others only pad
     rate = ConvergenceRate.initial(len(columns))
     # Steps under bounds between the bodies oscillate, and extrapolation would sustain that.
-    can_extrapolate = solver.rows.n_bones == solver.rows.lower.shape[1]
+    can_extrapolate = solver.rows.n_body_rows == solver.rows.lower.shape[1]
     for number in range(1, max_iterations + 1):
         is_last = number == max_iterations
         is_extrapolated = (

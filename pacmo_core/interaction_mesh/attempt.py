@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.admm import AdmmSolver, AdmmStart, build_solver, solve_admm
 from pacmo_core.interaction_mesh.capsules import capsule_penetration
-from pacmo_core.interaction_mesh.constraints import build_floor, build_rows
+from pacmo_core.interaction_mesh.constraints import build_floor, build_rows, trunk_scales
 from pacmo_core.interaction_mesh.energy import QuadraticEnergy, build_energy, energy_rhs
 from pacmo_core.interaction_mesh.factorisation import bone_stiffness, factorise
 from pacmo_core.interaction_mesh.linear_algebra import (
@@ -23,7 +23,7 @@ from pacmo_core.interaction_mesh.linear_algebra import (
     pair_frames,
     single_blas_thread,
 )
-from pacmo_core.interaction_mesh.report import contacts_kept, seam_ratio
+from pacmo_core.interaction_mesh.report import contacts_kept, seam_ratio, trunk_change
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Attempt, AttemptLimits, Settings
 from pacmo_core.interaction_mesh.warm_start import LinearResponse, linear_response
@@ -89,6 +89,7 @@ class Quality:
     primal_residual: float
     contacts_kept: float
     capsule_penetration: float
+    trunk_change: float
     seam_ratio: float
 
     def limit_ratio(self, limits: AttemptLimits) -> float:
@@ -97,6 +98,7 @@ class Quality:
             self.primal_residual / limits.primal_residual,
             (1 - self.contacts_kept) / (1 - limits.contacts_kept),
             self.capsule_penetration / limits.capsule_penetration,
+            self.trunk_change / limits.trunk_change,
             self.seam_ratio / limits.seam_ratio,
         )
 
@@ -212,6 +214,7 @@ def run_attempt(
         "primal_residual": primal_residual(scene, displacement, scales),
         "contacts_kept": contacts_kept(scene, motions, window.settings.contact_distance, 0.0),
         "capsule_penetration": capsule_penetration(scene, motions),
+        "trunk_change": np.maximum(*(trunk_change(scene, scales, motions, p) for p in (0, 1))),
         "seam_ratio": seam_ratio(scene, motions),
         "fixed_point_residual": solution.residual,
     }
@@ -347,14 +350,15 @@ def _attempt_start(
             bones[..., v] = result.bones + result.bone_forces / penalties
             points[..., v] += result.displacement
             heights[..., v] += result.displacement[:, floor.joints, 1]
-    pairs = solver.rows.differences(points)[:, len(scales) :]
-    pair_scales = np.ones((pairs.shape[1], n_bodies))
+    others = solver.rows.differences(points)[:, len(scales) :]
+    trunks = trunk_scales(scene, scales)[: solver.rows.n_body_rows - len(scales)]
+    pairs = np.ones((others.shape[1] - len(trunks), n_bodies))
     min_growth = MIN_GROWTH_RMS**2 * len(window.stiffness)
     return AdmmStart(
         energy_rhs=rhs.reshape(len(rhs), -1, *rhs.shape[3:]),
-        governing=_to_blocks(np.concatenate([bones, pairs], axis=1)),
+        governing=_to_blocks(np.concatenate([bones, others], axis=1)),
         floor=pair_frames(heights.astype(np.float32), repeat=True),
-        scales=np.concatenate([scales, pair_scales]).astype(np.float32),
+        scales=np.concatenate([scales, trunks, pairs]).astype(np.float32),
         lowest=(floor.lowest[:, None] / common).astype(np.float32),
         step_scale=step_scale(window.squared_growth(scales.T) + min_growth),
     )

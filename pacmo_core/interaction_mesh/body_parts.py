@@ -102,6 +102,36 @@ def spine_bends(scene: Scene) -> Indices:
     return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
+def trunk_bends(scene: Scene) -> tuple[Indices, NDArray[np.bool_]]:
+    """Return the pairs of bones whose angle a trunk allows little or no change, ``(S, 2)``.
+
+    Bones from one joint to a limb and to another joint of the trunk are one rigid part, the pelvis
+    or the chest: the second value, ``(S,)``, is true. The others follow each other from the root to
+    the arms: joints of the spine.
+    """
+    bends, ancestors = spine_bends(scene), ancestor_bones(scene)
+    leads_to_limb, spine = np.zeros((2, len(scene.bones)), dtype=np.bool_)
+    for kind in _UPPER_LIMBS:
+        for person in (0, 1):
+            limbs = [
+                row for row in _bones_of(scene, person) if scene_bone_kinds(scene)[row] == kind
+            ]
+            paths = ancestors[scene.bones[limbs, 0]] > 0
+            leads_to_limb |= paths.any(axis=0)
+            if kind == "upper_arm" and limbs:
+                spine |= paths.all(axis=0)
+    first, second = bends.T
+    is_rigid = scene.bones[first, 0] == scene.bones[second, 0]
+    kept = np.where(is_rigid, leads_to_limb[first] | leads_to_limb[second], spine[first])
+    kept &= is_rigid | leads_to_limb[second]
+    return bends[kept], is_rigid[kept]
+
+
+def _bones_of(scene: Scene, person: int) -> list[int]:
+    n_a = scene.n_joints[0]
+    return [row for row, (joint, _) in enumerate(scene.bones) if (joint >= n_a) == bool(person)]
+
+
 def bone_to_joint(scene: Scene) -> dict[int, int]:
     """Return the bone that ends at each joint but the roots."""
     return {child: row for row, (_, child) in enumerate(scene.bones.tolist())}

@@ -1,8 +1,9 @@
-"""The constraints of a variation: bone lengths, separation and contact of the bodies, the floor.
+"""The constraints of a variation: bones, trunks, separation and contact of the bodies, the floor.
 
-A row is a difference of points: the vector of a bone, between the closest points of two bones, or
-between two joints. Its length has a lower and an upper bound. Bone lengths are exact; the bounds
-between the bodies are elastic, as the bodies that lie on each other cannot keep every pair.
+A row is a difference of points: the vector of a bone, between the outer ends of two bones of a
+trunk, between the closest points of two bones, or between two joints. Its length has a lower and an
+upper bound. Bounds of a body are exact; those between the bodies are elastic, as bodies that lie on
+each other cannot keep every pair.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction_mesh.body_parts import capsule_radii
+from pacmo_core.interaction_mesh.body_parts import capsule_radii, trunk_bends
 from pacmo_core.interaction_mesh.capsules import closest_fractions, segment_differences
 from pacmo_core.interaction_mesh.mesh import joint_distances
 from pacmo_core.interaction_mesh.scene import Array, Scene
@@ -37,9 +38,8 @@ class Rows:
     coefficients : (T, R, 4)
     penalties : (T, R), of ADMM
     lower, upper : (T, R) metres, bounds on the length; of bones, their length in the source
-    n_bones : the first rows are bones
-    elasticity : 0 to 1, fraction of the way to its bounds that the local step takes a row that is
-        no bone
+    elasticity : (R,), 0 to 1, fraction of the way to its bounds that the local step takes a row
+    n_body_rows : the first rows are bones and trunks, those after them are between the bodies
     """
 
     points: NDArray[np.intp]
@@ -47,8 +47,8 @@ class Rows:
     penalties: Array
     lower: Array
     upper: Array
-    n_bones: int
-    elasticity: float
+    elasticity: Array
+    n_body_rows: int
 
     def differences(self, points: Array) -> Array:
         """Return the differences, ``(T, R, 3, ...)``, of points (T, N, 3, ...)."""
@@ -103,31 +103,112 @@ def bone_rows(scene: Scene, penalties: Array) -> Rows:
         penalties=penalties,
         lower=lengths,
         upper=lengths,
-        n_bones=n_bones,
-        elasticity=1.0,
+        elasticity=np.ones(n_bones),
+        n_body_rows=n_bones,
     )
 
 
 def build_rows(scene: Scene, settings: Settings, attempt: Attempt, stiffness: Array) -> Rows:
-    """Return the rows of an attempt: bones, and pairs of the two bodies where it has a penalty."""
-    bones = bone_rows(scene, attempt.bone_penalty * stiffness)
-    if not attempt.pair_penalty:
-        return bones
-    pairs = [separation_rows(scene, settings.n_pairs), contact_rows(scene, settings)]
-    joined = [bones, *pairs]
-    penalties = [np.full(p.penalties.shape, attempt.pair_penalty) for p in pairs]
+    """Return the rows of an attempt: bones alone, or trunks and pairs of the two bodies too."""
+    penalties = attempt.bone_penalty * stiffness
+    rows = [bone_rows(scene, penalties)]
+    if attempt.pair_penalty:
+        rows += [
+            trunk_rows(scene, penalties, settings.max_spine_bend),
+            separation_rows(scene, settings, attempt.pair_penalty),
+            contact_rows(scene, settings, attempt.pair_penalty),
+        ]
     return Rows(
-        points=np.concatenate([rows.points for rows in joined], axis=1),
-        coefficients=np.concatenate([rows.coefficients for rows in joined], axis=1),
-        penalties=np.concatenate([bones.penalties, *penalties], axis=1),
-        lower=np.concatenate([rows.lower for rows in joined], axis=1),
-        upper=np.concatenate([rows.upper for rows in joined], axis=1),
-        n_bones=bones.n_bones,
-        elasticity=settings.pair_stiffness / (settings.pair_stiffness + attempt.pair_penalty),
+        points=np.concatenate([part.points for part in rows], axis=1),
+        coefficients=np.concatenate([part.coefficients for part in rows], axis=1),
+        penalties=np.concatenate([part.penalties for part in rows], axis=1),
+        lower=np.concatenate([part.lower for part in rows], axis=1),
+        upper=np.concatenate([part.upper for part in rows], axis=1),
+        elasticity=np.concatenate([part.elasticity for part in rows]),
+        n_body_rows=sum(part.n_body_rows for part in rows),
     )
 
 
-def separation_rows(scene: Scene, n_pairs: int) -> Rows:
+def trunk_rows(scene: Scene, penalties: Array, max_bend: float) -> Rows:
+    """Keep pelvis and chest rigid, and the joints of the spine within their range.
+
+    A row connects the outer ends of two bones that meet. Its length is that of the triangle whose
+    angle at the joint is the source's, give or take ``max_bend`` degrees at joints of the spine. It
+    allows rotations, of which the terms of the energy are linear approximations: without it a
+    trunk that the other body compresses kinks at one joint.
+
+    Parameters
+    ----------
+    penalties : (T, E), of the bones
+    """
+    pairs, is_rigid = trunk_bends(scene)
+    first, second = (np.linalg.norm(side, axis=-1) for side in _sides(scene, pairs))
+    cosine = np.einsum("tsc,tsc->ts", *_sides(scene, pairs)) / (first * second)
+    angle, bend = np.arccos(cosine.clip(-1, 1)), np.where(is_rigid, 0, np.radians(max_bend))
+    lower, upper = (
+        _third_side(first, second, (angle + change).clip(0, np.pi)) for change in (-bend, bend)
+    )
+    ends = np.stack(_outer_ends(scene, pairs), axis=-1)
+    shape = (*lower.shape, 4)
+    return Rows(
+        points=np.broadcast_to(np.concatenate([ends, ends], axis=1), shape),
+        coefficients=np.broadcast_to([-1.0, 1.0, 0.0, 0.0], shape),
+        penalties=penalties[:, pairs].min(axis=-1),
+        lower=lower,
+        upper=upper,
+        elasticity=np.ones(len(pairs)),
+        n_body_rows=len(pairs),
+    )
+
+
+def trunk_scales(scene: Scene, scales: Array) -> Array:
+    """Return the factor on the bounds of every row of ``trunk_rows``, (S, V).
+
+    The mean over frames of the distance of the outer ends, with each bone scaled along its own
+    direction.
+
+    Parameters
+    ----------
+    scales : (E, V)
+    """
+    pairs, _ = trunk_bends(scene)
+    first, second = _sides(scene, pairs)
+    before = np.linalg.norm(second - first, axis=-1).mean(axis=0)
+    after = [
+        np.linalg.norm(second * body[pairs[:, 1], None] - first * body[pairs[:, 0], None], axis=-1)
+        for body in scales.T
+    ]
+    tiny = np.finfo(np.float32).tiny
+    ratio: Array = np.stack(after, axis=-1).mean(axis=0) / before.clip(min=tiny)[:, None]
+    return ratio
+
+
+def _is_chain(scene: Scene, pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether the first bone of a pair ends where the second begins; else both begin there."""
+    same: NDArray[np.bool_] = scene.bones[pairs[:, 0], 1] == scene.bones[pairs[:, 1], 0]
+    return same
+
+
+def _sides(scene: Scene, pairs: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Return the vectors from the joint of each pair of bones to their outer ends, (T, S, 3)."""
+    signs = np.where(_is_chain(scene, pairs), -1.0, 1.0)
+    return scene.bone_vectors[:, pairs[:, 0]] * signs[:, None], scene.bone_vectors[:, pairs[:, 1]]
+
+
+def _outer_ends(scene: Scene, pairs: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    begins, ends = scene.bones.T
+    first = np.where(_is_chain(scene, pairs), begins[pairs[:, 0]], ends[pairs[:, 0]])
+    return first, ends[pairs[:, 1]]
+
+
+def _third_side(first: Array, second: Array, angle: Array) -> Array:
+    """Return the third side of a triangle, from two sides and the angle between them."""
+    squared = first**2 + second**2 - 2 * first * second * np.cos(angle)
+    side: Array = np.sqrt(squared.clip(min=0))
+    return side
+
+
+def separation_rows(scene: Scene, settings: Settings, penalty: float) -> Rows:
     """Keep the capsules of the bones that are closest to touching apart, or as deep as they were.
 
     The closest points of two bones stay where they are along the bones in the source.
@@ -136,7 +217,7 @@ def separation_rows(scene: Scene, n_pairs: int) -> Rows:
     radii = capsule_radii(scene)
     reach = (radii[:n_a, None] + radii[n_a:]).reshape(-1)
     first, second, distances = closest_fractions(scene)
-    order = np.argsort(distances - reach, axis=1, kind="stable")[:, :n_pairs]
+    order = np.argsort(distances - reach, axis=1, kind="stable")[:, : settings.n_pairs]
     bones = np.stack([order // scene.n_bones[1], n_a + order % scene.n_bones[1]], axis=-1)
     fractions = [np.take_along_axis(f, order, axis=1) for f in (first, second)]
     distance = np.take_along_axis(distances, order, axis=1)
@@ -144,15 +225,15 @@ def separation_rows(scene: Scene, n_pairs: int) -> Rows:
     return Rows(
         points=points,
         coefficients=coefficients,
-        penalties=np.zeros(distance.shape),
+        penalties=np.full(distance.shape, penalty),
         lower=np.minimum(distance, reach[order]),
         upper=np.full(distance.shape, np.inf),
-        n_bones=0,
-        elasticity=1.0,
+        elasticity=np.full(distance.shape[1], _elasticity(settings.separation_stiffness, penalty)),
+        n_body_rows=0,
     )
 
 
-def contact_rows(scene: Scene, settings: Settings) -> Rows:
+def contact_rows(scene: Scene, settings: Settings, penalty: float) -> Rows:
     """Keep the closest pairs of joints that are in contact within the contact distance."""
     n_a, n_b = scene.n_joints
     distances = joint_distances(scene.points)[:, :n_a, n_a:].reshape(len(scene.points), -1)
@@ -164,12 +245,17 @@ def contact_rows(scene: Scene, settings: Settings) -> Rows:
     return Rows(
         points=np.concatenate([ends, ends], axis=-1),
         coefficients=np.broadcast_to([-1.0, 1.0, 0.0, 0.0], (*distance.shape, 4)),
-        penalties=np.zeros(distance.shape),
+        penalties=np.full(distance.shape, penalty),
         lower=np.zeros(distance.shape),
         upper=limit + RELEASE * (distance - settings.contact_distance).clip(min=0),
-        n_bones=0,
-        elasticity=1.0,
+        elasticity=np.full(distance.shape[1], _elasticity(settings.contact_stiffness, penalty)),
+        n_body_rows=0,
     )
+
+
+def _elasticity(stiffness: float, penalty: float) -> float:
+    """Return how far the proximal point of an elastic bound is on the way to its projection."""
+    return stiffness / (stiffness + penalty)
 
 
 def build_floor(scene: Scene, penalty: float) -> Floor:

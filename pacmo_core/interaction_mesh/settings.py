@@ -101,7 +101,7 @@ class Attempt:
         converge, slowly
     max_iterations : of ADMM
     pair_penalty : ADMM penalty of separation and contact of the two bodies; 0 leaves these
-        constraints out
+        constraints out, and those of the trunks
     tolerance : on the fixed-point residual (``Report.fixed_point_residual``); a body that has not
         converged goes on to the next attempt
     """
@@ -121,12 +121,14 @@ class AttemptLimits:
     primal_residual : fraction of a bone's length
     contacts_kept : lower limit, fraction
     capsule_penetration : metres, in addition to the source's
+    trunk_change : fraction of a distance
     seam_ratio : dimensionless
     """
 
     primal_residual: float
     contacts_kept: float
     capsule_penetration: float
+    trunk_change: float
     seam_ratio: float
 
 
@@ -142,8 +144,11 @@ class Settings:
     attempts : in order, until one is within the limits
     relaxation : ADMM over-relaxation factor, 1 to 2
     floor_penalty : ADMM penalty of the floor, for joints on it
-    pair_stiffness : stiffness of separation and contact, to be compared with ``weights.contact``;
-        pairs that cannot be kept give way by the forces on them over this stiffness
+    separation_stiffness, contact_stiffness : of the elastic bounds between the bodies, to be
+        compared with ``weights.contact``; pairs that cannot be kept give way by the forces on them
+        over this stiffness
+    max_spine_bend : degrees by which a joint of the spine may bend more, or less, than in the
+        source; pelvis and chest are rigid
     n_pairs : largest number of pairs of bones that are separated in each frame, and of pairs of
         joints that are kept in contact
     near_distance : metres; a pair of joints closer than this in the source counts as near in the
@@ -163,7 +168,9 @@ class Settings:
     attempts: tuple[Attempt, ...]
     relaxation: float
     floor_penalty: float
-    pair_stiffness: float
+    separation_stiffness: float
+    contact_stiffness: float
+    max_spine_bend: float
     n_pairs: int
     near_distance: float
     contact_distance: float

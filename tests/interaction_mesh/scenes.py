@@ -36,7 +36,11 @@ SETTINGS = Settings(
     ),
     support=Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.07),
     limits=AttemptLimits(
-        primal_residual=1e-2, contacts_kept=0.5, capsule_penetration=0.5, seam_ratio=2
+        primal_residual=1e-2,
+        contacts_kept=0.5,
+        capsule_penetration=0.5,
+        trunk_change=9,
+        seam_ratio=2,
     ),
     attempts=(
         Attempt(bone_penalty=0.7, max_iterations=40, pair_penalty=0, tolerance=1e-3),
@@ -45,7 +49,9 @@ SETTINGS = Settings(
     ),
     relaxation=1.6,
     floor_penalty=0,  # which the oracles do not have
-    pair_stiffness=500,
+    separation_stiffness=500,
+    contact_stiffness=500,
+    max_spine_bend=30,
     n_pairs=12,
     near_distance=0.25,
     contact_distance=0.1,

@@ -11,6 +11,7 @@ from pacmo_core.interaction_mesh.body_parts import (
     hinges,
     is_hand,
     scene_bone_kinds,
+    trunk_bends,
     trunk_joints,
 )
 from tests.data.test_segments import CMU22, DUO27, PRIOR17, tree
@@ -92,6 +93,20 @@ def test_a_trunk_extends_from_the_root_to_hips_and_shoulders_without_limbs(skele
     assert skeleton.joints[skeleton.root] in names
     assert {"left_hip", "right_hip", "left_shoulder", "right_shoulder"} <= names
     assert not any(part in name for name in names for part in ("elbow", "knee", "wrist", "head"))
+
+
+@pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda s: s.name)
+def test_the_bones_of_a_pelvis_or_chest_are_rigid_and_those_of_the_spine_bend(skeleton):
+    source = person(skeleton)
+    pairs, is_rigid = trunk_bends(source)
+    joints = np.concatenate([skeleton.joints, skeleton.joints])
+    thighs = np.flatnonzero(np.array(scene_bone_kinds(source)) == "thigh")
+    hips = set(joints[source.bones[thighs, 0]])
+    ends = [set(joints[source.bones[pair, 1]]) for pair in pairs[is_rigid]]
+    assert hips in ends
+    for (first, second), rigid in zip(source.bones[pairs], is_rigid, strict=True):
+        assert (first[0] == second[0]) if rigid else (first[1] == second[0])
+        assert not any("elbow" in joints[end] or "knee" in joints[end] for end in (*first, *second))
 
 
 def test_a_joint_is_the_sum_of_its_ancestor_bones():
