@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pacmo_core.data.limits import walk_files
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.tables import sequence_name
 
@@ -60,8 +61,7 @@ def matching_files(root: Path, file_name: str) -> list[Path]:
     All but folders: what is no regular file is listed too, so that ingestion can give the reason.
     """
     pattern = re.compile(file_name, re.IGNORECASE | re.DOTALL)
-    files = (file for file in root.rglob("*") if pattern.fullmatch(file.name))
-    return sorted(file for file in files if file.is_symlink() or not file.is_dir())
+    return sorted(file for file in walk_files(root) if pattern.fullmatch(file.name))
 
 
 def unpaired_sequence(root: Path, file: Path) -> RawSequence:
