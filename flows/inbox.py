@@ -12,6 +12,7 @@ All moves are first written to a plan. Every file is copied, and only then are t
 inbox. The plan of a killed run is carried out again from its start: each step may be repeated.
 """
 
+import filecmp
 import json
 import logging
 import os
@@ -126,7 +127,7 @@ def _copy(source: Path, target: Path, *, is_checked: bool) -> None:
     if not is_checked and (source.is_symlink() or not source.is_file()):
         return
     if target.exists():
-        if target.read_bytes() != source.read_bytes():
+        if not filecmp.cmp(source, target, shallow=False):  # a pipe is not opened
             raise FileExistsError(f"{target} exists, with other content than {source}")
         return
     with atomic_file(target) as partial:
@@ -263,7 +264,7 @@ def _conflict(sequence: RawSequence, digest: str, known: dict[str, str], params:
         return f"none of the patterns {', '.join(params.include)} includes it"
     targets = [Path(params.raw) / file.relative_to(INBOX) for file in sequence.files]
     for file, target in zip(sequence.files, targets, strict=True):
-        if target.exists() and target.read_bytes() != file.read_bytes():
+        if target.exists() and not filecmp.cmp(file, target, shallow=False):
             return f"{target} exists, with other content"
     if digest in known and known[digest] != sequence.name:
         return f"the same content as {known[digest]}"

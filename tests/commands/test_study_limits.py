@@ -161,6 +161,19 @@ def test_one_address_cannot_take_the_places_of_all(study: Path) -> None:
     assert post(app, "1.2.3.5", "/begin", {"consent": True}).status_code == 200
 
 
+def test_no_response_repeats_what_a_request_claims(study: Path) -> None:
+    app = app_of(study, people=20, per_address=3)
+
+    async def ask(path: str) -> httpx.Response:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app)) as web:
+            return await web.post(f"http://elsewhere.example/{path}", json={"consent": True})
+
+    for path in ("begin/", "answer/", "nothing/"):
+        said = asyncio.run(ask(path))
+        assert said.status_code == 404
+        assert "elsewhere" not in str(said.headers) + said.text
+
+
 def test_addresses_of_one_subscriber_count_as_one() -> None:
     assert network_of("2001:db8:1:2::1") == network_of("2001:db8:1:2:ffff::9")
     assert network_of("2001:db8:1:2::1") != network_of("2001:db8:1:3::1")

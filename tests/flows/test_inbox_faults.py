@@ -208,6 +208,13 @@ def test_a_file_where_a_folder_is_wanted_is_a_reason():
     assert quarantined["t"] == f"{RAW}/t/{NAME} is a folder"
 
 
+def test_a_pipe_among_the_captures_is_not_opened():
+    put("a", 1)
+    (RAW / "a").mkdir()
+    os.mkfifo(RAW / "a" / NAME)
+    assert night().quarantined == {"a": f"{RAW}/a/{NAME} exists, with other content"}
+
+
 def test_of_two_captures_that_come_to_one_name_the_second_is_quarantined():
     put("a b", 1)
     put("a-u20-b", 2)
