@@ -150,7 +150,7 @@ def test_a_metric_that_is_not_finite_holds_the_model_and_leaves_nothing_on_the_s
     for _ in range(2):
         held = decide_promotion(GATE)
         assert held.verdict == "rejected" and metric not in held.metrics
-        assert "of pacmo is not finite" in held.reasons[0]
+        assert "of pacmo is no finite interval" in held.reasons[0]
     assert not PROMOTED_MODELS.exists() or list(PROMOTED_MODELS.iterdir()) == []
 
 
