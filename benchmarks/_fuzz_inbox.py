@@ -157,7 +157,7 @@ def read_inbox(folder: Path) -> None:
         sent, present, links = _contents(INBOX), _contents(RAW), _links(RAW)
         result = take_captures(settle_s=0.0)
         _check(result, sent, present)
-        if _links(RAW) != links:
+        if _links(RAW) - links:  # one that leads to nothing may be replaced by a capture
             raise RuntimeError("a link was taken as it is")
         if any(vars(later) != vars(result) | {"accepted": (), "quarantined": {}}
                for later in [take_captures(settle_s=0.0)]):  # fmt: skip

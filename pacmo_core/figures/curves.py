@@ -85,7 +85,7 @@ def charts(curve: Curve) -> list[Chart]:
 def _chart(
     name: str, x_label: str, steps: NDArray[np.float64], values: NDArray[np.float64]
 ) -> Chart:
-    log = values.min() > 0 and values.max() > _LOG_FROM * values.min()
+    log = values.min() > 0 and values.max() / _LOG_FROM > values.min()
     bins = np.array_split(np.arange(len(steps)), min(len(steps), _MAX_POINTS))
     scaled = np.log10(values) if log else values
     x = _Axis.over(steps, _LEFT, _WIDTH - _RIGHT)
