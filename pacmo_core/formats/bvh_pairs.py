@@ -3,9 +3,10 @@
 Two files named outright need no rule: ``read`` takes any sequence that holds them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -132,6 +133,17 @@ PRESETS = {
     "skeleton_priors": SKELETON_PRIORS,
     "pair": PAIR,
 }
+
+
+def unstated_settings(preset: str, settings: Mapping[str, Any]) -> list[str]:
+    """List ``unit`` and ``up``, if neither the settings nor the preset state them."""
+    if preset not in PRESETS:
+        return []
+    return [
+        name
+        for name in ("unit", "up")
+        if settings.get(name) is None and getattr(PRESETS[preset], name) is None
+    ]
 
 
 Setting = TypeVar("Setting", str, float)

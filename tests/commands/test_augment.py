@@ -39,7 +39,7 @@ def standing(n_frames: int = 20) -> Interaction:
 
 
 CLIP = standing()
-UNIT = ["--unit", 1, "--up", "y"]
+UNIT = ["--from-unit", 1, "--from-up", "y"]
 
 
 @pytest.fixture

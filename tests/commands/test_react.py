@@ -62,7 +62,7 @@ def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
     weights: Path, stored: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out.parquet"
-    words = ["--clip", "one", "--person", "b", "--weights", weights, "--fps", 60, "--samples", 3]
+    words = ["--clip", "one", "--person", "b", "--weights", weights, "--to-fps", 60, "--samples", 3]
     assert pacmo(stored, *words, "--seed", 5, "--out", out).exit_code == 0
     found = dict(stream_motions(out))
     assert list(found) == ["one#0000", "one#0001", "one#0002"]
@@ -93,7 +93,17 @@ def test_bvh_holds_a_file_a_person_a_sample_and_goes_in_again(
     root = first.skeleton.root
     assert np.array_equal(first.person_a, second.person_a)
     np.testing.assert_allclose(first.person_a[:, root], CLIP.person_a[:, SBU15.root], atol=1e-5)
-    again = [names[0], "--unit", 1, "--up", "y", "--weights", weights, "--out", tmp_path / "2.bvh"]
+    again = [
+        names[0],
+        "--from-unit",
+        1,
+        "--from-up",
+        "y",
+        "--weights",
+        weights,
+        "--out",
+        tmp_path / "2.bvh",
+    ]
     assert pacmo(out.parent / again[0], *again[1:]).exit_code == 0
 
 
@@ -118,8 +128,11 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     bvh, out = tmp_path / "alone.bvh", tmp_path / "out.parquet"
     bvh.write_text(format_bvh(CLIP.person_a, 15, SBU15))
     words = ["--weights", weights, "--out", out]
-    assert pacmo(bvh, "--unit", 1, "--up", "y", *words).exit_code == 0
-    refused(pacmo(bvh, *words), "unit")
+    assert pacmo(bvh, "--from-unit", 1, "--from-up", "y", *words).exit_code == 0
+    inferred = pacmo(bvh, *words)
+    assert inferred.exit_code == 0, inferred.output
+    assert "inferred for alone.bvh" in inferred.stdout
+    assert "metres, y up" in inferred.stdout
     sbu = tmp_path / "skeleton_pos.txt"
     sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
     refused(pacmo(sbu, *words), "suffix", "sbu")
@@ -155,8 +168,8 @@ def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: 
     refused(pacmo(stored, *clip, "--weights", weights), "--out")
     refused(pacmo(stored, *clip, "--weights", weights, "--out", tmp_path / "a.gif"), ".parquet")
     refused(pacmo(stored, *clip, "--weights", tmp_path / "none", "--out", out), "none")
-    refused(pacmo(tmp_path / "no.bvh", "--unit", 1, "--up", "y", *there), "no.bvh")
-    refused(pacmo(stored, *clip, *there, "--fps", -1), "fps")
+    refused(pacmo(tmp_path / "no.bvh", "--from-unit", 1, "--from-up", "y", *there), "no.bvh")
+    refused(pacmo(stored, *clip, *there, "--to-fps", -1), "fps")
     bodies = (tmp_path / "x.skeleton").write_bytes(
         format_ntu(ntu_clip(), (72057594037932185, 72057594037932127))
     )
@@ -175,7 +188,7 @@ def ntu_clip() -> Interaction:
 
 def test_real_captures_of_sbu_are_answered(weights: Path, tmp_path: Path) -> None:
     file = next(iter(sorted(real_folder("sbu").rglob("skeleton_pos.txt"))))
-    words = ["--format", "sbu", "--person", "b", "--weights", weights, "--fps", 120]
+    words = ["--format", "sbu", "--person", "b", "--weights", weights, "--to-fps", 120]
     assert pacmo(file, *words, "--out", tmp_path / "out.parquet").exit_code == 0
     ((_, pair),) = stream_motions(tmp_path / "out.parquet")
     assert pair.fps == pytest.approx(120)

@@ -99,7 +99,7 @@ def test_a_parquet_file_may_be_named_itself(tmp_path: Path) -> None:
 def test_two_captures_of_one_person_are_a_pair_and_one_stands_alone(tmp_path: Path) -> None:
     for person, motion in (("A", REAL.person_a), ("B", REAL.person_b)):
         (tmp_path / f"x_{person}.bvh").write_text(format_bvh(motion, 15, SBU15))
-    unit = ["--unit", 1, "--up", "y"]
+    unit = ["--from-unit", 1, "--from-up", "y"]
     assert view("x_A.bvh+x_B.bvh", "x_B.bvh", *unit).exit_code == 0
     pair, alone = packed(tmp_path / "view.html")
     assert (pair["label"], alone["label"]) == ("x_A + x_B", "x_B")
@@ -118,7 +118,7 @@ def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
     refused(view(*["one"] * 7), "at most 6")
     (tmp_path / "x.bvh").write_text(format_bvh(moving(SBU15, 1), 15, SBU15))
     refused(view("x.bvh"), "unit")
-    refused(view("x.bvh+x.bvh+x.bvh", "--unit", 1, "--up", "y"), "at most two")
+    refused(view("x.bvh+x.bvh+x.bvh", "--from-unit", 1, "--from-up", "y"), "at most two")
     (tmp_path / "x.txt").write_text("")
     refused(view("x.txt"), "suffix")
     refused(view("x.txt", "--format", "mp3"), "no format")
@@ -127,7 +127,7 @@ def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
 
 def test_the_page_names_no_folder_of_the_machine(tmp_path: Path) -> None:
     (tmp_path / "x.bvh").write_text(format_bvh(REAL.person_a, 15, SBU15))
-    assert view(tmp_path / "x.bvh", "--unit", 1, "--up", "y").exit_code == 0
+    assert view(tmp_path / "x.bvh", "--from-unit", 1, "--from-up", "y").exit_code == 0
     assert str(tmp_path) not in (tmp_path / "view.html").read_text()
 
 
@@ -136,7 +136,7 @@ def test_the_page_names_no_folder_of_the_machine(tmp_path: Path) -> None:
     [
         ("sbu", "s01s02/*/*/skeleton_pos.txt", ["--format", "sbu"]),
         ("ntu", "**/*A05*.skeleton", []),
-        ("cmu_raw", "**/*.bvh", ["--unit", 0.0564, "--up", "y"]),
+        ("cmu_raw", "**/*.bvh", ["--from-unit", 0.0564, "--from-up", "y"]),
     ],
 )
 def test_real_captures_are_shown(
