@@ -20,7 +20,7 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_JOINTS, printable
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import read_content
-from pacmo_core.formats.rigs import RIGS, Rig, fitting_rigs, plain_names, rig_of_model
+from pacmo_core.formats.rigs import RIGS, Rig, fitting_rigs, plain_name, plain_names, rig_of_model
 
 FILE_SUFFIXES = (".json", ".toml", ".csv")
 _MIN_SIMILARITY = 0.65  # of names, as difflib measures it
@@ -169,7 +169,7 @@ def _match(
     """Return the capture's joints of each joint that could be named, and the description."""
     if not rig and set(wanted) <= set(capture.joints):
         return {joint: (joint,) for joint in wanted}, ""
-    plain = dict(zip(plain_names(capture.joints), capture.joints, strict=True))
+    plain = _by_plain_name(capture)
     if not rig:
         bare = {joint.rpartition(":")[2]: joint for joint in capture.joints}
         if set(wanted) <= set(bare):
@@ -230,12 +230,22 @@ def _missing_text(
 
 def _nearest(joint: str, capture: Skeleton) -> str:
     """Return the joint of the capture whose name is most like another's, of the same side."""
-    (wanted,) = plain_names([joint])
-    side = next((side for side in ("left", "right") if wanted.startswith(side)), "")
-    plain = dict(zip(plain_names(capture.joints), capture.joints, strict=True))
-    same = [name for name in plain if not side or name.startswith(side)]
+    side, wanted = _split_side(plain_name(joint))
+    plain = {_split_side(name): original for name, original in _by_plain_name(capture).items()}
+    same = [name for other, name in plain if not side or other == side]
     like = difflib.get_close_matches(wanted, same, n=1, cutoff=_MIN_SIMILARITY)
-    return plain[like[0]] if like else ""
+    if not like:
+        return ""
+    return plain.get((side, like[0])) or next(o for key, o in plain.items() if key[1] == like[0])
+
+
+def _split_side(name: str) -> tuple[str, str]:
+    side = next((side for side in ("left", "right") if name.startswith(side)), "")
+    return side, name.removeprefix(side)
+
+
+def _by_plain_name(skeleton: Skeleton) -> dict[str, str]:
+    return dict(zip(plain_names(skeleton.joints), skeleton.joints, strict=True))
 
 
 def _neighbour(joint: str, model: Skeleton, found: Mapping[str, tuple[str, ...]]) -> str:

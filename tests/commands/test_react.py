@@ -12,13 +12,11 @@ import torch
 from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
-from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.skeleton import NTU25, SBU15
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
@@ -170,20 +168,13 @@ def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: 
     refused(pacmo(stored, *clip, "--weights", tmp_path / "none", "--out", out), "none")
     refused(pacmo(tmp_path / "no.bvh", "--from-unit", 1, "--from-up", "y", *there), "no.bvh")
     refused(pacmo(stored, *clip, *there, "--to-fps", -1), "fps")
-    bodies = (tmp_path / "x.skeleton").write_bytes(
-        format_ntu(ntu_clip(), (72057594037932185, 72057594037932127))
+    handless = SBU15.without(["left_hand"])
+    motion = CLIP.person_a[:, SBU15.indices(handless.joints)]
+    (tmp_path / "x.bvh").write_text(format_bvh(motion, 15, handless))
+    refused(
+        pacmo(tmp_path / "x.bvh", *there), "x.bvh", "left_hand (nearest: left_elbow)", "--joints"
     )
-    assert bodies
-    refused(pacmo(tmp_path / "x.skeleton", "--person", "a", *there), "torso", "ntu25")
     assert not out.exists()
-
-
-def ntu_clip() -> Interaction:
-    random = np.random.default_rng(0)
-    people = (
-        random.normal([[[0, 0, 3]]], 0.3, (2, 1, 25, 3)) + np.linspace(0, 0.3, 12)[:, None, None]
-    )
-    return Interaction(NTU25, np.arange(12) / 30, *people.astype(np.float32))
 
 
 def test_real_captures_of_sbu_are_answered(weights: Path, tmp_path: Path) -> None:

@@ -15,12 +15,13 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import VariationRecord, write_variations
-from tests.figures.samples import interaction, unpack_motion
+from tests.commands.test_augment import standing
+from tests.figures.samples import unpack_motion
 from tests.formats.moving import moving
 from tests.formats.real_files import real_folder
 
-REAL = interaction(1)
-ANSWER = interaction(2)
+REAL = standing()
+ANSWER = replace(REAL, person_a=REAL.person_b, person_b=REAL.person_a + np.float32(0.1))
 BODY = {"head": 1.0}
 
 
@@ -117,7 +118,7 @@ def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
     refused(view("data/clips/motions.parquet"), "name the clip")
     refused(view(*["one"] * 7), "at most 6")
     (tmp_path / "x.bvh").write_text(format_bvh(moving(SBU15, 1), 15, SBU15))
-    refused(view("x.bvh"), "unit")
+    refused(view("x.bvh"), "x.bvh", "--from-up")
     refused(view("x.bvh+x.bvh+x.bvh", "--from-unit", 1, "--from-up", "y"), "at most two")
     (tmp_path / "x.txt").write_text("")
     refused(view("x.txt"), "suffix")
