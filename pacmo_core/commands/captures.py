@@ -116,7 +116,7 @@ def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMot
     if np.isclose(steps[0], steps[1], rtol=1e-4):
         return a, b
     slow, fast = (a, b) if steps[0] > steps[1] else (b, a)
-    at = slow.times[slow.times <= fast.times[-1]]
+    at = slow.times[slow.times <= fast.times[-1] + min(steps) / 10]  # rates of files are rounded
     if len(at) < 2:
         raise CommandError(f"{text}: wanted two frames or more at the same time")
     cut = replace(slow, times=at, motion=slow.motion[: len(at)])

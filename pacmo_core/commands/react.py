@@ -27,6 +27,7 @@ from pacmo_core.commands.reading import (
     read_people,
     to_model_joints,
 )
+from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
@@ -230,13 +231,18 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     with reading_errors_in_one_line():
         check_samples(samples)
         if stream:
-            _stream(load_reaction_model(weights), samples, seed, action)
+            model = load_reaction_model(weights)
+            typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
+            typer.echo(trained_on_line(weights, synthetic_capture=False), err=True)
+            _stream(model, samples, seed, action)
             return
         if partner is None or out is None:
             raise CommandError("give a PARTNER and --out, or --stream")
         space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
         check_reactions_output(out, space)
         model = load_reaction_model(weights)
+        synthetic = is_synthetic(partner, clip)
+        typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
         source = Source(partner, person or "a", person)
         capture = to_model_joints(_capture(source, options, clip), model.skeleton, source, options)
         name = clip or partner.stem
@@ -289,7 +295,6 @@ def check_total(samples: int, frames: int, joints: int) -> None:
 def _stream(model: ReactionModel, samples: int, seed: int, action: str) -> None:
     random = torch.Generator().manual_seed(seed)
     live = ReactionStream(model, n_samples=samples, random=random, action=action)
-    typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
     lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
     for line in react_to_lines(lines, live, len(model.skeleton.joints)):
         sys.stdout.write(f"{line}\n")

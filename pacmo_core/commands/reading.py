@@ -195,7 +195,7 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
         inferred, or gives a person of impossible stature or posture.
     """
     form = options.format_of(sources[0].file)
-    settings = [_settings(form, source, options) for source in sources]
+    settings = [checked_settings(form, source, options) for source in sources]
     inferred = [
         infer_settings(source.file, form, given)
         for source, given in zip(sources, settings, strict=True)
@@ -213,7 +213,8 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
 
 
-def _settings(form: str, source: Source, options: ReadOptions) -> dict[str, Any]:
+def checked_settings(form: str, source: Source, options: ReadOptions) -> dict[str, Any]:
+    """Return the settings of one person's capture; refuse those that its format does not take."""
     settings = options.settings(source.label)
     known = {setting.name for setting in fields(FORMATS[form])}
     for name in settings:

@@ -41,6 +41,7 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     to_model_joints,
 )
+from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
@@ -95,6 +96,8 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         check_samples(samples)
         model = load_skeleton_prior(weights)
+        synthetic = is_synthetic(first, clip)
+        typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
         duo = _select_joints(read_two_people(files, options, clip), model.config.skeleton, options)
         check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
         places = _output_files(duo, samples, out)

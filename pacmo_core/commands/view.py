@@ -20,6 +20,7 @@ from pacmo_core.commands.reading import (
     Preset,
     ReadOptions,
     Source,
+    checked_settings,
     read_people,
 )
 from pacmo_core.data.names import ReactionName, is_reaction
@@ -99,7 +100,7 @@ def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
     if len(files) > (2 if pairs else 1):
         raise CommandError(f"{files[0]}: wanted {'at most two files' if pairs else 'one file'}")
     label = " + ".join(file.stem for file in files)
-    alone = len(files) == 1 and (pairs or holds_one_person(files[0], form, options.settings("a")))
+    alone = len(files) == 1 and (pairs or _holds_one_person(files[0], form, options))
     sources = [Source(files[0], "a", None)] if alone else two_sources(files)
     people = [person.motion for person in read_people(sources, options, "")]
     if len(people) == 2:
@@ -107,6 +108,11 @@ def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
         check_same_skeleton(files[-1], people[0], people[1])
     first = people[0]
     return Scene(label, first.skeleton, first.times, tuple(person.motion for person in people))
+
+
+def _holds_one_person(file: Path, form: str, options: ReadOptions) -> bool:
+    settings = checked_settings(form, Source(file, "a", None), options)
+    return holds_one_person(file, form, settings)
 
 
 Clips = Annotated[

@@ -8,6 +8,7 @@ Segment lengths as fractions of stature: Drillis and Contini (1966), *Body segme
 in Winter (2009), *Biomechanics and motor control of human movement*, figure 4.1.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,9 @@ from pacmo_core.data.skeleton import Skeleton
 THIGH_RATIO, SHIN_RATIO = 0.245, 0.246  # of the stature
 
 MIN_STATURE, MAX_STATURE = 0.5, 2.6  # metres, of any person, with a margin
-_TYPICAL_STATURE = 1.7  # metres
+# Metres: from a child of two to a very tall adult. The units are further apart than these.
+_USUAL_STATURES = (0.9, 2.2)
+_TYPICAL_STATURE = 1.7
 # Units that capture programs write, in metres; 1/0.45 inch is that of CMU's files.
 UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254}
 CMU_UNIT = 0.0254 / 0.45
@@ -29,6 +32,7 @@ _UPRIGHT, _NOT_UPRIGHT = 0.8, 0.5  # cosine of the angle between trunk and axis
 _UPRIGHT_ALWAYS = 0.9  # share of the frames
 _STEADY = 3.0  # times as far as the floor does the lowest joint move along another axis
 _UNSTEADY = 0.03  # statures: less is noise
+_STEADY_FEET = 1.5  # times as far as the feet do the hands or the head of a standing person move
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ def _median_length(motion: NDArray[np.floating], bone: NDArray[np.intp]) -> floa
 
 
 def infer_unit(posture: Posture, *, of_cmu: bool = False) -> float | None:
-    """Return the metres a unit with which the person is nearest to a typical stature.
+    """Return the metres a unit with which the person has a usual stature, or is nearest to one.
 
     Parameters
     ----------
@@ -94,9 +98,14 @@ def infer_unit(posture: Posture, *, of_cmu: bool = False) -> float | None:
     None if the person is impossibly small or large in every unit.
     """
     candidates = [*UNITS.values(), *([CMU_UNIT] if of_cmu else [])]
-    statures = np.array(candidates) * posture.stature
-    best = int(np.abs(np.log(statures / _TYPICAL_STATURE)).argmin())
-    return candidates[best] if MIN_STATURE <= statures[best] <= MAX_STATURE else None
+
+    def distance(unit: float) -> tuple[float, float]:
+        stature = unit * posture.stature
+        usual = min(max(stature, _USUAL_STATURES[0]), _USUAL_STATURES[1])
+        return abs(math.log(stature / usual)), abs(math.log(stature / _TYPICAL_STATURE))
+
+    best = min(candidates, key=distance)
+    return best if MIN_STATURE <= best * posture.stature <= MAX_STATURE else None
 
 
 def infer_up(posture: Posture) -> str | None:
@@ -116,10 +125,11 @@ def infer_up(posture: Posture) -> str | None:
 
 
 def lying_fault(posture: Posture) -> str:
-    """Say along which axis a person stands who is not upright along y; empty if none is clear.
+    """Say what is wrong with a person who stands along another axis than y; empty if it is unclear.
 
     Clear is a person who is never upright along y and nearly always along another axis, and whose
-    lowest joint keeps its height along that axis alone: on the floor it would keep it along y.
+    lowest joint keeps its height along that axis: on the floor, or in a handstand, it would keep it
+    along y.
 
     Parameters
     ----------
@@ -128,15 +138,20 @@ def lying_fault(posture: Posture) -> str:
     if _upright(posture.trunk[:, 1]) >= _NOT_UPRIGHT:
         return ""
     moved = float(posture.lowest[:, 1].std())
-    for column, axis in enumerate("xyz"):
-        for sign in (1, -1):
-            along = sign * posture.trunk[:, column]
-            lowest = posture.lowest if sign > 0 else posture.highest
+    if _stands_along(-posture.trunk[:, 1]):
+        feet = float(posture.highest[:, 1].std())
+        return "upside down" if moved > _STEADY_FEET * feet else ""
+    for column in (0, 2):
+        for sign, lowest in ((1, posture.lowest), (-1, posture.highest)):
             steady = float(lowest[:, column].std())
             is_floor = moved > max(_UNSTEADY, _STEADY * steady)
-            if (along >= _UPRIGHT).mean() >= _UPRIGHT_ALWAYS and is_floor:
-                return "upside down" if axis == "y" else "lying while standing"
+            if _stands_along(sign * posture.trunk[:, column]) and is_floor:
+                return "lying while standing"
     return ""
+
+
+def _stands_along(cosines: NDArray[np.float64]) -> bool:
+    return bool((cosines >= _UPRIGHT).mean() >= _UPRIGHT_ALWAYS)
 
 
 def _upright(cosines: NDArray[np.float64]) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_JOINTS, printable
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton, bare_names
 from pacmo_core.formats.base import read_content
 from pacmo_core.formats.rigs import RIGS, Rig, fitting_rigs, plain_name, plain_names, rig_of_model
 
@@ -171,20 +171,22 @@ def _match(
         return {joint: (joint,) for joint in wanted}, ""
     plain = _by_plain_name(capture)
     if not rig:
-        bare = {joint.rpartition(":")[2]: joint for joint in capture.joints}
+        bare = dict(zip(bare_names(capture.joints), capture.joints, strict=True))
         if set(wanted) <= set(bare):
             return {joint: (bare[joint],) for joint in wanted}, "joints named without their prefix"
-    rigs = [RIGS[rig]] if rig else fitting_rigs(plain)
     of_model = rig_of_model(plain_names(model.joints))
-    matches = [] if of_model is None else [_by_rig(r, of_model, plain, model, wanted) for r in rigs]
-    best = max((len(found) for found, _ in matches), default=0)
-    matches = [match for match in matches if len(match[0]) == best]
-    if not matches:
+    if of_model is None:
         return {joint: (joint,) for joint in wanted if joint in capture.joints}, ""
-    if any(match[0] != matches[0][0] for match in matches):
-        names = ", ".join(r.name for r in rigs)
+    # Where no rig fits as a whole, one that names what the model needs will do.
+    rigs = [RIGS[rig]] if rig else fitting_rigs(plain) or list(RIGS.values())
+    matches = {r.name: _by_rig(r, of_model, plain, model, wanted) for r in rigs}
+    known = {r.name: (len(matches[r.name][0]), len(r.required & set(plain))) for r in rigs}
+    best = [name for name in matches if known[name] == max(known.values())]
+    found, description = matches[best[0]]
+    if len(found) == len(wanted) and any(matches[name][0] != found for name in best):
+        names = ", ".join(best)
         raise ValueError(f"the presets {names} all fit the capture's joints; name one by --joints")
-    return matches[0]
+    return found, description
 
 
 def _by_rig(

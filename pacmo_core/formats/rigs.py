@@ -19,6 +19,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
+from pacmo_core.data.skeleton import bare_names
+
 # Points that are defined by others on every body. NITE, which tracks for the first Kinect, computes
 # its neck and torso so; Kinect v2's spine at the shoulders is there by name.
 DEFINITIONS = {
@@ -85,10 +87,7 @@ class Rig:
 
 def plain_names(joints: Sequence[str]) -> list[str]:
     """Write the names of one body's joints in one way; what all of them begin with is left out."""
-    prefix = re.match(r".*[:_]", joints[0]) if len(joints) > 1 else None
-    while prefix and not all(joint.startswith(prefix[0]) for joint in joints):
-        prefix = re.match(r".*[:_]", prefix[0][:-1])
-    return [plain_name(joint[prefix.end() :] if prefix else joint) for joint in joints]
+    return [plain_name(joint) for joint in bare_names(joints)]
 
 
 def plain_name(joint: str) -> str:
