@@ -257,8 +257,8 @@ def _inference_lines(
             text = ", ".join(words[name](value) for name, value in settings.items())
             files = files_by_text.setdefault(text, [])
             stature = "" if of_file.stature is None else f" ({of_file.stature:.2f} m tall)"
-            if f"{source.file.name}{stature}" not in files:
-                files.append(f"{source.file.name}{stature}")
+            if f"{source.file}{stature}" not in files:
+                files.append(f"{source.file}{stature}")
             options[text] = [f"--from-{name}" for name in settings]
     return [
         f"inferred for {' and '.join(files)}: {text}; {' and '.join(options[text])} override"
@@ -296,5 +296,5 @@ def to_model_joints(
     except ValueError as fault:
         raise CommandError(f"{source.file}: {fault}") from fault
     if names.description:
-        typer.echo(f"{source.file.name}: {names.description}")
+        typer.echo(f"{source.file}: {names.description}")
     return replace(person, skeleton=skeleton, motion=names.apply(person.motion))

@@ -72,7 +72,7 @@ def test_react_takes_mixamo_in_centimetres_and_says_what_it_found(
     out = tmp_path / "o.parquet"
     said = pacmo("react", pair[0], "--weights", weights, "--out", out)
     assert said.exit_code == 0, said.output
-    assert "inferred for duo_A.bvh (1." in said.stdout
+    assert f"inferred for {pair[0]} (1." in said.stdout
     assert "centimetres, y up; --from-unit and --from-up override" in said.stdout
     assert "preset mixamo; mid-points: left_hand = " in said.stdout
     made = reaction(out)

@@ -179,8 +179,8 @@ def test_odd_letters_and_equal_names_still_give_each_sequence_a_name_of_its_own(
 
 
 def test_folders_of_cmu_pairs_are_read_as_they_are_delivered(tmp_path):
-    folders = "18_19_Justin 18_19_rory 20_21_Justin1 20_21_rory1 22_23_justin 22_23_Rory".split()
-    for number, folder in enumerate(folders):
+    folders = ("18_19_Justin", "18_19_rory", "20_21_Justin1", "20_21_rory1")
+    for number, folder in enumerate((*folders, "22_23_justin", "22_23_Rory")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / f"{folder[:2]}_01_poses.bvh").write_text(bvh_text(number))
     form = pairs(preset="cmu_18_19")
