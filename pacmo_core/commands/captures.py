@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.reading import PEOPLE, ReadOptions, Source, read_people
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.limits import printable
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import skeleton_difference
@@ -121,9 +122,8 @@ def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMot
         raise CommandError(f"{text}: wanted two frames or more at the same time")
     cut = replace(slow, times=at, motion=slow.motion[: len(at)])
     same = replace(fast, times=at, motion=resample(fast.motion, fast.times, at))
-    typer.echo(
-        f"{text}: {1 / steps[0]:g} and {1 / steps[1]:g} frames a second: both at {1 / max(steps):g}"
-    )
+    rates = f"{1 / steps[0]:g} and {1 / steps[1]:g} frames a second"
+    typer.echo(printable(f"{text}: {rates}: both at {1 / max(steps):g}"))
     return (cut, same) if slow is a else (same, cut)
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from pacmo_core.data.limits import printable
 from pacmo_core.data.posture import UNITS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import MAX_DISTANCE
@@ -209,7 +210,7 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     if states_unit_or_axis(FORMATS[form]):
         check_plausible([source.file for source in sources], people)
     for line in _inference_lines(sources, inferred, found):
-        typer.echo(line)
+        typer.echo(printable(line))
     return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
 
 
@@ -296,5 +297,5 @@ def to_model_joints(
     except ValueError as fault:
         raise CommandError(f"{source.file}: {fault}") from fault
     if names.description:
-        typer.echo(f"{source.file}: {names.description}")
+        typer.echo(printable(f"{source.file}: {names.description}"))
     return replace(person, skeleton=skeleton, motion=names.apply(person.motion))

@@ -1,10 +1,13 @@
 """Truth: the published skeletons; bodies whose joints are known on two rigs; NITE's definitions."""
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pacmo_core.data.skeleton import (
     DUET15,
@@ -223,3 +226,22 @@ def test_a_rig_without_what_the_model_does_not_need_is_taken_if_it_is_the_only_o
     with pytest.raises(ValueError, match="all fit the capture's joints; name one by --joints"):
         name_joints(few, spine, StatedNames())
     assert name_joints(few, spine, StatedNames("mixamo")).weights.shape == (3, 4)
+
+
+@given(content=st.binary(max_size=80), kind=st.sampled_from(["json", "toml", "csv"]))
+def test_any_file_is_a_mapping_or_refused(
+    content: bytes, kind: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    file = tmp_path_factory.mktemp("names") / f"n.{kind}"
+    file.write_bytes(content)
+    with suppress(ValueError):  # any other error fails
+        found = parse_joints([str(file)]).joints
+        assert found
+        assert all(isinstance(part, str) for parts in found.values() for part in parts)
+
+
+@pytest.mark.parametrize(("kind", "text"), [("json", "[" * 100_000), ("toml", "a=" + "[" * 9999)])
+def test_a_file_of_many_levels_is_refused(tmp_path: Path, kind: str, text: str) -> None:
+    (tmp_path / f"n.{kind}").write_text(text)
+    with pytest.raises(ValueError, match="no mapping of joints"):
+        parse_joints([str(tmp_path / f"n.{kind}")])
