@@ -62,7 +62,7 @@ def make_templates(folder: Path) -> None:
     facts = {"model": "kinematic", "config": model_config(prior)}
     write_weights(folder / "kinematic.safetensors", facts, model_state(prior))
     texts, numbers = ("clip",) * 7 + ("ntu25",), (30.0, 1.0)
-    record = ClipRecord(*texts, *numbers, 31, 0, "file", "0" * 64, 0.1, 0.2, 0.3, 0)
+    record = ClipRecord(*texts, *numbers, 31, 0, "file", "0" * 64, 0.1, 0.2, 0.3, 0, False)
     write_rows(folder / "clips.parquet", ClipRecord, [record] * 3)
     fault = QuarantineRecord("s", "f", "0", 1, "reason")
     write_rows(folder / "quarantine.parquet", QuarantineRecord, [fault] * 3)

@@ -18,6 +18,7 @@ from pacmo_core.data.names import split_variation_name
 from pacmo_core.models import MODELS, Model
 from pacmo_core.reaction.variations import TrainingVariations
 from pacmo_core.store.motions import stream_folder
+from pacmo_core.store.weights import TrainedOn
 from pacmo_core.training.loop import TrainingData
 from stages.common.clips import stream_split
 from stages.common.params import read_params, run_stage
@@ -38,6 +39,7 @@ def main(paths: argparse.Namespace) -> None:
         model,
         params,
         interaction,
+        TrainedOn.of(facts for facts, _ in stream_split(paths.clips, paths.splits, "train")),
         lambda device: model.build_training(data, params, device=device, **extra),
     )
     train(task, paths.model, paths.curve)

@@ -18,13 +18,21 @@ from pacmo_core.augmentation.filter import VariationLimits, rejection_reason
 from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.augmentation.run import report_measurements
 from pacmo_core.commands.captures import (
-    PEOPLE,
     TwoPersonCapture,
     WrittenCapture,
     check_output,
     constant_bones_line,
     read_two_people,
     write_two_people,
+)
+from pacmo_core.commands.reading import (
+    PEOPLE,
+    FormatName,
+    FromFps,
+    FromUnit,
+    FromUp,
+    Preset,
+    ReadOptions,
 )
 from pacmo_core.data.interaction import Motion
 from pacmo_core.figures.clips import measurement_summary
@@ -83,16 +91,6 @@ AScale = Annotated[list[str], typer.Option("--a-scale", help="SEGMENT=SCALE of p
 BScale = Annotated[list[str], typer.Option("--b-scale", help="SEGMENT=SCALE of person b")]
 Profile = Annotated[list[str], typer.Option("--profile", help="PERSON=NAME: b=child, a=long_arms")]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
-FormatName = Annotated[
-    str | None,
-    typer.Option("--format", help="format of the capture; default: by the file's suffix"),
-]
-Preset = Annotated[str | None, typer.Option(help="preset of BVH files: duo_mocap, cmu_18_19, ...")]
-Unit = Annotated[float | None, typer.Option(help="metres per unit of a BVH file")]
-Up = Annotated[str | None, typer.Option(help="up axis of the capture, y or z")]
-Fps = Annotated[
-    float | None, typer.Option(help="frame rate of the capture, if it states none or a wrong one")
-]
 Params = Annotated[
     Path | None,
     typer.Option(
@@ -115,14 +113,14 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     clip: Clip = "",
     form: FormatName = None,
     preset: Preset = None,
-    unit: Unit = None,
-    up: Up = None,
-    fps: Fps = None,
+    from_unit: FromUnit = [],  # noqa: B006
+    from_up: FromUp = [],  # noqa: B006
+    from_fps: FromFps = [],  # noqa: B006
     params: Params = None,
 ) -> None:
     """Retarget two people's motion to other bodies; contacts and near distances are preserved.
 
-    pacmo augment DUO_A.bvh DUO_B.bvh --unit 0.01 --up y --b-scale left_forearm=1.2 --out other
+    pacmo augment DUO_A.bvh DUO_B.bvh --b-scale left_forearm=1.2 --out other
 
     pacmo augment DUO_A.bvh DUO_B.bvh --preset duo_mocap --a-scale uniform=0.8 --profile b=child
     --out other
@@ -134,12 +132,11 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     Scales and a profile of the same person multiply. The command reads the same formats as
     ``pacmo react``. BVH files are written with the hierarchy, channels, unit and axes of the input.
     """
-    options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
-    settings = {name: value for name, value in options.items() if value is not None}
+    options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     files = (first,) if second is None else (first, second)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         solving = read_solver_section(params or _present_params())
-        duo = read_two_people(files, form, settings, clip)
+        duo = read_two_people(files, options, clip)
         check_output(duo, out)
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         scales = _requested_scales(duo, factors_of_people, _profiles(profile))

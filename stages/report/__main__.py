@@ -145,6 +145,13 @@ def count(things: list[int], name: str) -> str:
     return f"{len(things)} {name}" + ("s" if len(things) > 1 else "")
 
 
+def captures_text(ingest: dict[str, Any]) -> str:
+    """Say whether what the models were trained and tested on is recorded or synthetic."""
+    kinds = {0: "recorded", ingest["usable"]: "synthetic: not evidence for recorded motion"}
+    kind = kinds.get(ingest["synthetic"], f"{ingest['synthetic']} synthetic, the others recorded")
+    return f"{kind}; all models below were trained on them"
+
+
 def summarise(
     ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path
 ) -> DataSummary:
@@ -158,6 +165,7 @@ def summarise(
         quarantined=tuple(QuarantineRow(q.file, q.line or None, q.reason) for q in quarantined),
         facts={
             "Dataset": f"{ingest['dataset']} ({ingest['format']})",
+            "Captures": captures_text(ingest),
             "Sequences": f"{ingest['usable']} usable of {ingest['sequences_read']} read; "
             f"{ingest['not_included']} found and not included",
             "Skeleton": ingest["skeleton"],

@@ -39,7 +39,7 @@ def standing(n_frames: int = 20) -> Interaction:
 
 
 CLIP = standing()
-UNIT = ["--unit", 1, "--up", "y"]
+UNIT = ["--from-unit", 1, "--from-up", "y"]
 
 
 @pytest.fixture
@@ -175,7 +175,7 @@ def test_what_cannot_be_done_is_one_line_that_names_file_and_segment(
     refused(pacmo(*there, "--profile", "b=giant"), "no profile 'giant'", "long_arms")
     refused(pacmo(*there), "nothing to change")
     scale = ["--b-scale", "uniform=0.9"]
-    refused(pacmo(*files, *scale, "--out", out), "unit")
+    refused(pacmo(*files, "--from-unit", 100, *scale, "--out", out), "a person of 1", "--from-unit")
     refused(pacmo(files[0], *UNIT, *scale, "--out", out), "duo_A.bvh", "wanted two files")
     refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path), "would overwrite", "duo_A.bvh")
     refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path / "a.gif"), ".parquet")
