@@ -18,7 +18,7 @@ from pacmo_core.figures.history import (
 from tests.figures.samples import cell, report
 from tests.figures.test_report import HOSTILE, Page
 
-NUMBERS = ("0.80 (0.70 … 0.90), 80 of 100", "0.75", "0.81", "0.75")
+NUMBERS = ("0.800 (0.700 to 0.900), 80 of 100", "0.75", "0.81", "0.75")
 
 
 def beside(name: str) -> ReportContext:
