@@ -223,7 +223,7 @@ def limits_table(
             limit = {"mean": measure.factor * limits[name]} if name in limits else _NO_LIMIT
             entries = (value, make_entry(limit, ""))
             lines.append(Line(label, measure.meaning, is_model=False, entries=entries))
-    heads = ("This variation", "Limit for training")
+    heads = ("Variation", "Limit")
     return Table(tuple(Metric(head, UNKNOWN, "", "") for head in heads), tuple(lines))
 
 
