@@ -159,8 +159,10 @@ def compare_and_promote(gate: Gate, run: RunRecord) -> None:
     publish_table("decision", rows, f"{decision.verdict}: {'; '.join(decision.reasons)}")
     if REPORT.exists():
         write_report_with_history()
-    publish_link(HISTORY_PAGE, "history")
-    publish_link(REPORT_WITH_HISTORY, "report-and-history")
+    publish_link(HISTORY_PAGE, "history", "Every decision, and the metrics over time")
+    publish_link(
+        REPORT_WITH_HISTORY, "report-and-history", "The report with earlier runs and decisions"
+    )
 
 
 def check_disk(min_free_gb: float) -> None:

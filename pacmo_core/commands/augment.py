@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
-from pacmo_core.augmentation.filter import VariationLimits, rejection_reason
+from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.augmentation.run import report_measurements
 from pacmo_core.commands.captures import (
@@ -34,8 +34,9 @@ from pacmo_core.commands.reading import (
     Preset,
     ReadOptions,
 )
+from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.data.interaction import Motion
-from pacmo_core.figures.clips import measurement_summary
+from pacmo_core.figures.variations import limit_text, measurement_summary
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
 from pacmo_core.interaction_mesh.mesh import ground_supports
@@ -131,6 +132,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     joints are called; uniform is all of them. The message for an unknown name lists the known ones.
     Scales and a profile of the same person multiply. The command reads the same formats as
     ``pacmo react``. BVH files are written with the hierarchy, channels, unit and axes of the input.
+    A page beside the files, an .html, plays the source and the variation side by side.
     """
     options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     files = (first,) if second is None else (first, second)
@@ -149,7 +151,9 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         figures |= measure_written(duo, written, scales, solving.solver)
         for line in _report_lines(figures, solving.limits, written.max_error):
             typer.echo(line)
-        typer.echo(f"{len(solution.points[0])} frames in {', '.join(map(str, written.files))}")
+        page = write_variation_page(duo, written, figures, solving.limits, out)
+        paths = ", ".join(map(str, written.files))
+        typer.echo(f"{len(solution.points[0])} frames in {paths}; beside the source in {page}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -221,9 +225,11 @@ def _report_lines(
     yield measurement_summary(figures)
     if max_error:
         yield constant_bones_line(max_error)
-    reason = rejection_reason(figures, limits)
-    if reason:
-        yield f"outside the limits for training: {reason}"
+    exceeded = exceeded_limits(figures, limits)
+    worst_first = sorted(exceeded, key=lambda name: -exceeded[name])
+    if worst_first:
+        texts = [limit_text(name, figures[name], asdict(limits)[name]) for name in worst_first]
+        yield f"outside the limits for training: {'; '.join(texts)}"
 
 
 @contextmanager

@@ -180,6 +180,8 @@ ROWS = {
     ),
 }
 MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
+# What a model has to beat, as far as a run has it.
+BASELINES = ("nearest_neighbour", "regression", "gru")
 MAIN_ROWS = ("real", "oracle", *MODELS, "wrong_partner", "pacmo_permuted")
 SAME_ACTION_ROWS = (
     *("real_pairs_same_action", "wrong_partner_same_action"),

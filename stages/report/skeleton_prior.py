@@ -17,20 +17,24 @@ from pacmo_core.figures.skeleton_prior import (
     motion_table,
     plausibility_table,
     select_source,
+    split_label,
 )
 from pacmo_core.store.motions import stream_motions
 from stages.common.files import ALL_SOURCES
 
-PRIOR_LABELS = {"source": "source", "solver": "solver"} | {
+PRIOR_LABELS = {"source": "Source", "solver": "InteractionMesh"} | {
     name: metric.label for name, metric in MODELS.items()
 }
 PRIOR_TASKS = ("retargeting", "generation")
 PRIOR_NOTES = (
     "Large: ours, A/B for metrics of one character, B the one whose body changes. Small: the "
-    "interval over seeds, and in brackets the supplement's value, which is of other motions, in an "
-    "unstated unit and of undescribed features: compare within a line.",
-    "JPD of generation compares with the solver's motion on the sampled body, FID with the "
-    "solver's motions on the same bodies.",
+    "interval over seeds, and the supplement's value, which is of other motions, in an "
+    "unstated unit and of undescribed features: compare within a line. Marked: the lowest mean of "
+    "its line.",
+    "E_r: error of the joints' positions; E_b: of the bone lengths; JPD: of the distances between "
+    "joints of the two bodies; FID: Fréchet distance of the features of clips.",
+    "JPD of generation compares with InteractionMesh's motion on the sampled body, FID "
+    "with its motions on the same bodies.",
 )
 FEW_SAMPLES_NOTES = (
     "Weights are selected on the same validation variations for any number of training samples. "
@@ -72,8 +76,8 @@ def data_notes(splits: dict[str, Any]) -> Iterator[str]:
     """Yield the numbers of training and test variations of each split."""
     for split, facts in splits.items():
         yield (
-            f"{SPLITS.get(split, split)}: {facts['train']} variations to train on, "
-            f"{facts['tested']} tested; features {facts['extractor'][:16]}"
+            f"{split_label(split)}: {facts['train']:,} variations to train on, "
+            f"{facts['tested']:,} tested; features {facts['extractor'][:16]}"
         )
 
 
@@ -91,7 +95,7 @@ def prior_clips(samples_folder: Path, pooled: dict[str, Any]) -> Iterator[Played
                 for model in PRIOR_LABELS
                 if model in by_model
             )
-            yield PlayedClip(source, f"{dataset}, a sampled body", panels)
+            yield PlayedClip(f"{dataset}, {source}", "On a sampled body", panels)
 
 
 def prior_figures(pooled: dict[str, Any]) -> dict[str, dict[str, float]]:

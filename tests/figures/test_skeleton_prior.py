@@ -7,6 +7,7 @@ from pacmo_core.figures.skeleton_prior import (
     motion_table,
     plausibility_table,
     select_source,
+    split_label,
 )
 from pacmo_core.figures.supplement_tables import (
     FEW_SAMPLES_TABLE,
@@ -52,8 +53,8 @@ def test_a_cell_holds_ours_in_millimetres_and_theirs_below():
     assert (first.label, first.meaning) == ("E_r, retargeting, mm", "Random")
     ours, _, f_cnn, *_ = first.entries
     assert ours.value == "10.0/10.0" and ours.mark == "best"
-    assert ours.interval.splitlines() == ["9.00 … 11.0"] * 2  # theirs stands at the paper's form
-    assert f_cnn.interval.endswith("[0.673/2.569]") and not f_cnn.mark
+    assert ours.interval.splitlines() == ["9.00 to 11.0"] * 2  # theirs stands at the paper's form
+    assert f_cnn.interval.endswith("supplement 0.673/2.569") and not f_cnn.mark
     assert first.entries[1].value == "–"  # a model that was not trained
     assert {line.meaning for line in shown.lines} == {"Random"} and len(shown.lines) == 6
 
@@ -74,6 +75,18 @@ def test_verdicts_count_the_splits_that_ours_wins():
     assert len(said) == 6 and all("1 of 1" in line for line in said)
     table = plausibility_table(SCORES)
     assert len(table.lines) == 2 and table.lines[0].entries[0].value == "0.900"
+
+
+def test_of_equal_models_none_is_marked_and_ours_has_not_won():
+    scores = {"retargeting": {"random": {"kinematic": metrics(0.01), "f_cnn": metrics(0.01)}}}
+    assert all("in 0 of 1 splits" in line for line in comparison_sentences(scores))
+    marks = {entry.mark for line in motion_table(scores, "Judo").lines for entry in line.entries}
+    assert marks == {""}
+
+
+def test_splits_are_named_in_words():
+    assert split_label("cross_scale_interaction_6") == "Cross-scale-interaction, 6 training samples"
+    assert split_label("random") == "Random"
 
 
 def test_a_sources_figures_leave_out_models_without_it():

@@ -75,6 +75,7 @@ def test_differences_are_paired_where_rows_share_draws(pooled):
         "pacmo_minus_gru",
         "pacmo_minus_pacmo_permuted",
         "pacmo_minus_pacmo_augmented",
+        "pacmo_augmented_minus_gru",
         "real_pairs_minus_wrong_partner",
     }
 
