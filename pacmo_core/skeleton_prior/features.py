@@ -64,9 +64,7 @@ class FeatureExtractor(nn.Module):
         super().__init__()
         self.settings, self.skeleton = settings, skeleton
         hidden, joints = settings.hidden, len(skeleton.joints)
-        self.encoder = StGcnEncoder(
-            off_diagonal_adjacency(skeleton), 3, encoder_channels(hidden), dropout=0.0
-        )
+        self.encoder = StGcnEncoder(off_diagonal_adjacency(skeleton), 3, encoder_channels(hidden))
         self.latent = nn.Linear(hidden * joints, settings.n_features)
         self.decoder = nn.Sequential(
             nn.Linear(settings.n_features, hidden),
@@ -76,7 +74,7 @@ class FeatureExtractor(nn.Module):
 
     def forward(self, motions: Tensor) -> Tensor:
         """Encode motions ``(B, K, J, 3)``, metres, as latents (B, D)."""
-        latent: Tensor = self.latent(self.encoder(motions, None).flatten(1))
+        latent: Tensor = self.latent(self.encoder(motions.permute(0, 3, 1, 2)).flatten(1))
         return latent
 
     def loss(self, motions: Tensor) -> Tensor:

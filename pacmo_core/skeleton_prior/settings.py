@@ -8,6 +8,30 @@ from pacmo_core.skeleton_prior.kinematics import Limb
 
 
 @dataclass(frozen=True)
+class StartSettings:
+    """Constants of the rule in ``start``.
+
+    Parameters
+    ----------
+    ground_height : metres above the ground at which a limb end's weight has fallen to 1/e
+    contact_range : metres at which the contact weight of two joints has fallen to 1/e
+    root, ground, contact : weights of staying, of the height of limb ends near the ground, and of
+        contacts, for the body as a whole
+    foot, hand : weights of the ground and of contacts for a limb's end; 1 for its posture
+    yielding : share of ``hand`` where the partner is expected to yield as well
+    """
+
+    ground_height: float
+    contact_range: float
+    root: float
+    ground: float
+    contact: float
+    foot: float
+    hand: float
+    yielding: float
+
+
+@dataclass(frozen=True)
 class PriorConfig:
     """Architecture of a skeleton prior.
 
@@ -19,7 +43,7 @@ class PriorConfig:
     hidden : channels of the widest layers; ``kinematic`` uses a quarter of them
     frame_stride : frames between keyframes; the networks see keyframes only
     fps : of the training motions; keyframes of other motions are as far apart in time
-    dropout : probability
+    start : of the kinematic model
     """
 
     skeleton: Skeleton
@@ -28,7 +52,7 @@ class PriorConfig:
     hidden: int
     frame_stride: int
     fps: float
-    dropout: float
+    start: StartSettings
 
     def __post_init__(self) -> None:
         n_joints = len(self.skeleton.joints)
@@ -70,12 +94,11 @@ class SkeletonPriorSettings:
 
     random_seed: int
     device: str  # cpu, cuda or auto: cuda where there is one
-    mixed_precision: bool  # matrix products in bfloat16 where the device supports it
     model: str  # a skeleton prior of pacmo_core.models
     hidden: int  # channels of the widest layers; 256 in the paper
     frame_stride: int  # frames between keyframes; displacements are smooth in time
     window_frames: int  # keyframes of a training window
-    dropout: float  # probability
+    start: StartSettings  # of the kinematic model
     loss_weights: LossWeights
     skeleton_vae_steps: int  # training steps of the skeleton VAE, before the motion VAEs
     kl_warmup_epochs: int  # in which the weight of the KL divergence rises to its full value
