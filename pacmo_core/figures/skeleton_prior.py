@@ -199,12 +199,12 @@ def gain_sentence(split: str, gain: Mapping[str, Any]) -> str:
 
 
 def _share(name: str, cell: Mapping[str, float]) -> str:
-    change = f"{name} {'falls' if cell['mean'] >= 0 else 'rises'} by {abs(cell['mean']):.0%}"
+    sign, verb = (1, "falls") if cell["mean"] >= 0 else (-1, "rises")
+    text = f"{name} {verb} by {abs(cell['mean']):.0%}"
     if "low" not in cell:
-        return change
-    low, high = sorted((cell["low"], cell["high"]), reverse=cell["mean"] < 0)
-    sign = 1 if cell["mean"] >= 0 else -1
-    return f"{change} ({100 * sign * low:.0f} to {100 * sign * high:.0f} %)"
+        return text
+    low, high = sorted(100 * sign * cell[bound] for bound in ("low", "high"))
+    return f"{text} ({low:.0f} to {high:.0f} %)"
 
 
 def _count(number: int, name: str) -> str:
