@@ -36,34 +36,18 @@ from pacmo_core.skeleton_prior.vae import (
 
 @dataclass(frozen=True)
 class Networks:
-    """The networks of one baseline and character, on ``(B, C, T, J)``.
+    """The networks of one baseline and character, on ``(B, C, T, J)``."""
 
-    Parameters
-    ----------
-    displacement_encoder : of the displacements alone
-    condition : of the condition's features
-    encoder : of both side by side
-    posterior : to mean and log variance
-    decoder : of latent and condition to displacements
-    latent : channels and joints of the latent
-    """
-
-    displacement_encoder: nn.Module
-    condition: nn.Module
-    encoder: nn.Module
-    posterior: nn.Module
-    decoder: nn.Module
-    latent: tuple[int, int]
+    displacement_encoder: nn.Module  # of the displacements alone
+    condition: nn.Module  # of the condition's features
+    encoder: nn.Module  # of both side by side
+    posterior: nn.Module  # to mean and log variance
+    decoder: nn.Module  # of latent and condition to displacements
+    latent: tuple[int, int]  # its channels and joints
 
 
 class BaselineVae(CharacterVae):
-    """A baseline of one character: a latent for each frame, decoded with the condition beside it.
-
-    Parameters
-    ----------
-    networks : Networks
-    features : of the condition, from the inputs
-    """
+    """A baseline of one character: a latent for each frame, decoded beside the condition."""
 
     def __init__(self, networks: Networks, features: Callable[[CharacterInputs], Tensor]) -> None:
         super().__init__()

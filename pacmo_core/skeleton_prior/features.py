@@ -29,22 +29,13 @@ from pacmo_core.training.supervised import SupervisedTrainer
 
 @dataclass(frozen=True)
 class FeatureExtractorSettings:
-    """Size and training of the autoencoder.
-
-    Parameters
-    ----------
-    random_seed : int
-    hidden, n_features : channels of the widest layer, and of the latent
-    n_frames : of the encoder's input, evenly spaced over a motion of any length
-    n_decoded_frames : of the decoder's output, evenly spaced over the input
-    learning_rate, halve_learning_rate_every, batch_size, n_epochs : of the training
-    """
+    """Size and training of the autoencoder."""
 
     random_seed: int
-    hidden: int
-    n_features: int
-    n_frames: int
-    n_decoded_frames: int
+    hidden: int  # channels of the widest layer
+    n_features: int  # of the latent
+    n_frames: int  # of the encoder's input, evenly spaced over a motion of any length
+    n_decoded_frames: int  # of the decoder's output, evenly spaced over the input
     learning_rate: float
     halve_learning_rate_every: int
     batch_size: int
@@ -52,13 +43,7 @@ class FeatureExtractorSettings:
 
 
 class FeatureExtractor(nn.Module):
-    """Autoencoder of one character's motion in the canonical frame of the interaction.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-    settings : FeatureExtractorSettings
-    """
+    """Autoencoder of one character's motion in the canonical frame of the interaction."""
 
     def __init__(self, skeleton: Skeleton, settings: FeatureExtractorSettings) -> None:
         super().__init__()

@@ -51,13 +51,7 @@ CONTACT_DISTANCE = 0.15
 
 
 class KinematicDecoder(nn.Module):
-    """From joint features and a latent to the input of the output layer.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-    hidden : channels
-    """
+    """From joint features and a latent to the input of the output layer."""
 
     def __init__(self, skeleton: Skeleton, *, hidden: int) -> None:
         super().__init__()
@@ -80,12 +74,7 @@ class KinematicDecoder(nn.Module):
 class KinematicVae(CharacterVae):
     """VAE of a character with exact bone lengths; both characters have the same architecture.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-    limbs : its arms and legs
-    hidden : channels
-    start : settings of the start, to which the network's output is added; or None
+    The network's output is added to a start, or to the scaled posture.
     """
 
     def __init__(

@@ -162,11 +162,6 @@ class KinematicOutput(nn.Module):
     displacement from the scaled posture, in metres; at other joints a change of the unit vector of
     the bone into the joint, or of the pole vector of a limb's middle joint, before normalisation.
     The limbs reach their ends by inverse kinematics, so that feet stay when the trunk moves.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-    limbs : its arms and legs
     """
 
     parents: Tensor

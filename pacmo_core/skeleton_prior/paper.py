@@ -28,14 +28,7 @@ PARTNER_CHANNELS = 16
 
 
 class AutoregressiveDecoder(nn.Module):
-    """G-GRU1 and G-GRU2: the displacement of each frame is an input of the next step.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-    condition_channels : of the inputs that are constant over time
-    hidden : int
-    """
+    """G-GRU1 and G-GRU2: the displacement of each frame is an input of the next step."""
 
     def __init__(self, skeleton: Skeleton, condition_channels: int, hidden: int) -> None:
         super().__init__()
@@ -57,13 +50,8 @@ class PaperVae(CharacterVae):
     """VAE2 and VAE3, of the first and the second character.
 
     VAE2 has ST-GCN1 and G-GRU1 (tables 11 and 12); VAE3 has ST-GCN2 and ST-GCN3, of the own motion
-    and of the partner, a layer that fuses them, and G-GRU2 (tables 13 to 16).
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-    hidden : 256 in the paper
-    first : whether it is the first character's
+    and of the partner, a layer that fuses them, and G-GRU2 (tables 13 to 16). In the paper
+    ``hidden`` is 256.
     """
 
     def __init__(self, skeleton: Skeleton, *, hidden: int, first: bool) -> None:

@@ -9,50 +9,29 @@ from pacmo_core.skeleton_prior.kinematics import Limb
 
 @dataclass(frozen=True)
 class StartSettings:
-    """Constants of the rule in ``start``.
+    """Constants of the rule in ``start``; weights of a limb's end are against 1 for its posture."""
 
-    Parameters
-    ----------
-    ground_height : metres above the ground at which a limb end's weight has fallen to 1/e
-    contact_range : metres at which the contact weight of two joints has fallen to 1/e
-    root, ground, contact : weights of staying, of the height of limb ends near the ground, and of
-        contacts, for the body as a whole
-    foot, hand : weights of the ground and of contacts for a limb's end; 1 for its posture
-    yielding : share of ``hand`` where the partner is expected to yield as well
-    """
-
-    ground_height: float
-    contact_range: float
-    root: float
-    ground: float
-    contact: float
-    foot: float
-    hand: float
-    yielding: float
+    ground_height: float  # metres above the ground at which a limb end's weight has fallen to 1/e
+    contact_range: float  # metres at which the contact weight of two joints has fallen to 1/e
+    root: float  # weights for the body as a whole: of staying in place,
+    ground: float  # of the height of limb ends near the ground,
+    contact: float  # of contacts
+    foot: float  # weights for a limb's end: of the ground,
+    hand: float  # of contacts
+    yielding: float  # share of the contact weights if the partner is expected to yield too
 
 
 @dataclass(frozen=True)
 class PriorConfig:
-    """Architecture of a skeleton prior.
+    """Architecture of a skeleton prior."""
 
-    Parameters
-    ----------
-    skeleton : of both characters
-    limbs : arms and legs of the skeleton, as joint indices
-    model : a skeleton prior of ``pacmo_core.models``
-    hidden : channels of the widest layers; ``kinematic`` uses a quarter of them
-    frame_stride : frames between keyframes; the networks see keyframes only
-    fps : of the training motions; keyframes of other motions are as far apart in time
-    start : of the kinematic model
-    """
-
-    skeleton: Skeleton
-    limbs: tuple[Limb, ...]
-    model: str
-    hidden: int
-    frame_stride: int
-    fps: float
-    start: StartSettings
+    skeleton: Skeleton  # of both characters
+    limbs: tuple[Limb, ...]  # its arms and legs
+    model: str  # a skeleton prior of pacmo_core.models
+    hidden: int  # channels of the widest layers; ``kinematic`` uses a quarter of them
+    frame_stride: int  # frames between keyframes; the networks see keyframes only
+    fps: float  # of the training motions; keyframes of other motions are as far apart in time
+    start: StartSettings  # of the kinematic model
 
     def __post_init__(self) -> None:
         n_joints = len(self.skeleton.joints)
@@ -71,21 +50,13 @@ class LossWeights:
     """Weights of the loss terms; the position error weighs 1.
 
     The supplement states no loss. The terms follow from the metrics that it reports.
-
-    Parameters
-    ----------
-    kl_divergence : of the posteriors from N(0, I), mean over latent elements
-    bone_length : error of bone lengths
-    contact_distance : error of distances between the two people's joints, weighted by proximity
-    joint_distance : the same error, unweighted
-    acceleration : second difference of the position error over time
     """
 
-    kl_divergence: float
-    bone_length: float
-    contact_distance: float
-    joint_distance: float
-    acceleration: float
+    kl_divergence: float  # of the posteriors from N(0, I), mean over latent elements
+    bone_length: float  # error of bone lengths
+    contact_distance: float  # of distances between the two people's joints, weighted by proximity
+    joint_distance: float  # the same error, unweighted
+    acceleration: float  # second difference of the position error over time
 
 
 @dataclass(frozen=True)

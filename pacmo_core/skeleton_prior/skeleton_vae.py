@@ -23,12 +23,7 @@ BATCH_SIZE, LEARNING_RATE = 64, 2e-3
 
 @dataclass(frozen=True)
 class DiagonalGaussian:
-    """Gaussian with diagonal covariance, such as the posterior q(z | x) of a VAE.
-
-    Parameters
-    ----------
-    mean, log_variance : of one shape
-    """
+    """Gaussian with diagonal covariance, such as the posterior q(z | x) of a VAE."""
 
     mean: Tensor
     log_variance: Tensor
@@ -52,13 +47,7 @@ class DiagonalGaussian:
 
 
 class SkeletonVae(nn.Module):
-    """VAE1, the prior of skeletons: two MLPs, J -> 64 -> 16 -> 64 -> J.
-
-    Parameters
-    ----------
-    n_joints : including the root, whose scale is 1
-    root : its index
-    """
+    """VAE1, the prior of skeletons: two MLPs, J -> 64 -> 16 -> 64 -> J; the root's scale is 1."""
 
     scale_range: Tensor
 

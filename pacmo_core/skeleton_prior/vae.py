@@ -20,26 +20,15 @@ MIN_DISPLACEMENT_SCALE = 1e-4
 
 @dataclass(frozen=True)
 class CharacterInputs:
-    """Conditions of one character's motion.
+    """Conditions of one character's motion; motions (B, T, J, 3) metres, scales (B, J)."""
 
-    Parameters
-    ----------
-    template : (B, T, J, 3), metres: the character's source motion, at scale 1
-    scales : (B, J), of its bones
-    partner : (B, T, J, 3), metres: the partner's motion as far as it is known
-    partner_template : (B, T, J, 3), metres
-    partner_scales : (B, J)
-    displacement_scale : metres, root mean square of displacements in the training data
-    partner_yields : whether the partner's motion is a guess, as it is for the first character
-    """
-
-    template: Tensor
-    scales: Tensor
-    partner: Tensor
+    template: Tensor  # the character's source motion, at scale 1
+    scales: Tensor  # of its bones
+    partner: Tensor  # the partner's motion as far as it is known
     partner_template: Tensor
     partner_scales: Tensor
-    displacement_scale: Tensor
-    partner_yields: bool
+    displacement_scale: Tensor  # metres, root mean square of displacements in the training data
+    partner_yields: bool  # whether the partner's motion is a guess, as for the first character
 
     def displacements(self, motion: Tensor) -> Tensor:
         """Normalise a motion's displacements from the template, (B, 3, T, J)."""
@@ -107,27 +96,16 @@ class CharacterVae(nn.Module, ABC):
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Output of ``SkeletonPrior.reconstruct``.
+    """Output of ``SkeletonPrior.reconstruct``."""
 
-    Parameters
-    ----------
-    motions : (B, T, 2, J, 3), metres, the first character first
-    posteriors : of both characters
-    """
-
-    motions: Tensor
+    motions: Tensor  # (B, T, 2, J, 3), metres, the first character first
     posteriors: tuple[DiagonalGaussian, DiagonalGaussian]
 
 
 class SkeletonPrior(nn.Module):
-    """The three VAEs.
+    """The three VAEs; ``symmetric`` if both of the characters' take both bodies' scales.
 
-    Parameters
-    ----------
-    config : PriorConfig
-    characters : VAEs of the first and the second character
-    symmetric : whether both VAEs take both characters' scales, so that training may swap the
-        characters
+    Training may swap the characters of a symmetric model.
     """
 
     displacement_scale: Tensor
@@ -165,23 +143,14 @@ class SkeletonPrior(nn.Module):
         first, second = variation.unbind(dim=2)
         inputs = self.first_inputs(template, scales), self.second_inputs(template, scales, first)
         posteriors = self.first.encode(first, inputs[0]), self.second.encode(second, inputs[1])
-        motions = [
-            character.motion(posterior.sample(random), given)
-            for character, posterior, given in zip(
-                (self.first, self.second), posteriors, inputs, strict=True
-            )
-        ]
-        return Reconstruction(torch.stack(motions, dim=2), posteriors)
+        first = self.first.motion(posteriors[0].sample(random), inputs[0])
+        second = self.second.motion(posteriors[1].sample(random), inputs[1])
+        return Reconstruction(torch.stack([first, second], dim=2), posteriors)
 
     def decode(
         self, template: Tensor, scales: Tensor, latents: tuple[Tensor, Tensor]
     ) -> tuple[Tensor, Tensor]:
-        """Decode both characters, the second conditioned on the decoded first.
-
-        Returns
-        -------
-        two decoder outputs (B, T, J, 3), for ``joint_positions``
-        """
+        """Decode both characters' outputs (B, T, J, 3), the second's given the decoded first."""
         inputs = self.first_inputs(template, scales)
         first = self.first.decode(latents[0], inputs)
         motion = self.first.output_layer(first, inputs.template, inputs.scales)
@@ -190,21 +159,10 @@ class SkeletonPrior(nn.Module):
     def joint_positions(
         self, outputs: tuple[Tensor, Tensor], template: Tensor, scales: Tensor
     ) -> Tensor:
-        """Compute both characters' joint positions, (B, T, 2, J, 3) metres, at any frame rate.
-
-        Parameters
-        ----------
-        outputs : of both decoders, (B, T, J, 3)
-        template : (B, T, 2, J, 3), metres
-        scales : (B, 2, J)
-        """
-        motions = [
-            character.output_layer(output, template[:, :, role], scales[:, role])
-            for role, (character, output) in enumerate(
-                zip((self.first, self.second), outputs, strict=True)
-            )
-        ]
-        return torch.stack(motions, dim=2)
+        """Compute joint positions, (B, T, 2, J, 3) metres, of ``decode``'s at any frame rate."""
+        first = self.first.output_layer(outputs[0], template[:, :, 0], scales[:, 0])
+        second = self.second.output_layer(outputs[1], template[:, :, 1], scales[:, 1])
+        return torch.stack([first, second], dim=2)
 
     def sample_latents(
         self, template: Tensor, scales: Tensor, random: torch.Generator | None

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
+from pacmo_core.data.variation_splits import VariationScales
 from pacmo_core.models import model_names
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.data import Example, ExampleBatch, encode_examples
 from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.skeleton_vae import SkeletonVae, fit_skeleton_vae
-from pacmo_core.skeleton_prior.splits import VariationScales
 from pacmo_core.training.state import model_config, model_state
 from tests.skeleton_prior.examples import SMALL, examples, generator, settings
 

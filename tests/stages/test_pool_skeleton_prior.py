@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from pacmo_core.skeleton_prior.splits import VariationScales
+from pacmo_core.data.variation_splits import VariationScales
 from pacmo_core.store.tables import VARIATIONS
 from stages import split_variations
 from stages.common.params import PriorRuns, StageError, parse_split_name
