@@ -73,19 +73,9 @@ def ancestor_matrix(skeleton: Skeleton) -> Tensor:
     return torch.tensor(matrix, dtype=torch.float32)
 
 
-def parent_indices(skeleton: Skeleton) -> Tensor:
-    """List each joint's parent, ``(J,)`` int64; the root is its own parent."""
-    return torch.tensor([i if p < 0 else p for i, p in enumerate(skeleton.parents)])
-
-
-def parallel_part(vectors: Tensor, axis: Tensor) -> Tensor:
-    """Project vectors ``(..., 3)`` onto unit vectors ``(..., 3)``."""
-    return (vectors * axis).sum(dim=-1, keepdim=True) * axis
-
-
 def perpendicular_part(vectors: Tensor, axis: Tensor) -> Tensor:
     """Reject vectors ``(..., 3)`` from unit vectors ``(..., 3)``: the perpendicular part."""
-    return vectors - parallel_part(vectors, axis)
+    return vectors - (vectors * axis).sum(dim=-1, keepdim=True) * axis
 
 
 def two_bone_ik(
@@ -171,7 +161,9 @@ class KinematicOutput(nn.Module):
     def __init__(self, skeleton: Skeleton, limbs: tuple[Limb, ...]) -> None:
         super().__init__()
         self.root = skeleton.root
-        self.register_buffer("parents", parent_indices(skeleton), persistent=False)
+        # Of the root it is the root itself.
+        parents = [i if p < 0 else p for i, p in enumerate(skeleton.parents)]
+        self.register_buffer("parents", torch.tensor(parents), persistent=False)
         self.register_buffer("ancestor_matrix", ancestor_matrix(skeleton), persistent=False)
         index = torch.tensor(limbs, dtype=torch.int64).reshape(-1, 3)
         self.register_buffer("limbs", index, persistent=False)

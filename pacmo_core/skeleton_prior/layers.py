@@ -53,13 +53,7 @@ class LearntAdjacency(nn.Module):
 
 
 class GraphConvolution(nn.Module):
-    """``A X W + X U + b`` (supplement, equation 1, before its ReLU).
-
-    Parameters
-    ----------
-    adjacency : (J, J), with a zero diagonal
-    in_channels, out_channels : int
-    """
+    """``A X W + X U + b`` (supplement, equation 1, before its ReLU)."""
 
     def __init__(self, adjacency: Tensor, in_channels: int, out_channels: int) -> None:
         super().__init__()
@@ -84,8 +78,6 @@ class StGcnLayer(nn.Module):
     adjacency : (J, J), with a zero diagonal
     channels : of input and output
     stride : frames
-    residual : whether there is a residual connection
-    final_relu : whether the layer ends in a ReLU
     """
 
     def __init__(
@@ -128,12 +120,6 @@ class StGcnEncoder(nn.Module):
     """ST-GCN1, 2 and 3: five layers, three of them of stride 2, and the mean over time.
 
     Supplement, tables 11, 13 and 14.
-
-    Parameters
-    ----------
-    adjacency : (J, J), with a zero diagonal
-    in_channels : int
-    channels : of the five layers
     """
 
     def __init__(self, adjacency: Tensor, in_channels: int, channels: tuple[int, ...]) -> None:
@@ -164,11 +150,6 @@ class GraphGru(nn.Module):
 
     Unlike the supplement's equation 2, the sums are inside the sigmoid, as in DMGNN, and all
     products are elementwise. One message serves all gates.
-
-    Parameters
-    ----------
-    adjacency : (J, J), including self-loops
-    in_channels, hidden : int
     """
 
     def __init__(self, adjacency: Tensor, in_channels: int, hidden: int) -> None:

@@ -43,12 +43,7 @@ def loss_terms(
 
 
 def total_loss(terms: Mapping[str, Tensor], weights: LossWeights, kl_warmup: float) -> Tensor:
-    """Sum the weighted terms.
-
-    Parameters
-    ----------
-    kl_warmup : from 0 to 1, factor of the weight of the KL divergence
-    """
+    """Sum the weighted terms."""
     return (
         terms["position"]
         + weights.bone_length * terms["bone_length"]

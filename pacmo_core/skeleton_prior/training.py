@@ -30,14 +30,6 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
 
     A step draws one number from the generator of the batch order, which seeds everything else: so
     batches, windows and rotations are the same for every model.
-
-    Parameters
-    ----------
-    model : trained in place
-    examples : training data
-    validation : data on which weights are selected, if any
-    settings : SkeletonPriorSettings
-    random : CPU generator
     """
 
     def __init__(
