@@ -102,7 +102,7 @@ def _wgan(name: str, label: str, **options: Any) -> Model:
     return _reaction(name, label, "PacmoSettings", uses_actions=True, multiprocess=True, **options)
 
 
-def _skeleton_prior(name: str, label: str) -> Model:
+def _skeleton_prior(name: str, label: str, module: str) -> Model:
     package = "pacmo_core.skeleton_prior"
     return Model(
         name,
@@ -112,7 +112,7 @@ def _skeleton_prior(name: str, label: str) -> Model:
         settings=f"{package}.settings:SkeletonPriorSettings",
         training=f"{package}.training:build_training",
         reader=f"{package}.training:prior_from_state",
-        network=f"{package}.models.{name}:build",
+        network=f"{package}.{module}:build",
     )
 
 
@@ -151,12 +151,13 @@ _ROWS = (
         kind="features",
         reader="matcher:matcher_from_state",
     ),
-    _skeleton_prior("kinematic", "Kinematic"),
-    _skeleton_prior("paper", "Paper"),
-    _skeleton_prior("f_cnn", "F-CNN"),
-    _skeleton_prior("f_gcn", "F-GCN"),
-    _skeleton_prior("m_cnn", "M-CNN"),
-    _skeleton_prior("m_gcn", "M-GCN"),
+    _skeleton_prior("kinematic", "Kinematic", "kinematic"),
+    _skeleton_prior("kinematic_without_start", "Kinematic, without the start", "kinematic"),
+    _skeleton_prior("paper", "Paper", "paper"),
+    _skeleton_prior("f_cnn", "F-CNN", "baselines"),
+    _skeleton_prior("f_gcn", "F-GCN", "baselines"),
+    _skeleton_prior("m_cnn", "M-CNN", "baselines"),
+    _skeleton_prior("m_gcn", "M-GCN", "baselines"),
 )
 # Of constructors and of torch on a configuration or tensors that are not the model's.
 _FAULTS = (

@@ -7,11 +7,8 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.models import get_model
-from pacmo_core.skeleton_prior.autograd_functions import supports_bfloat16
 from pacmo_core.skeleton_prior.data import Example
 from pacmo_core.skeleton_prior.settings import SkeletonPriorSettings
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
@@ -46,11 +43,6 @@ def main(paths: argparse.Namespace) -> None:
     model = get_model(paths.model_name, "skeleton_prior")
 
     def build(device: str) -> TrainingLoop[SkeletonPrior]:
-        kind = device.partition(":")[0]
-        if params.mixed_precision and not supports_bfloat16(kind):
-            Console(stderr=True).print(
-                f"{kind} has no bfloat16 matrix products: training in float32"
-            )
         return model.build_training(
             TrainingData(train_examples, validation_examples), params, device=device
         )

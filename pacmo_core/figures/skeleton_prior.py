@@ -20,7 +20,12 @@ Scores = Mapping[str, Mapping[str, ModelScores]]
 
 OUR_MODEL = "kinematic"
 MODELS = {
-    OUR_MODEL: Metric("Ours", UNKNOWN, "", "bone rotations; lengths by forward kinematics"),
+    "template": Metric("Template", UNKNOWN, "", "a copy of the source on every body"),
+    "start": Metric("Start", UNKNOWN, "", "the rule that ours adds to, untrained"),
+    OUR_MODEL: Metric("Ours", UNKNOWN, "", "bone rotations added to the start"),
+    "kinematic_without_start": Metric(
+        "Without the start", UNKNOWN, "", "ours, added to the scaled posture"
+    ),
     "paper": Metric("Paper's form", UNKNOWN, "", "offsets from the template, scale of one body"),
     "f_cnn": Metric("F-CNN", UNKNOWN, "", "frame by frame, convolutions over joints"),
     "f_gcn": Metric("F-GCN", UNKNOWN, "", "frame by frame, graph convolutions"),
@@ -36,6 +41,8 @@ SPLITS = {
 }
 FEW_SAMPLES = ("_24", "_12", "_6")  # endings of the splits with fewer training samples
 HARDEST = "cross_scale_interaction"
+# An interval over fewer motions or seeds than these is said to be so.
+FEW_UNITS = 10
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,11 @@ class MetricRow:
     def parts(self) -> tuple[str, ...]:
         """Names of the values in a cell; A first, as in the supplement."""
         return (f"{self.metric}_second", f"{self.metric}_first") if self.each else (self.metric,)
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether rows compete in it: E_b of the rows with forward kinematics is zero."""
+        return self.metric != "E_b"
 
 
 METRIC_ROWS = (
@@ -114,13 +126,14 @@ def motion_table(scores: Scores, motion: str) -> Table:
 
 
 def few_samples_table(scores: Scores) -> Table:
-    """Return Table 10: ours and the best baseline with fewer training samples."""
+    """Return Table 10: start, ours and the best baseline with fewer training samples."""
     lines = []
     for kind in ("", *FEW_SAMPLES):
         split = HARDEST + kind
         if not any(split in task for task in scores.values()):
             continue
-        for label, models in (("Ours", (OUR_MODEL,)), ("Best baseline", BASELINES)):
+        rows = {"Start": ("start",), "Ours": (OUR_MODEL,), "Best baseline": BASELINES}
+        for label, models in rows.items():
             entries = tuple(_best_entry(scores, split, models, block) for block in METRIC_ROWS)
             samples = f"{kind[1:]} samples" if kind else "all samples"
             lines.append(Line(label, samples, is_model=label == "Ours", entries=entries))
@@ -170,23 +183,49 @@ def select_source(scores: Mapping[str, Any], family: str, source: str) -> Scores
 
 
 def comparison_sentences(scores: Scores) -> Iterator[str]:
-    """Yield for each metric in how many splits the mean of ours is below every baseline's."""
-    for block in METRIC_ROWS:
+    """Yield for each metric in how many splits the mean of ours is below every other row's."""
+    for block in filter(lambda row: row.is_compared, METRIC_ROWS):
         splits = [s for s in SPLITS if OUR_MODEL in scores.get(block.task, {}).get(s, {})]
         won = [s for s in splits if _is_best(scores[block.task][s], block)]
         if splits:
             yield (
-                f"{block.label}: the mean of ours is below every baseline's in "
+                f"{block.label}: the mean of ours is below every other row's in "
                 f"{len(won)} of {len(splits)} splits"
             )
 
 
+def gain_sentence(split: str, gain: Mapping[str, Any]) -> str:
+    """Say by how much training lowers the start's errors on one split.
+
+    Parameters
+    ----------
+    gain : interval by metric, and the numbers of motions and seeds
+    """
+    said = [_share(name, gain[name]) for name in ("E_r", "JPD")]
+    motions, seeds = gain["motions"], gain["seeds"]
+    few = "" if min(motions, seeds) >= FEW_UNITS else f", fewer than {FEW_UNITS} units"
+    return (
+        f"What training adds to the start, {SPLITS.get(split, split)}: {' and '.join(said)} "
+        f"(over {_count(motions, 'motion')} and {_count(seeds, 'seed')}{few})"
+    )
+
+
+def _share(name: str, cell: Mapping[str, float]) -> str:
+    sign, verb = (1, "falls") if cell["mean"] >= 0 else (-1, "rises")
+    text = f"{name} {verb} by {abs(cell['mean']):.0%}"
+    if "low" not in cell:
+        return text
+    low, high = sorted(100 * sign * cell[bound] for bound in ("low", "high"))
+    return f"{text} ({low:.0f} to {high:.0f} %)"
+
+
+def _count(number: int, name: str) -> str:
+    return f"{number} {name}{'s' if number != 1 else ''}"
+
+
 def _is_best(models: ModelScores, block: MetricRow) -> bool:
-    means = {
-        model: _mean(models[model], block) for model in (OUR_MODEL, *BASELINES) if model in models
-    }
-    ours = means.pop(OUR_MODEL)
-    return bool(means) and ours < min(means.values())
+    """Yield for each metric in how many splits the mean of ours is below every other row's."""
+    for block in filter(lambda row: row.is_compared, METRIC_ROWS):
 
 
 def _mean(metrics: Mapping[str, Mapping[str, float]], block: MetricRow) -> float:
@@ -207,10 +246,8 @@ def _cell(models: ModelScores, model: str, block: MetricRow, printed: str) -> En
     complete = {
         m: metrics for m, metrics in models.items() if all(part in metrics for part in block.parts)
     }
-    others = [_mean(metrics, block) for m, metrics in complete.items() if m != model]
-    is_lowest = bool(others) and _mean(complete[model], block) < min(others)
-    small = "\n".join([*spread, *([theirs] if theirs else [])])
-    return Entry(value, small, "best" if is_lowest else "", "")
+    """Yield for each metric in how many splits the mean of ours is below every other row's."""
+    for block in filter(lambda row: row.is_compared, METRIC_ROWS):
 
 
 def _best_entry(scores: Scores, split: str, models: tuple[str, ...], block: MetricRow) -> Entry:

@@ -14,6 +14,7 @@ from pacmo_core.figures.skeleton_prior import (
     SPLITS,
     comparison_sentences,
     few_samples_table,
+    gain_sentence,
     motion_table,
     plausibility_table,
     select_source,
@@ -28,6 +29,7 @@ PRIOR_LABELS = {"source": "Source", "solver": "InteractionMesh"} | {
 PRIOR_TASKS = ("retargeting", "generation")
 PRIOR_NOTES = (
     "Large: ours, A/B for metrics of one character, B the one whose body changes. Small: the "
+<<<<<<< HEAD
     "interval over seeds, and the supplement's value, which is of other motions, in an "
     "unstated unit and of undescribed features: compare within a line. Marked: the lowest mean of "
     "its line.",
@@ -35,6 +37,13 @@ PRIOR_NOTES = (
     "joints of the two bodies; FID: Fréchet distance of the features of clips.",
     "JPD of generation compares with InteractionMesh's motion on the sampled body, FID "
     "with its motions on the same bodies.",
+=======
+    "interval over motions and seeds, and in brackets the supplement's value, which is of other "
+    "motions, in an unstated unit and of undescribed features: compare within a line.",
+    "E_b of the rows Start, Ours and Without the start is zero by construction, and not compared.",
+    "JPD of generation compares with the solver's motion on the sampled body, FID with the "
+    "solver's motions on the same bodies.",
+>>>>>>> prior
 )
 FEW_SAMPLES_NOTES = (
     "Weights are selected on the same validation variations for any number of training samples. "
@@ -50,7 +59,13 @@ def prior_sections(pooled: dict[str, Any]) -> Iterator[Section]:
     for dataset, splits in pooled["data_facts"].items():
         all_sources = select_source(scores, dataset, ALL_SOURCES)
         title = f"Skeleton priors on {dataset}, mean over motions"
-        notes = (*PRIOR_NOTES, *comparison_sentences(all_sources), *data_notes(splits))
+        gains = pooled["gain"].get(dataset, {})
+        notes = (
+            *(gain_sentence(split, gain) for split, gain in gains.items()),
+            *PRIOR_NOTES,
+            *comparison_sentences(all_sources),
+            *data_notes(splits),
+        )
         yield Section(f"{title}: plausibility", plausibility_table(all_sources), notes)
         for source in sources_of(scores, dataset):
             motion = next(names, MOTIONS[-1])

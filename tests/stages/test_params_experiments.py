@@ -11,12 +11,12 @@ import pytest
 from ruamel.yaml import YAML
 
 from pacmo_core.data.skeleton import DUET15, NTU25
+from pacmo_core.data.variation_splits import SPLIT_METHODS
 from pacmo_core.formats.registry import open_format
 from pacmo_core.models import model_names
 from pacmo_core.operators.spectral import n_resolved_modes
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
 from pacmo_core.project.experiments import compose_params, default_params, experiment_names
-from pacmo_core.skeleton_prior.splits import SPLIT_METHODS
 from stages.common.params import Runs, parse_split_name, read_params
 
 ROOT = Path(__file__).parents[2]
