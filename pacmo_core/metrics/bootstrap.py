@@ -130,7 +130,7 @@ def bootstrap_units(
             raise ValueError(f"a bootstrap needs at least 2 units; group {group} has one")
         probability = np.full(len(names), 1 / len(names))
         for replicate in counts:
-            drawn = np.zeros(len(names))
+            drawn = np.zeros(len(names), dtype=np.intp)
             # A replicate of a single unit has no spread; from 8 units on it never happens.
             while np.count_nonzero(drawn) < 2:
                 drawn = generator.multinomial(len(names), probability)

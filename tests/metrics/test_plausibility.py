@@ -73,11 +73,6 @@ def ratio(sums):
     return numerator.sum() / denominator.sum()
 
 
-def moved(row, *path):
-    """Return the row with joints that follow ``path``, (T, J, 3) metres."""
-    return replace(row, motions=[np.asarray(p, dtype=np.float32) for p in path] * 4)
-
-
 def test_the_slower_ankle_glides_at_its_speed():
     body = replace(BODY, ankles=(0, 2))
     sliding = standing_row(1.0, 0.6)
@@ -114,7 +109,9 @@ def test_a_bone_that_stretches_varies_by_its_standard_deviation():
     path[:, 0, 1] += np.where(np.arange(11) % 2, 0.1, 0.0)  # of two bones of 0.5 m, the first
     lengths = 0.5 + np.where(np.arange(11) % 2, 0.1, 0.0)
     expected = lengths.std() / lengths.mean() / 2
-    assert ratio(bone_variation(moved(row, path), BODY)) == pytest.approx(expected, rel=1e-5)
+    assert ratio(bone_variation(replace(row, motions=[path] * 4), BODY)) == pytest.approx(
+        expected, rel=1e-5
+    )
 
 
 def test_the_jerk_of_a_cubic_path_is_its_third_derivative():
@@ -122,7 +119,7 @@ def test_the_jerk_of_a_cubic_path_is_its_third_derivative():
     times = np.arange(301) / 300
     path = np.zeros((301, 3, 3), dtype=np.float32)
     path[:, :, 1] = times[:, None] ** 3
-    long = replace(moved(row, path), partners=[path] * 4, times=[times] * 4)
+    long = replace(row, motions=[path] * 4, partners=[path] * 4, times=[times] * 4)
     numerator, denominator = jerk(long, smoothing=1e-4)
     assert ratio((numerator, denominator)) == pytest.approx(6, rel=0.05)
 
