@@ -61,7 +61,8 @@ def check_gate(
     A metric is worse beyond its tolerance where the mean of the candidate is outside the interval
     of the current model, on the bad side. A metric that should be close to that of real motion is
     compared by its distance to the row ``real`` of the same table. A metric that is not finite is a
-    reason: no comparison with it has a meaning.
+    reason: no comparison with it has a meaning. So is one that the current model has and the
+    candidate lacks; captures without contact, or of few people, lack some metrics in both.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def check_gate(
     Raises
     ------
     KeyError
-        If the table of the candidate lacks the row or one of the metrics.
+        If the table of the candidate lacks the row, F²ID or its noise floor.
     """
     reasons = [*_not_finite(candidate, gate, "")]
     if current is not None:
@@ -81,7 +82,8 @@ def check_gate(
 
 def compared_metrics(table: Mapping[str, Metrics], gate: Gate) -> dict[str, dict[str, float]]:
     """Return the metrics of the gate's row that a decision records: those that are finite."""
-    return {n: dict(table[gate.row][n]) for n in _names(gate) if _is_finite(table[gate.row][n])}
+    row = table[gate.row]
+    return {n: dict(row[n]) for n in _names(gate) if n in row and _is_finite(row[n])}
 
 
 def _names(gate: Gate) -> tuple[str, ...]:
@@ -116,6 +118,12 @@ def _degradations(
     for name in gate.metrics:
         if name not in current.get(gate.row, {}):
             continue  # a metric added since then has nothing to compare with
+        if name not in candidate[gate.row]:
+            reasons.append(
+                f"{METRICS[name].label} is missing; current "
+                f"{_format_interval(current[gate.row][name])}"
+            )
+            continue
         reason = _degradation(name, candidate, current, gate.row)
         reasons += [reason] if reason else []
     return reasons

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from pacmo_core.data.splits import ClipOrigin
-from pacmo_core.metrics.catalogue import METRICS
+from pacmo_core.metrics.catalogue import find_metric
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
@@ -195,7 +195,7 @@ def pooled_interval(
         means = [np.mean([e.resampled.mean() for e in fold.values()]) for fold in folds]
         result = interval_of_repeats(np.concatenate(every))
         return Interval(float(np.mean(means)), result.low, result.high)
-    row = METRICS.get(metric)
+    row = find_metric(metric)
     # The noise floor of F²ID is not a row of the catalogue.
     can_be_negative = row.can_be_negative if row else metric != "f2id_floor"
     minimum = -np.inf if can_be_negative else 0.0

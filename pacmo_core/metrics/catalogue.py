@@ -4,7 +4,7 @@ A further metric is a function and a row of ``METRICS``, which the tables, the p
 pooling, the test of sensitivity and the comparison with reference figures read.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 LOWER, CLOSER_TO_REAL, HIGHER, UNKNOWN = "↓", "→", "↑", ""
 
@@ -275,6 +275,13 @@ SAME_ACTION_ROWS = (
 )
 # Never marked as the best of a column: models are compared with these.
 REFERENCE_ROWS = {name for name in ROWS if name not in MODELS}
+
+
+def find_metric(name: str) -> Metric | None:
+    """Return a metric of the catalogue; that of one action, ``METRIC.ACTION``, is its namesake."""
+    base, _, action = name.partition(".")
+    metric = METRICS.get(base)
+    return replace(metric, label=action) if metric and action else metric
 
 
 def improvement_sign(name: str) -> int:

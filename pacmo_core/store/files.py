@@ -91,6 +91,8 @@ def merge_params(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[
     merged = dict(values)
     for key, value in changes.items():
         old = merged.get(key)
-        both = isinstance(old, Mapping) and isinstance(value, Mapping)
-        merged[key] = merge_params(old, value) if both else value
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            merged[key] = merge_params(old, value)
+        else:
+            merged[key] = value
     return merged

@@ -26,7 +26,13 @@ from stages.common.files import MOTIONS, QUARANTINE, read_curve, read_json, writ
 from stages.common.params import PARAMS, Runs, read_params, run_stage
 from stages.report.players import gallery, played, variation_sections
 from stages.report.skeleton_prior import prior_clips, prior_figures, prior_sections
-from stages.report.tables import NOTES, main_tables, reaction_figures, reaction_sections
+from stages.report.tables import (
+    NOTES,
+    main_tables,
+    reaction_figures,
+    reaction_sections,
+    units_note,
+)
 
 SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
 
@@ -37,7 +43,7 @@ PATHS = (
 )
 # The curves and reactions that the page shows, in this order.
 CURVES = (*model_names("features"), *model_names("reaction"))
-REACTIONS = ("oracle", *model_names("reaction"))
+REACTIONS = ("oracle", "nearest_neighbour", *model_names("reaction"))
 FOLDERS = {"skeleton_prior": "prior"}  # short, so that the table of dvc metrics fits a terminal
 
 
@@ -64,7 +70,7 @@ def main(paths: argparse.Namespace) -> None:
         facts=provenance(experiment, runs, pooled) | hashes(paths.clips, reactions),
         data=summarise(ingest, splits, paths.sequences),
         tables=main_tables(pooled),
-        notes=(*NOTES, halves_note(pooled["rows"])),
+        notes=(*NOTES, units_note(pooled), halves_note(pooled["rows"])),
         sections=(
             *reaction_sections(pooled, ingest["dataset"]),
             *variation_sections(augment),
@@ -88,8 +94,9 @@ def main(paths: argparse.Namespace) -> None:
 
 
 def first_runs(folder: Path, names: Iterable[str], seed: int) -> dict[str, Path]:
-    """List the folders ``ROW/SEED`` that exist; the oracle has the seed 1 whatever the models'."""
-    runs = {name: folder / name / str(1 if name == "oracle" else seed) for name in names}
+    """List the folders ``ROW/SEED`` that exist; rows without a model have the seed 1."""
+    trained = model_names("reaction")
+    runs = {name: folder / name / str(seed if name in trained else 1) for name in names}
     return {name: path for name, path in runs.items() if path.exists()}
 
 

@@ -80,3 +80,13 @@ def test_markdown_has_one_line_a_row_and_marks_the_best() -> None:
 )  # fmt: skip
 def test_numbers_are_short_and_keep_the_digits_that_count(value: float, text: str) -> None:
     assert format_number(value) == text
+
+
+def test_a_metric_of_one_action_is_headed_by_the_action():
+    rows = {
+        "pacmo": {"contacts_met.hug": cell(0.9, 0.01)},
+        "gru": {"contacts_met.hug": cell(0.2, 0.01)},
+    }
+    shown = metrics_table(rows)
+    assert [metric.label for metric in shown.metrics] == ["hug"]
+    assert [line.entries[0].mark for line in shown.lines] == ["best", ""]
