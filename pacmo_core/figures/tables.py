@@ -229,7 +229,7 @@ AUGMENTATION_TITLE = "Does augmentation improve PaCMO?"
 AUGMENTATION_HEADS = (
     Metric("With variations", UNKNOWN, "", ""),
     Metric("Without", UNKNOWN, "", ""),
-    Metric("Difference, over clips", UNKNOWN, "", "interval over clips of the same people"),
+    Metric("Difference, over people", UNKNOWN, "", "interval over pairs of people, or recordings"),
     Metric("Difference, over folds", UNKNOWN, "", "interval over people and trainings"),
     Metric("Better in", UNKNOWN, "", "folds"),
 )

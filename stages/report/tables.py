@@ -72,7 +72,7 @@ DIFFERENCE_NOTES = (
 AUGMENTATION_NOTES = (
     "The same settings, seeds, steps, batches and noise; in each epoch a clip is replaced by one "
     "of its variations half of the time. No variation is of a tested clip.",
-    "Over clips: bootstrap intervals for these trainings. Over folds: Student's interval of the "
+    "Over people: bootstrap intervals for these trainings. Over folds: Student's interval of the "
     "differences of folds, which have other people and trainings. Marked: significantly better "
     "over folds. One of twenty such intervals excludes zero by chance.",
 )
