@@ -46,14 +46,14 @@ class ExpectedRuns:
     Parameters
     ----------
     folds, seeds : of all reaction models
-    models : reaction models that are trained, variants of PaCMO among them
+    models : reaction models that are trained, variants of PaCMO among them; None for any
     augmented_folds, augmented_seeds : of PaCMO trained on variations as well
     priors : skeleton priors
     """
 
     folds: list[int]
     seeds: list[int]
-    models: list[str]
+    models: list[str] | None
     augmented_folds: list[int]
     augmented_seeds: list[int]
     priors: ExpectedPriors
@@ -64,7 +64,7 @@ class ExpectedRuns:
             return self.augmented_seeds if fold in self.augmented_folds else []
         if model in UNTRAINED:  # once a fold, whatever the seeds
             return [1]
-        return self.seeds if model in self.models else []
+        return self.seeds if self.models is None or model in self.models else []
 
 
 def unused_outputs(root: Path, expected: ExpectedRuns) -> Iterator[Path]:
