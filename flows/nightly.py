@@ -248,7 +248,11 @@ def training_stages(models: list[str]) -> list[str]:
 def trained_model(stage: str) -> str:
     """Return the model of a training stage, by the keys of its matrix in ``dvc.yaml``."""
     name, _, keys = stage.partition("@")
-    if name in ("train_features", "train_reaction"):  # MODEL-FOLD, MODEL-FOLD-SEED
+    if name in (
+        "train_features",
+        "train_reaction",
+        "train_pacmo_variant",
+    ):  # MODEL-FOLD, MODEL-FOLD-SEED
         return keys.partition("-")[0]
     if name == "train_skeleton_prior":  # DATASET-SPLIT-MODEL-SEED
         return keys.split("-")[-2]

@@ -37,6 +37,7 @@ class Model:
     kind : ``reaction`` generates reactions, ``features`` serves the metrics, ``skeleton_prior``
         generates variations on other bodies
     section : of ``params.yaml``
+    changes : dotted path of the values that replace some of the section's, of a variant
     settings : ``MODULE:CLASS`` of the section's dataclass
     training : ``MODULE:FUNCTION`` that builds the training loop
     reader : ``MODULE:FUNCTION`` from configuration and weights to the model
@@ -53,6 +54,7 @@ class Model:
     training: str
     reader: str
     network: str = ""
+    changes: str = ""
     uses_actions: bool = False
     multiprocess: bool = False
 
@@ -102,6 +104,11 @@ def _wgan(name: str, label: str, **options: Any) -> Model:
     return _reaction(name, label, "PacmoSettings", uses_actions=True, multiprocess=True, **options)
 
 
+def _variant(name: str, label: str) -> Model:
+    """PaCMO with one thing changed: ``train_pacmo_variants.NAME`` over ``train_pacmo``."""
+    return _wgan(name, label, section="train_pacmo", changes=f"train_pacmo_variants.{name}")
+
+
 def _skeleton_prior(name: str, label: str, module: str) -> Model:
     package = "pacmo_core.skeleton_prior"
     return Model(
@@ -118,6 +125,10 @@ def _skeleton_prior(name: str, label: str, module: str) -> Model:
 
 _ROWS = (
     _wgan("pacmo", "PaCMO"),
+    _variant("no_critic", "PaCMO without critic"),
+    _variant("no_energy_score", "PaCMO without energy score"),
+    _variant("no_body_distances", "PaCMO without distances"),
+    _variant("no_augmentation", "PaCMO without data augmentation"),
     _wgan("pacmo_paper", "PaCMO, as in the paper"),
     _wgan(
         "pacmo_augmented",

@@ -15,7 +15,7 @@ import json
 import math
 import shutil
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -62,17 +62,20 @@ def check_gate(
 
     A metric is worse beyond its tolerance where the mean of the candidate is outside the interval
     of the current model, on the bad side. A metric that should be close to that of real motion is
-    compared by its distance to the row ``real`` of the same table. A metric that is missing or no
-    interval of finite numbers is a reason: no comparison with it has a meaning.
+    compared by its distance to the row ``real`` of the same table. A metric that is no interval of
+    finite numbers is a reason: no comparison with it has a meaning. So is one that the current
+    model has and the candidate lacks; captures without contact, or of few people, lack some
+    metrics in both.
 
     Parameters
     ----------
     candidate, current : tables of metrics by row; ``current`` is None before the first promotion.
         Metrics that the table of the current model lacks are not compared
     """
-    reasons = [*_unusable(candidate, gate, "")]
+    required = {"f2id", "f2id_floor", *(current or {}).get(gate.row, {})}
+    reasons = [*_unusable(candidate, gate, "", required)]
     if current is not None:
-        reasons += _unusable(current, gate, "the current model's ", may_be_missing=True)
+        reasons += _unusable(current, gate, "the current model's ", set())
     if reasons:
         return reasons
     reasons = _noise_floor_reasons(candidate[gate.row], gate)
@@ -94,7 +97,7 @@ def _names(gate: Gate) -> tuple[str, ...]:
 
 
 def _unusable(
-    table: Mapping[str, Metrics], gate: Gate, whose: str, *, may_be_missing: bool = False
+    table: Mapping[str, Metrics], gate: Gate, whose: str, required: Container[str]
 ) -> Iterator[str]:
     """Yield what is wrong with a table whose comparison would have no meaning."""
     for name in _names(gate):
@@ -103,7 +106,7 @@ def _unusable(
             interval = table.get(row, {}).get(name)
             label = METRICS[name].label if name in METRICS else name
             if interval is None:
-                if not may_be_missing:
+                if name in required:
                     yield f"{label} of {row} is missing"
             elif not _is_interval(interval):
                 yield f"{whose}{label} of {row} is no finite interval: {_format_parts(interval)}"
@@ -122,6 +125,12 @@ def _degradations(
     for name in gate.metrics:
         if name not in current.get(gate.row, {}):
             continue  # a metric added since then has nothing to compare with
+        if name not in candidate[gate.row]:
+            reasons.append(
+                f"{METRICS[name].label} is missing; current "
+                f"{_format_interval(current[gate.row][name])}"
+            )
+            continue
         reason = _degradation(name, candidate, current, gate.row)
         reasons += [reason] if reason else []
     return reasons

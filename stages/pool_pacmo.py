@@ -109,6 +109,7 @@ def main(scores: Path, pooled_file: Path) -> None:
             "extractor_sha256": {fold: f["autoencoder_sha256"] for fold, f in facts.items()},
             "matcher_sha256": {fold: f["matcher_sha256"] for fold, f in facts.items()},
             "test_reactions": sum(f["n"]["test_reactions"] for f in facts.values()),
+            "unit": {fold: f["unit"] for fold, f in facts.items()},
             "n": {fold: f["n"] for fold, f in facts.items()},
             "rows": add_noise_floors(
                 {row: intervals(result, params) for row, result in table.items()}

@@ -3,7 +3,8 @@
 Usage: python -m stages.train --model=NAME [--seed=S] [--variations=DIR --share=X]
            CLIPS SPLITS.parquet MODEL CURVE.csv
 
-NAME is a row of pacmo_core/models.py; settings are its section of params.yaml. DIR holds variations
+NAME is a row of pacmo_core/models.py; settings are its section of params.yaml, of which a variant
+replaces some. DIR holds variations
 of the clips, which replace a clip in a share X of the times that it is shown. Processes can share
 each batch: torchrun --standalone --nproc-per-node 2 -m stages.train ...
 """
@@ -57,7 +58,7 @@ def read_settings(model: Model, paths: argparse.Namespace) -> Any:
     kind = make_dataclass(
         "Params", fields, bases=(model.settings_class(),), frozen=True, kw_only=True
     )
-    return read_params(model.section, kind, given=given)
+    return read_params(model.section, kind, given=given, changes=model.changes)
 
 
 def read_training_data(clips: Path, splits: Path) -> TrainingData[Interaction]:

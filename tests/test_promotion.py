@@ -84,6 +84,8 @@ def test_a_candidate_without_a_metric_is_held():
     del candidate["pacmo"]["matching"]
     assert check_gate(candidate, table(), GATE) == ["Matching of pacmo is missing"]
     assert "is missing" in check_gate({}, table(), GATE)[0]
+    assert "matching" not in promotion.compared_metrics(candidate, GATE)
+    assert check_gate(candidate, candidate, GATE) == []  # captures without contact, say
 
 
 @settings(derandomize=True, max_examples=50)

@@ -64,7 +64,7 @@ CAVEATS = (
     "APE 0.03 m and AVE 0.23 m² on NTU RGB+D 120 are inconsistent for motion in metres: such a "
     "variance with so small a position error requires root displacements of about 3.8 m.",
     "Here n reactions are sampled with replacement, five times, as in the paper; the small numbers "
-    "are the smallest and largest repeat, of APE and AVE the interval over clips.",
+    "are the smallest and largest repeat, of APE and AVE the interval over people.",
 )
 
 

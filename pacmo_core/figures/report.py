@@ -22,7 +22,10 @@ SECTIONS = {
     "pacmo": "Reactions, generated from the motion of the partner",
     "pacmo_partner": "Do reactions depend on their partner?",
     "pacmo_same_action": "The same, with partners permuted within an action",
-    "pacmo_further": "Plausibility and diversity",
+    "pacmo_contact": "Do they meet?",
+    "pacmo_contact_by_action": "Contacts met, by action",
+    "pacmo_plausibility": "Plausibility",
+    "pacmo_further": "Further metrics",
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
 }

@@ -15,6 +15,7 @@ from pacmo_core.metrics.catalogue import (
     ROWS,
     UNKNOWN,
     Metric,
+    find_metric,
 )
 
 Cell = Mapping[str, float | str | None]  # mean, low, high; without a mean, the reason as "missing"
@@ -71,7 +72,7 @@ def metrics_table(rows: Rows) -> Table:
     columns = _known_first(METRICS, {key: None for row in rows.values() for key in row})
     marks = {column: _marks(rows, column) for column in columns}
     return Table(
-        metrics=tuple(METRICS.get(c, Metric(c, UNKNOWN, "", "")) for c in columns),
+        metrics=tuple(find_metric(c) or Metric(c, UNKNOWN, "", "") for c in columns),
         lines=tuple(
             Line(
                 *ROWS.get(name, (name, "")),
@@ -117,7 +118,8 @@ def make_entry(cell: Cell, mark: str) -> Entry:
 
 def _marks(rows: Rows, column: str) -> dict[str, str]:
     """Mark the best model of a column, and those whose intervals overlap that of the best."""
-    better = METRICS[column].better if column in METRICS else UNKNOWN
+    metric = find_metric(column)
+    better = metric.better if metric else UNKNOWN
     real = finite_value(rows.get("real", {}).get(column, {}), "mean")
     cells = {name: row.get(column, {}) for name, row in rows.items() if name not in REFERENCE_ROWS}
     means = {
@@ -222,7 +224,7 @@ AUGMENTATION_TITLE = "Does augmentation improve PaCMO?"
 AUGMENTATION_HEADS = (
     Metric("With variations", UNKNOWN, "", ""),
     Metric("Without", UNKNOWN, "", ""),
-    Metric("Difference, over clips", UNKNOWN, "", "interval over clips of the same people"),
+    Metric("Difference, over people", UNKNOWN, "", "interval over pairs of people, or recordings"),
     Metric("Difference, over folds", UNKNOWN, "", "interval over people and trainings"),
     Metric("Better in", UNKNOWN, "", "folds"),
 )

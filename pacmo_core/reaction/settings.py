@@ -146,7 +146,7 @@ class PacmoSettings:
     checkpoint_every: int  # epochs
     validate_from: int  # epochs; no weights of earlier epochs are selected
     validation_samples: int  # reactions to each validation partner, for the energy score
-    n_critic: int  # critic steps for each generator step
+    n_critic: int  # critic steps for each generator step; 0: the generator has no critic
     gradient_penalty_weight: float  # lambda of the gradient penalty (PaCMO, eq. 2)
     warmup_epochs: int  # in which the generator is trained on the energy score, without the critic
     energy_score_weight: float  # of the energy score in the generator's loss; 0 in the paper
@@ -160,7 +160,13 @@ class PacmoSettings:
     compile_generator: bool  # on a GPU only
 
     def __post_init__(self) -> None:
-        check_positive(self, *LOOP_COUNTS, "n_critic")
+        check_positive(self, *LOOP_COUNTS)
+        if self.n_critic < 0 or not (self.n_critic or self.energy_score_weight):
+            raise ValueError(
+                "n_critic must be at least 0, and 0 wants an energy_score_weight above 0: the "
+                f"generator has no other loss on reactions; got n_critic {self.n_critic}, "
+                f"energy_score_weight {self.energy_score_weight}"
+            )
         if not 0 <= self.validate_from < self.n_epochs:
             raise ValueError(
                 "validate_from must be at least 0 and less than n_epochs: weights are selected in "

@@ -95,14 +95,16 @@ class WganTrainer:
     @property
     def steps_per_epoch(self) -> int:
         """Generator steps in which the critic is trained on about as many pairs as there are."""
-        return math.ceil(len(self.pairs) / (self.settings.batch_size * self.settings.n_critic))
+        # Without a critic there are as many as with one critic step for each.
+        n_critic = max(1, self.settings.n_critic)
+        return math.ceil(len(self.pairs) / (self.settings.batch_size * n_critic))
 
     def train_epoch(self, number: int) -> dict[str, float]:
         """Train for an epoch; the terms are means over its steps.
 
         In the first ``warmup_epochs`` the generator is trained on the energy score and the
         penalties on bones alone: from then on its reactions are near enough to the data for the
-        gradients of an untrained critic to be informative.
+        gradients of an untrained critic to be informative. Without a critic it stays so.
         """
         settings, every = self.settings, self.settings.halve_learning_rate_every
         set_learning_rate(
@@ -112,7 +114,8 @@ class WganTrainer:
             self.adam_critic, settings.critic.learning_rate, epoch=number, every=every
         )
         self.selects_weights = number >= settings.validate_from
-        step = self.warmup_step if number < settings.warmup_epochs else self.step
+        without_critic = number < settings.warmup_epochs or not settings.n_critic
+        step = self.warmup_step if without_critic else self.step
         return mean_terms([step() for _ in range(self.steps_per_epoch)])
 
     def step(self) -> dict[str, float]:

@@ -48,7 +48,13 @@ from stages.report.skeleton_prior import (
     prior_figures,
     prior_sections,
 )
-from stages.report.tables import NOTES, main_tables, reaction_figures, reaction_sections
+from stages.report.tables import (
+    NOTES,
+    main_tables,
+    reaction_figures,
+    reaction_sections,
+    units_note,
+)
 
 PATHS = (
     *("sequences", "clips", "split", "ingest", "split_reports", "pooled", "variations", "augment"),
@@ -57,7 +63,7 @@ PATHS = (
 )
 # The curves and reactions that the page shows, in this order.
 CURVES = (*model_names("features"), *model_names("reaction"))
-REACTIONS = ("oracle", *model_names("reaction"))
+REACTIONS = ("oracle", "nearest_neighbour", *model_names("reaction"))
 # What the page says of the split of each fold, by the names of ``stages.split``.
 SPLIT_FACTS = {
     "method": "Split by",
@@ -95,7 +101,7 @@ def main(paths: argparse.Namespace) -> None:
         facts=provenance(experiment, runs, pooled) | hashes(paths.clips, reactions),
         data=summarise(ingest, splits, paths.sequences),
         tables=main_tables(pooled),
-        notes=(*NOTES, halves_note(pooled["rows"])),
+        notes=(*NOTES, units_note(pooled), halves_note(pooled["rows"])),
         sections=(
             *reaction_sections(pooled, ingest["dataset"]),
             *variation_sections(augment),
@@ -145,8 +151,9 @@ def summary(ingest: dict[str, Any], pooled: dict[str, Any]) -> str:
 
 
 def first_runs(folder: Path, names: Iterable[str], seed: int) -> dict[str, Path]:
-    """List the folders ``ROW/SEED`` that exist; the oracle has the seed 1 whatever the models'."""
-    runs = {name: folder / name / str(1 if name == "oracle" else seed) for name in names}
+    """List the folders ``ROW/SEED`` that exist; rows without a model have the seed 1."""
+    trained = model_names("reaction")
+    runs = {name: folder / name / str(seed if name in trained else 1) for name in names}
     return {name: path for name, path in runs.items() if path.exists()}
 
 

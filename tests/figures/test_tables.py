@@ -90,3 +90,13 @@ def test_a_metric_without_a_label_is_in_no_transposed_table() -> None:
         sensitivity_table({"any_action": cells}, {}),
     ):
         assert [line.label for line in table.lines] == ["F²ID ↓"]
+
+
+def test_a_metric_of_one_action_is_headed_by_the_action():
+    rows = {
+        "pacmo": {"contacts_met.hug": cell(0.9, 0.01)},
+        "gru": {"contacts_met.hug": cell(0.2, 0.01)},
+    }
+    shown = metrics_table(rows)
+    assert [metric.label for metric in shown.metrics] == ["hug"]
+    assert [line.entries[0].mark for line in shown.lines] == ["best", ""]

@@ -36,7 +36,12 @@ def pooled(tmp_path, monkeypatch):
             for (row, seed, metric), values in VALUES.items()
             if values[fold - 1] is not None
         ]
-        facts = {"autoencoder_sha256": f"a{fold}", "matcher_sha256": f"m{fold}", "n": N}
+        facts = {
+            "autoencoder_sha256": f"a{fold}",
+            "matcher_sha256": f"m{fold}",
+            "unit": "clip",
+            "n": N,
+        }
         write_scores(
             tmp_path / f"scores/{fold}.parquet",
             scores,
