@@ -23,13 +23,13 @@ from pacmo_core.reaction.data import (
     expand_directions,
     sample_motion_pairs,
 )
-from pacmo_core.reaction.energy_score import mean_energy_score
+from pacmo_core.reaction.energy_score import mean_energy_scores
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from pacmo_core.reaction.inputs import ActionEmbedding, action_indices
 from pacmo_core.reaction.losses import LossAndTerms, WganBatch, WganLosses
 from pacmo_core.reaction.settings import AdamSettings, PacmoSettings
 from pacmo_core.training.devices import ProcessGroup
-from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.loop import VALIDATION, TrainingLoop
 from pacmo_core.training.state import (
     adam_state,
     add_prefixes,
@@ -124,22 +124,27 @@ class WganTrainer:
         """Update the generator once, without the critic."""
         return self._update_generator(use_critic=False)
 
-    def validate(self) -> Tensor | None:
-        """Return the EMA's energy score on validation pairs, on the same noise every time.
+    def validate(self) -> dict[str, Tensor]:
+        """Return the EMA's energy scores on validation pairs, on the same noise every time.
 
-        Epochs before ``validate_from`` are not scored: the score soon changes by chance only,
-        while the critic still improves what a score on few clips does not measure.
+        ``validation`` is the score that is minimised in training, of whole spread; the others are
+        its parts. Epochs before ``validate_from`` are not scored: the score soon changes by chance
+        only, while the critic still improves what a score on few clips does not measure.
         """
         if self.validation_pairs is None or not self.selects_weights:
-            return None
-        return mean_energy_score(
+            return {}
+        scores = mean_energy_scores(
             self.ema_generator,
             self.validation_pairs,
+            self.losses.contact_score,
             n_samples=self.settings.validation_samples,
             batch_size=self.settings.batch_size,
             # A separate random generator: validation must not change the training.
             random=torch.Generator().manual_seed(self.settings.random_seed),
         )
+        parts = {f"{VALIDATION}_{name}": score for name, score in scores.items()}
+        motion = scores.pop("motion")
+        return {VALIDATION: motion + self.losses.contact_score.total(scores), **parts}
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return both networks, the EMA, both optimisers and the state of the random generator."""
@@ -218,8 +223,9 @@ def build_training(
     The model is the exponential moving average with the best energy score on the validation
     clips, in both directions. An epoch yields ``wasserstein_distance`` (the estimate of eq. 1),
     ``gradient_penalty``, ``gradient_norm``, ``critic_score``, ``bone_symmetry`` and, where their
-    weights are not 0, ``energy_score`` and ``bone_length_variance`` (m^2). In a group of processes
-    each computes a part of every batch.
+    weights are not 0, ``energy_score``, ``contact_score`` and ``bone_length_variance`` (m^2). A
+    validation yields ``validation``, and its parts ``validation_motion``, ``validation_near``,
+    ``validation_log_distance`` and ``validation_stance``. In a group of processes each computes a part of every batch.
 
     Parameters
     ----------
