@@ -23,9 +23,9 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
-from pacmo_core.reaction.inference import react_all, sample_times
+from pacmo_core.reaction.inference import finish_reactions, react_all, sample_times
 from pacmo_core.reaction.stream import ReactionStream
-from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, sample_poses
+from pacmo_core.reaction.windows import PartnerMotion, sample_poses
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
@@ -154,6 +154,10 @@ Up = Annotated[str | None, typer.Option(help="up axis of the capture, y or z")]
 PartnerFps = Annotated[
     float | None, typer.Option(help="frame rate of the capture, if it states none or a wrong one")
 ]
+Finish = Annotated[
+    bool,
+    typer.Option(help="exact bones, planted feet, closed contacts; of --stream, exact bones only"),
+]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
 
 
@@ -173,6 +177,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     up: Up = None,
     partner_fps: PartnerFps = None,
     stream: Live = False,
+    finish: Finish = True,
 ) -> None:
     """Generate reactions to a partner's motion.
 
@@ -186,7 +191,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     the joints of the model, by name; further joints are ignored. A Parquet output has one
     interaction per sample: person_a is the partner, person_b the reaction. BVH outputs are one file
     per person and sample, NAME_0_A.bvh the partner and NAME_0_B.bvh the reaction, in metres, y up,
-    with constant bone lengths.
+    with constant bone lengths. Reactions are finished: bones have exact lengths, feet in stance do
+    not slide, and the contacts that are predicted are closed; --no-finish leaves them as generated.
 
     --stream reacts frame by frame. A frame is a line: the time in seconds, then x y z of every
     joint in the order of the model, in metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z],
@@ -200,7 +206,14 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     with reading_errors_in_one_line():
         check_samples(samples)
         if stream:
-            _stream(load_reaction_model(weights), samples, seed, action)
+            model = load_reaction_model(weights)
+            random = torch.Generator().manual_seed(seed)
+            _stream(
+                ReactionStream(
+                    model, n_samples=samples, random=random, action=action, finish=finish
+                ),
+                model.skeleton,
+            )
             return
         if partner is None or out is None:
             raise CommandError("give a PARTNER and --out, or --stream")
@@ -213,6 +226,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         random = torch.Generator().manual_seed(seed)
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
+        if finish:
+            motions = finish_reactions(model, partner_motion, motions)
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
         files = write_reactions(reactions, out)
@@ -255,11 +270,9 @@ def check_total(samples: int, frames: int, joints: int) -> None:
         raise CommandError(f"{wanted}; got {samples} x {frames}")
 
 
-def _stream(model: ReactionModel, samples: int, seed: int, action: str) -> None:
-    random = torch.Generator().manual_seed(seed)
-    live = ReactionStream(model, n_samples=samples, random=random, action=action)
-    typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
+def _stream(live: ReactionStream, skeleton: Skeleton) -> None:
+    typer.echo(f"joints: {' '.join(skeleton.joints)}", err=True)
     lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
-    for line in react_to_lines(lines, live, len(model.skeleton.joints)):
+    for line in react_to_lines(lines, live, len(skeleton.joints)):
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

@@ -98,7 +98,8 @@ def learn_contact_map(
     maps = identity_map(skeleton)
     for row, (ours, theirs) in enumerate(
         zip(
-            _pooled_distances(generated, skeleton), _pooled_distances(captured, skeleton),
+            _pooled_distances(generated, skeleton),
+            _pooled_distances(captured, skeleton),
             strict=True,
         )
     ):
@@ -151,7 +152,7 @@ def _contacts(distances: Array, maps: Array) -> tuple[Indices, Indices, Array, A
 
 
 def _pooled_distances(pairs: Iterable[tuple[Motion, Motion]], skeleton: Skeleton) -> list[Array]:
-    """Return the nearest distances of each group: of the reaction's end effectors, then the partner's."""
+    """Return the nearest distances of the groups of the reaction, then of the partner's."""
     groups = end_effector_groups(skeleton)
     own, other = [], []
     for partner, reaction in pairs:

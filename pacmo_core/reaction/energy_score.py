@@ -146,7 +146,9 @@ class ContactScore:
             step = 1 / (joints.shape[-3] - 1)
             (velocity,) = torch.gradient(joints[..., self.feet, :], spacing=step, dim=-3)
             # A millimetre a second at least: the norm is not differentiable at zero.
-            speed = (velocity.square().sum(dim=-1) + 1e-6).sqrt() / log_duration.exp()[:, None, None]
+            speed = (velocity.square().sum(dim=-1) + 1e-6).sqrt() / log_duration.exp()[
+                :, None, None
+            ]
             views.append((-speed / self.settings.stance_speed).exp())
         return views
 

@@ -9,11 +9,12 @@ motion g to the motion x that minimises
     + w_f sum |min(y_foot - floor, 0)|^2                 feet below the floor
     + w_c sum |max(|x_i - y_j| - d, 0)|^2                predicted contacts (``contacts``)
 
-subject to bones of the person's own lengths, their medians over the clip. It is solved by projective
-dynamics (Bouaziz et al. 2014, *Projective dynamics: fusing constraint projections for fast
-simulation*), with the bones' scaled multipliers of ADMM (Overby et al. 2017): the projections on
-floor, contacts and bones change from one iteration to the next, the matrix does not, and is
-factorised once. Last, bones are set from the root outwards, so that their lengths are exact.
+subject to bones of the person's own lengths, their medians over the clip. It is solved by
+projective dynamics (Bouaziz et al. 2014, *Projective dynamics: fusing constraint projections for
+fast simulation*), with the bones' multipliers of ADMM (Overby et al. 2017, *ADMM projective
+dynamics*): the projections on floor, contacts and bones change from one iteration to the next, the
+matrix does not, and is factorised once. Last, bones are set from the root outwards, so that their
+lengths are exact.
 
 Weights are per frame and D^2 is in seconds, so the result depends little on the frame rate.
 """
@@ -29,7 +30,7 @@ from pacmo_core.data.interaction import Motion, bone_lengths
 from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.stance import find_stance, stance_phases
+from pacmo_core.reaction.stance import Mask, find_stance, stance_phases
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,7 @@ ACCELERATION_WEIGHT = 1e-4  # s^4
 BONE_WEIGHT, STANCE_WEIGHT, FLOOR_WEIGHT, CONTACT_WEIGHT = 100.0, 100.0, 100.0, 30.0
 N_ITERATIONS = 20
 FLOOR_QUANTILE = 0.05  # of a foot's heights, where no foot stands
+FLOOR_TOLERANCE = 0.1  # metres between the heights at which the feet of the two people rest
 FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from going through it
 STENCIL = (1.0, -2.0, 1.0)  # of the second difference
 # Longer motions are solved in parts that overlap.
@@ -114,18 +116,42 @@ def find_targets(
     anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
     floor = np.full(motion.shape[:2], -np.inf)
     stance = find_stance(reaction, fps, skeleton)
+    heights = zip(
+        foot_heights(reaction, stance, skeleton),
+        foot_heights(partner, find_stance(partner, fps, skeleton), skeleton),
+        strict=True,
+    )
+    for (joints, own), (_, other) in heights:
+        # Both stand on one floor, but for a camera that is tilted.
+        floor[:, joints] = other if abs(other - own) < FLOOR_TOLERANCE else own
     for foot, standing in zip(feet(skeleton), stance, strict=True):
         joints = list(foot)
         for phase in stance_phases(standing):
             anchor[phase, joints] = motion[phase, joints].mean(axis=0)
             stands[phase, joints] = 1
-    for joints, standing in _foot_levels(skeleton):
-        heights = motion[:, joints, 1]
-        still = heights[stance[standing].T]
-        floor[:, joints] = np.median(still) if len(still) else np.quantile(heights, FLOOR_QUANTILE)
     lengths = np.median(bone_lengths(reaction, skeleton), axis=0).astype(np.float64)
     contacts = predict_contacts(reaction, partner, skeleton, contact_map)
     return Targets(lengths, anchor, stands, floor, contacts)
+
+
+def foot_heights(motion: Motion, stance: Mask, skeleton: Skeleton) -> list[tuple[list[int], float]]:
+    """Return the height at which joints of the feet rest, both ankles' and so on, metres.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    stance : (F, T) of ``find_stance``
+    skeleton : of the motion
+    """
+    legs, levels = feet(skeleton), []
+    for level in range(max(map(len, legs), default=0)):
+        numbers = [number for number, foot in enumerate(legs) if len(foot) > level]
+        joints = [legs[number][level] for number in numbers]
+        heights = motion[:, joints, 1]
+        still = heights[stance[numbers].T]
+        rest = np.median(still) if len(still) else np.quantile(heights, FLOOR_QUANTILE)
+        levels.append((joints, float(rest)))
+    return levels
 
 
 def set_bone_lengths(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
@@ -144,6 +170,41 @@ def set_bone_lengths(motion: Array, lengths: Array, skeleton: Skeleton) -> Array
         bone = _resized(motion[..., joint, :] - motion[..., parent, :], np.array(length_of[joint]))
         result[..., joint, :] = result[..., parent, :] + bone
     return result
+
+
+class FrameFinish:
+    """The part of a finish that needs no later frames: exact bones, and no feet below the floor.
+
+    The bones keep the lengths that they have in the first frames; a body whose foot is below the
+    floor is lifted. Planted feet and contacts need the frames that follow: whether a foot begins to
+    stand, and where, and whether a hand approaches, is known only then.
+
+    Parameters
+    ----------
+    first : (S, T, J, 3) metres, of S reactions
+    partner : (J, 3) metres, a pose that stands on the floor
+    skeleton : of both
+    """
+
+    def __init__(self, first: Motion, partner: Motion, skeleton: Skeleton) -> None:
+        self.skeleton = skeleton
+        self.lengths = [np.median(bone_lengths(motion, skeleton), axis=0) for motion in first]
+        heights = foot_heights(partner[None], np.ones((len(feet(skeleton)), 1), bool), skeleton)
+        self.floor = np.full(len(skeleton.joints), -np.inf)
+        for joints, height in heights:
+            self.floor[joints] = height
+
+    def __call__(self, poses: Motion) -> Motion:
+        """Finish the poses ``(S, J, 3)`` of one frame."""
+        result = np.stack(
+            [
+                set_bone_lengths(pose.astype(np.float64), lengths, self.skeleton)
+                for pose, lengths in zip(poses, self.lengths, strict=True)
+            ]
+        )
+        below = (self.floor - result[..., 1]).max(axis=1).clip(min=0)
+        result[..., 1] += below[:, None]
+        return result.astype(np.float32)
 
 
 class Solver:
@@ -254,16 +315,8 @@ def _fourth_difference(motion: Array) -> Array:
     return result
 
 
-def _foot_levels(skeleton: Skeleton) -> Iterator[tuple[list[int], list[int]]]:
-    """Yield joints that rest at one height, as both ankles do, and the numbers of their feet."""
-    legs = feet(skeleton)
-    for level in range(max(map(len, legs), default=0)):
-        numbers = [number for number, foot in enumerate(legs) if len(foot) > level]
-        yield [legs[number][level] for number in numbers], numbers
-
-
 def _parts(n_frames: int) -> Iterator[tuple[int, int, Array]]:
-    """Yield first and last frame of overlapping parts, and the share of each frame in the result."""
+    """Yield the first and last frame of overlapping parts, and each frame's share in the result."""
     first = 0
     while True:
         end = n_frames if n_frames - first <= PART_FRAMES + OVERLAP_FRAMES else first + PART_FRAMES

@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on the ankles' paths
 MOVING_COST = 0.15  # metres per second: a slower foot stands
-FLIGHT_COST = 1.2  # metres per second, if no foot stands: then the slower of two faster ones stands
+FLIGHT_COST = 0.6  # metres per second, if no foot stands: then the slower of two faster ones stands
 CHANGE_COST = 0.05  # metres
 
 
@@ -57,7 +57,9 @@ def _displacement(paths: Array, fps: float) -> Array:
     """``(T, F)`` metres that the smoothed paths ``(T, F, 3)`` move in a frame, over the ground."""
     smooth = gaussian_filter1d(paths[..., [0, 2]], SMOOTHING * fps, axis=0, mode="nearest")
     steps = np.linalg.norm(np.diff(smooth, axis=0), axis=-1)
-    padded = np.concatenate([steps[:1], steps, steps[-1:]]) if len(steps) else np.zeros((2, 1))
+    if not len(steps):
+        return np.zeros(paths.shape[:2])
+    padded = np.concatenate([steps[:1], steps, steps[-1:]])
     mean: Array = (padded[1:] + padded[:-1]) / 2
     return mean
 

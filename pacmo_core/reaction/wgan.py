@@ -252,7 +252,8 @@ def build_training(
     ``gradient_penalty``, ``gradient_norm``, ``critic_score``, ``bone_symmetry`` and, where their
     weights are not 0, ``energy_score``, ``contact_score`` and ``bone_length_variance`` (m^2). A
     validation yields ``validation``, and its parts ``validation_motion``, ``validation_near``,
-    ``validation_log_distance`` and ``validation_stance``. In a group of processes each computes a part of every batch.
+    ``validation_log_distance`` and ``validation_stance``. In a group of processes each computes a
+    part of every batch.
 
     Parameters
     ----------
