@@ -97,9 +97,8 @@ class ContactScore:
 
     def __init__(self, skeleton: Skeleton, settings: ContactScoreSettings) -> None:
         self.settings = settings
-        is_end = torch.zeros(len(skeleton.joints), dtype=torch.bool)
-        is_end[list(skeleton.end_effectors)] = True
-        self.pairs = (is_end[:, None] | is_end).nonzero().unbind(-1)
+        self.ends = list(skeleton.end_effectors)
+        self.inner = [j for j in range(len(skeleton.joints)) if j not in skeleton.end_effectors]
         self.feet = [joint for foot in feet(skeleton) for joint in foot]
 
     def __call__(
@@ -119,29 +118,36 @@ class ContactScore:
         (B,) by the name of the function; without feet there is no ``stance``
         """
         partner = _joints(real.partner)
-        views = zip(
-            *(
-                self._views(_joints(motion), partner, real.log_duration)
-                for motion in (samples, real.reaction)
-            ),
-            strict=True,
+        generated, captured = (
+            self._views(_joints(motion), partner, real.log_duration)
+            for motion in (samples, real.reaction)
         )
-        names = ("near", "log_distance", "stance")
-        scores = (energy_score(*view, weights, spread) for view in views)
-        return dict(zip(names, scores, strict=False))
+        return {
+            name: energy_score(generated[name], captured[name], weights, spread)
+            for name in generated
+        }
 
     def total(self, scores: dict[str, Tensor]) -> Tensor:
         """Return the sum of the scores, weighted by the settings."""
         total = sum(getattr(self.settings, f"{name}_weight") * scores[name] for name in scores)
         return torch.as_tensor(total)
 
-    def _views(self, joints: Tensor, partner: Tensor, log_duration: Tensor) -> list[Tensor]:
-        own, other = self.pairs
-        squared = (joints[..., own, :] - partner[..., other, :]).square().sum(dim=-1)
+    def _views(self, joints: Tensor, partner: Tensor, log_duration: Tensor) -> dict[str, Tensor]:
+        # End effectors to all joints of the partner, then the other joints to its end effectors.
+        squared = torch.cat(
+            [
+                _squared_distances(joints[..., self.ends, :], partner),
+                _squared_distances(joints[..., self.inner, :], partner[..., self.ends, :]),
+            ],
+            dim=-1,
+        )
         distance = (squared + DISTANCE_SOFTENING**2).sqrt()
         near = (-distance / self.settings.near_distance).exp()
         # The norm averages over channels.
-        views = [len(own) ** 0.5 * near, (distance + LOG_OFFSET).log()]
+        views = {
+            "near": distance.shape[-1] ** 0.5 * near,
+            "log_distance": (distance + LOG_OFFSET).log(),
+        }
         if self.feet:
             step = 1 / (joints.shape[-3] - 1)
             (velocity,) = torch.gradient(joints[..., self.feet, :], spacing=step, dim=-3)
@@ -149,8 +155,15 @@ class ContactScore:
             speed = (velocity.square().sum(dim=-1) + 1e-6).sqrt() / log_duration.exp()[
                 :, None, None
             ]
-            views.append((-speed / self.settings.stance_speed).exp())
+            views["stance"] = (-speed / self.settings.stance_speed).exp()
         return views
+
+
+def _squared_distances(first: Tensor, second: Tensor) -> Tensor:
+    """From ``(..., I, 3)`` and ``(..., J, 3)`` to ``(..., I J)``."""
+    axes = zip(first.unbind(-1), second.unbind(-1), strict=True)
+    squares = [(x[..., :, None] - y[..., None, :]).square() for x, y in axes]
+    return (squares[0] + squares[1] + squares[2]).flatten(-2)
 
 
 def _joints(motion: Tensor) -> Tensor:

@@ -129,7 +129,7 @@ def find_targets(
         for phase in stance_phases(standing):
             anchor[phase, joints] = motion[phase, joints].mean(axis=0)
             stands[phase, joints] = 1
-    lengths = np.median(bone_lengths(reaction, skeleton), axis=0).astype(np.float64)
+    lengths = median_lengths(reaction, skeleton)
     contacts = predict_contacts(reaction, partner, skeleton, contact_map)
     return Targets(lengths, anchor, stands, floor, contacts)
 
@@ -152,6 +152,12 @@ def foot_heights(motion: Motion, stance: Mask, skeleton: Skeleton) -> list[tuple
         rest = np.median(still) if len(still) else np.quantile(heights, FLOOR_QUANTILE)
         levels.append((joints, float(rest)))
     return levels
+
+
+def median_lengths(motion: Motion, skeleton: Skeleton) -> Array:
+    """``(E,)`` metres: the median over time of each bone's length."""
+    lengths: Array = np.median(bone_lengths(motion, skeleton), axis=0).astype(np.float64)
+    return lengths
 
 
 def set_bone_lengths(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
@@ -188,7 +194,7 @@ class FrameFinish:
 
     def __init__(self, first: Motion, partner: Motion, skeleton: Skeleton) -> None:
         self.skeleton = skeleton
-        self.lengths = [np.median(bone_lengths(motion, skeleton), axis=0) for motion in first]
+        self.lengths = [median_lengths(motion, skeleton) for motion in first]
         heights = foot_heights(partner[None], np.ones((len(feet(skeleton)), 1), bool), skeleton)
         self.floor = np.full(len(skeleton.joints), -np.inf)
         for joints, height in heights:
@@ -220,7 +226,10 @@ class Solver:
 
     def __init__(self, motion: Array, targets: Targets, fps: float, skeleton: Skeleton) -> None:
         self.motion, self.targets = motion, targets
-        self.parents, self.children = skeleton.bones.T
+        n_bones = len(skeleton.bones)
+        self.incidence = np.zeros((n_bones, motion.shape[1]))  # from joints to bones
+        self.incidence[range(n_bones), skeleton.bones[:, 0]] = -1
+        self.incidence[range(n_bones), skeleton.bones[:, 1]] = 1
         shape = motion.shape[:2]
         contacts = targets.contacts
         pull = np.zeros(shape)
@@ -241,15 +250,14 @@ class Solver:
 
     def solve(self) -> Array:
         """Return the motion ``(T, J, 3)``; its bones are nearly, not exactly, of their lengths."""
-        x, multiplier = self.motion, np.zeros((len(self.motion), len(self.children), 3))
+        x, multiplier = self.motion, np.zeros((len(self.motion), len(self.incidence), 3))
         for _ in range(N_ITERATIONS):
             right = self.constant.copy()
-            bones = x[:, self.children] - x[:, self.parents] + multiplier
+            bones = self.incidence @ x + multiplier
             projected = _resized(bones, self.targets.lengths)
             multiplier = bones - projected
             wanted = BONE_WEIGHT * (projected - multiplier)
-            np.add.at(right, (slice(None), self.children), wanted)
-            np.subtract.at(right, (slice(None), self.parents), wanted)
+            right += self.incidence.T @ wanted
             self._add_contacts(right, x)
             lifted = np.maximum(x[..., 1], self.targets.floor)
             right[..., 1] += np.where(self.on_floor, FLOOR_WEIGHT * lifted, 0)
