@@ -6,11 +6,10 @@ Usage: python -m benchmarks.operator [--json]
 width 64, batch 16, 150 to 69 channels, the same seven grids and modes, one thread, in turn.
 ``reaction_ms``: from 64 frames of a partner to the reaction, encoding included, by a generator of
 the shape that the pipeline trains (``params.yaml``, ``train_pacmo``); ``reaction_wide_ms``: by one
-of width 64; ``finish_ms``: the finish of that reaction, not included in these; ``finish_ms_t256``:
-of one of 256 frames;
-``stream_ms_per_frame``: one frame of a live partner, finished; ``long_s``, ``long_mb``: one partner of 48,000
-frames in one call, in a process of its own: seconds, and peak resident memory above that before
-the call. These two, too, are of width 64.
+of width 64; ``finish_ms``, ``finish_ms_t256``: the finish of a reaction of 64 and of 256 frames,
+included in none of the others; ``stream_ms_per_frame``: one frame of a live partner, with exact
+bones; ``long_s``, ``long_mb``: one partner of 48,000 frames in one call, in a process of its own:
+seconds, and peak resident memory above that before the call. These two, too, are of width 64.
 The weights are fresh ones: time does not depend on them. On one thread
 times are process times, which other work on the machine disturbs least. Without the peer
 (``pip install neuraloperator==2.0.0``, or the extra ``peers``) its two figures are left out.
