@@ -38,8 +38,8 @@ from pacmo_core.metrics.reactions import stack_motions
 from pacmo_core.models import MODELS, Model, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.data import to_partner_frame
-from pacmo_core.reaction.inference import react as react_to_partner
-from pacmo_core.reaction.windows import ReactionModel, is_deterministic
+from pacmo_core.reaction.inference import finish_reactions, react_all
+from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, is_deterministic
 from pacmo_core.store.files import default_params_file, merge_params, write_text
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import write_weights
@@ -205,6 +205,7 @@ def react(
     person: str = "a",
     n_samples: int = 1,
     random_seed: int = 1,
+    finish: bool = True,
 ) -> list[Interaction]:
     """Generate reactions to one person of a clip, at the clip's frames.
 
@@ -215,6 +216,7 @@ def react(
     person : ``a`` or ``b``, who is the partner; the other's motion is not read
     n_samples : how many; 1 for a deterministic model
     random_seed : of the noise
+    finish : whether bones get exact lengths, feet are planted and predicted contacts closed
 
     Returns
     -------
@@ -232,9 +234,10 @@ def react(
         raise ValueError(f"n_samples must be 1 for a deterministic model; got {n_samples}")
     seen = partner if person == "a" else partner.swapped()
     random = torch.Generator().manual_seed(random_seed)
-    motions = react_to_partner(
-        loaded, seen.person_a, seen.times, out_times=seen.times, n_samples=n_samples, random=random
-    )
+    seen_motion = PartnerMotion(seen.person_a, seen.times, seen.times)
+    (motions,) = react_all(loaded, [seen_motion], n_samples=n_samples, random=random)
+    if finish:
+        motions = finish_reactions(loaded, seen_motion, motions)
     return [replace(seen, person_b=motion) for motion in motions]
 
 

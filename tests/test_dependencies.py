@@ -139,7 +139,7 @@ PACKAGES = sorted(
     if (path.is_dir() and path.name != "__pycache__") or path.suffix == ".py"
 )
 FEATURES, REACTION = "train_features", "train_reaction"
-INFERENCE = {"react", "react_variant", "react_augmented"}
+INFERENCE = {"react", "react_variant", "react_augmented", "react_without_finish"}
 TRAIN_REACTION = {FEATURES, REACTION, "train_pacmo_variant", "train_pacmo_augmented"}
 PRIORS = {"train_skeleton_prior", "evaluate_skeleton_prior"}
 ALL = {kind(stage) for stage in STAGES}

@@ -39,9 +39,9 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
-from pacmo_core.reaction.inference import react_all, sample_times
+from pacmo_core.reaction.inference import finish_reactions, react_all, sample_times
 from pacmo_core.reaction.stream import ReactionStream
-from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, sample_poses
+from pacmo_core.reaction.windows import PartnerMotion, sample_poses
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
@@ -180,6 +180,10 @@ Action = Annotated[
     str, typer.Option(help="action label of the capture, for a model trained with labels")
 ]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
+Finish = Annotated[
+    bool,
+    typer.Option(help="exact bones, planted feet, closed contacts; of --stream, exact bones only"),
+]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
 
 
@@ -202,6 +206,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     to_up: ToUp = "y",
     to_fps: ToFps = None,
     stream: Live = False,
+    finish: Finish = True,
 ) -> None:
     """Generate reactions to a partner's motion.
 
@@ -218,7 +223,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     one interaction per sample: person_a is the partner, person_b the reaction. BVH outputs are one
     file per person and sample, NAME_0_A.bvh the partner and NAME_0_B.bvh the reaction, with the
     joints of the model and constant bone lengths, in metres, y up unless --to-unit and --to-up say
-    otherwise.
+    otherwise. Reactions are finished: bones have exact lengths, feet in stance do not slide, and
+    the contacts that are predicted are closed; --no-finish leaves them as generated.
 
     --stream reacts frame by frame. A frame is a line: the time in seconds, then x y z of every
     joint in the order of the model, in metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z],
@@ -231,10 +237,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     with reading_errors_in_one_line():
         check_samples(samples)
         if stream:
-            model = load_reaction_model(weights)
-            typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
-            typer.echo(trained_on_line(weights, synthetic_capture=False), err=True)
-            _stream(model, samples, seed, action)
+            random = torch.Generator().manual_seed(seed)
+            live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
+            _stream(weights, live)
             return
         if partner is None or out is None:
             raise CommandError("give a PARTNER and --out, or --stream")
@@ -251,6 +256,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         random = torch.Generator().manual_seed(seed)
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
+        if finish:
+            motions = finish_reactions(model, partner_motion, motions)
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
         files = write_reactions(reactions, out, space)
@@ -292,10 +299,12 @@ def check_total(samples: int, frames: int, joints: int) -> None:
         raise CommandError(f"{wanted}; got {samples} x {frames}")
 
 
-def _stream(model: ReactionModel, samples: int, seed: int, action: str) -> None:
-    random = torch.Generator().manual_seed(seed)
-    live = ReactionStream(model, n_samples=samples, random=random, action=action)
+def _stream(weights: Path, options: dict[str, Any]) -> None:
+    model = load_reaction_model(weights)
+    live, skeleton = ReactionStream(model, **options), model.skeleton
+    typer.echo(f"joints: {' '.join(skeleton.joints)}", err=True)
+    typer.echo(trained_on_line(weights, synthetic_capture=False), err=True)
     lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
-    for line in react_to_lines(lines, live, len(model.skeleton.joints)):
+    for line in react_to_lines(lines, live, len(skeleton.joints)):
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

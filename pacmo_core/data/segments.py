@@ -70,6 +70,18 @@ def segments(skeleton: Skeleton) -> tuple[Segment, ...]:
     return tuple(result)
 
 
+@lru_cache(maxsize=8)
+def feet(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
+    """List the joints of each foot: the end of the shin, then those beyond it; none if unnamed."""
+    children = skeleton.bones[:, 1].tolist()
+    kinds = dict(zip(children, segments(skeleton), strict=True))
+    ankles = [joint for joint in children if kinds[joint].kind == "shin"]
+    return tuple(
+        (ankle, *(j for j in _descendants(skeleton, ankle)[1:] if kinds[j].part == "foot"))
+        for ankle in ankles
+    )
+
+
 def snake_case(joint: str) -> str:
     """Convert a joint's name to snake case, such as ``left_hand_thumb1``."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", joint)

@@ -84,6 +84,12 @@ class Skeleton:
         """The joint without a parent."""
         return self.parents.index(-1)
 
+    @property
+    def end_effectors(self) -> tuple[int, ...]:
+        """The joints without children: head, hands and feet."""
+        inner = set(self.parents)
+        return tuple(joint for joint in range(len(self.joints)) if joint not in inner)
+
     @cached_property
     def order(self) -> tuple[int, ...]:
         """The joints reached from the root, every parent before its children."""

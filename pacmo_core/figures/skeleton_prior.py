@@ -201,11 +201,14 @@ def gain_sentence(split: str, gain: Mapping[str, Any]) -> str:
     ----------
     gain : interval by metric, and the numbers of motions and seeds
     """
-    said = [_share(name, gain[name]) for name in ("E_r", "JPD")]
+    cells = {name: gain[name] for name in ("E_r", "JPD")}
+    said = " and ".join(_share(name, cell) for name, cell in cells.items())
+    if not any(cell["mean"] for cell in cells.values()):
+        said = "nothing, as no epoch has a lower validation error"
     motions, seeds = gain["motions"], gain["seeds"]
     few = "" if min(motions, seeds) >= FEW_UNITS else f", fewer than {FEW_UNITS} units"
     return (
-        f"What training adds to the start, {SPLITS.get(split, split)}: {' and '.join(said)} "
+        f"What training adds to the start, {SPLITS.get(split, split)}: {said} "
         f"(over {_count(motions, 'motion')} and {_count(seeds, 'seed')}{few})"
     )
 
@@ -224,8 +227,9 @@ def _count(number: int, name: str) -> str:
 
 
 def _is_best(models: ModelScores, block: MetricRow) -> bool:
-    """Yield for each metric in how many splits the mean of ours is below every other row's."""
-    for block in filter(lambda row: row.is_compared, METRIC_ROWS):
+    means = {model: _mean(models[model], block) for model in MODELS if model in models}
+    ours = means.pop(OUR_MODEL)
+    return bool(means) and ours < min(means.values())
 
 
 def _mean(metrics: Mapping[str, Mapping[str, float]], block: MetricRow) -> float:
@@ -246,8 +250,10 @@ def _cell(models: ModelScores, model: str, block: MetricRow, printed: str) -> En
     complete = {
         m: metrics for m, metrics in models.items() if all(part in metrics for part in block.parts)
     }
-    """Yield for each metric in how many splits the mean of ours is below every other row's."""
-    for block in filter(lambda row: row.is_compared, METRIC_ROWS):
+    others = [_mean(metrics, block) for m, metrics in complete.items() if m != model]
+    is_lowest = block.is_compared and others and _mean(complete[model], block) < min(others)
+    small = "\n".join([*spread, *([theirs] if theirs else [])])
+    return Entry(value, small, "best" if is_lowest else "", "")
 
 
 def _best_entry(scores: Scores, split: str, models: tuple[str, ...], block: MetricRow) -> Entry:

@@ -47,8 +47,11 @@ class Trainer(Protocol[TrainedModel]):
     def train_epoch(self, number: int) -> dict[str, float]:
         """Train for epoch ``number``, from 0; return the means of the loss terms."""
 
-    def validate(self) -> Tensor | None:
-        """Score ``model`` on validation data, lower is better; None if it is not scored now."""
+    def validate(self) -> dict[str, Tensor]:
+        """Score ``model`` on validation data: ``validation``, lower is better, and other terms.
+
+        Empty if it is not scored now.
+        """
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return all that later epochs depend on."""
@@ -155,10 +158,10 @@ class TrainingLoop(Generic[Model]):
         self.curve = [dict(terms) for terms in snapshot.facts["curve"]]
 
     def _validate(self, epoch: int) -> dict[str, float]:
-        score = self.trainer.validate()
-        if score is None:
+        scores = self.trainer.validate()
+        if not scores:
             return {}
-        terms = check_finite({VALIDATION: score}, f"epoch {epoch}")
+        terms = check_finite(scores, f"epoch {epoch}")
         if not self._best_weights or terms[VALIDATION] < self._best_score:
             weights = model_state(self.model)
             self._best_weights = {name: value.clone() for name, value in weights.items()}

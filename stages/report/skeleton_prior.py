@@ -29,21 +29,14 @@ PRIOR_LABELS = {"source": "Source", "solver": "InteractionMesh"} | {
 PRIOR_TASKS = ("retargeting", "generation")
 PRIOR_NOTES = (
     "Large: ours, A/B for metrics of one character, B the one whose body changes. Small: the "
-<<<<<<< HEAD
-    "interval over seeds, and the supplement's value, which is of other motions, in an "
+    "interval over motions and seeds, and the supplement's value, which is of other motions, in an "
     "unstated unit and of undescribed features: compare within a line. Marked: the lowest mean of "
     "its line.",
     "E_r: error of the joints' positions; E_b: of the bone lengths; JPD: of the distances between "
     "joints of the two bodies; FID: Fréchet distance of the features of clips.",
+    "E_b of the rows Start, Ours and Without the start is zero by construction, and not compared.",
     "JPD of generation compares with InteractionMesh's motion on the sampled body, FID "
     "with its motions on the same bodies.",
-=======
-    "interval over motions and seeds, and in brackets the supplement's value, which is of other "
-    "motions, in an unstated unit and of undescribed features: compare within a line.",
-    "E_b of the rows Start, Ours and Without the start is zero by construction, and not compared.",
-    "JPD of generation compares with the solver's motion on the sampled body, FID with the "
-    "solver's motions on the same bodies.",
->>>>>>> prior
 )
 FEW_SAMPLES_NOTES = (
     "Weights are selected on the same validation variations for any number of training samples. "

@@ -20,7 +20,8 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
-from pacmo_core.reaction.inference import react, sample_times
+from pacmo_core.reaction.inference import finish_reactions, react, sample_times
+from pacmo_core.reaction.windows import PartnerMotion
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.state import model_config, model_state
@@ -56,12 +57,14 @@ def refused(said: Result, *texts: str) -> None:
         assert text in said.stderr
 
 
+@pytest.mark.parametrize("finish", [True, False])
 def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
-    weights: Path, stored: Path, tmp_path: Path
+    weights: Path, stored: Path, tmp_path: Path, finish: bool
 ) -> None:
     out = tmp_path / "out.parquet"
     words = ["--clip", "one", "--person", "b", "--weights", weights, "--to-fps", 60, "--samples", 3]
-    assert pacmo(stored, *words, "--seed", 5, "--out", out).exit_code == 0
+    option = "--finish" if finish else "--no-finish"
+    assert pacmo(stored, *words, option, "--seed", 5, "--out", out).exit_code == 0
     found = dict(stream_motions(out))
     assert list(found) == ["one#0000", "one#0001", "one#0002"]
 
@@ -69,6 +72,9 @@ def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
     at = sample_times(CLIP.times, fps=60)
     random = torch.Generator().manual_seed(5)
     samples = react(model, CLIP.person_b, CLIP.times, out_times=at, n_samples=3, random=random)
+    partner = PartnerMotion(CLIP.person_b, CLIP.times, at)
+    if finish:
+        samples = finish_reactions(model, partner, samples)
     for pair, sample in zip(found.values(), samples, strict=True):
         np.testing.assert_allclose(pair.person_b, sample, atol=1e-5)
         np.testing.assert_allclose(pair.person_a[::4], CLIP.person_b, atol=1e-5)

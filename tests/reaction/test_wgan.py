@@ -54,7 +54,8 @@ def test_in_the_warm_up_the_critic_is_not_trained_and_no_weights_are_selected() 
     )
     curve = iter(fitted)
     warm = [next(curve), next(curve)]
-    assert all(terms.keys() == {"bone_symmetry", "energy_score"} for terms in warm)
+    names = {"bone_symmetry", "energy_score", "contact_score"}
+    assert all(terms.keys() == names for terms in warm)
     assert all(
         torch.equal(critic[name], value) for name, value in model_state(training.critic).items()
     )
