@@ -79,3 +79,8 @@ def test_the_axis_holds_the_interval_of_every_point() -> None:
 def test_a_long_curve_has_no_dots() -> None:
     [chart] = charts(Curve(list(range(100)), {"loss": [1.0 + k for k in range(100)]}))
     assert chart.dots == ()
+
+
+def test_whole_steps_have_whole_ticks() -> None:
+    [chart] = charts(Curve([1, 2], {"loss": [2.0, 1.0]}))
+    assert [tick.text for tick in chart.x_ticks] == ["1", "2"]
