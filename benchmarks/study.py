@@ -41,6 +41,7 @@ PER_PERSON = 14
 MEGABYTE = 1 << 20
 N_HALF_OPEN = 2100
 ATTACK_S = 15.0
+RELOAD = httpx.Timeout(60.0, connect=5.0)
 PATIENCE_S = 1800.0  # for all answers
 LIMITS = ("--rate", "10", "--burst", "100", "--per-address", "20")  # the command's defaults
 OTHER = "127.0.0.2"  # the address of a client beside the attacker's
@@ -258,12 +259,15 @@ def under_attack(attack: Callable[[str, threading.Event], None], address: str) -
 
 
 def kept_out(study: Path, attack: Callable[[str, threading.Event], None], seconds: float) -> float:
-    """Take part from another address during an attack; return the longest wait in seconds."""
+    """Take part from another address during an attack; return the longest wait in seconds.
+
+    A connection that is not open after ``RELOAD`` is tried again, as by a person who reloads.
+    """
     transport = httpx.HTTPTransport(local_address=OTHER)
     longest = 0.0
     with (
         served(study, 0, *LIMITS) as (address, _),
-        httpx.Client(base_url=address, timeout=60, transport=transport) as web,
+        httpx.Client(base_url=address, timeout=RELOAD, transport=transport) as web,
         under_attack(attack, address),
     ):
         person = ""

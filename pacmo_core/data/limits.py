@@ -11,6 +11,7 @@ from pathlib import Path
 
 MAX_BYTES = 128 << 20  # of a file; the largest published captures have a few megabytes
 MAX_LINES = 2_000_000  # of a text file: nine minutes of CMU's 29 bones at 120 frames a second
+MAX_LINE_BYTES = 1 << 20  # of a text file: eight times a row of 1000 joints
 MAX_JOINTS = 1000  # of a person
 MAX_POSITIONS = 4_000_000  # frames times joints: nine minutes of 60 joints at 120 frames a second
 MAX_PAIRS = 400_000_000  # frames times pairs of both people's joints, whose distances are measured
