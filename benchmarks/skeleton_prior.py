@@ -6,8 +6,8 @@ A motion of 363 frames is retargeted to other bodies, both people, by the kinema
 InteractionMesh, end to end but for reading and writing. ``vary_ms_batched`` and ``solver_ms`` are
 the time of a body in a batch of 32, ``vary_ms_single`` and ``solver_ms_single`` that of one body
 alone; the solver's with preparation and all attempts. Wall time on two threads, the least of
-several runs, but the solver's batch once: other work on the machine only adds. The motion is the first of
-``_retargeting_tasks``, recorded if ``PACMO_REAL_DATA`` names the captures.
+several runs, but the solver's batch once: other work on the machine only adds. The motion is the
+first of ``_retargeting_tasks``, recorded if ``PACMO_REAL_DATA`` names the captures.
 
 ``step_ms``: processor time of a training step of 32 windows of 24 keyframes on one thread, the
 median. Weights are untrained: time does not depend on them.

@@ -189,11 +189,14 @@ def gain_sentence(split: str, gain: Mapping[str, Any]) -> str:
     ----------
     gain : interval by metric, and the numbers of motions and seeds
     """
-    said = [_share(name, gain[name]) for name in ("E_r", "JPD")]
+    cells = {name: gain[name] for name in ("E_r", "JPD")}
+    said = " and ".join(_share(name, cell) for name, cell in cells.items())
+    if not any(cell["mean"] for cell in cells.values()):
+        said = "nothing, as no epoch has a lower validation error"
     motions, seeds = gain["motions"], gain["seeds"]
     few = "" if min(motions, seeds) >= FEW_UNITS else f", fewer than {FEW_UNITS} units"
     return (
-        f"What training adds to the start, {SPLITS.get(split, split)}: {' and '.join(said)} "
+        f"What training adds to the start, {SPLITS.get(split, split)}: {said} "
         f"(over {_count(motions, 'motion')} and {_count(seeds, 'seed')}{few})"
     )
 
