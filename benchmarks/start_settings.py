@@ -1,11 +1,11 @@
 """Settings of the start of the kinematic skeleton prior, chosen on training variations.
 
-Usage: python -m benchmarks.start_settings [--json] [--dataset D] [--split S]
+Usage: python -m benchmarks.start_settings [--json] [--dataset D] [--splits S ...]
 
 Coordinate descent: each setting of ``train_skeleton_prior.start`` in turn is tried at the values of
-a grid, and the value of the lowest E_r on the training variations of one split is kept, until no
-change helps. No validation or test variation is read. Prints the settings and their E_r before and
-after, in millimetres.
+a grid, and the value of the lowest E_r on the variations that every split trains on is kept, until
+no change helps. No variation that any of the splits validates or tests on is read. Prints the
+settings and their E_r before and after, in millimetres.
 """
 
 from dataclasses import asdict, replace
@@ -41,17 +41,27 @@ def main() -> None:
     """Search and print."""
     parser = arguments(__doc__ or "")
     parser.add_argument("--dataset", default="default", help="a folder of data/variations")
-    parser.add_argument("--split", default="random")
+    parser.add_argument("--splits", nargs="+", default=["random", "cross_interaction"])
     options = parser.parse_args()
     torch.set_num_threads(1)
-    splits = Path("data/priors/splits") / options.dataset / f"{options.split}.parquet"
-    variations = Path("data/variations", options.dataset)
-    examples = [example for _, example in stream_examples(variations, splits, "train")]
+    variations, folder = (
+        Path("data", kind, options.dataset) for kind in ("variations", "priors/splits")
+    )
+    trained_on = [
+        dict(stream_examples(variations, folder / f"{split}.parquet", "train"))
+        for split in options.splits
+    ]
+    common = set.intersection(*(set(examples) for examples in trained_on))
+    examples = [example for name, example in trained_on[0].items() if name in common]
     section = YAML(typ="safe").load(Path("params.yaml").read_text())["train_skeleton_prior"]
     settings = StartSettings(**section["start"])
     before = error(settings, examples)
     settings, after = search(settings, examples)
-    figures = {"before_mm": 1e3 * before, "after_mm": 1e3 * after} | asdict(settings)
+    figures = {
+        "variations": len(examples),
+        "before_mm": 1e3 * before,
+        "after_mm": 1e3 * after,
+    } | asdict(settings)
     show(figures, as_json=options.json)
 
 

@@ -312,7 +312,7 @@ def main(paths: argparse.Namespace) -> None:
     for name, seed, row in rows(one, paths.models, runs):
         result = evaluate_row(row, evaluator, (selected, sampled), params)
         scores.setdefault(name, {})[seed] = result
-        if seed == runs.seeds[0]:
+        if seed == runs.seeds[0] and name != TEMPLATE:  # which is the source
             samples |= samples_of(row, name, sampled)
     facts = {"extractor": features.fingerprint(evaluator.extractor), "tested": len(selected)}
     write_json(paths.scores, facts | {"train": len(train), "models": scores})

@@ -92,8 +92,9 @@ def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(twins
     found = json.loads((twins[0] / "reports" / "details.json").read_text())["skeleton_prior"]
     for task in ("retargeting", "generation"):
         models = found[task]["default"]["random"]
-        assert models.keys() == {"kinematic", "f_cnn"}
-        assert set(models["kinematic"]["all"]["JPD"]) == {"mean"}
+        assert models.keys() == {"template", "start", "kinematic", "f_cnn"}
+        assert set(models["kinematic"]["all"]["JPD"]) >= {"mean"}
+        assert models["template"]["all"]["E_b_first"]["mean"] > 1e-6
         for role in ("first", "second"):
             assert models["kinematic"]["all"][f"E_b_{role}"]["mean"] < 1e-6
 

@@ -132,8 +132,8 @@ def few_samples_table(scores: Scores) -> Table:
         split = HARDEST + kind
         if not any(split in task for task in scores.values()):
             continue
-        rows = {"Start": ("start",), "Ours": (OUR_MODEL,), "Best baseline": BASELINES}
-        for label, models in rows.items():
+        compared = {"Start": ("start",), "Ours": (OUR_MODEL,), "Best baseline": BASELINES}
+        for label, models in compared.items():
             entries = tuple(_best_entry(scores, split, models, block) for block in METRIC_ROWS)
             samples = f"{kind[1:]} samples" if kind else "all samples"
             lines.append(Line(label, samples, is_model=label == "Ours", entries=entries))

@@ -111,6 +111,8 @@ def test_the_gain_of_training_is_said_with_its_units_whichever_way_it_came_out()
     )
     alone = {"motions": 1, "seeds": 1, "E_r": {"mean": 0.1}, "JPD": {"mean": 0.1}}
     assert "E_r falls by 10% and JPD falls by 10% (over 1 motion and" in gain_sentence("x", alone)
+    none = alone | {"E_r": {"mean": 0.0}, "JPD": {"mean": 0.0}}
+    assert "x: nothing, as no epoch has a lower validation error" in gain_sentence("x", none)
 
 
 def test_a_sources_figures_leave_out_models_without_it():
