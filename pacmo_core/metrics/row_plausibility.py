@@ -44,8 +44,7 @@ def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Es
 def measure_contact(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
     """Measure contacts met, over all clips and by action, false contacts, and their agreement.
 
-    The metric of one action is named ``contacts_met.ACTION``; it is missing where a replicate has
-    no contact of that action.
+    The metric of one action is named ``contacts_met.ACTION``; actions without contact have none.
     """
     settings = context.settings
     generated, captured = contact_distances(row), contact_distances(context.real)
@@ -64,9 +63,7 @@ def measure_contact(row: Reactions, context: EvaluationContext) -> tuple[Estimat
     }
     result = ratios(sums, context)
     return result, {
-        name: "no frame with contact in the clips, or in a replicate of them"
-        for name in sums
-        if name not in result and "." not in name
+        name: "no frame with contact" for name in sums if name not in result and "." not in name
     }
 
 
@@ -108,18 +105,22 @@ def _distances(first: Motions, second: Motions) -> Array:
 
 
 def ratios(sums: Mapping[str, Array], context: EvaluationContext) -> Estimates:
-    """Return ratios of sums over the clips of each replicate, where all have a denominator.
+    """Return ratios of sums over the clips of each replicate; without a denominator there is none.
+
+    A replicate without one, as of a rare contact, takes the value of all clips.
 
     Parameters
     ----------
     sums : (2, n) of each metric, numerator and denominator of each reaction
     """
     weights = context.counts[:, context.partners]
-    return {
-        name: as_estimate((weights @ numerator) / (weights @ denominator))
-        for name, (numerator, denominator) in sums.items()
-        if (weights @ denominator > 0).all()
-    }
+    result = {}
+    for name, (numerator, denominator) in sums.items():
+        above, below = weights @ numerator, weights @ denominator
+        if below[0] > 0:
+            ratio = above / np.where(below > 0, below, 1)
+            result[name] = as_estimate(np.where(below > 0, ratio, ratio[0]))
+    return result
 
 
 def measure_multimodality(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:

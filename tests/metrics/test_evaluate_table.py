@@ -255,3 +255,16 @@ def test_a_table_of_mistaken_rows_is_refused(sets):
         table.measure(train.take(np.arange(24)))
     with pytest.raises(ValueError, match="share no clip"):
         table_of(real, real)
+
+
+def test_a_contact_in_one_unit_alone_has_a_value_in_every_replicate(sets):
+    real, train, _ = sets
+    apart = [m + np.float32(9) for m in real.motions]
+    apart[:4] = real.partners[:4]  # the first unit of four touches
+    rare = replace(real, motions=apart)
+    found = table_of(rare, train).measure(rare).estimates
+    assert found["contacts_met"].plain == 1 and (found["contacts_met"].resampled == 1).all()
+    far = replace(real, motions=[m + np.float32(9) for m in real.motions])
+    missing = table_of(far, train).measure(far)
+    assert "contacts_met" not in missing.estimates
+    assert missing.absent["contacts_met"] == "no frame with contact"
