@@ -40,6 +40,9 @@ HINGE_WEIGHT, LIMB_WEIGHT = 0.4, 0.1
 ACCELERATION_WEIGHT = 1e-4  # s^4
 BONE_WEIGHT, STANCE_WEIGHT, FLOOR_WEIGHT, CONTACT_WEIGHT = 100.0, 100.0, 100.0, 30.0
 N_ITERATIONS = 20
+# Metres over the ground that a foot in stance may glide: to plant one that goes farther would bend
+# the body over it.
+MAX_GLIDE = 0.8
 FLOOR_QUANTILE = 0.05  # of a foot's heights, where no foot stands
 FLOOR_TOLERANCE = 0.1  # metres between the heights at which the feet of the two people rest
 FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from going through it
@@ -127,6 +130,8 @@ def find_targets(
     for foot, standing in zip(feet(skeleton), stance, strict=True):
         joints = list(foot)
         for phase in stance_phases(standing):
+            if np.ptp(motion[phase, foot[0]][:, [0, 2]], axis=0).max() > MAX_GLIDE:
+                continue
             anchor[phase, joints] = motion[phase, joints].mean(axis=0)
             stands[phase, joints] = 1
     lengths = median_lengths(reaction, skeleton)

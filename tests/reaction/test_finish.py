@@ -184,3 +184,11 @@ def test_a_frame_is_finished_with_the_lengths_of_the_first_and_above_the_floor()
     expected = bone_lengths(reaction[:1], SBU15)
     np.testing.assert_allclose(bone_lengths(found[None], SBU15), expected, rtol=1e-5)
     assert found[FEET, 1].min() >= partner[0, FEET, 1].min() - 1e-6
+
+
+def test_a_foot_that_slides_far_is_not_planted(monkeypatch):
+    partner, reaction, times = standing()
+    reaction[:, :, 0] += 0.5 * (times / times[-1])[:, None].astype(np.float32)
+    monkeypatch.setattr(finish_module, "MAX_GLIDE", 0.4)
+    found = finish(reaction, partner, times, SBU15, IDENTITY)
+    assert np.abs(found - reaction).max() < 0.01
