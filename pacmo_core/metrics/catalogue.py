@@ -268,11 +268,14 @@ ROWS = {
     ),
 }
 VARIANTS = (
-    *("pacmo_without_finish", "no_critic", "no_energy_score", "no_body_distances"),
-    *("no_contact_score", "no_augmentation"),
+    *("no_critic", "no_energy_score", "no_body_distances", "no_contact_score"),
+    "no_augmentation",
 )
 UNTRAINED = ("mean", "nearest_neighbour")
-MODELS = (*UNTRAINED, "pacmo", *VARIANTS, "pacmo_augmented", "pacmo_paper", "regression", "gru")
+MODELS = (
+    *(*UNTRAINED, "pacmo", "pacmo_without_finish", *VARIANTS),
+    *("pacmo_augmented", "pacmo_paper", "regression", "gru"),
+)
 # Models of which the report's first sentences speak.
 HEADLINE_MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
 # What a model has to beat, as far as a run has it.
