@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import socket
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +19,13 @@ from scipy.io import savemat
 
 from benchmarks._fuzz_binary import read_archive
 from benchmarks._fuzz_cases import SETTINGS, read_captures
+from benchmarks._fuzz_inbox import (
+    IRREGULAR,
+    RefusedError,
+    read_inbox,
+    unix_socket,
+    write_irregular,
+)
 from pacmo_core.commands.download import ArchiveError
 from pacmo_core.formats.base import FormatError, RawSequence
 from pacmo_core.formats.registry import open_format
@@ -126,17 +132,6 @@ def sparse(path: Path) -> None:
     """Make a file of 2 GB without content."""
     with path.open("wb") as file:
         file.truncate(2 << 30)
-
-
-def unix_socket(path: Path) -> None:
-    """Make a socket."""
-    here = Path.cwd()
-    os.chdir(path.parent)  # the path of a socket has at most 107 bytes
-    try:
-        with socket.socket(socket.AF_UNIX) as server:
-            server.bind(path.name)
-    finally:
-        os.chdir(here)
 
 
 SPECIAL: dict[str, Callable[[Path], None]] = {
@@ -330,6 +325,12 @@ def crafted_cases() -> dict[str, Crafted]:
         cases[f"weights: {what}"] = Crafted(write, _read_weights, (StoreError,))
     for what, pack in ARCHIVES.items():
         cases[f"archive: {what}"] = Crafted(pack, read_archive, (ArchiveError,))
+    return cases | _irregular_cases()
+
+
+def _irregular_cases() -> dict[str, Crafted]:
+    """List what is no regular file, for readers that are given a path and for the inbox."""
+    cases: dict[str, Crafted] = {}
     for what, make in SPECIAL.items():
         cases[f"motions: {what}"] = Crafted(
             _special_file("motions.parquet", make),
@@ -340,6 +341,10 @@ def crafted_cases() -> dict[str, Crafted]:
             _special_file("w.safetensors", make),
             _read_weights,
             (StoreError, FileNotFoundError),
+        )
+    for what, irregular in IRREGULAR.items():
+        cases[f"inbox: {what}"] = Crafted(
+            partial(write_irregular, irregular), read_inbox, (RefusedError,)
         )
     return cases
 

@@ -25,7 +25,7 @@ from pacmo_core.models import build_skeleton_prior, load_model, load_reaction_mo
 from pacmo_core.reaction.inference import react
 from pacmo_core.reaction.windows import is_deterministic
 from pacmo_core.skeleton_prior.kinematics import find_limbs
-from pacmo_core.skeleton_prior.settings import PriorConfig
+from pacmo_core.skeleton_prior.settings import PriorConfig, StartSettings
 from pacmo_core.store.motions import MotionReader, read_skeleton, stream_motions, write_motions
 from pacmo_core.store.scores import Score, read_scores, write_scores
 from pacmo_core.store.tables import (
@@ -57,12 +57,14 @@ def make_templates(folder: Path) -> None:
     save("pacmo", train("pacmo", clips, n_epochs=1, width=4), folder / "pacmo.safetensors")
     save("gru", train("gru", clips, n_epochs=1, hidden=8), folder / "gru.safetensors")
     clip = next(iter(clips.values()))
-    config = PriorConfig(skeleton, find_limbs(skeleton, clip.person_a), "kinematic", 16, 2, 30, 0.1)
+    start = StartSettings(0.1, 0.2, 1.0, 100.0, 0.1, 1.0, 0.3, 0.3)
+    limbs = find_limbs(skeleton, clip.person_a)
+    config = PriorConfig(skeleton, limbs, "kinematic", 16, 2, 30, start)
     prior = build_skeleton_prior(config)
     facts = {"model": "kinematic", "config": model_config(prior)}
     write_weights(folder / "kinematic.safetensors", facts, model_state(prior))
     texts, numbers = ("clip",) * 7 + ("ntu25",), (30.0, 1.0)
-    record = ClipRecord(*texts, *numbers, 31, 0, "file", "0" * 64, 0.1, 0.2, 0.3, 0)
+    record = ClipRecord(*texts, *numbers, 31, 0, "file", "0" * 64, 0.1, 0.2, 0.3, 0, False)
     write_rows(folder / "clips.parquet", ClipRecord, [record] * 3)
     fault = QuarantineRecord("s", "f", "0", 1, "reason")
     write_rows(folder / "quarantine.parquet", QuarantineRecord, [fault] * 3)

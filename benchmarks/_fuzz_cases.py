@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from benchmarks._fuzz_binary import (
     write_mat,
     write_npy,
 )
+from benchmarks._fuzz_inbox import RefusedError, read_inbox, write_inbox
+from benchmarks._fuzz_study import NoneTakenError, read_requests, write_requests
 from benchmarks._fuzz_texts import ODD_NUMBERS, TEXTS, Grammar
 from pacmo_core.commands.download import ArchiveError
 from pacmo_core.data.quality import measure_quality
@@ -38,11 +41,13 @@ class Target:
     write : draws a file, or the files of a capture, into a folder
     read : reads them
     documented : errors that it may raise; their text is one printable line
+    spoils : whether bytes of a file are changed at random too
     """
 
     write: Callable[[Grammar, Path], None]
     read: Callable[[Path], None]
     documented: tuple[type[Exception], ...]
+    spoils: bool = True
 
 
 def read_captures(name: str, folder: Path) -> None:
@@ -119,6 +124,10 @@ def targets(templates: Path) -> dict[str, Target]:
         read_archive,
         (ArchiveError,),
     )
+    found["inbox"] = Target(write_inbox, read_inbox, (RefusedError,), spoils=False)
+    if (templates / "study.json").exists():  # of a server that runs
+        read = partial(read_requests, server=templates)
+        found["study"] = Target(write_requests, read, (NoneTakenError,), spoils=False)
     return found
 
 
@@ -132,7 +141,7 @@ def run_case(target: Target, seed: tuple[int, int], folder: Path) -> bool:
     """
     grammar = Grammar(np.random.default_rng(seed))
     target.write(grammar, folder)
-    if grammar.random.random() < 0.4:
+    if target.spoils and grammar.random.random() < 0.4:
         files = sorted(path for path in folder.rglob("*") if path.is_file())
         file = files[grammar.integer(0, len(files))]
         file.write_bytes(spoil(grammar, file.read_bytes()))

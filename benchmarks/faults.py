@@ -36,7 +36,7 @@ WRITTEN_BY_RUNS = (
     "checkpoints",
     "live",
 )
-STAGES = ("train_reaction@gru-1-1",)
+STAGES = ("train_reaction@regression-1-1",)
 LIMIT_S = 900.0
 
 

@@ -4,11 +4,12 @@ Usage: python -m benchmarks.operator [--json]
 
 ``speedup_t64``, ``speedup_t256``: time of the peer's forward and backward pass over that of ours;
 width 64, batch 16, 150 to 69 channels, the same seven grids and modes, one thread, in turn.
-``reaction_ms``: one partner of 64 frames through ``react``, by a generator of the shape that the
-pipeline trains (``params.yaml``, ``train_pacmo``); ``reaction_wide_ms``: by one of width 64;
-``stream_ms_per_frame``: one frame of a live partner; ``long_s``, ``long_mb``: one partner of 48,000
-frames in one call, in a process of its own: seconds, and peak resident memory above that before
-the call. These two, too, are of width 64.
+``reaction_ms``: from 64 frames of a partner to the reaction, encoding included, by a generator of
+the shape that the pipeline trains (``params.yaml``, ``train_pacmo``); ``reaction_wide_ms``: by one
+of width 64; ``finish_ms``, ``finish_ms_t256``: the finish of a reaction of 64 and of 256 frames,
+included in none of the others; ``stream_ms_per_frame``: one frame of a live partner, with exact
+bones; ``long_s``, ``long_mb``: one partner of 48,000 frames in one call, in a process of its own:
+seconds, and peak resident memory above that before the call. These two, too, are of width 64.
 The weights are fresh ones: time does not depend on them. On one thread
 times are process times, which other work on the machine disturbs least. Without the peer
 (``pip install neuraloperator==2.0.0``, or the extra ``peers``) its two figures are left out.
@@ -37,8 +38,9 @@ from benchmarks._networks import (
 )
 from benchmarks._peer import peer_operator
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.inference import react
+from pacmo_core.reaction.inference import finish_reactions, react
 from pacmo_core.reaction.stream import ReactionStream
+from pacmo_core.reaction.windows import PartnerMotion
 
 BATCH, CHANNELS_IN, CHANNELS_OUT = 16, 150, 69
 LONG_FRAMES = 48_000
@@ -55,7 +57,7 @@ def main() -> None:
         return
     torch.set_num_threads(1)
     figures = {f"{name}_t{n}": value for n in (64, 256) for name, value in beside_peer(n).items()}
-    figures |= reaction() | stream() | in_new_process()
+    figures |= reaction() | finishing() | stream() | in_new_process()
     show(figures, as_json=options.json)
 
 
@@ -101,10 +103,28 @@ def reaction() -> dict[str, float]:
     return {"reaction_ms": trained, "reaction_wide_ms": wide}
 
 
+def finishing() -> dict[str, float]:
+    """Time the finish of a body that sways beside the partner, arms within reach."""
+
+    def of(n_frames: int) -> Callable[[], None]:
+        motion, times = partner(n_frames)
+        query, shift = PartnerMotion(motion, times, times), np.array([0, 0, 0.3], np.float32)
+        model, reactions = generator(trained_shape()), (motion[::-1] + shift)[None]
+
+        def run() -> None:
+            finish_reactions(model, query, reactions)
+
+        return run
+
+    short, long = medians([of(64), of(256)])
+    return {"finish_ms": short, "finish_ms_t256": long}
+
+
 def stream() -> dict[str, float]:
     """Time the frames of a live partner, once the window is full."""
     motion, times = partner(round(3 * SECONDS * FPS))
-    live = ReactionStream(generator(WIDE), n_samples=1, random=torch.Generator().manual_seed(0))
+    random = torch.Generator().manual_seed(0)
+    live = ReactionStream(generator(WIDE), n_samples=1, random=random, finish=True)
     taken = []
     for pose, instant in zip(motion, times, strict=True):
         start = time.process_time()

@@ -20,7 +20,6 @@ from pacmo_core.store.files import write_text
 
 FIGURES = Path("reports/metrics.json")
 REFERENCE = Path(__file__).with_name("reference_figures.json")
-CATALOGUE_NAMES = {"contacts": "contact_agreement"}  # the others have the catalogue's own name
 
 Tables = dict[str, dict[str, dict[str, float]]]
 
@@ -32,7 +31,7 @@ def deviations(figures: Tables, reference: Tables) -> Iterator[tuple[str, float]
         for row, columns in rows.items():
             values = figures.get(table, {}).get(row, {})
             for name, expected in columns.items():
-                tolerance = METRICS[CATALOGUE_NAMES.get(name, name)].tolerance
+                tolerance = METRICS[name].tolerance
                 allowed = tolerance * max(abs(expected), abs(real.get(name, 0.0)))
                 difference = abs(values.get(name, float("inf")) - expected)
                 if math.isnan(difference):

@@ -3,10 +3,11 @@
 Usage: python -m benchmarks.robustness [--json] [--cases N] [--seed S] [--only READER]
 
 Cases are drawn anew for each seed from the formats' grammars, not by byte flips alone; the readers
-are those of raw captures, Parquet, weights and archives. Each runs in a worker process, under an
-alarm, and its memory is the growth of the process's peak. ``crashed``: exceptions other than the
-documented errors, errors of several lines, and processes that died. ``hung``: over 10 s. ``over_memory``: over
-1 GB. ``wrongly_accepted``: files of a table of crafted ones that must be refused and were not.
+are those of raw captures, Parquet, weights, archives and the inbox, and the server of a study. Each
+runs in a worker process, under an alarm, and its memory is the growth of the process's peak.
+``crashed``: exceptions other than the documented errors, errors of several lines, processes that
+died, and what the checks of inbox and study find. ``hung``: over 10 s. ``over_memory``: over 1 GB.
+ ``wrongly_accepted``: files of a table of crafted ones that must be refused and were not.
 ``accepted`` is the share of random cases that were read. Faults are printed on stderr with the
 reader and the seed that draw them again.
 """
@@ -28,6 +29,7 @@ from benchmarks._crafted import crafted_cases
 from benchmarks._figures import arguments, show
 from benchmarks._fuzz_binary import make_templates
 from benchmarks._fuzz_cases import check_message, run_case, targets
+from benchmarks._fuzz_study import serving_study
 
 LIMIT_S = 10
 MAX_GROWTH_KB = 1_000_000
@@ -165,7 +167,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="readers whose names contain this")
     options = parser.parse_args()
     tally = Tally()
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as place, serving_study(Path(place)):
         templates = Path(place)
         make_templates(templates)
         chosen: Callable[[str], bool] = lambda name: options.only in name  # noqa: E731

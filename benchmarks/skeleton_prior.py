@@ -1,52 +1,45 @@
-"""Inference time of a skeleton prior, and the cost of a training step.
+"""Inference time of a skeleton prior beside the solver's, and the cost of a training step.
 
 Usage: python -m benchmarks.skeleton_prior [--json] [--hidden H]
 
-``retarget_ms_batched``: a motion of 363 frames and 25 joints on other skeletons, both people, in
-batches of 32 on two threads; ``retarget_ms_single``: one alone. Wall time, the least of several
-runs: other work on the machine only adds.
+A motion of 363 frames is retargeted to other bodies, both people, by the kinematic model and by
+InteractionMesh, end to end but for reading and writing. ``vary_ms_batched`` and ``solver_ms`` are
+the time of a body in a batch of 32, ``vary_ms_single`` and ``solver_ms_single`` that of one body
+alone; the solver's with preparation and all attempts. Wall time on two threads, the least of
+several runs, but the solver's batch once: other work on the machine only adds. The motion is the
+first of ``_retargeting_tasks``, recorded if ``PACMO_REAL_DATA`` names the captures.
 
-``step_share_of_reference``: processor time of a training step on one thread, relative to the
-reference implementation of the same network (``tests/skeleton_prior/reference.py``): same weights
-and results, but batch first, frame by frame, one linear layer per gate, forward kinematics joint by
-joint, nothing folded or projected in advance, in float32. The step uses bfloat16 products where the
-processor supports them, as in the experiment ``variations_paper``;
-``float32_step_share_of_reference`` does not. ``autocast_reference_step_ms`` is the reference under
-torch's autocast, which rounds joint positions by millimetres and so is no alternative. Shares are
-medians of steps taken in turn, with quartiles. Weights are untrained: time does not depend on them.
+``step_ms``: processor time of a training step of 32 windows of 24 keyframes on one thread, the
+median. Weights are untrained: time does not depend on them.
 """
 
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from functools import partial
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from ruamel.yaml import YAML
 from torch import Tensor
 
 from benchmarks._figures import arguments, show
-from pacmo_core.data.skeleton import NTU25
+from benchmarks._retargeting_tasks import PARAMS, SETTINGS, Task, retargeting_tasks
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.interaction_mesh import prepare
+from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
 from pacmo_core.models import build_skeleton_prior
-from pacmo_core.skeleton_prior.autograd_functions import bfloat16_products, supports_bfloat16
-from pacmo_core.skeleton_prior.inference import retarget_positions
+from pacmo_core.skeleton_prior.data import canonical_frame, stack_characters
+from pacmo_core.skeleton_prior.inference import retarget
+from pacmo_core.skeleton_prior.kinematics import find_limbs
 from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.losses import loss_terms, total_loss
-from pacmo_core.skeleton_prior.settings import LossWeights, PriorConfig
+from pacmo_core.skeleton_prior.settings import LossWeights, PriorConfig, StartSettings
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.training.devices import keep_freed_memory
-from tests.skeleton_prior.reference import make_reference
 
-Precision = Callable[[], AbstractContextManager[object]]
-
-N_FRAMES, STRIDE, WINDOW, BATCH_SIZE = 363, 3, 24, 32
-LIMBS = ((4, 5, 6), (8, 9, 10), (12, 13, 14), (16, 17, 18))
-WEIGHTS = LossWeights(
-    kl_divergence=1e-3, bone_length=1.0, contact_distance=0.5, joint_distance=2.0, acceleration=0.1
-)
-N_RUNS = 3
-N_ROUNDS = 15
+N_BODIES, STRIDE, WINDOW = 32, 3, 24
+N_RUNS, N_STEPS = 3, 9
+SECTION = YAML(typ="safe").load(PARAMS)["train_skeleton_prior"]
 
 
 def main() -> None:
@@ -57,83 +50,82 @@ def main() -> None:
     )
     options = parser.parse_args()
     keep_freed_memory()  # as the training stage does
-    figures = time_inference(options.hidden) | time_training(options.hidden)
-    show(figures, as_json=options.json)
-
-
-def time_inference(hidden: int) -> dict[str, float]:
-    """Time retargeting of a whole motion."""
     torch.set_num_threads(2)
-    model = network(hidden).eval()
-    template, scales = random_batch(N_FRAMES)
-    batched = min_wall_ms(
-        lambda: retarget_positions(model, template[0], scales, None, stride=STRIDE)
+    _, (task, *_) = retargeting_tasks()
+    source = Interaction(
+        task.scene.skeletons[0],
+        np.arange(len(task.scene.motions[0])) / task.scene.fps,
+        *task.scene.motions,
     )
-    single = min_wall_ms(
-        lambda: retarget_positions(model, template[0], scales[:1], None, stride=STRIDE)
-    )
-    return {"retarget_ms_batched": batched / BATCH_SIZE, "retarget_ms_single": single}
-
-
-def time_training(hidden: int) -> dict[str, float]:
-    """Time a training step in both precisions, and of the reference likewise, in turn."""
+    model = network(source, options.hidden)
+    figures = time_inference(model, source, task) | time_solver(task)
     torch.set_num_threads(1)
-    model, reference = network(hidden), make_reference(network(hidden))
-    template, scales = random_batch(WINDOW)
-    mixed = partial(bfloat16_products, enabled=True)
-    autocast = partial(torch.autocast, "cpu", torch.bfloat16, enabled=supports_bfloat16("cpu"))
-    steps: list[tuple[SkeletonPrior, Precision]] = [
-        (model, mixed),
-        (model, nullcontext),
-        (reference, nullcontext),
-        (reference, autocast),
-    ]
-    times = processor_ms([partial(step, network, template, scales, p) for network, p in steps])
-    shares = times[:, :2] / times[:, 2:3]
-    (low, float32_low), (median, float32), (high, float32_high) = np.quantile(
-        shares, [0.25, 0.5, 0.75], axis=0
-    )
-    step_ms, float32_ms, reference_ms, autocast_ms = np.median(times, axis=0)
-    return {
-        "step_share_of_reference": median,
-        "step_share_low": low,
-        "step_share_high": high,
-        "float32_step_share_of_reference": float32,
-        "float32_step_share_low": float32_low,
-        "float32_step_share_high": float32_high,
-        "step_ms": step_ms,
-        "float32_step_ms": float32_ms,
-        "reference_step_ms": reference_ms,
-        "autocast_reference_step_ms": autocast_ms,
-        "supports_bfloat16": supports_bfloat16("cpu"),
-    }
+    show(figures | time_training(model, source), as_json=options.json)
 
 
-def network(hidden: int) -> SkeletonPrior:
+def network(source: Interaction, hidden: int) -> SkeletonPrior:
     """Build an untrained kinematic model."""
-    model = build_skeleton_prior(PriorConfig(NTU25, LIMBS, "kinematic", hidden, STRIDE, 30.0, 0.0))
+    limbs, start = find_limbs(source.skeleton, source.person_a), StartSettings(**SECTION["start"])
+    config = PriorConfig(source.skeleton, limbs, "kinematic", hidden, STRIDE, source.fps, start)
+    model = build_skeleton_prior(config).eval()
     initialise_weights(model, torch.Generator().manual_seed(0))
     return model
 
 
-def random_batch(n_frames: int) -> tuple[Tensor, Tensor]:
-    """Sample a template (32, T, 2, J, 3), equal in all rows, and scales (32, 2, J)."""
+def time_inference(model: SkeletonPrior, source: Interaction, task: Task) -> dict[str, float]:
+    """Time the model."""
+
+    def run(n_bodies: int) -> None:
+        list(retarget(model, source, bodies(task, n_bodies), samples=1, random=None))
+
+    batched = min_wall_ms(lambda: run(N_BODIES)) / N_BODIES
+    return {"vary_ms_batched": batched, "vary_ms_single": min_wall_ms(lambda: run(1))}
+
+
+def time_solver(task: Task) -> dict[str, float]:
+    """Time InteractionMesh on the same bodies."""
+
+    def run(n_bodies: int) -> None:
+        scales = bodies(task, n_bodies).reshape(n_bodies, -1)
+        retarget_by_optimisation(prepare(task.scene, SETTINGS), scales)
+
+    single = min_wall_ms(lambda: run(1))
+    start = time.perf_counter()
+    run(N_BODIES)
+    batched = 1e3 * (time.perf_counter() - start) / N_BODIES
+    return {"solver_ms": batched, "solver_ms_single": single}
+
+
+def bodies(task: Task, n: int) -> NDArray[np.float64]:
+    """Select the scales (n, 2, E) of bodies spread over the task's."""
+    rows = np.linspace(0, len(task.scales) - 1, n).round().astype(int)
+    scales: NDArray[np.float64] = task.scales[rows].reshape(n, 2, -1)
+    return scales
+
+
+def time_training(model: SkeletonPrior, source: Interaction) -> dict[str, float]:
+    """Time the gradient of the loss of one batch."""
+    motion = stack_characters(source, canonical_frame(source), b_first=True)
+    template = motion[: WINDOW * STRIDE : STRIDE].expand(N_BODIES, -1, -1, -1, -1)
     random = torch.Generator().manual_seed(0)
-    pose = torch.rand(2, len(NTU25.joints), 3, generator=random)
-    phase = torch.linspace(0, 20, n_frames)[:, None, None, None] + 6 * pose
-    template = (pose + 0.1 * phase.sin()).expand(BATCH_SIZE, n_frames, *pose.shape)
-    return template, 0.8 + 0.4 * torch.rand(BATCH_SIZE, 2, pose.shape[1], generator=random)
+    scales = 0.8 + 0.4 * torch.rand(N_BODIES, 2, template.shape[3], generator=random)
+    model.train()
+    times = []
+    for _ in range(N_STEPS):
+        start = time.process_time()
+        step(model, template, scales, random)
+        times.append(time.process_time() - start)
+    return {"step_ms": 1e3 * float(np.median(times))}
 
 
-def step(model: SkeletonPrior, template: Tensor, scales: Tensor, precision: Precision) -> None:
-    """Compute the gradient of the loss, the network in a precision."""
+def step(model: SkeletonPrior, template: Tensor, scales: Tensor, random: torch.Generator) -> None:
+    """Compute the gradient of the loss."""
     model.zero_grad()
-    variation, random = 1.01 * template, torch.Generator().manual_seed(0)
-    with precision():
-        result = model.reconstruct(template, scales, variation, random)
-    parents, displacement_scale = model.kinematics.parents, model.displacement_scale
-    terms = loss_terms(result, variation, template, parents, displacement_scale)
-    total_loss(terms, WEIGHTS, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
+    variation = 1.01 * template
+    result = model.reconstruct(template, scales, variation, random)
+    terms = loss_terms(result, variation, template, model.config.skeleton, model.displacement_scale)
+    weights = LossWeights(**SECTION["loss_weights"])
+    total_loss(terms, weights, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
 
 
 def min_wall_ms(run: Callable[[], object]) -> float:
@@ -145,18 +137,6 @@ def min_wall_ms(run: Callable[[], object]) -> float:
         run()
         times.append(time.perf_counter() - start)
     return 1e3 * min(times)
-
-
-def processor_ms(runs: list[Callable[[], None]]) -> NDArray[np.float64]:
-    """Return processor times of runs taken in turn, (rounds, runs), in milliseconds."""
-    times = np.zeros((N_ROUNDS, len(runs)))
-    for row in range(-1, N_ROUNDS):
-        for column, run in enumerate(runs):
-            start = time.process_time()
-            run()
-            if row >= 0:
-                times[row, column] = time.process_time() - start
-    return 1e3 * times
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from benchmarks._figures import arguments, show
 from benchmarks._retargeting_tasks import N_FRAMES, NEAR, SETTINGS
 from pacmo_core.augmentation.bodies import measure_body, profile_scales
 from pacmo_core.commands.captures import TwoPersonCapture, read_two_people, write_two_people
+from pacmo_core.commands.reading import ReadOptions
 from pacmo_core.data.interaction import joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.registry import DEFAULT_SETTINGS
@@ -61,7 +62,7 @@ def main() -> None:
     results = {}
     with TemporaryDirectory() as folder:
         for take, preset, files in _windows(Path(folder)):
-            duo = read_two_people(files, None, {"preset": preset}, "")
+            duo = read_two_people(files, ReadOptions(preset=preset), "")
             for changed in (0, 1):
                 name = f"{take} {'ab'[changed]}={PROFILE}"
                 results[name] = measure(duo, changed, Path(folder) / "out")

@@ -12,15 +12,18 @@ All moves are first written to a plan. Every file is copied, and only then are t
 inbox. The plan of a killed run is carried out again from its start: each step may be repeated.
 """
 
+import filecmp
 import json
+import logging
 import os
 import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import chain, count
 from pathlib import Path
 
-from pacmo_core.data.limits import printable
+from pacmo_core.data.limits import MAX_FOLDER_BYTES, printable, walk_files
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import open_format
@@ -40,6 +43,7 @@ from pacmo_core.project.workspace import (
     configure_logging,
     errors_in_one_line,
     log_event,
+    one_line,
 )
 from pacmo_core.store.files import atomic_file, write_text
 from pacmo_core.store.motions import read_skeleton
@@ -82,7 +86,15 @@ def move_captures(inbox: Path, moves: Sequence[Move], plan: Path) -> None:
 
 
 def finish_moves(inbox: Path, plan: Path) -> list[Move]:
-    """Carry out the plan, if there is one, from its start; return its moves."""
+    """Carry out the plan, if there is one, from its start; return its moves.
+
+    Raises
+    ------
+    FileExistsError
+        If a file of other content exists at a target.
+    ValueError, TypeError, KeyError
+        If it is no plan.
+    """
     if not plan.exists():
         return []
     facts = json.loads(plan.read_text(encoding="utf-8"))
@@ -115,7 +127,7 @@ def _copy(source: Path, target: Path, *, is_checked: bool) -> None:
     if not is_checked and (source.is_symlink() or not source.is_file()):
         return
     if target.exists():
-        if target.read_bytes() != source.read_bytes():
+        if not filecmp.cmp(source, target, shallow=False):  # a pipe is not opened
             raise FileExistsError(f"{target} exists, with other content than {source}")
         return
     with atomic_file(target) as partial:
@@ -169,8 +181,7 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
             f"{raw} is the output of a stage, so no captures of {INBOX} can be added; use an "
             "experiment that reads captures (docs/running.md)"
         )
-    for move in finish_moves(INBOX, INTAKE_PLAN):
-        log_event(f"moved {move.name}, as a killed run had planned", to=move.to)
+    _finish_earlier_moves()
     if not INBOX.exists():
         return IntakeResult((), {}, ())
     settled = _settled(settle_s)
@@ -186,8 +197,23 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
     return IntakeResult(
         tuple(move.name for move in moves if not move.reason),
         {move.name: move.reason for move in moves if move.reason},
-        tuple(printable(path.relative_to(INBOX).as_posix()) for path in _inbox_files()),
+        tuple(printable(path.relative_to(INBOX).as_posix()) for path in _left_in_inbox()),
     )
+
+
+def _finish_earlier_moves() -> None:
+    """Carry out the plan of a killed run; set it aside where it cannot be.
+
+    Every file is still in the inbox then, or at its target: all are checked again.
+    """
+    try:
+        moves = finish_moves(INBOX, INTAKE_PLAN)
+    except (FileExistsError, FileNotFoundError, ValueError, TypeError, KeyError) as error:
+        log_event(f"set aside {INTAKE_PLAN}: {one_line(error)}", logging.WARNING)
+        INTAKE_PLAN.replace(INTAKE_PLAN.with_suffix(".broken"))
+        return
+    for move in moves:
+        log_event(f"moved {move.name}, as a killed run had planned", to=move.to)
 
 
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
@@ -205,17 +231,17 @@ def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list
             reason = reason or _conflict(sequence, facts.sha256, known, params)
             line = 0
         files = tuple(file.relative_to(INBOX).as_posix() for file in sequence.files)
-        to = _quarantine_folder(sequence.name, len(moves)) if reason else raw
+        to = _quarantine_folder(sequence.name, {move.to for move in moves}) if reason else raw
         moves.append(Move(sequence.name, files, to.as_posix(), printable(reason), line))
     return moves
 
 
-def _quarantine_folder(name: str, number: int) -> Path:
-    """Return a new folder; the number tells apart captures whose names were cut."""
-    short, time = name.replace("/", "_"), utc_now().replace(":", "")
-    if len(short) > MAX_FOLDER:
-        short = f"{short[:MAX_FOLDER]}.{number}"
-    return QUARANTINE / f"{short}.{time}"
+def _quarantine_folder(name: str, planned: set[str]) -> Path:
+    """Return a folder that neither exists nor is planned: each capture has its own reason."""
+    short = name.replace("/", "_")[:MAX_FOLDER]
+    folder = QUARANTINE / f"{short}.{utc_now().replace(':', '')}"
+    numbered = (folder.with_name(f"{folder.name}.{number}") for number in count(2))
+    return next(f for f in chain([folder], numbered) if not (f.exists() or f.as_posix() in planned))
 
 
 def _name_conflict(sequence: RawSequence, existing: dict[str, Path], raw: Path) -> str:
@@ -238,7 +264,7 @@ def _conflict(sequence: RawSequence, digest: str, known: dict[str, str], params:
         return f"none of the patterns {', '.join(params.include)} includes it"
     targets = [Path(params.raw) / file.relative_to(INBOX) for file in sequence.files]
     for file, target in zip(sequence.files, targets, strict=True):
-        if target.exists() and target.read_bytes() != file.read_bytes():
+        if target.exists() and not filecmp.cmp(file, target, shallow=False):
             return f"{target} exists, with other content"
     if digest in known and known[digest] != sequence.name:
         return f"the same content as {known[digest]}"
@@ -282,7 +308,17 @@ def _signature(path: Path) -> tuple[int, int]:
 
 
 def _inbox_files() -> list[Path]:
-    return sorted(path for path in INBOX.rglob("*") if path.is_symlink() or not path.is_dir())
+    return sorted(walk_files(INBOX))
+
+
+def _left_in_inbox() -> list[Path]:
+    """List the files of the inbox, and the folders that are too deep to be searched."""
+    deep: list[Path] = []
+    files = sorted(walk_files(INBOX, deep))
+    for folder in deep:
+        path = printable(f"{folder.as_posix()[:MAX_FOLDER]}...")
+        log_event(f"left in the inbox: {path}, a path of more than {MAX_FOLDER_BYTES} bytes")
+    return files + deep
 
 
 def _is_stage_output(raw: Path) -> bool:

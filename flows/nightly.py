@@ -159,8 +159,10 @@ def compare_and_promote(gate: Gate, run: RunRecord) -> None:
     publish_table("decision", rows, f"{decision.verdict}: {'; '.join(decision.reasons)}")
     if REPORT.exists():
         write_report_with_history()
-    publish_link(HISTORY_PAGE, "history")
-    publish_link(REPORT_WITH_HISTORY, "report-and-history")
+    publish_link(HISTORY_PAGE, "history", "Every decision, and the metrics over time")
+    publish_link(
+        REPORT_WITH_HISTORY, "report-and-history", "The report with earlier runs and decisions"
+    )
 
 
 def check_disk(min_free_gb: float) -> None:
@@ -246,7 +248,11 @@ def training_stages(models: list[str]) -> list[str]:
 def trained_model(stage: str) -> str:
     """Return the model of a training stage, by the keys of its matrix in ``dvc.yaml``."""
     name, _, keys = stage.partition("@")
-    if name in ("train_features", "train_reaction"):  # MODEL-FOLD, MODEL-FOLD-SEED
+    if name in (
+        "train_features",
+        "train_reaction",
+        "train_pacmo_variant",
+    ):  # MODEL-FOLD, MODEL-FOLD-SEED
         return keys.partition("-")[0]
     if name == "train_skeleton_prior":  # DATASET-SPLIT-MODEL-SEED
         return keys.split("-")[-2]

@@ -189,7 +189,7 @@ def publish_metrics(path: Path) -> None:
     table = markdown_table(_main_columns(facts["pacmo"]["rows"]))
     text = f"# {facts['experiment']}\n\n## Reactions\n\n{table}"
     create_markdown_artifact(text, key="metrics", description="Metrics of every row of the table")
-    publish_link(REPORT, "report")
+    publish_link(REPORT, "report", "What the run found, clips that play, and every table")
 
 
 def publish_table(key: str, rows: list[dict[str, Any]], description: str) -> None:
@@ -198,10 +198,12 @@ def publish_table(key: str, rows: list[dict[str, Any]], description: str) -> Non
         create_table_artifact(rows, key=key, description=description)
 
 
-def publish_link(page: Path, key: str) -> None:
+def publish_link(page: Path, key: str, description: str) -> None:
     """Put a link to one of the project's pages on Prefect's page."""
     if FlowRunContext.get() is not None and page.exists():
-        create_link_artifact(page.resolve().as_uri(), key=key, link_text=page.as_posix())
+        create_link_artifact(
+            page.resolve().as_uri(), key=key, link_text=page.as_posix(), description=description
+        )
 
 
 def _main_columns(rows: dict[str, Any]) -> dict[str, Any]:

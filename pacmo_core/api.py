@@ -35,12 +35,12 @@ from pacmo_core.metrics.f2id import f2id
 from pacmo_core.metrics.mmd import median_bandwidth as kernel_bandwidth
 from pacmo_core.metrics.mmd import mmd_a, mmd_s
 from pacmo_core.metrics.reactions import stack_motions
-from pacmo_core.models import MODELS, load_reaction_model
+from pacmo_core.models import MODELS, Model, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.data import to_partner_frame
-from pacmo_core.reaction.inference import react as react_to_partner
-from pacmo_core.reaction.windows import ReactionModel, is_deterministic
-from pacmo_core.store.files import default_params_file, write_text
+from pacmo_core.reaction.inference import finish_reactions, react_all
+from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, is_deterministic
+from pacmo_core.store.files import default_params_file, merge_params, write_text
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.synthesis import ACTIONS, sample_interaction, sample_scripts
@@ -145,7 +145,7 @@ def train(
 
     Parameters
     ----------
-    name : pacmo, pacmo_paper, regression, gru, autoencoder or matcher
+    name : pacmo or a variant of it, pacmo_paper, regression, gru, autoencoder or matcher
     clips : training clips, a sequence or a mapping by name, all of one skeleton
     validation : on which the weights are selected; without, the last epoch's are taken
     actions : label of each clip, for a model that is conditioned on labels
@@ -162,7 +162,7 @@ def train(
     model = MODELS[name]
     if actions and not model.uses_actions:
         raise ValueError(f"actions must be empty for {name}, which has no labels; got {actions!r}")
-    section = _training_section(model.section, settings) | {"random_seed": random_seed}
+    section = _training_section(model, settings) | {"random_seed": random_seed}
     options = _validated(f"settings of {name}", model.settings_class(), section)
     labels = list(actions) or [""] * len(training)
     if len(labels) != len(training):
@@ -205,6 +205,7 @@ def react(
     person: str = "a",
     n_samples: int = 1,
     random_seed: int = 1,
+    finish: bool = True,
 ) -> list[Interaction]:
     """Generate reactions to one person of a clip, at the clip's frames.
 
@@ -215,6 +216,7 @@ def react(
     person : ``a`` or ``b``, who is the partner; the other's motion is not read
     n_samples : how many; 1 for a deterministic model
     random_seed : of the noise
+    finish : whether bones get exact lengths, feet are planted and predicted contacts closed
 
     Returns
     -------
@@ -232,9 +234,10 @@ def react(
         raise ValueError(f"n_samples must be 1 for a deterministic model; got {n_samples}")
     seen = partner if person == "a" else partner.swapped()
     random = torch.Generator().manual_seed(random_seed)
-    motions = react_to_partner(
-        loaded, seen.person_a, seen.times, out_times=seen.times, n_samples=n_samples, random=random
-    )
+    seen_motion = PartnerMotion(seen.person_a, seen.times, seen.times)
+    (motions,) = react_all(loaded, [seen_motion], n_samples=n_samples, random=random)
+    if finish:
+        motions = finish_reactions(loaded, seen_motion, motions)
     return [replace(seen, person_b=motion) for motion in motions]
 
 
@@ -361,10 +364,13 @@ def _default_params() -> dict[str, Any]:
     return params
 
 
-def _training_section(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+def _training_section(model: Model, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Override a section; epochs that others count from follow the number of epochs."""
-    default = default_settings(name)
+    default = default_settings(model.section)
     default.pop("threads")
+    if model.changes:
+        section_of_variants, _, variant = model.changes.partition(".")
+        default = merge_params(default, default_settings(section_of_variants)[variant])
     section: dict[str, Any] = {**default, **settings}
     n_epochs = section["n_epochs"]
     if isinstance(n_epochs, int) and n_epochs != default["n_epochs"]:

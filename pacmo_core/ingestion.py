@@ -20,6 +20,7 @@ from pacmo_core.data.quality import QualityError, QualityLimits, check_quality, 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.execution import Executor, open_executor
 from pacmo_core.formats.base import Format, FormatError, RawSequence, read_capture
+from pacmo_core.formats.inference import implausible, states_unit_or_axis
 from pacmo_core.store.cache import Cache, CacheEntry, code_hash, short_hash
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord
@@ -59,6 +60,7 @@ class IngestionSettings:
     limits : quality limits of a usable capture
     contact_distance : metres between two joints that touch
     stated_fps : the frame rate that the dataset documents, where its files contain their own
+    synthetic : whether the captures are generated, as those of the embedded default
     """
 
     dataset: str
@@ -68,6 +70,7 @@ class IngestionSettings:
     limits: QualityLimits
     contact_distance: float
     stated_fps: float | None
+    synthetic: bool = False
 
 
 class ReadingCache:
@@ -291,6 +294,7 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
     digest = file_hash(*sequence.files)
     try:
         reading = read_capture(settings.format, sequence)
+        _check_plausible(settings.format, sequence, reading.interaction)
         interaction = reading.interaction.without(list(settings.drop_joints))
         quality = measure_quality(interaction, contact_distance=settings.contact_distance)
         check_quality(quality, settings.limits, settings.stated_fps)
@@ -318,8 +322,19 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
         max_joint_speed=quality.max_joint_speed,
         contact_share=quality.contact_share,
         filled_frames=reading.filled_frames,
+        synthetic=settings.synthetic,
     )
     return record, interaction
+
+
+def _check_plausible(form: Format, sequence: RawSequence, interaction: Interaction) -> None:
+    """Raise FormatError if the stated unit or axis makes impossible people."""
+    if not states_unit_or_axis(form):
+        return
+    people = (interaction.person_a, interaction.person_b)
+    fault = implausible([(interaction.skeleton, motion) for motion in people])
+    if fault:
+        raise FormatError(sequence.files[min(fault[0], len(sequence.files) - 1)], fault[1])
 
 
 def read_on_worker(

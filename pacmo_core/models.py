@@ -37,6 +37,7 @@ class Model:
     kind : ``reaction`` generates reactions, ``features`` serves the metrics, ``skeleton_prior``
         generates variations on other bodies
     section : of ``params.yaml``
+    changes : dotted path of the values that replace some of the section's, of a variant
     settings : ``MODULE:CLASS`` of the section's dataclass
     training : ``MODULE:FUNCTION`` that builds the training loop
     reader : ``MODULE:FUNCTION`` from configuration and weights to the model
@@ -53,6 +54,7 @@ class Model:
     training: str
     reader: str
     network: str = ""
+    changes: str = ""
     uses_actions: bool = False
     multiprocess: bool = False
 
@@ -102,7 +104,12 @@ def _wgan(name: str, label: str, **options: Any) -> Model:
     return _reaction(name, label, "PacmoSettings", uses_actions=True, multiprocess=True, **options)
 
 
-def _skeleton_prior(name: str, label: str) -> Model:
+def _variant(name: str, label: str) -> Model:
+    """PaCMO with one thing changed: ``train_pacmo_variants.NAME`` over ``train_pacmo``."""
+    return _wgan(name, label, section="train_pacmo", changes=f"train_pacmo_variants.{name}")
+
+
+def _skeleton_prior(name: str, label: str, module: str) -> Model:
     package = "pacmo_core.skeleton_prior"
     return Model(
         name,
@@ -112,12 +119,17 @@ def _skeleton_prior(name: str, label: str) -> Model:
         settings=f"{package}.settings:SkeletonPriorSettings",
         training=f"{package}.training:build_training",
         reader=f"{package}.training:prior_from_state",
-        network=f"{package}.models.{name}:build",
+        network=f"{package}.{module}:build",
     )
 
 
 _ROWS = (
     _wgan("pacmo", "PaCMO"),
+    _variant("no_critic", "PaCMO without critic"),
+    _variant("no_energy_score", "PaCMO without energy score"),
+    _variant("no_body_distances", "PaCMO without distances"),
+    _variant("no_contact_score", "PaCMO without contact score"),
+    _variant("no_augmentation", "PaCMO without data augmentation"),
     _wgan("pacmo_paper", "PaCMO, as in the paper"),
     _wgan(
         "pacmo_augmented",
@@ -151,12 +163,13 @@ _ROWS = (
         kind="features",
         reader="matcher:matcher_from_state",
     ),
-    _skeleton_prior("kinematic", "Kinematic"),
-    _skeleton_prior("paper", "Paper"),
-    _skeleton_prior("f_cnn", "F-CNN"),
-    _skeleton_prior("f_gcn", "F-GCN"),
-    _skeleton_prior("m_cnn", "M-CNN"),
-    _skeleton_prior("m_gcn", "M-GCN"),
+    _skeleton_prior("kinematic", "Kinematic", "kinematic"),
+    _skeleton_prior("kinematic_without_start", "Kinematic, without the start", "kinematic"),
+    _skeleton_prior("paper", "Paper", "paper"),
+    _skeleton_prior("f_cnn", "F-CNN", "baselines"),
+    _skeleton_prior("f_gcn", "F-GCN", "baselines"),
+    _skeleton_prior("m_cnn", "M-CNN", "baselines"),
+    _skeleton_prior("m_gcn", "M-GCN", "baselines"),
 )
 # Of constructors and of torch on a configuration or tensors that are not the model's.
 _FAULTS = (

@@ -14,10 +14,11 @@
 import json
 import math
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -28,6 +29,7 @@ from pacmo_core.store.parquet import VERSION
 
 Interval = Mapping[str, float]  # mean, low, high
 Metrics = Mapping[str, Interval]
+INTERVAL = ("mean", "low", "high")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,47 +62,54 @@ def check_gate(
 
     A metric is worse beyond its tolerance where the mean of the candidate is outside the interval
     of the current model, on the bad side. A metric that should be close to that of real motion is
-    compared by its distance to the row ``real`` of the same table. A metric that is not finite is a
-    reason: no comparison with it has a meaning.
+    compared by its distance to the row ``real`` of the same table. A metric that is no interval of
+    finite numbers is a reason: no comparison with it has a meaning. So is one that the current
+    model has and the candidate lacks; captures without contact, or of few people, lack some
+    metrics in both.
 
     Parameters
     ----------
-    candidate, current : tables of metrics by row; ``current`` is None before the first promotion
-
-    Raises
-    ------
-    KeyError
-        If the table of the candidate lacks the row or one of the metrics.
+    candidate, current : tables of metrics by row; ``current`` is None before the first promotion.
+        Metrics that the table of the current model lacks are not compared
     """
-    reasons = [*_not_finite(candidate, gate, "")]
+    required = {"f2id", "f2id_floor", *(current or {}).get(gate.row, {})}
+    reasons = [*_unusable(candidate, gate, "", required)]
     if current is not None:
-        reasons += _not_finite(current, gate, "the current model's ")
-    reasons = reasons or _noise_floor_reasons(candidate[gate.row], gate)
+        reasons += _unusable(current, gate, "the current model's ", set())
+    if reasons:
+        return reasons
+    reasons = _noise_floor_reasons(candidate[gate.row], gate)
     return reasons + _degradations(candidate, current, gate)
 
 
 def compared_metrics(table: Mapping[str, Metrics], gate: Gate) -> dict[str, dict[str, float]]:
     """Return the metrics of the gate's row that a decision records: those that are finite."""
-    return {n: dict(table[gate.row][n]) for n in _names(gate) if _is_finite(table[gate.row][n])}
+    metrics = table.get(gate.row, {})
+    return {
+        name: {part: metrics[name][part] for part in INTERVAL}
+        for name in _names(gate)
+        if _is_interval(metrics.get(name))
+    }
 
 
 def _names(gate: Gate) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*gate.metrics, "f2id", "f2id_floor")))
 
 
-def _is_finite(interval: Interval) -> bool:
-    return all(map(math.isfinite, interval.values()))
-
-
-def _not_finite(table: Mapping[str, Metrics], gate: Gate, whose: str) -> Iterator[str]:
+def _unusable(
+    table: Mapping[str, Metrics], gate: Gate, whose: str, required: Container[str]
+) -> Iterator[str]:
     """Yield what is wrong with a table whose comparison would have no meaning."""
     for name in _names(gate):
         rows = ["real"] if _is_compared_with_real(name) else []
         for row in (gate.row, *rows):
             interval = table.get(row, {}).get(name)
-            if interval is not None and not _is_finite(interval):
-                label = METRICS[name].label if name in METRICS else name
-                yield f"{whose}{label} of {row} is not finite: {_format_interval(interval)}"
+            label = METRICS[name].label if name in METRICS else name
+            if interval is None:
+                if name in required:
+                    yield f"{label} of {row} is missing"
+            elif not _is_interval(interval):
+                yield f"{whose}{label} of {row} is no finite interval: {_format_parts(interval)}"
 
 
 def _is_compared_with_real(name: str) -> bool:
@@ -116,6 +125,12 @@ def _degradations(
     for name in gate.metrics:
         if name not in current.get(gate.row, {}):
             continue  # a metric added since then has nothing to compare with
+        if name not in candidate[gate.row]:
+            reasons.append(
+                f"{METRICS[name].label} is missing; current "
+                f"{_format_interval(current[gate.row][name])}"
+            )
+            continue
         reason = _degradation(name, candidate, current, gate.row)
         reasons += [reason] if reason else []
     return reasons
@@ -123,7 +138,7 @@ def _degradations(
 
 def _noise_floor_reasons(metrics: Metrics, gate: Gate) -> list[str]:
     f2id, floor = metrics["f2id"]["mean"], metrics["f2id_floor"]["mean"]
-    if f2id <= gate.max_noise_floor_ratio * floor:
+    if f2id <= gate.max_noise_floor_ratio * floor < math.inf:
         return []
     ratio = gate.max_noise_floor_ratio
     return [
@@ -158,11 +173,16 @@ def _format_interval(interval: Interval) -> str:
     return f"{interval['mean']:.4g} ({interval['low']:.4g} to {interval['high']:.4g})"
 
 
+def _format_parts(interval: object) -> str:
+    if isinstance(interval, Mapping) and set(INTERVAL) <= set(interval):
+        return ", ".join(f"{part} {str(interval[part])[:20]}" for part in INTERVAL)
+    return f"{interval!s:.60}"
+
+
 CURRENT_LINK = "current"
 TABLE = "decisions.parquet"
 PROMOTED, REJECTED, UNCHANGED, ROLLED_BACK = "promoted", "rejected", "unchanged", "rolled back"
 VERDICTS = (PROMOTED, REJECTED, UNCHANGED, ROLLED_BACK)
-INTERVAL = ("mean", "low", "high")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +285,10 @@ def _read_decision(file: Path) -> Decision:
     content = json.loads(file.read_text(encoding="utf-8"))
     if not isinstance(content, dict):
         raise TypeError(f"wanted an object, got {type(content).__name__}")
-    decision = Decision(**{**content, "reasons": tuple(content.get("reasons", ()))})
+    reasons = content.get("reasons")
+    if not isinstance(reasons, list):
+        raise TypeError(f"reasons is {reasons!r:.60}")
+    decision = Decision(**{**content, "reasons": tuple(reasons)})
     if f"{decision.number:06d}" != file.stem:
         raise ValueError(f"number is {decision.number}")
     return decision
@@ -277,22 +300,31 @@ def _checks(values: Mapping[str, Any]) -> dict[str, bool]:
     numbers = ("number", "current_model", "test_reactions")
     reasons, metrics = values["reasons"], values["metrics"]
     return {
-        **{name: isinstance(values[name], str) for name in texts},
-        **{name: _is_count(values[name]) for name in numbers},
+        **{name: _is_text(values[name]) for name in texts},
+        **{name: is_count(values[name]) for name in numbers},
         "verdict": values["verdict"] in VERDICTS,
-        "reasons": isinstance(reasons, tuple) and all(isinstance(text, str) for text in reasons),
-        "metrics": isinstance(metrics, dict) and all(map(_is_interval, metrics.values())),
+        "reasons": isinstance(reasons, tuple) and all(map(_is_text, reasons)),
+        "metrics": isinstance(metrics, dict)
+        and all(_is_interval(x) and set(x) == set(INTERVAL) for x in metrics.values()),
     }
 
 
-def _is_count(value: object) -> bool:
-    return type(value) is int and value >= 0
+def _is_text(value: object) -> bool:
+    """Whether a value can be written and shown: controls and surrogates cannot."""
+    return isinstance(value, str) and value.isprintable()
+
+
+def is_count(value: object) -> TypeGuard[int]:
+    """Whether a value is a whole number that a table can hold."""
+    return type(value) is int and 0 <= value < 1 << 63
 
 
 def _is_interval(value: object) -> bool:
-    if not isinstance(value, dict) or set(value) != set(INTERVAL):
+    """Whether a value has the parts of ``INTERVAL``, all finite numbers."""
+    if not isinstance(value, Mapping) or not set(INTERVAL) <= set(value):
         return False
-    return all(type(x) in (int, float) and math.isfinite(x) for x in value.values())
+    parts = [value[part] for part in INTERVAL]
+    return all(type(x) in (int, float) and abs(x) <= sys.float_info.max for x in parts)
 
 
 def model_hash(files: Sequence[Path]) -> str:

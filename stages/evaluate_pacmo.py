@@ -4,7 +4,7 @@ Usage: python -m stages.evaluate_pacmo --autoencoder DIR --matcher DIR --clips D
            --reactions DIR --scores FILE.parquet
 
 The folder of reactions holds ROW/SEED/motions.parquet. Scores are written for every bootstrap
-replicate of the clips; ``pool_pacmo`` pools them.
+replicate; ``pool_pacmo`` pools them.
 """
 
 import argparse
@@ -20,6 +20,8 @@ from threadpoolctl import threadpool_limits
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, sample_name
+from pacmo_core.data.splits import ClipOrigin
+from pacmo_core.metrics.bootstrap import resampling_unit, unit_name
 from pacmo_core.metrics.context import EvaluationSettings
 from pacmo_core.metrics.controls import is_permutable, permute_partners
 from pacmo_core.metrics.evaluate import REAL, REAL_PAIRS, Evaluation, RowMetrics
@@ -33,7 +35,7 @@ from pacmo_core.reaction.matcher import Matcher
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.scores import Score, write_scores
-from stages.common.clips import directed_clips
+from stages.common.clips import clip_origin, directed_clips
 from stages.common.files import MOTIONS, WEIGHTS
 from stages.common.params import read_params, run_stage
 
@@ -47,16 +49,21 @@ class DirectedSet:
     Parameters
     ----------
     names : of the directed clips: clip, ``#`` and the person who reacts
-    clips, actions : of each
+    origins, actions : of each; the origin is that of the reaction
     interactions : with the first sample of each reaction
     further : with the second sample, the third, and so on
     """
 
     names: list[str]
-    clips: list[str]
+    origins: list[ClipOrigin]
     actions: list[str]
     interactions: list[Interaction]
     further: list[list[Interaction]]
+
+    @property
+    def clips(self) -> list[str]:
+        """The clip of each reaction."""
+        return [origin.clip for origin in self.origins]
 
     def permuted(self, order: Indices) -> "DirectedSet":
         """Pair partner i with the reaction ``order[i]`` and the name of its clip."""
@@ -65,24 +72,30 @@ class DirectedSet:
             [replace_reaction(original, some[i]) for original, i in zip(some, order, strict=True)]
             for some in sets
         ]
-        clips = [self.clips[i] for i in order]
-        return DirectedSet(self.names, clips, self.actions, permuted[0], permuted[1:])
+        origins = [self.origins[i] for i in order]
+        return DirectedSet(self.names, origins, self.actions, permuted[0], permuted[1:])
 
     def take(self, indices: Indices) -> "DirectedSet":
         """Select by index, in that order."""
-        names, clips, actions = (
-            [part[i] for i in indices] for part in (self.names, self.clips, self.actions)
-        )
+        names = [self.names[i] for i in indices]
+        origins = [self.origins[i] for i in indices]
+        actions = [self.actions[i] for i in indices]
         sets = [[some[i] for i in indices] for some in (self.interactions, *self.further)]
-        return DirectedSet(names, clips, actions, sets[0], sets[1:])
+        return DirectedSet(names, origins, actions, sets[0], sets[1:])
 
 
 @dataclass(frozen=True)
 class Extractors:
-    """The two frozen networks whose outputs the metrics compare."""
+    """The two frozen networks whose outputs the metrics compare.
+
+    Parameters
+    ----------
+    unit : what the bootstrap resamples, of ``metrics.bootstrap``
+    """
 
     autoencoder: Autoencoder
     matcher: Matcher
+    unit: str
 
     def reactions(self, directed: DirectedSet) -> Reactions:
         """Compute features and embeddings; return a row of the evaluation."""
@@ -95,7 +108,10 @@ class Extractors:
             times=[interaction.times for interaction in directed.interactions],
             clips=directed.clips,
             embedded=np.stack(matcher.embed(self.matcher, directed.interactions)),
+            units=[unit_name(origin, self.unit) for origin in directed.origins],
+            actions=directed.actions,
             further=np.array(further).reshape(len(further), *features.shape),
+            further_motions=[[some.person_b for some in sample] for sample in directed.further],
         )
 
 
@@ -104,7 +120,7 @@ def real_split(clips: Path, splits: Path, split: str) -> DirectedSet:
     directed = list(directed_clips(clips, splits, split))
     return DirectedSet(
         [name for name, _, _ in directed],
-        [facts.clip for _, facts, _ in directed],
+        [clip_origin(facts) for _, facts, _ in directed],
         [facts.action for _, facts, _ in directed],
         [to_partner_frame(interaction) for _, _, interaction in directed],
         [],
@@ -131,7 +147,7 @@ def read_reactions(file: Path, real: DirectedSet) -> DirectedSet | None:
             f"they differ in {min(missing)}"
         )
     sets = [[to_partner_frame(motions[name]) for name in names] for names in expected]
-    return DirectedSet(real.names, real.clips, real.actions, sets[0], sets[1:])
+    return DirectedSet(real.names, real.origins, real.actions, sets[0], sets[1:])
 
 
 def read_runs(reactions: Path, real: DirectedSet) -> Iterator[tuple[str, int, DirectedSet]]:
@@ -164,15 +180,17 @@ class Params:
 
     n_samples: int  # of the paper's protocol, drawn with replacement
     repeats: int  # of the paper's protocol
-    bootstrap: int  # replicates of clips for the intervals
-    second_samples: int  # of real motion, for the noise floor
+    bootstrap: int  # replicates of pairs of people, or recordings, for the intervals
+    second_samples: int  # of real motion, for the noise floor; halves of the tested people
     n_frames: int  # common length of motions for MMD
     n_instants: int  # of the distances between bodies, as functions of time
     n_components: int  # principal components of these
     candidates: int  # partners among which the true one is picked
-    foot_height: float  # metres above the ground below which a foot is in stance
-    body_radius: float  # metres between points of two bodies that penetrate
-    contact_distance: float  # metres between joints that touch
+    smoothing: float  # seconds, of positions whose speed and jerk are measured
+    body_radius: float  # metres, of the capsules around bones
+    contact_distance: float  # metres between joints in contact
+    met_distance: float  # metres between joints that meet a captured contact
+    apart_distance: float  # metres between captured joints where a generated contact is false
     random_seed: int
 
 
@@ -186,8 +204,9 @@ def main(paths: argparse.Namespace) -> None:
 
 def evaluate(paths: argparse.Namespace, params: Params) -> None:
     """Evaluate all rows and write their scores."""
-    extractors = read_extractors(paths.autoencoder, paths.matcher)
     real, train = (real_split(paths.clips, paths.splits, split) for split in ("test", "train"))
+    unit = resampling_unit(real.origins, train.origins)
+    extractors = read_extractors(paths.autoencoder, paths.matcher, unit)
     model_rows = list(read_runs(paths.reactions, real))
     permuted_rows = [(row, seed, directed) for row, seed, directed in model_rows if row == PERMUTED]
 
@@ -214,17 +233,19 @@ def evaluate(paths: argparse.Namespace, params: Params) -> None:
     facts = {
         "autoencoder_sha256": file_hash(paths.autoencoder / WEIGHTS),
         "matcher_sha256": file_hash(paths.matcher / WEIGHTS),
+        "unit": unit,
         "n": sample_counts(table, real, within),
         "absent": missing_reasons(measured),
     }
     write_scores(paths.scores, score_table(measured), facts)
 
 
-def read_extractors(autoencoder_folder: Path, matcher_folder: Path) -> Extractors:
+def read_extractors(autoencoder_folder: Path, matcher_folder: Path, unit: str) -> Extractors:
     """Read the two frozen networks."""
     return Extractors(
         cast("Autoencoder", load_model(autoencoder_folder / WEIGHTS, "features")),
         cast("Matcher", load_model(matcher_folder / WEIGHTS, "features")),
+        unit,
     )
 
 
@@ -316,6 +337,7 @@ def sample_counts(table: Evaluation, real: DirectedSet, within: Indices) -> dict
     return {
         "test_reactions": len(real.names),
         "test_clips": len({*real.clips}),
+        "test_units": table.context.n_units,
         "same_action_reactions": len(within),
         "second_samples": len(seconds),
         "second_reactions": len(seconds[0]),

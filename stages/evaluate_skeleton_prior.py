@@ -3,14 +3,17 @@
 Usage: python -m stages.evaluate_skeleton_prior VARIATIONS SPLITS.parquet MODELS SCORES.json
            SAMPLES.parquet
 
-VARIATIONS is the folder of one dataset. MODELS holds MODEL/SEED. SAMPLES gets motions to play: for
-each source, on one sampled body, the solver's variation and each model's.
+VARIATIONS is the folder of one dataset. MODELS holds MODEL/SEED. Two rows stand beside the models
+under the same protocol, on the same bodies: ``template``, a copy of the source, and ``start``, the
+untrained start of the kinematic model. SAMPLES gets motions to play: for each source, on one
+sampled body, the solver's variation and each row's.
 """
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +33,23 @@ from pacmo_core.skeleton_prior import features
 from pacmo_core.skeleton_prior.data import Example, canonical_frame, is_b_first
 from pacmo_core.skeleton_prior.features import FeatureExtractor, FeatureExtractorSettings
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.training import build_start
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 from stages.common.examples import stream_examples
-from stages.common.files import ALL_SOURCES, SOLVER, WEIGHTS, read_json, write_json
-from stages.common.params import read_params, read_prior_runs, run_stage
+from stages.common.files import (
+    ALL_SOURCES,
+    SOLVER,
+    START,
+    TEMPLATE,
+    WEIGHTS,
+    read_json,
+    write_json,
+)
+from stages.common.params import PriorRuns, read_params, read_prior_runs, run_stage
+
+# ``retarget`` of a row: from a source and scales (V, 2, E) to the samples on each body.
+Retargeter = Callable[..., Iterator[list[Interaction]]]
 
 # The supplement's B is the first character, its A the second, which depends on the first.
 CHARACTERS = ("first", "second")
@@ -213,14 +228,14 @@ def solve_bodies(
 
 
 def evaluate_retargeting(
-    model: SkeletonPrior, evaluator: PriorEvaluator, test: Sequence[Example]
+    row: Retargeter, evaluator: PriorEvaluator, test: Sequence[Example]
 ) -> dict[str, float]:
     """Evaluate the most likely motions of one source on the test variations' bodies."""
-    return evaluator.retargeted(predict(model, test, None), test)
+    return evaluator.retargeted(predict(row, test, None), test)
 
 
 def evaluate_generation(
-    model: SkeletonPrior,
+    row: Retargeter,
     evaluator: PriorEvaluator,
     splits: tuple[Sequence[Example], Sequence[Example]],
     n_samples: int,
@@ -234,9 +249,9 @@ def evaluate_generation(
     n_samples : motions of one body, for their diversity
     """
     real, sampled = splits
-    motions = predict(model, sampled, random)
+    motions = predict(row, sampled, random)
     one = sampled[0]
-    (samples,) = retarget(model, one.template, one.scales[None], samples=n_samples, random=random)
+    (samples,) = row(one.template, one.scales[None], samples=n_samples, random=random)
     return {
         **evaluator.generated(motions, sampled),
         **evaluator.distance(motions, sampled, sampled, "FID"),
@@ -246,12 +261,24 @@ def evaluate_generation(
 
 
 def predict(
-    model: SkeletonPrior, examples: Sequence[Example], random: torch.Generator | None
+    row: Retargeter, examples: Sequence[Example], random: torch.Generator | None
 ) -> list[Interaction]:
     """Retarget one source to the body of each example."""
     scales = np.stack([example.scales for example in examples])
     template = examples[0].template
-    return [pair for (pair,) in retarget(model, template, scales, samples=1, random=random)]
+    return [pair for (pair,) in row(template, scales, samples=1, random=random)]
+
+
+def copy_template(
+    source: Interaction,
+    scales: NDArray[np.float64],
+    *,
+    samples: int,
+    random: torch.Generator | None,
+) -> Iterator[list[Interaction]]:
+    """Return the source itself on every body: what a model must be better than."""
+    del random
+    yield from ([source] * samples for _ in scales)
 
 
 @dataclass(frozen=True)
@@ -278,24 +305,33 @@ def main(paths: argparse.Namespace) -> None:
     )
     evaluator = make_evaluator(train + test, params)
     selected = sample_test_examples(test, params.max_variations, params.random_seed)
-    sampled: list[Example] = []
+    one = load_skeleton_prior(paths.models / runs.models[0] / str(runs.seeds[0]) / WEIGHTS)
+    sampled = sample_body_examples(one, selected, params.generated_skeletons, solver)
     samples: dict[str, Interaction] = {}
     scores: dict[str, dict[int, dict[str, dict[str, dict[str, float]]]]] = {}
-    for name in runs.models:
-        for seed in runs.seeds:
-            model = load_skeleton_prior(paths.models / name / str(seed) / WEIGHTS)
-            sampled = sampled or sample_body_examples(
-                model, selected, params.generated_skeletons, solver
-            )
-            result = evaluate_model(model, evaluator, (selected, sampled), params)
-            scores.setdefault(name, {})[seed] = result
-            if seed == runs.seeds[0]:
-                samples |= samples_of(model, name, sampled)
+    for name, seed, row in rows(one, paths.models, runs):
+        result = evaluate_row(row, evaluator, (selected, sampled), params)
+        scores.setdefault(name, {})[seed] = result
+        if seed == runs.seeds[0] and name != TEMPLATE:  # which is the source
+            samples |= samples_of(row, name, sampled)
     facts = {"extractor": features.fingerprint(evaluator.extractor), "tested": len(selected)}
     write_json(paths.scores, facts | {"train": len(train), "models": scores})
     with write_motions(paths.samples, test[0].template.skeleton) as writer:
         for name, motion in sorted((solver_samples(sampled) | samples).items()):
             writer.add(name, motion)
+
+
+def rows(
+    one: SkeletonPrior, models: Path, runs: PriorRuns
+) -> Iterator[tuple[str, int, Retargeter]]:
+    """Yield the rows of the table with their seeds; the first two have nothing to seed."""
+    first_seed = runs.seeds[0]
+    yield TEMPLATE, first_seed, copy_template
+    yield START, first_seed, partial(retarget, build_start(one.config))
+    for name in runs.models:
+        for seed in runs.seeds:
+            model = load_skeleton_prior(models / name / str(seed) / WEIGHTS)
+            yield name, seed, partial(retarget, model)
 
 
 def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
@@ -319,8 +355,8 @@ def sample_test_examples(test: list[Example], most: int, random_seed: int) -> li
     return [test[row] for row in sorted(selected)]
 
 
-def evaluate_model(
-    model: SkeletonPrior,
+def evaluate_row(
+    row: Retargeter,
     evaluator: PriorEvaluator,
     splits: tuple[list[Example], list[Example]],
     params: Params,
@@ -334,9 +370,9 @@ def evaluate_model(
             select_source(sampled, source),
         )
         random = torch.Generator().manual_seed(params.generated_skeletons.random_seed)
-        result["retargeting"][source] = evaluate_retargeting(model, evaluator, test_of_source)
+        result["retargeting"][source] = evaluate_retargeting(row, evaluator, test_of_source)
         result["generation"][source] = evaluate_generation(
-            model,
+            row,
             evaluator,
             (test_of_source, sampled_of_source),
             params.generated_skeletons.n_samples,
@@ -350,10 +386,10 @@ def first_of_each(sampled: list[Example]) -> list[Example]:
     return list({example.source: example for example in reversed(sampled)}.values())
 
 
-def samples_of(model: SkeletonPrior, name: str, sampled: list[Example]) -> dict[str, Interaction]:
-    """Give the likeliest motions of a model on the sampled bodies that are samples."""
+def samples_of(row: Retargeter, name: str, sampled: list[Example]) -> dict[str, Interaction]:
+    """Give the likeliest motions of a row on the sampled bodies that are samples."""
     return {
-        variation_name(one.source, name): predict(model, [one], None)[0]
+        variation_name(one.source, name): predict(row, [one], None)[0]
         for one in first_of_each(sampled)
     }
 

@@ -24,8 +24,10 @@ from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
 from stages.common.captures import find_captures
-from stages.common.files import CLIPS, MOTIONS, QUARANTINE, scheduler_address, write_json
+from stages.common.files import CLIPS, MOTIONS, QUARANTINE, SCRIPTS, scheduler_address, write_json
 from stages.common.params import StageError, read_params, run_stage
+
+MAX_NAMES = 4  # of files in a message
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,11 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
     captures = split_usable(readings, quarantined)
     first = next(captures, None)
     if first is None:
+        names = [row.file for row in quarantined[:MAX_NAMES]]
+        more = " ..." if len(quarantined) > MAX_NAMES else ""
         raise StageError(
-            f"{raw}: no capture of {len(included)} is usable; first: {quarantined[0].reason}"
+            f"{raw}: no capture of {len(included)} is usable; first: {quarantined[0].reason}; "
+            f"there are {', '.join(names)}{more}"
         )
     rows = []
     with write_motions(sequences / MOTIONS, first[1].skeleton) as writer:
@@ -92,6 +97,7 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
         limits=params.limits,
         contact_distance=params.contact_distance,
         stated_fps=params.stated_fps,
+        synthetic=(raw / SCRIPTS).exists(),
     )
 
 
@@ -118,6 +124,7 @@ def summarise(rows: list[ClipRecord]) -> dict[str, object]:
         "frames": sum(row.frames for row in rows),
         "minutes": round(sum(row.duration for row in rows) / 60, 3),
         "skeleton": rows[0].skeleton,
+        "synthetic": sum(row.synthetic for row in rows),
         "actions": dict(sorted(Counter(row.action for row in rows).items())),
     }
 

@@ -5,6 +5,7 @@ Usage: python -m stages.pool_pacmo --scores DIR --pooled JSON
 
 import argparse
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from pacmo_core.metrics.bootstrap import (
     pool_folds,
     pooled_interval,
 )
+from pacmo_core.metrics.catalogue import BASELINES, MODELS
 from pacmo_core.metrics.controls import EXACT_FOR_REAL, sensitivity
 from pacmo_core.store.scores import read_scores
 from stages.common.files import write_json
@@ -107,6 +109,7 @@ def main(scores: Path, pooled_file: Path) -> None:
             "extractor_sha256": {fold: f["autoencoder_sha256"] for fold, f in facts.items()},
             "matcher_sha256": {fold: f["matcher_sha256"] for fold, f in facts.items()},
             "test_reactions": sum(f["n"]["test_reactions"] for f in facts.values()),
+            "unit": {fold: f["unit"] for fold, f in facts.items()},
             "n": {fold: f["n"] for fold, f in facts.items()},
             "rows": add_noise_floors(
                 {row: intervals(result, params) for row, result in table.items()}
@@ -179,12 +182,14 @@ def add_noise_floors(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any
 
 
 def differences(pooled: dict[str, dict[str, Estimate]], confidence: float) -> dict[str, Any]:
-    """Subtract each other model from PaCMO and wrong partners from true ones, by replicate."""
+    """Subtract by replicate: others from PaCMO, baselines from models, wrong partners from true."""
     others = [
         row for row in pooled if not row.startswith(NON_MODEL_ROWS) and SAME_ACTION not in row
     ]
     pairs = [(REFERENCE_ROW, row) for row in others if row != REFERENCE_ROW]
-    pairs += [pair for pair in PERMUTATION_PAIRS.values() if pair not in pairs]
+    for first, second in (*product(MODELS, BASELINES), *PERMUTATION_PAIRS.values()):
+        if first != second and not {(first, second), (second, first)} & set(pairs):
+            pairs.append((first, second))
     return {
         f"{first}_minus_{second}": round_estimates(
             {

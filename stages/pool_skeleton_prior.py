@@ -1,9 +1,14 @@
-"""Pool the scores of skeleton priors over seeds: means, and intervals for the mean of a training.
+"""Pool the scores of skeleton priors: means with intervals, and what training adds to the start.
 
 Usage: python -m stages.pool_skeleton_prior PRIORS POOLED.json
 
 PRIORS holds scores/DATASET/SPLIT.json of the datasets and splits of params.yaml; if it names none,
 there is no such folder, and the file of pooled scores has no rows.
+
+An interval of one motion is Student's over seeds. That of all motions is over motions and seeds:
+the squared standard errors of the mean over the motions and over the seeds are added, and the
+degrees of freedom are those of the fewer units. ``gain`` is by how much a trained model's error is
+below the untrained start's, as a share of it, motion by motion and seed by seed.
 """
 
 import argparse
@@ -12,12 +17,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from stages.common.files import read_json, write_json
+from stages.common.files import ALL_SOURCES, START, read_json, write_json
 from stages.common.params import read_params, read_prior_runs, run_stage
 
 TASKS = ("retargeting", "generation")
+# Errors of which ``gain`` is given: metrics whose mean is compared.
+COMPARED = {"E_r": ("E_r_first", "E_r_second"), "JPD": ("JPD",)}
+MODEL = "kinematic"  # which adds to the start
+Sources = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -31,6 +41,7 @@ def main(priors_folder: Path, pooled_file: Path) -> None:
     params = read_params("pool_skeleton_prior", Params)
     rows: dict[str, Any] = {task: {} for task in TASKS}
     data_facts: dict[str, Any] = {}
+    gains: dict[str, Any] = {}
     for dataset, split in read_prior_runs().groups():
         scores = read_json(priors_folder / "scores" / dataset / f"{split}.json")
         data_facts.setdefault(dataset, {})[split] = {
@@ -38,35 +49,67 @@ def main(priors_folder: Path, pooled_file: Path) -> None:
         }
         for task in TASKS:
             pooled = {
-                model: over_seeds(
+                model: over_units(
                     [scores_of_seed[task] for scores_of_seed in seeds.values()], params.confidence
                 )
                 for model, seeds in scores["models"].items()
             }
             rows[task].setdefault(dataset, {})[split] = pooled
-    write_json(pooled_file, {**rows, "data_facts": data_facts})
+        if MODEL in scores["models"]:
+            gain = gain_over_start(scores["models"], params.confidence)
+            gains.setdefault(dataset, {})[split] = gain
+    write_json(pooled_file, {**rows, "gain": gains, "data_facts": data_facts})
 
 
-def over_seeds(seeds: list[dict[str, dict[str, float]]], confidence: float) -> dict[str, Any]:
+def over_units(seeds: list[Sources], confidence: float) -> dict[str, Any]:
     """Pool each source's metrics: by source, by metric, mean, low and high."""
-    return {
-        source: {
-            metric: interval(
-                [scores_of_seed[source][metric] for scores_of_seed in seeds], confidence
-            )
-            for metric in metrics
-        }
-        for source, metrics in seeds[0].items()
-    }
+    sources = [source for source in seeds[0] if source != ALL_SOURCES]
+    pooled: dict[str, Any] = {}
+    for source, metrics in seeds[0].items():
+        rows = sources if source == ALL_SOURCES else [source]
+        pooled[source] = {}
+        for metric in metrics:
+            having = [row for row in rows if metric in seeds[0][row]]
+            values = [[scores[row][metric] for scores in seeds] for row in having]
+            pooled[source][metric] = interval(np.array(values), confidence)
+    return pooled
 
 
-def interval(values: list[float], confidence: float) -> dict[str, float]:
-    """Give a mean and Student's interval for it; of one value the mean alone."""
-    mean = float(np.mean(values))
+def gain_over_start(models: dict[str, Any], confidence: float) -> dict[str, Any]:
+    """Compute by how much training lowers the start's errors: interval and numbers of units."""
+    ((start, *_), trained) = (
+        [scores["retargeting"] for scores in models[name].values()] for name in (START, MODEL)
+    )
+    motions = [source for source in start if source != ALL_SOURCES]
+    gains: dict[str, Any] = {"motions": len(motions), "seeds": len(trained)}
+    for name, metrics in COMPARED.items():
+        shares = [
+            [
+                1 - total(scores[source], metrics) / total(start[source], metrics)
+                for scores in trained
+            ]
+            for source in motions
+        ]
+        gains[name] = interval(np.array(shares), confidence)
+    return gains
+
+
+def total(scores: dict[str, float], metrics: tuple[str, ...]) -> float:
+    """Sum metrics of one motion."""
+    return sum(scores[metric] for metric in metrics)
+
+
+def interval(values: NDArray[np.float64], confidence: float) -> dict[str, float]:
+    """Give the mean of values (motions, seeds) and its interval; of one value the mean alone."""
+    mean, variance, fewest = float(np.mean(values)), 0.0, np.inf
+    for axis in (0, 1):
+        means = values.mean(axis=1 - axis)
+        if len(means) > 1:
+            variance += float(np.var(means, ddof=1)) / len(means)
+            fewest = min(fewest, len(means))
     bounds = {"mean": mean}
-    if len(values) > 1:
-        error = float(np.std(values, ddof=1)) / len(values) ** 0.5
-        half_width = error * float(student.ppf((1 + confidence) / 2, len(values) - 1))
+    if np.isfinite(fewest):
+        half_width = variance**0.5 * float(student.ppf((1 + confidence) / 2, fewest - 1))
         bounds |= {"low": mean - half_width, "high": mean + half_width}
     return {name: float(f"{value:.6g}") for name, value in bounds.items()}
 

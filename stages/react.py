@@ -1,8 +1,9 @@
 """Generate a reaction to the partner of every test clip, at the frames of the clip.
 
-Usage: python -m stages.react --seed=S MODEL CLIPS SPLITS.parquet REACTIONS
+Usage: python -m stages.react --seed=S [--without-finish] MODEL CLIPS SPLITS.parquet REACTIONS
 
-A generative model gives several samples, a deterministic one gives one.
+A generative model gives several samples, a deterministic one gives one. The reactions of the models
+that ``finish`` lists are finished, unless ``--without-finish`` is given.
 """
 
 import argparse
@@ -14,9 +15,10 @@ import torch
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.inference import react_all
+from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 from pacmo_core.store.tables import ClipRecord
+from pacmo_core.store.weights import read_weights
 from stages.common.clips import clip_seed, write_reactions
 from stages.common.files import WEIGHTS
 from stages.common.params import read_params, run_stage
@@ -28,24 +30,27 @@ class Params:
 
     random_seed: int
     n_samples: int  # reactions to each partner, of a generative model
+    finish: list[str]  # models whose reactions are finished
 
 
-def main(model: Path, clips: Path, splits: Path, reactions: Path, *, seed: int) -> None:
+def main(paths: argparse.Namespace) -> None:
     params = read_params("react", Params)
     torch.set_num_threads(1)
-    reactor = load_reaction_model(model / WEIGHTS)
+    reactor = load_reaction_model(paths.model / WEIGHTS)
+    facts, _ = read_weights(paths.model / WEIGHTS)
+    finished = facts["model"] in params.finish and not paths.without_finish
     n_samples = 1 if is_deterministic(reactor) else params.n_samples
     labelled = isinstance(reactor, Generator) and reactor.config.actions
 
     def sample_reactions(name: str, facts: ClipRecord, directed: Interaction) -> Motion:
-        clip_random_seed = clip_seed(f"{seed}\0{name}", params.random_seed)
+        clip_random_seed = clip_seed(f"{paths.seed}\0{name}", params.random_seed)
         random = torch.Generator().manual_seed(clip_random_seed)
         action = facts.action if labelled else ""
         partner = PartnerMotion(directed.person_a, directed.times, directed.times, action)
         (motion,) = react_all(reactor, [partner], n_samples=n_samples, random=random)
-        return motion
+        return finish_reactions(reactor, partner, motion) if finished else motion
 
-    write_reactions(clips, splits, reactions, sample_reactions)
+    write_reactions(paths.clips, paths.splits, paths.reactions, sample_reactions)
 
 
 def arguments() -> argparse.Namespace:
@@ -54,8 +59,9 @@ def arguments() -> argparse.Namespace:
     for name in ("model", "clips", "splits", "reactions"):
         parser.add_argument(name, type=Path)
     parser.add_argument("--seed", type=int, required=True, help="of the training run")
+    parser.add_argument("--without-finish", action="store_true", help="as the model generates them")
     return parser.parse_args()
 
 
 if __name__ == "__main__":
-    run_stage(main, **vars(arguments()))
+    run_stage(main, arguments())

@@ -28,6 +28,7 @@ class Params:
     """The ``react_oracle`` section of ``params.yaml``."""
 
     random_seed: int
+    n_samples: int  # for each partner
 
 
 def main(raw: Path, clips: Path, splits: Path, reactions: Path) -> None:
@@ -40,9 +41,13 @@ def main(raw: Path, clips: Path, splits: Path, reactions: Path) -> None:
     def sample_reaction(name: str, facts: ClipRecord, directed: Interaction) -> list[Motion]:
         script = Script.from_json(scripts[facts.sequence])
         random = np.random.default_rng(clip_seed(name, params.random_seed))
-        motion = sample_oracle_reaction(script, direction_of(name), random)
         window = slice(facts.start_frame, facts.start_frame + facts.frames)
-        return [motion[window][:, NTU25.indices(directed.skeleton.joints)]]
+        joints = NTU25.indices(directed.skeleton.joints)
+        samples = (
+            sample_oracle_reaction(script, direction_of(name), random)
+            for _ in range(params.n_samples)
+        )
+        return [motion[window][:, joints] for motion in samples]
 
     write_reactions(clips, splits, reactions, sample_reaction)
 

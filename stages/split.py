@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pacmo_core.data.splits import ClipOrigin, Split, SplitRule, assign_splits, resolve_method
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
+from stages.common.clips import clip_origin
 from stages.common.files import CLIPS, write_json
 from stages.common.params import StageError, read_params, run_stage
 
@@ -22,7 +23,7 @@ class Params(SplitRule):
 def main(clips: Path, splits: Path, metrics: Path, *, fold: int) -> None:
     rule = read_params("split", Params)
     rows = read_rows(clips / CLIPS, ClipRecord)
-    origins = [ClipOrigin(row.clip, row.recording, people(row)) for row in rows]
+    origins = [clip_origin(row) for row in rows]
     try:
         split_of_clip = assign_splits(origins, rule, fold)
     except ValueError as fault:  # of the rule, which the user wrote
@@ -31,11 +32,6 @@ def main(clips: Path, splits: Path, metrics: Path, *, fold: int) -> None:
         splits, SplitRecord, [SplitRecord(row.clip, split_of_clip[row.clip]) for row in rows]
     )
     write_json(metrics, summary(origins, split_of_clip, rule))
-
-
-def people(row: ClipRecord) -> tuple[str, ...]:
-    """List the people of a clip, as far as its dataset names them."""
-    return tuple(person for person in (row.subject_a, row.subject_b) if person)
 
 
 def summary(

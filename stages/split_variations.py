@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from pacmo_core.skeleton_prior.splits import (
+from pacmo_core.data.variation_splits import (
     SPLITS,
     SplitSettings,
     VariationScales,

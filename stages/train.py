@@ -3,7 +3,8 @@
 Usage: python -m stages.train --model=NAME [--seed=S] [--variations=DIR --share=X]
            CLIPS SPLITS.parquet MODEL CURVE.csv
 
-NAME is a row of pacmo_core/models.py; settings are its section of params.yaml. DIR holds variations
+NAME is a row of pacmo_core/models.py; settings are its section of params.yaml, of which a variant
+replaces some. DIR holds variations
 of the clips, which replace a clip in a share X of the times that it is shown. Processes can share
 each batch: torchrun --standalone --nproc-per-node 2 -m stages.train ...
 """
@@ -18,6 +19,7 @@ from pacmo_core.data.names import split_variation_name
 from pacmo_core.models import MODELS, Model
 from pacmo_core.reaction.variations import TrainingVariations
 from pacmo_core.store.motions import stream_folder
+from pacmo_core.store.weights import TrainedOn
 from pacmo_core.training.loop import TrainingData
 from stages.common.clips import stream_split
 from stages.common.params import read_params, run_stage
@@ -38,6 +40,7 @@ def main(paths: argparse.Namespace) -> None:
         model,
         params,
         interaction,
+        TrainedOn.of(facts for facts, _ in stream_split(paths.clips, paths.splits, "train")),
         lambda device: model.build_training(data, params, device=device, **extra),
     )
     train(task, paths.model, paths.curve)
@@ -55,7 +58,7 @@ def read_settings(model: Model, paths: argparse.Namespace) -> Any:
     kind = make_dataclass(
         "Params", fields, bases=(model.settings_class(),), frozen=True, kw_only=True
     )
-    return read_params(model.section, kind, given=given)
+    return read_params(model.section, kind, given=given, changes=model.changes)
 
 
 def read_training_data(clips: Path, splits: Path) -> TrainingData[Interaction]:

@@ -7,17 +7,17 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.models import get_model
-from pacmo_core.skeleton_prior.autograd_functions import supports_bfloat16
 from pacmo_core.skeleton_prior.data import Example
 from pacmo_core.skeleton_prior.settings import SkeletonPriorSettings
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
+from pacmo_core.store.tables import ClipRecord, read_rows
+from pacmo_core.store.weights import TrainedOn
 from pacmo_core.training.devices import keep_freed_memory
 from pacmo_core.training.loop import TrainingData, TrainingLoop
 from stages.common.examples import stream_examples
+from stages.common.files import CLIPS
 from stages.common.params import read_params, run_stage
 from stages.common.training import Task, train
 
@@ -43,17 +43,15 @@ def main(paths: argparse.Namespace) -> None:
     model = get_model(paths.model_name, "skeleton_prior")
 
     def build(device: str) -> TrainingLoop[SkeletonPrior]:
-        kind = device.partition(":")[0]
-        if params.mixed_precision and not supports_bfloat16(kind):
-            Console(stderr=True).print(
-                f"{kind} has no bfloat16 matrix products: training in float32"
-            )
         return model.build_training(
             TrainingData(train_examples, validation_examples), params, device=device
         )
 
     motions = TrainingData(_motions(train_examples), _motions(validation_examples))
-    task = Task(model, params, motions, build)
+    sources = {example.source for example in train_examples}
+    records = read_rows(paths.dataset / CLIPS, ClipRecord)
+    trained_on = TrainedOn.of(record for record in records if record.clip in sources)
+    task = Task(model, params, motions, trained_on, build)
     train(task, paths.model, paths.curve)
 
 

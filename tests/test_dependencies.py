@@ -28,15 +28,20 @@ ROOT = Path(__file__).parents[1]
 LAYERS = ("pacmo_core", "stages")
 # The public face imports nothing until it is asked, so no stage depends on it.
 LAZY = {"pacmo_core/__init__.py", "stages/__init__.py"}
-TRAININGS = {"train_features", "train_reaction", "train_pacmo_augmented", "train_skeleton_prior"}
+TRAININGS = {
+    *("train_features", "train_reaction", "train_pacmo_variant", "train_pacmo_augmented"),
+    "train_skeleton_prior",
+}
 
 
 def read_stages() -> dict[str, dict[str, Any]]:
-    """Read every stage of ``dvc.yaml``, also those of PaCMO trained on variations."""
+    """Read every stage of ``dvc.yaml``, of all models, also of PaCMO trained on variations."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         params = YAML(typ="safe").load(ROOT / "params.yaml")
         params["augmented"] |= {"folds": [1], "seeds": [1]}
+        params["runs"]["models"] = ["pacmo", "pacmo_paper", "regression", "gru"]
+        params["runs"]["variants"] = list(params["train_pacmo_variants"])
         YAML(typ="safe").dump(params, folder / "params.yaml")
         shutil.copy(ROOT / "dvc.yaml", folder)
         Repo.init(name, no_scm=True).close()
@@ -134,8 +139,8 @@ PACKAGES = sorted(
     if (path.is_dir() and path.name != "__pycache__") or path.suffix == ".py"
 )
 FEATURES, REACTION = "train_features", "train_reaction"
-INFERENCE = {"react", "react_augmented"}
-TRAIN_REACTION = {FEATURES, REACTION, "train_pacmo_augmented"}
+INFERENCE = {"react", "react_variant", "react_augmented", "react_without_finish"}
+TRAIN_REACTION = {FEATURES, REACTION, "train_pacmo_variant", "train_pacmo_augmented"}
 PRIORS = {"train_skeleton_prior", "evaluate_skeleton_prior"}
 ALL = {kind(stage) for stage in STAGES}
 # What an edit of a package runs again, before what depends on the outputs of these.
@@ -144,7 +149,7 @@ EDITED = {
     "pacmo_core/formats": {"synthesise", "ingest", "augment"},
     "pacmo_core/store": ALL,
     "pacmo_core/synthesis": {"synthesise", "react_oracle"},
-    "pacmo_core/operators": {*TRAIN_REACTION, *INFERENCE, "evaluate_pacmo"},
+    "pacmo_core/operators": {*TRAIN_REACTION, *INFERENCE, "react_untrained", "evaluate_pacmo"},
     "pacmo_core/training": {*TRAIN_REACTION, *INFERENCE, *PRIORS, "evaluate_pacmo"},
     "pacmo_core/models.py": {*TRAIN_REACTION, *INFERENCE, *PRIORS, "evaluate_pacmo", "report"},
     "pacmo_core/execution.py": {"ingest", "augment"},
@@ -153,7 +158,9 @@ EDITED = {
     "pacmo_core/interaction_mesh": {"augment", "evaluate_skeleton_prior"},
     "pacmo_core/augmentation": {"augment"},
     "pacmo_core/skeleton_prior": {*PRIORS, "split_variations"},
-    "pacmo_core/metrics": {"evaluate_pacmo", "pool_pacmo", "evaluate_skeleton_prior", "report"},
+    "pacmo_core/metrics": {
+        *("react_untrained", "evaluate_pacmo", "pool_pacmo", "evaluate_skeleton_prior", "report"),
+    },
     "pacmo_core/figures": {"report"},
     "pacmo_core/api.py": set(),
     "pacmo_core/commands": set(),
@@ -239,6 +246,7 @@ def test_a_stage_reads_its_own_section_of_the_parameters(stage):
     models = [word.partition("=")[2] for word in command if word.startswith("--model=")]
     own = {kind(stage), command[2].rpartition(".")[2]}
     own |= {MODELS[name].section for name in models}
+    own |= {MODELS[name].changes.partition(".")[0] for name in models}
     shared = {"experiment", "runs"} | ({"augment"} if "evaluate" in stage else set())
     assert {param.partition(".")[0] for param in STAGES[stage]["params"]} <= own | shared
 

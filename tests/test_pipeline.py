@@ -74,7 +74,7 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
     assert metrics["data"]["usable"] == 40
     assert metrics["pacmo"]["rows"].keys() >= {
         *("real", "oracle", "pacmo", "pacmo_paper", "gru", "wrong_partner", "pacmo_permuted"),
-        "pacmo_augmented",
+        *("mean", "nearest_neighbour", "no_critic", "pacmo_augmented"),
     }
     gained = metrics["pacmo"]["augmentation"]
     assert len(gained["each"]["f2id"]) == 1  # a fold
@@ -82,7 +82,7 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
     assert gained["folds"] == {}  # one fold has no interval
     assert "Does augmentation improve PaCMO?" in (twins[0] / "reports" / "report.html").read_text()
     for row in metrics["pacmo"]["rows"].values():
-        for name in ("f2id", "f2id_excess", "mmd_a", "mmd_s", "diversity", "matching", "ape"):
+        for name in ("f2id", "mmd_a", "mmd_s", "diversity", "matching", "ape", "energy_score"):
             assert set(row[name]) == {"mean", "low", "high"}
             assert row[name]["low"] <= row[name]["mean"] <= row[name]["high"]
 
@@ -92,8 +92,9 @@ def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(twins
     found = json.loads((twins[0] / "reports" / "details.json").read_text())["skeleton_prior"]
     for task in ("retargeting", "generation"):
         models = found[task]["default"]["random"]
-        assert models.keys() == {"kinematic", "f_cnn"}
-        assert set(models["kinematic"]["all"]["JPD"]) == {"mean"}
+        assert models.keys() == {"template", "start", "kinematic", "f_cnn"}
+        assert set(models["kinematic"]["all"]["JPD"]) >= {"mean"}
+        assert models["template"]["all"]["E_b_first"]["mean"] > 1e-6
         for role in ("first", "second"):
             assert models["kinematic"]["all"][f"E_b_{role}"]["mean"] < 1e-6
 
@@ -133,6 +134,7 @@ def test_a_further_seed_trains_only_its_own_models(twins):
         *("train_reaction@gru-1-2", "train_reaction@regression-1-2"),
         *("train_reaction@pacmo-1-2", "train_reaction@pacmo_paper-1-2"),
         *("react@gru-1-2", "react@regression-1-2", "react@pacmo-1-2", "react@pacmo_paper-1-2"),
+        *("train_pacmo_variant@no_critic-1-2", "react_variant@no_critic-1-2"),
         *("evaluate_pacmo@1", "pool_pacmo", "report"),
     }
     models = twins[1] / "models" / "1" / "gru"

@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,16 +13,18 @@ from benchmarks import robustness
 from benchmarks._crafted import crafted_cases
 from benchmarks._fuzz_binary import make_templates
 from benchmarks._fuzz_cases import check_message, run_case, targets
+from benchmarks._fuzz_study import serving_study
 from benchmarks.robustness import Job, Tally, supervise
 from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.registry import FORMATS
 
 
 @pytest.fixture(scope="module")
-def templates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def templates(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("templates")
     make_templates(folder)
-    return folder
+    with serving_study(folder):
+        yield folder
 
 
 def _crash(*_: Path) -> None:
@@ -92,5 +95,6 @@ def test_every_reader_accepts_some_random_files_and_refuses_others(
             folder.mkdir()
             outcomes.setdefault(name, set()).add(run_case(target, (1, case), folder))
     assert {name for name, found in outcomes.items() if found != {True, False}} == set()
+    assert {"inbox", "study"} <= set(outcomes)
     read = {*outcomes, "interhuman"} if "npy" in outcomes else set(outcomes)
     assert set(FORMATS) <= read

@@ -1,8 +1,5 @@
 """Skeleton scales (bone scales) from a source's body to another: by segment, profile, or random.
 
-Segment lengths as fractions of stature: Drillis and Contini (1966), *Body segment parameters*, as
-in Winter (2009), *Biomechanics and motor control of human movement*, figure 4.1.
-
 Adults: Gordon et al. (2014), *2012 anthropometric survey of U.S. Army personnel* (ANSUR II), 4,082
 men and 1,986 women.
 
@@ -20,14 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion, bone_lengths
+from pacmo_core.data.posture import SHIN_RATIO, THIGH_RATIO
 from pacmo_core.data.segments import Segment, segments
 from pacmo_core.data.skeleton import Skeleton
 
 Scales = NDArray[np.float64]
 UNIFORM = "uniform"
-
-# Drillis and Contini: fractions of stature.
-THIGH_RATIO, SHIN_RATIO = 0.245, 0.246
 
 # ANSUR II: metres, mean and standard deviation of men's stature.
 MEN_STATURE, MEN_STATURE_SD = 1.756, 0.069

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,11 +14,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
-from pacmo_core.augmentation.filter import VariationLimits, rejection_reason
+from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.augmentation.run import report_measurements
 from pacmo_core.commands.captures import (
-    PEOPLE,
     TwoPersonCapture,
     WrittenCapture,
     check_output,
@@ -26,8 +25,18 @@ from pacmo_core.commands.captures import (
     read_two_people,
     write_two_people,
 )
+from pacmo_core.commands.reading import (
+    PEOPLE,
+    FormatName,
+    FromFps,
+    FromUnit,
+    FromUp,
+    Preset,
+    ReadOptions,
+)
+from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.data.interaction import Motion
-from pacmo_core.figures.clips import measurement_summary
+from pacmo_core.figures.variations import limit_text, measurement_summary
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
 from pacmo_core.interaction_mesh.mesh import ground_supports
@@ -83,16 +92,6 @@ AScale = Annotated[list[str], typer.Option("--a-scale", help="SEGMENT=SCALE of p
 BScale = Annotated[list[str], typer.Option("--b-scale", help="SEGMENT=SCALE of person b")]
 Profile = Annotated[list[str], typer.Option("--profile", help="PERSON=NAME: b=child, a=long_arms")]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
-FormatName = Annotated[
-    str | None,
-    typer.Option("--format", help="format of the capture; default: by the file's suffix"),
-]
-Preset = Annotated[str | None, typer.Option(help="preset of BVH files: duo_mocap, cmu_18_19, ...")]
-Unit = Annotated[float | None, typer.Option(help="metres per unit of a BVH file")]
-Up = Annotated[str | None, typer.Option(help="up axis of the capture, y or z")]
-Fps = Annotated[
-    float | None, typer.Option(help="frame rate of the capture, if it states none or a wrong one")
-]
 Params = Annotated[
     Path | None,
     typer.Option(
@@ -115,14 +114,14 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     clip: Clip = "",
     form: FormatName = None,
     preset: Preset = None,
-    unit: Unit = None,
-    up: Up = None,
-    fps: Fps = None,
+    from_unit: FromUnit = [],  # noqa: B006
+    from_up: FromUp = [],  # noqa: B006
+    from_fps: FromFps = [],  # noqa: B006
     params: Params = None,
 ) -> None:
     """Retarget two people's motion to other bodies; contacts and near distances are preserved.
 
-    pacmo augment DUO_A.bvh DUO_B.bvh --unit 0.01 --up y --b-scale left_forearm=1.2 --out other
+    pacmo augment DUO_A.bvh DUO_B.bvh --b-scale left_forearm=1.2 --out other
 
     pacmo augment DUO_A.bvh DUO_B.bvh --preset duo_mocap --a-scale uniform=0.8 --profile b=child
     --out other
@@ -133,13 +132,13 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     joints are called; uniform is all of them. The message for an unknown name lists the known ones.
     Scales and a profile of the same person multiply. The command reads the same formats as
     ``pacmo react``. BVH files are written with the hierarchy, channels, unit and axes of the input.
+    A page beside the files, an .html, plays the source and the variation side by side.
     """
-    options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
-    settings = {name: value for name, value in options.items() if value is not None}
+    options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     files = (first,) if second is None else (first, second)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         solving = read_solver_section(params or _present_params())
-        duo = read_two_people(files, form, settings, clip)
+        duo = read_two_people(files, options, clip)
         check_output(duo, out)
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         scales = _requested_scales(duo, factors_of_people, _profiles(profile))
@@ -152,7 +151,9 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         figures |= measure_written(duo, written, scales, solving.solver)
         for line in _report_lines(figures, solving.limits, written.max_error):
             typer.echo(line)
-        typer.echo(f"{len(solution.points[0])} frames in {', '.join(map(str, written.files))}")
+        page = write_variation_page(duo, written, figures, solving.limits, out)
+        paths = ", ".join(map(str, written.files))
+        typer.echo(f"{len(solution.points[0])} frames in {paths}; beside the source in {page}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -224,9 +225,11 @@ def _report_lines(
     yield measurement_summary(figures)
     if max_error:
         yield constant_bones_line(max_error)
-    reason = rejection_reason(figures, limits)
-    if reason:
-        yield f"outside the limits for training: {reason}"
+    exceeded = exceeded_limits(figures, limits)
+    worst_first = sorted(exceeded, key=lambda name: -exceeded[name])
+    if worst_first:
+        texts = [limit_text(name, figures[name], asdict(limits)[name]) for name in worst_first]
+        yield f"outside the limits for training: {'; '.join(texts)}"
 
 
 @contextmanager

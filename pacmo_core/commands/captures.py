@@ -1,16 +1,20 @@
 """Captures of two people: read from any format, written in the same format."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
+from pacmo_core.commands.reading import PEOPLE, ReadOptions, Source, read_people
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.limits import printable
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.base import skeleton_difference
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.inverse_kinematics import proximity_weights
@@ -18,10 +22,10 @@ from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
     PersonMotion,
-    format_of,
     read_partner,
     select_person,
 )
+from pacmo_core.formats.resample import resample
 from pacmo_core.formats.table_parquet import is_clip_file
 from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
@@ -30,7 +34,6 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
 MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
-PEOPLE = ("a", "b")
 
 
 @dataclass(frozen=True)
@@ -41,14 +44,16 @@ class TwoPersonCapture:
     ----------
     name : of the capture
     files : one of both people, or those of person a and person b
-    settings : of BVH files
+    settings : with which each person's file was read
     people : person a and person b, without bones of length zero
+    keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
     """
 
     name: str
     files: tuple[Path, ...]
-    settings: Mapping[str, Any]
+    settings: tuple[Mapping[str, Any], ...]
     people: tuple[PersonMotion, PersonMotion]
+    keeps_hierarchy: bool = True
 
     @property
     def scene(self) -> Scene:
@@ -66,9 +71,7 @@ class TwoPersonCapture:
         return replace(self, people=(a, b))
 
 
-def read_two_people(
-    files: tuple[Path, ...], form: str | None, settings: Mapping[str, Any], clip: str
-) -> TwoPersonCapture:
+def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) -> TwoPersonCapture:
     """Read one file of two people, or two files of one person each.
 
     Raises
@@ -78,23 +81,59 @@ def read_two_people(
     """
     first = files[0]
     if names_clips(first, clip):
-        if len(files) > 1 or not clip or settings or form:
+        if len(files) > 1 or not clip or options.describes_files:
             raise CommandError(f"{first}: wanted one file, --clip, and no option of other formats")
         pair = read_motion(first, clip)
         people = [select_person(pair, person, clip) for person in PEOPLE]
-        return _make_capture(clip, files, settings, people)
-    form = form or format_of(first)
+        return _make_capture(clip, files, ({}, {}), people)
+    form = options.format_of(first)
     if (form in ONE_PERSON_FORMATS) != (len(files) == 2):
         wanted = (
             "one person: wanted two files" if form in ONE_PERSON_FORMATS else "two: wanted one file"
         )
         raise CommandError(f"{first}: a file of format {form} holds {wanted}; got {len(files)}")
-    sources = files if len(files) == 2 else files * 2
-    people = [
-        read_partner(file, form, settings, person=None if len(files) == 2 else person, clip=clip)
-        for file, person in zip(sources, PEOPLE, strict=True)
-    ]
-    return _make_capture(clip or first.stem, files, settings, people)
+    read = read_people(two_sources(files), options, clip)
+    settings = tuple(person.settings for person in read)
+    text = " and ".join(str(file) for file in files)
+    a, b = on_one_clock(read[0].motion, read[1].motion, text)
+    capture = _make_capture(clip or first.stem, files, settings, [a, b])
+    resampled = a is not read[0].motion or b is not read[1].motion
+    return replace(capture, keeps_hierarchy=not resampled)
+
+
+def two_sources(files: Sequence[Path]) -> list[Source]:
+    """Return where the two people of one file, or of two, are."""
+    if len(files) == 2:
+        return [Source(file, label, None) for file, label in zip(files, PEOPLE, strict=True)]
+    return [Source(files[0], label, label) for label in PEOPLE]
+
+
+def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMotion, PersonMotion]:
+    """Resample the person of the higher frame rate at the times of the other, and say so.
+
+    Equal rates are left alone. Both are cut to the time that they have in common.
+    """
+    steps = [float(np.median(np.diff(person.times))) for person in (a, b)]
+    if np.isclose(steps[0], steps[1], rtol=1e-4):
+        return a, b
+    slow, fast = (a, b) if steps[0] > steps[1] else (b, a)
+    at = slow.times[slow.times <= fast.times[-1] + min(steps) / 10]  # rates of files are rounded
+    if len(at) < 2:
+        raise CommandError(f"{text}: wanted two frames or more at the same time")
+    cut = replace(slow, times=at, motion=slow.motion[: len(at)])
+    same = replace(fast, times=at, motion=resample(fast.motion, fast.times, at))
+    rates = f"{1 / steps[0]:g} and {1 / steps[1]:g} frames a second"
+    typer.echo(printable(f"{text}: {rates}: both at {1 / max(steps):g}"))
+    return (cut, same) if slow is a else (same, cut)
+
+
+def check_same_skeleton(file: Path, a: PersonMotion, b: PersonMotion) -> None:
+    """Refuse two people who cannot be shown or stored together: other joints, or other times."""
+    if a.skeleton != b.skeleton:
+        difference = skeleton_difference(b.skeleton, a.skeleton)
+        raise CommandError(f"{file}: not the joints of the other person: {difference}")
+    if a.motion.shape != b.motion.shape:
+        raise CommandError(f"{file}: {len(b.times)} frames; the other person has {len(a.times)}")
 
 
 def names_clips(file: Path, clip: str) -> bool:
@@ -191,9 +230,9 @@ def _write_person(
 ) -> PersonMotion:
     """Write a BVH file, in the hierarchy of the input if that is BVH; return what it holds."""
     person, settings = targets.person, {"unit": 1.0, "up": "y"}
-    if duo.files[0].suffix.lower() == ".bvh":
+    if duo.keeps_hierarchy and duo.files[0].suffix.lower() == ".bvh":
         file = duo.files[number]
-        pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **duo.settings})
+        pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **duo.settings[number]})
         settings = {"unit": pairs.metres(file), "up": pairs.up_axis}
         write_text(out, _rewritten(file, pairs, targets))
     else:
@@ -242,7 +281,10 @@ def _rewritten(file: Path, pairs: BvhPairs, targets: PersonTargets) -> str:
 
 
 def _make_capture(
-    name: str, files: tuple[Path, ...], settings: Mapping[str, Any], people: list[PersonMotion]
+    name: str,
+    files: tuple[Path, ...],
+    settings: tuple[Mapping[str, Any], ...],
+    people: list[PersonMotion],
 ) -> TwoPersonCapture:
     a, b = (_without_zero_bones(person) for person in people)
     text = " and ".join(str(file) for file in files)

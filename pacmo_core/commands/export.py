@@ -9,6 +9,16 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from pacmo_core.commands.reading import (
+    FormatName,
+    FromFps,
+    FromUnit,
+    FromUp,
+    Preset,
+    ReadOptions,
+    check_unit,
+    parse_unit,
+)
 from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import work_fault
@@ -16,7 +26,7 @@ from pacmo_core.figures.body_mesh import make_skin
 from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
 from pacmo_core.figures.viewer import Scene
-from pacmo_core.formats.base import MAX_DISTANCE, check_up
+from pacmo_core.formats.base import check_up
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones
 from pacmo_core.formats.resample import from_y_up, resample, sample_times
 from pacmo_core.formats.write_bvh import format_bvh_of_fit
@@ -57,12 +67,11 @@ class ExportOptions:
         if suffix not in WRITERS:
             raise CommandError(f"{out}: wanted a suffix of {', '.join(WRITERS)}")
         check_up(self.up)
-        if not 0 < self.unit <= MAX_DISTANCE:
-            raise CommandError(
-                f"--unit must be > 0 and <= {MAX_DISTANCE:g} metres; got {self.unit}"
-            )
+        check_unit(self.unit, "--to-unit")
         if suffix in FIXED_UNIT_SUFFIXES and (self.up, self.unit) != ("y", 1.0):
-            raise CommandError(f"{out}: {suffix} is always metres, y up; leave out --up and --unit")
+            raise CommandError(
+                f"{out}: {suffix} is always metres, y up; leave out --to-up and --to-unit"
+            )
         if suffix == ".gif":
             check_gif_rate(self.fps or FILM_FPS)
         if suffix == ".mp4":
@@ -80,7 +89,7 @@ def resample_scene(scene: Scene, fps: float) -> Scene:
     """Return the scene at another frame rate."""
     at = sample_times(scene.times, fps)
     if fault := work_fault(len(at), len(scene.skeleton.joints)):
-        raise CommandError(f"--fps {fps:g}: {fault}")
+        raise CommandError(f"--to-fps {fps:g}: {fault}")
     people = tuple(resample(motion, scene.times, at) for motion in scene.people)
     return replace(scene, times=at - at[0], people=people)
 
@@ -174,44 +183,33 @@ Clip = Annotated[str, typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FI
 Out = Annotated[
     Path, typer.Option(help="FILE.bvh, .glb, .gltf, .npz, .csv, .parquet, .mp4 or .gif")
 ]
-Fps = Annotated[
+ToFps = Annotated[
     float | None,
     typer.Option(help="frame rate of the file; default: that of the clip, 25 for films"),
 ]
-Up = Annotated[str, typer.Option(help="up axis of the file, y or z")]
-Unit = Annotated[float, typer.Option(help="metres per unit of the file; 0.01 is centimetres")]
-FormatName = Annotated[
-    str | None, typer.Option("--format", help="format of a capture; default: by the suffix")
-]
-Preset = Annotated[
-    str | None, typer.Option(help="preset of BVH captures: duo_mocap, cmu_18_19, ...")
-]
-FromUnit = Annotated[float | None, typer.Option(help="metres per unit of a BVH capture")]
-FromUp = Annotated[str | None, typer.Option(help="up axis of a capture, y or z")]
-FromFps = Annotated[
-    float | None, typer.Option(help="frame rate of a capture, if it states none or a wrong one")
-]
+ToUp = Annotated[str, typer.Option(help="up axis of the file, y or z")]
+ToUnit = Annotated[str, typer.Option(help="metres per unit of the file, or m, cm, mm, in")]
 
 
 def export(  # noqa: PLR0913  # typer reads the options off the signature
     clip: Clip,
     out: Out,
-    fps: Fps = None,
-    up: Up = "y",
-    unit: Unit = 1.0,
     form: FormatName = None,
     preset: Preset = None,
-    from_unit: FromUnit = None,
-    from_up: FromUp = None,
-    from_fps: FromFps = None,
+    from_unit: FromUnit = [],  # noqa: B006  # typer copies it
+    from_up: FromUp = [],  # noqa: B006
+    from_fps: FromFps = [],  # noqa: B006
+    to_unit: ToUnit = "m",
+    to_up: ToUp = "y",
+    to_fps: ToFps = None,
 ) -> None:
     """Write a clip in the format of another tool, by the suffix of the file.
 
     pacmo export S001C001P001R001A050 --out push.glb
 
-    pacmo export data/reactions/1/pacmo/1:NAME#b#0 --out push.bvh --up z --unit 0.01 --fps 60
+    pacmo export data/reactions/1/pacmo/1:NAME#b#0 --out push.bvh --to-up z --to-unit cm --to-fps 60
 
-    pacmo export walk_A.bvh+walk_B.bvh --from-unit 0.01 --from-up y --out walk.gif
+    pacmo export walk_A.bvh+walk_B.bvh --from-unit cm --from-up y --out walk.gif
 
     .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with
     skeleton, skin and animation, in metres, y up. These formats hold rotations of bones of constant
@@ -219,10 +217,9 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip install
     imageio-ffmpeg). A CLIP is named as for ``pacmo view``.
     """
-    options = {"preset": preset, "unit": from_unit, "up": from_up, "fps": from_fps}
-    settings = {name: value for name, value in options.items() if value is not None}
+    options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     with reading_errors_in_one_line():
-        form_of_file = ExportOptions(fps, up, unit)
+        form_of_file = ExportOptions(to_fps, to_up, parse_unit(to_unit, "--to-unit"))
         form_of_file.check(out)
-        files, summary = export_scene(read_scene(clip, form, settings), out, form_of_file)
+        files, summary = export_scene(read_scene(clip, options), out, form_of_file)
     typer.echo(", ".join(map(str, files)) + (f"; {summary}" if summary else ""))

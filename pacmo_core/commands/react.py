@@ -13,19 +13,35 @@ import typer
 from numpy.typing import NDArray
 
 from pacmo_core.commands.captures import is_parquet, names_clips
+from pacmo_core.commands.reading import (
+    FormatName,
+    FromFps,
+    FromUnit,
+    FromUp,
+    Joints,
+    Preset,
+    ReadOptions,
+    Source,
+    check_unit,
+    parse_unit,
+    read_people,
+    to_model_joints,
+)
+from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.base import check_fps
-from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
+from pacmo_core.formats.base import check_fps, check_up
+from pacmo_core.formats.registry import PersonMotion, select_person
+from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
-from pacmo_core.reaction.inference import react_all, sample_times
+from pacmo_core.reaction.inference import finish_reactions, react_all, sample_times
 from pacmo_core.reaction.stream import ReactionStream
-from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, sample_poses
+from pacmo_core.reaction.windows import PartnerMotion, sample_poses
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
@@ -91,13 +107,25 @@ class Reactions:
     samples: Motion
 
 
-def check_reactions_output(out: Path) -> None:
-    """Reject an output without a known suffix."""
+@dataclass(frozen=True)
+class OutputSpace:
+    """Metres per unit and up axis of BVH files."""
+
+    unit: float = 1.0
+    up: str = "y"
+
+
+def check_reactions_output(out: Path, space: OutputSpace) -> None:
+    """Reject an output without a known suffix, or one that has another unit or axis."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
         raise CommandError(f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files")
+    check_up(space.up)
+    check_unit(space.unit, "--to-unit")
+    if is_parquet(out) and space != OutputSpace():
+        raise CommandError(f"{out}: Parquet is always metres, y up; leave out --to-unit, --to-up")
 
 
-def write_reactions(reactions: Reactions, out: Path) -> list[Path]:
+def write_reactions(reactions: Reactions, out: Path, space: OutputSpace) -> list[Path]:
     """Write the files, each atomically; return them."""
     if is_parquet(out):
         with write_motions(out, reactions.skeleton) as writer:
@@ -110,16 +138,21 @@ def write_reactions(reactions: Reactions, out: Path) -> list[Path]:
         if not out.suffix or out.is_dir()
         else (out.parent, out.stem)
     )
-    return _write_bvh(reactions, folder, stem)
+    return _write_bvh(reactions, folder, stem, space)
 
 
-def _write_bvh(reactions: Reactions, folder: Path, stem: str) -> list[Path]:
+def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace) -> list[Path]:
     """Name files so that the preset ``pair`` finds the two people of each sample."""
     fps = float(1 / np.median(np.diff(reactions.times)))
-    partner = format_bvh(reactions.partner, fps, reactions.skeleton)
+
+    def text_of(motion: Motion) -> str:
+        in_units = (from_y_up(motion, space.up) / space.unit).astype(np.float32)
+        return format_bvh(in_units, fps, reactions.skeleton)
+
+    partner = text_of(reactions.partner)
     files = []
     for number, reaction in enumerate(reactions.samples):
-        text = format_bvh(reaction, fps, reactions.skeleton)
+        text = text_of(reaction)
         for person, content in (("A", partner), ("B", text)):
             files.append(folder / f"{stem}_{number}_{person}.bvh")
             write_text(files[-1], content)
@@ -133,9 +166,11 @@ MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused,
 PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
 Weights = Annotated[Path, typer.Option(help="a trained model")]
-Fps = Annotated[
+ToFps = Annotated[
     float | None, typer.Option(help="frame rate of the reaction; default: that of the partner")
 ]
+ToUnit = Annotated[str, typer.Option(help="metres per unit of BVH files, or m, cm, mm, in")]
+ToUp = Annotated[str, typer.Option(help="up axis of BVH files, y or z")]
 Samples = Annotated[int, typer.Option(min=1, help="number of reactions to sample")]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same reactions")]
 PersonName = Annotated[
@@ -145,14 +180,9 @@ Action = Annotated[
     str, typer.Option(help="action label of the capture, for a model trained with labels")
 ]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
-FormatName = Annotated[
-    str | None, typer.Option("--format", help="format of the capture; default: by the suffix")
-]
-Preset = Annotated[str | None, typer.Option(help="preset of a BVH file: duo_mocap, cmu_18_19, ...")]
-Unit = Annotated[float | None, typer.Option(help="metres per unit of a BVH file")]
-Up = Annotated[str | None, typer.Option(help="up axis of the capture, y or z")]
-PartnerFps = Annotated[
-    float | None, typer.Option(help="frame rate of the capture, if it states none or a wrong one")
+Finish = Annotated[
+    bool,
+    typer.Option(help="exact bones, planted feet, closed contacts; of --stream, exact bones only"),
 ]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
 
@@ -161,7 +191,6 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     partner: PartnerFile = None,
     out: Out = None,
     weights: Weights = WEIGHTS,
-    fps: Fps = None,
     samples: Samples = 1,
     seed: Seed = 0,
     person: PersonName = None,
@@ -169,24 +198,33 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     action: Action = "",
     form: FormatName = None,
     preset: Preset = None,
-    unit: Unit = None,
-    up: Up = None,
-    partner_fps: PartnerFps = None,
+    from_unit: FromUnit = [],  # noqa: B006  # typer copies it
+    from_up: FromUp = [],  # noqa: B006
+    from_fps: FromFps = [],  # noqa: B006
+    joints: Joints = [],  # noqa: B006
+    to_unit: ToUnit = "m",
+    to_up: ToUp = "y",
+    to_fps: ToFps = None,
     stream: Live = False,
+    finish: Finish = True,
 ) -> None:
     """Generate reactions to a partner's motion.
 
-    pacmo react walk.bvh --unit 0.01 --up y --fps 120 --samples 8 --out reactions.parquet
+    pacmo react walk.bvh --samples 8 --to-fps 120 --out reactions.parquet
+
+    pacmo react walk.bvh --from-unit cm --from-up y --joints mixamo --to-unit cm --out reaction.bvh
 
     pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
 
     Input formats: BVH, ASF/AMC, NTU .skeleton, ExPI .tsv, InterHuman .npy, DuetDance .mat and .txt
     (--format duetdance), SBU .txt (--format sbu), tables of joints (.npz, .csv, .parquet) and this
-    project's Parquet with --clip. The capture must have
-    the joints of the model, by name; further joints are ignored. A Parquet output has one
-    interaction per sample: person_a is the partner, person_b the reaction. BVH outputs are one file
-    per person and sample, NAME_0_A.bvh the partner and NAME_0_B.bvh the reaction, in metres, y up,
-    with constant bone lengths.
+    project's Parquet with --clip. A capture of another skeleton than the model's is taken if the
+    model's joints can be named in it (--joints); further joints are ignored. A Parquet output has
+    one interaction per sample: person_a is the partner, person_b the reaction. BVH outputs are one
+    file per person and sample, NAME_0_A.bvh the partner and NAME_0_B.bvh the reaction, with the
+    joints of the model and constant bone lengths, in metres, y up unless --to-unit and --to-up say
+    otherwise. Reactions are finished: bones have exact lengths, feet in stance do not slide, and
+    the contacts that are predicted are closed; --no-finish leaves them as generated.
 
     --stream reacts frame by frame. A frame is a line: the time in seconds, then x y z of every
     joint in the order of the model, in metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z],
@@ -194,39 +232,45 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     ...]}, or the time and the numbers of all samples in order. The joints are listed on standard
     error. ``python -m benchmarks.operator`` measures the latency, which is a few milliseconds.
     """
-    options = {"preset": preset, "unit": unit, "up": up, "fps": partner_fps}
-    settings = {name: value for name, value in options.items() if value is not None}
+    options = ReadOptions(form, preset, from_unit, from_up, from_fps, joints)
     torch.set_num_threads(1)
     with reading_errors_in_one_line():
         check_samples(samples)
         if stream:
-            _stream(load_reaction_model(weights), samples, seed, action)
+            random = torch.Generator().manual_seed(seed)
+            live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
+            _stream(weights, live)
             return
         if partner is None or out is None:
             raise CommandError("give a PARTNER and --out, or --stream")
-        check_reactions_output(out)
+        space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
+        check_reactions_output(out, space)
         model = load_reaction_model(weights)
-        capture = _capture(partner, form, settings, person, clip).select_joints(model.skeleton)
+        synthetic = is_synthetic(partner, clip)
+        typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
+        source = Source(partner, person or "a", person)
+        capture = to_model_joints(_capture(source, options, clip), model.skeleton, source, options)
         name = clip or partner.stem
-        at = _sample_times(capture, fps, name)
+        at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
         random = torch.Generator().manual_seed(seed)
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
+        if finish:
+            motions = finish_reactions(model, partner_motion, motions)
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
-        files = write_reactions(reactions, out)
+        files = write_reactions(reactions, out, space)
         typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
 
 
-def _capture(
-    file: Path, form: str | None, settings: dict[str, Any], person: str | None, clip: str
-) -> PersonMotion:
-    if names_clips(file, clip):
-        if not clip or settings or form:
-            raise CommandError(f"{file}: wanted --clip, and no option of other formats")
-        return select_person(read_motion(file, clip), person, clip)
-    return read_partner(file, form or format_of(file), settings, person=person, clip=clip)
+def _capture(source: Source, options: ReadOptions, clip: str) -> PersonMotion:
+    if names_clips(source.file, clip):
+        if not clip or options.describes_files:
+            raise CommandError(f"{source.file}: wanted --clip, and no option of other formats")
+        return select_person(read_motion(source.file, clip), source.person, clip)
+    (person,) = read_people([source], options, clip)
+    return person.motion
 
 
 def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArray[np.float64]:
@@ -255,11 +299,12 @@ def check_total(samples: int, frames: int, joints: int) -> None:
         raise CommandError(f"{wanted}; got {samples} x {frames}")
 
 
-def _stream(model: ReactionModel, samples: int, seed: int, action: str) -> None:
-    random = torch.Generator().manual_seed(seed)
-    live = ReactionStream(model, n_samples=samples, random=random, action=action)
-    typer.echo(f"joints: {' '.join(model.skeleton.joints)}", err=True)
+def _stream(weights: Path, options: dict[str, Any]) -> None:
+    model = load_reaction_model(weights)
+    live, skeleton = ReactionStream(model, **options), model.skeleton
+    typer.echo(f"joints: {' '.join(skeleton.joints)}", err=True)
+    typer.echo(trained_on_line(weights, synthetic_capture=False), err=True)
     lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
-    for line in react_to_lines(lines, live, len(model.skeleton.joints)):
+    for line in react_to_lines(lines, live, len(skeleton.joints)):
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

@@ -20,6 +20,7 @@ from pacmo_core.figures.history import (
     StudyTable,
     add_history,
 )
+from pacmo_core.figures.numbers import format_estimate, format_number
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.promote import history_rows
 from pacmo_core.project.records import utc_now
@@ -126,9 +127,9 @@ def _notes(result: dict[str, Any]) -> Iterator[str]:
     yield f"{result['people']} people; Wilson score intervals, which take answers as independent."
     yield (
         f"Logistic model with random intercepts of people (standard deviation "
-        f"{mixed['person_spread']:.2f}) and clips ({mixed['clip_spread']:.2f}): captured clips are "
-        f"judged real more often by {mixed['difference']:.2f} logits "
-        f"({mixed['low']:.2f} to {mixed['high']:.2f})."
+        f"{format_number(mixed['person_spread'])}) and clips "
+        f"({format_number(mixed['clip_spread'])}): captured clips are judged real more often by "
+        f"{format_estimate({'mean': mixed['difference'], **mixed})} logits."
     )
     of, digest = Path(result["of"]["reactions"]), result["of"]["reactions_sha256"]
     same = of.exists() and hashlib.sha256(of.read_bytes()).hexdigest() == digest
@@ -137,8 +138,7 @@ def _notes(result: dict[str, Any]) -> Iterator[str]:
 
 
 def _format_share(share: dict[str, Any]) -> str:
-    low, high = share["low"], share["high"]
-    return f"{share['mean']:.2f} ({low:.2f} … {high:.2f}), {share['count']} of {share['of']}"
+    return f"{format_estimate(share)}, {share['count']:,} of {share['of']:,}"
 
 
 def _commands(runs: list[Measurement]) -> tuple[str, ...]:

@@ -28,6 +28,10 @@ from pacmo_core.figures.history import render_study
 
 TOKEN = r"^[A-Za-z0-9_-]{22}$"  # 128 random bits
 MAX_REFERENCES = 1000
+# Every response has one of these: done; not HTTP or no JSON; too many participants of an address;
+# no such page, participant or place; another method; the study is complete; too large; malformed;
+# too fast; the disk is full. There is no 500.
+STATUSES = (200, 400, 403, 404, 405, 410, 413, 422, 429, 503)
 Person = Annotated[str, Path(pattern=TOKEN)]
 Place = Annotated[int, Path(ge=0, lt=MAX_REFERENCES)]
 HEADERS = {
@@ -79,7 +83,8 @@ def create_app(study: Study, settings: StudySettings, limiter: RateLimiter) -> F
     """
     random = np.random.default_rng()
     balanced_sample(study.candidates(), settings.per_person, random)
-    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    # A redirect would repeat the address that the request claims in its header Host.
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, redirect_slashes=False)
     page, policy = render_study()
 
     headers = {"Content-Security-Policy": policy, **HEADERS}

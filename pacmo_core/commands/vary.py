@@ -16,13 +16,8 @@ from pacmo_core.commands.augment import (
     BScale,
     Clip,
     First,
-    FormatName,
-    Fps,
     Out,
-    Preset,
     Second,
-    Unit,
-    Up,
     parse_factors,
     solver_errors_in_one_line,
 )
@@ -32,9 +27,21 @@ from pacmo_core.commands.captures import (
     constant_bones_line,
     is_parquet,
     read_two_people,
+    two_sources,
     write_two_people,
 )
 from pacmo_core.commands.react import check_samples, check_total
+from pacmo_core.commands.reading import (
+    FormatName,
+    FromFps,
+    FromUnit,
+    FromUp,
+    Joints,
+    Preset,
+    ReadOptions,
+    to_model_joints,
+)
+from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
@@ -66,30 +73,32 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     clip: Clip = "",
     form: FormatName = None,
     preset: Preset = None,
-    unit: Unit = None,
-    up: Up = None,
-    fps: Fps = None,
+    from_unit: FromUnit = [],  # noqa: B006
+    from_up: FromUp = [],  # noqa: B006
+    from_fps: FromFps = [],  # noqa: B006
+    joints: Joints = [],  # noqa: B006
 ) -> None:
     """Retarget two people's motion to other bodies by a trained skeleton prior.
 
     pacmo vary DUO_A.bvh DUO_B.bvh --preset duo_mocap --samples 20 --weights W --out other
 
-    pacmo vary DUO_A.bvh DUO_B.bvh --unit 0.01 --up y --b-scale left_forearm=1.2 --weights W
-    --out other
+    pacmo vary DUO_A.bvh DUO_B.bvh --b-scale left_forearm=1.2 --weights W --out other
 
-    Without scales the bodies are sampled too, a new one of person b for each sample. The capture
-    must have the joints of the model, by name; further joints are ignored. Several samples are
-    written to folders 0, 1, ... of BVH files, or to one Parquet file. ``pacmo augment`` solves the
-    same problem by optimisation, which takes longer.
+    Without scales the bodies are sampled too, a new one of person b for each sample. Several
+    samples are written to folders 0, 1, ... of BVH files, or to one Parquet file. A capture of
+    another skeleton than the model's is taken if the model's joints can be named in it (--joints);
+    BVH files then have the joints of the model, in metres, y up. ``pacmo augment`` solves the same
+    problem by optimisation, which takes longer.
     """
-    options = {"preset": preset, "unit": unit, "up": up, "fps": fps}
-    settings = {name: value for name, value in options.items() if value is not None}
+    options = ReadOptions(form, preset, from_unit, from_up, from_fps, joints)
     files = (first,) if second is None else (first, second)
     torch.set_num_threads(1)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         check_samples(samples)
         model = load_skeleton_prior(weights)
-        duo = _select_joints(read_two_people(files, form, settings, clip), model.config.skeleton)
+        synthetic = is_synthetic(first, clip)
+        typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
+        duo = _select_joints(read_two_people(files, options, clip), model.config.skeleton, options)
         check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
         places = _output_files(duo, samples, out)
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
@@ -104,10 +113,18 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         )
 
 
-def _select_joints(duo: TwoPersonCapture, skeleton: Skeleton) -> TwoPersonCapture:
-    """Select the joints of the model of both people."""
-    a, b = (person.select_joints(skeleton) for person in duo.people)
-    return replace(duo, people=(a, b))
+def _select_joints(
+    duo: TwoPersonCapture, skeleton: Skeleton, options: ReadOptions
+) -> TwoPersonCapture:
+    """Select the joints of the model of both people, each by the names of their own capture."""
+    sources = two_sources(duo.files)
+    a, b = (
+        to_model_joints(person, skeleton, source, options)
+        for person, source in zip(duo.people, sources, strict=True)
+    )
+    has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
+    keeps = duo.keeps_hierarchy and has_same_names and not options.joints
+    return replace(duo, people=(a, b), keeps_hierarchy=keeps)
 
 
 def _variations(

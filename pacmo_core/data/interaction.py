@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pacmo_core.data.skeleton import Skeleton
 
 Motion = NDArray[np.float32]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -133,3 +134,34 @@ def min_point_distance(first: Motion, second: Motion) -> NDArray[np.float64]:
     squared = squared - 2 * a @ b.transpose(0, 2, 1)
     minimum: NDArray[np.float64] = np.sqrt(squared.min(axis=(1, 2)).clip(0), dtype=np.float64)
     return minimum
+
+
+def closest_points(
+    first: tuple[Array, Array], second: tuple[Array, Array]
+) -> tuple[Array, Array, Array]:
+    """Return where along two segments their closest points are, 0 to 1, and their distance.
+
+    After Ericson (2005), *Real-time collision detection*, section 5.1.9.
+
+    Parameters
+    ----------
+    first, second : beginning and vector of each segment, (..., 3) metres, that broadcast
+    """
+    (p, u), (q, v) = first, second
+    r = p - q
+    a, e, b = _dot(u, u), _dot(v, v), _dot(u, v)
+    c, f = _dot(u, r), _dot(v, r)
+    tiny = np.finfo(np.float64).tiny
+    denominator = a * e - b * b
+    is_parallel = denominator <= 1e-12 * a * e
+    s = np.where(is_parallel, 0.0, (b * f - c * e) / np.where(is_parallel, 1, denominator))
+    s = s.clip(0, 1)
+    t = ((b * s + f) / np.maximum(e, tiny)).clip(0, 1)
+    s = ((b * t - c) / np.maximum(a, tiny)).clip(0, 1)
+    gap = r + s[..., None] * u - t[..., None] * v
+    return s, t, np.sqrt(_dot(gap, gap))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product: Array = np.einsum("...c,...c->...", a, b)
+    return product

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton, bare_names
 
 _LEG = re.compile(r"hip|thigh|leg|knee|shin|calf|ankle|heel|foot|toe|femur|tibia")
 _ARM = re.compile(r"collar|clavicle|shoulder|arm|elbow|wrist|hand|humerus|radius")
@@ -58,15 +58,28 @@ def segments(skeleton: Skeleton) -> tuple[Segment, ...]:
     for limb_root, side in _limb_roots(skeleton):
         limbs |= _name_limb(skeleton, limb_root, side)
     used = {segment.name for segment in limbs.values()}
+    names = bare_names(skeleton.joints)
     result = []
     for child in skeleton.bones[:, 1].tolist():
-        name = snake_case(skeleton.joints[child])
+        name = snake_case(names[child])
         segment = limbs.get(child) or Segment(name, "trunk", is_upper=True)
         if child not in limbs and segment.name in used:
             segment = Segment(f"{segment.name}_{child}", "trunk", is_upper=True)
         used.add(segment.name)
         result.append(segment)
     return tuple(result)
+
+
+@lru_cache(maxsize=8)
+def feet(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
+    """List the joints of each foot: the end of the shin, then those beyond it; none if unnamed."""
+    children = skeleton.bones[:, 1].tolist()
+    kinds = dict(zip(children, segments(skeleton), strict=True))
+    ankles = [joint for joint in children if kinds[joint].kind == "shin"]
+    return tuple(
+        (ankle, *(j for j in _descendants(skeleton, ankle)[1:] if kinds[j].part == "foot"))
+        for ankle in ankles
+    )
 
 
 def snake_case(joint: str) -> str:
@@ -85,17 +98,18 @@ def _limb_roots(skeleton: Skeleton) -> list[tuple[int, str]]:
 def _name_limb(skeleton: Skeleton, limb_root: int, side: str) -> dict[int, Segment]:
     """Return the segments that end at a limb's joints, by joint."""
     joints = _descendants(skeleton, limb_root)
-    words = " ".join(skeleton.joints[joint].lower() for joint in joints)
+    words = " ".join(bare_names(skeleton.joints)[joint].lower() for joint in joints)
     kind = "leg" if _LEG.search(words) else "arm" if _ARM.search(words) else ""
     if not kind or limb_root == skeleton.root:
         return {}
     chain = _main_chain(skeleton, limb_root)
-    names = [skeleton.joints[joint].lower() for joint in chain]
+    bare = bare_names(skeleton.joints)
+    names = [bare[joint].lower() for joint in chain]
     bend = next((i for i, name in enumerate(names) if _BENDS[kind].search(name)), 1)
     limb = {}
     for joint in joints:
         index = chain.index(joint) - bend + _UPPER_SEGMENT if joint in chain else None
-        name = _segment_name(skeleton.joints[joint], side, kind, index)
+        name = _segment_name(bare[joint], side, kind, index)
         limb[joint] = Segment(name, _body_part(kind, index), is_upper=kind == "arm")
     return limb
 

@@ -4,7 +4,8 @@ Joints keep the order of their dataset, so that joint indices in the literature 
 parent may therefore come after its child, and ``Skeleton.order`` lists parents first.
 """
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -83,6 +84,12 @@ class Skeleton:
         """The joint without a parent."""
         return self.parents.index(-1)
 
+    @property
+    def end_effectors(self) -> tuple[int, ...]:
+        """The joints without children: head, hands and feet."""
+        inner = set(self.parents)
+        return tuple(joint for joint in range(len(self.joints)) if joint not in inner)
+
     @cached_property
     def order(self) -> tuple[int, ...]:
         """The joints reached from the root, every parent before its children."""
@@ -160,16 +167,34 @@ def _check_types(fields: Mapping[str, Any]) -> None:
         raise ValueError(f"wanted 1 to {MAX_JOINTS} joints; got {len(fields['joints'])}")
 
 
+def bare_names(joints: Sequence[str]) -> list[str]:
+    """Leave out what programs write before the name of every joint, such as ``mixamorig:``."""
+    prefix = re.match(r".*[:|_]", joints[0]) if len(joints) > 1 else None
+    while prefix and not all(joint.startswith(prefix[0]) for joint in joints):
+        prefix = re.match(r".*[:|_]", prefix[0][:-1])
+    if prefix is None or prefix[0].lower() in ("left_", "right_", "l_", "r_"):
+        return list(joints)
+    return [joint[prefix.end() :] or joint for joint in joints]
+
+
 def mirror_by_name(joints: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
-    """Pair joints whose names differ in left and right (``left_knee``, ``LeftLeg``, ``lknee``)."""
-    lower = [joint.lower() for joint in joints]
+    """Pair joints whose names differ in left and right alone.
+
+    As in ``left_knee``, ``LeftLeg``, ``lknee`` and ``KneeLeft``, after a prefix of all joints.
+    """
+    lower = [name.lower() for name in bare_names(joints)]
     pairs = []
     for i, name in enumerate(lower):
-        for left, right in (("left", "right"), ("l", "r")):
-            mirror = right + name.removeprefix(left)
-            if name.startswith(left) and mirror in lower:
-                pairs.append((i, lower.index(mirror)))
-                break
+        mirrors = [
+            right + name.removeprefix(left)
+            for left, right in (("left", "right"), ("l", "r"))
+            if name.startswith(left)
+        ]
+        if name.endswith("left"):
+            mirrors.append(name.removesuffix("left") + "right")
+        mirror = next((mirror for mirror in mirrors if mirror in lower), None)
+        if mirror is not None:
+            pairs.append((i, lower.index(mirror)))
     return tuple(pairs)
 
 

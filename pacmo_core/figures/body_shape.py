@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton, bare_names
 
 # Radius of the body at a joint, metres, of an adult; the first matching pattern applies.
 _RADII = (
@@ -51,7 +51,7 @@ def make_body_shape(skeleton: Skeleton) -> BodyShape:
 
     A skeleton without names of elbows and knees gets one capsule per bone.
     """
-    names = [joint.lower() for joint in skeleton.joints]
+    names = [joint.lower() for joint in bare_names(skeleton.joints)]
     head = tuple(i for i, name in enumerate(names) if re.search(_HEAD, name))
     trunk = _trunk(skeleton, names)
     inside = {joint for joint, _ in trunk} | {

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from markupsafe import Markup
 
 from pacmo_core.figures.curves import Chart, Curve, charts
-from pacmo_core.figures.tables import Cell, Entry, make_entry
+from pacmo_core.figures.tables import Cell, Entry, finite_value, make_entry
 from pacmo_core.figures.viewer import player_scripts, read_asset, script_hash, template_environment
 from pacmo_core.metrics.catalogue import METRICS
 
@@ -28,7 +28,9 @@ def render_history(curve: Curve | None, rows: Sequence[DecisionRow]) -> str:
     """Render the page; it needs no network."""
     page = template_environment().get_template("history.html")
     terms = charts(replace(curve, terms=_labelled_terms(curve.terms))) if curve else []
-    return page.render(charts=terms, rows=rows, style=Markup(read_asset("report.css")))
+    return page.render(
+        charts=terms, rows=rows, style=Markup(read_asset("table.css") + read_asset("report.css"))
+    )
 
 
 def _labelled_terms(terms: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
@@ -134,17 +136,25 @@ def _history_charts(runs: Sequence[Measurement]) -> dict[str, list[Chart]]:
 
 
 def _curve(runs: Sequence[Measurement]) -> Curve:
-    terms = {
-        METRICS[name].label: [_mean_of(run.metrics.get(name, {})) for run in runs]
+    values = {
+        METRICS[name].label: {
+            key: [_value_of(run.metrics.get(name, {}), key) for run in runs]
+            for key in ("mean", "low", "high")
+        }
         for name in COMPARED_METRICS
     }
-    known = {name: values for name, values in terms.items() if any(v == v for v in values)}
-    return Curve([float(run.number) for run in runs], known, x_label="run")
+    known = {name: ends for name, ends in values.items() if any(v == v for v in ends["mean"])}
+    return Curve(
+        [float(run.number) for run in runs],
+        {name: ends["mean"] for name, ends in known.items()},
+        x_label="run",
+        intervals={name: (ends["low"], ends["high"]) for name, ends in known.items()},
+    )
 
 
-def _mean_of(cell: Cell) -> float:
-    mean = cell.get("mean")
-    return float("nan") if mean is None else float(mean)
+def _value_of(cell: Cell, key: str) -> float:
+    value = finite_value(cell, key)
+    return float("nan") if value is None else value
 
 
 STUDY_POLICY = (

@@ -7,6 +7,7 @@ Human Activity using Neural Operators*, arXiv 2211.16210.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pacmo_core.figures.numbers import format_printed
 from pacmo_core.figures.tables import Entry, Line, Rows, Table, make_entry
 from pacmo_core.metrics.catalogue import METRICS, PUBLISHED_COLUMNS
 
@@ -44,13 +45,14 @@ PAPER_TABLES = (
     ),
 )
 
-LABELS = {"real": "Real Motion", "pacmo": "PaCMO", "gru": "GRU baseline"}
-# Our rows below a row of the paper, with their labels.
+LABELS = {"real": "Real motion", "pacmo": "PaCMO", "gru": "GRU"}
+# Our rows below a row of the paper, with what is particular about them.
 OUR_ROWS = {
-    "real": {"real": "here: a second sample, not the same set"},
-    "pacmo": {"pacmo": "here", "pacmo_paper": "here, as published, without additions"},
-    "gru": {"gru": "here"},
+    "real": {"real": "a second sample, not the same set"},
+    "pacmo": {"pacmo": "", "pacmo_paper": "as published, without additions"},
+    "gru": {"gru": ""},
 }
+THE_PAPER, OURS = "the paper", "ours"
 
 CAVEATS = (
     "F²ID and diversity depend on features, and the paper's auto-encoder was never released: these "
@@ -62,7 +64,7 @@ CAVEATS = (
     "APE 0.03 m and AVE 0.23 m² on NTU RGB+D 120 are inconsistent for motion in metres: such a "
     "variance with so small a position error requires root displacements of about 3.8 m.",
     "Here n reactions are sampled with replacement, five times, as in the paper; the small numbers "
-    "are the smallest and largest repeat, of APE and AVE the interval over clips.",
+    "are the smallest and largest repeat, of APE and AVE the interval over people.",
 )
 
 
@@ -76,12 +78,13 @@ def side_by_side(paper: PaperTable, ours: Rows) -> Table:
     """
     lines = []
     for row, printed in paper.rows.items():
-        texts = tuple(Entry(text.replace("-", "−"), "", "", "") for text in printed)
-        lines.append(Line(LABELS[row], "the paper", is_model=False, entries=texts))
-        for name, label in OUR_ROWS[row].items():
+        texts = tuple(Entry(format_printed(text), "", "", "") for text in printed)
+        lines.append(Line(f"{LABELS[row]}, {THE_PAPER}", "", is_model=False, entries=texts))
+        for name, meaning in OUR_ROWS[row].items():
             if name in ours:
                 cells = tuple(make_entry(ours[name].get(c, {}), "") for c in PUBLISHED_COLUMNS)
-                lines.append(Line("", label, is_model=True, entries=cells))
+                label = f"{LABELS[row]}, {OURS}"
+                lines.append(Line(label, meaning, is_model=True, entries=cells))
     return Table(tuple(METRICS[column] for column in PUBLISHED_COLUMNS), tuple(lines))
 
 

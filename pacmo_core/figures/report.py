@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.curves import Curve, charts
+from pacmo_core.figures.findings import Finding
 from pacmo_core.figures.tables import Rows, Table, metrics_table
 from pacmo_core.figures.viewer import (
     packed_scenes,
@@ -21,11 +22,15 @@ SECTIONS = {
     "pacmo": "Reactions, generated from the motion of the partner",
     "pacmo_partner": "Do reactions depend on their partner?",
     "pacmo_same_action": "The same, with partners permuted within an action",
-    "pacmo_further": "Plausibility and diversity",
+    "pacmo_contact": "Do they meet?",
+    "pacmo_contact_by_action": "Contacts met, by action",
+    "pacmo_plausibility": "Plausibility",
+    "pacmo_further": "Further metrics",
     "augment": "Variations: the same interaction on other bodies",
     "skeleton_prior": "Skeleton priors: retargeting and generation",
 }
 
+STYLES = ("player.css", "table.css", "report.css")
 CONTACT = 0.1  # metres; for display only, metrics have their own setting
 
 
@@ -74,7 +79,7 @@ class Report:
     Parameters
     ----------
     title : name of the experiment
-    summary : one or two sentences
+    summary : what the page is about, in one sentence
     facts : commands and hashes of the run, by name
     data : the dataset
     tables : section to rows to metrics to ``{mean, low, high}``, or ``{missing: reason}``
@@ -84,6 +89,9 @@ class Report:
     clips : clips to play
     contact : distance in metres below which joints of two people are marked as in contact
     gallery : clips with their variations, to play
+    generated : clips with the motions of skeleton priors, to play
+    findings : what was found, a sentence for each model: the page opens with them
+    findings_note : what the sentences rest on
     """
 
     title: str
@@ -97,6 +105,14 @@ class Report:
     clips: tuple[PlayedClip, ...] = ()
     contact: float = CONTACT
     gallery: tuple[PlayedClip, ...] = ()
+    generated: tuple[PlayedClip, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    findings_note: str = ""
+
+    @property
+    def played(self) -> tuple[PlayedClip, ...]:
+        """All clips, in the order of the page."""
+        return (*self.clips, *self.gallery, *self.generated)
 
 
 def render_report(report: Report) -> str:
@@ -105,7 +121,7 @@ def render_report(report: Report) -> str:
     Equal reports give equal bytes. Every text is escaped; the content security policy of the page
     allows only the scripts of the player, by their hashes.
     """
-    scripts = player_scripts() if report.clips else ()
+    scripts = player_scripts() if report.played else ()
     return (
         template_environment()
         .get_template("report.html")
@@ -114,11 +130,8 @@ def render_report(report: Report) -> str:
             reasons=Counter(row.reason for row in report.data.quarantined).most_common(),
             tables=_tables(report.tables),
             curves={name: charts(curve) for name, curve in report.curves.items()},
-            packed=[
-                packed_scenes(clip.scenes(), contact=report.contact)
-                for clip in (*report.clips, *report.gallery)
-            ],
-            style=Markup(read_asset("player.css") + read_asset("report.css")),
+            packed=[packed_scenes(clip.scenes(), contact=report.contact) for clip in report.played],
+            style=Markup("".join(map(read_asset, STYLES))),
             scripts=[Markup(script) for script in scripts],
             hashes=[script_hash(script) for script in scripts],
         )

@@ -20,7 +20,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton, bare_names
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,8 @@ def project(points: Array, camera: Camera) -> Array:
 
 def bone_widths(skeleton: Skeleton) -> list[float]:
     """Return the diameter of each of ``skeleton.bones``, in metres."""
-    names = [skeleton.joints[child].lower() for _, child in skeleton.bones]
+    bare = bare_names(skeleton.joints)
+    names = [bare[child].lower() for _, child in skeleton.bones]
     return [
         next((w for words, w in WIDTHS if any(word in name for word in words)), 0.09)
         for name in names
@@ -159,7 +160,7 @@ def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colou
                 solid_capstyle="round",
                 zorder=10.0 + near - 0.01 * (extra > 0),
             )
-    for joint, name in enumerate(skeleton.joints):
+    for joint, name in enumerate(bare_names(skeleton.joints)):
         if name.lower() == "head":
             near = pose[joint, 2]
             disc = Circle(

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pacmo_core.figures.numbers import format_number, format_range
 from pacmo_core.metrics.catalogue import (
     CLOSER_TO_REAL,
     HIGHER,
@@ -14,6 +15,7 @@ from pacmo_core.metrics.catalogue import (
     ROWS,
     UNKNOWN,
     Metric,
+    find_metric,
 )
 
 Cell = Mapping[str, float | str | None]  # mean, low, high; without a mean, the reason as "missing"
@@ -26,7 +28,7 @@ _NO_VALUE, _NO_REASON = "–", "not computed for this row"
 class Entry:
     """One cell as displayed; the interval has one or more lines.
 
-    ``mark`` is ``best``, ``level`` (the interval overlaps that of the best) or empty.
+    ``mark`` is ``best``, ``level`` (the interval overlaps that of the best), ``worst`` or empty.
     """
 
     value: str
@@ -70,7 +72,7 @@ def metrics_table(rows: Rows) -> Table:
     columns = _known_first(METRICS, {key: None for row in rows.values() for key in row})
     marks = {column: _marks(rows, column) for column in columns}
     return Table(
-        metrics=tuple(METRICS.get(c, Metric(c, UNKNOWN, "", "")) for c in columns),
+        metrics=tuple(find_metric(c) or Metric(c, UNKNOWN, "", "") for c in columns),
         lines=tuple(
             Line(
                 *ROWS.get(name, (name, "")),
@@ -93,16 +95,6 @@ def markdown_table(rows: Rows) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in [head, ruler, *body]) + "\n"
 
 
-def format_number(value: float) -> str:
-    """Format a number with three significant digits and a minus sign (U+2212)."""
-    size = abs(value)
-    if size and not 1e-3 <= size < 1e5:
-        text = f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e")
-    else:
-        text = f"{value:.0f}" if size >= 100 else f"{value:#.3g}".removesuffix(".") if size else "0"
-    return text.replace("-", "−")
-
-
 def _known_first(known: Mapping[str, object], given: Mapping[str, object]) -> list[str]:
     return [key for key in known if key in given] + [key for key in given if key not in known]
 
@@ -120,15 +112,14 @@ def make_entry(cell: Cell, mark: str) -> Entry:
     mean, low, high = (finite_value(cell, key) for key in ("mean", "low", "high"))
     if mean is None:
         return Entry(_NO_VALUE, "", "", str(cell.get("missing") or _NO_REASON))
-    interval = (
-        "" if low is None or high is None else f"{format_number(low)} … {format_number(high)}"
-    )
+    interval = "" if low is None or high is None else format_range(low, high)
     return Entry(format_number(mean), interval, mark, "")
 
 
 def _marks(rows: Rows, column: str) -> dict[str, str]:
     """Mark the best model of a column, and those whose intervals overlap that of the best."""
-    better = METRICS[column].better if column in METRICS else UNKNOWN
+    metric = find_metric(column)
+    better = metric.better if metric else UNKNOWN
     real = finite_value(rows.get("real", {}).get(column, {}), "mean")
     cells = {name: row.get(column, {}) for name, row in rows.items() if name not in REFERENCE_ROWS}
     means = {
@@ -139,7 +130,10 @@ def _marks(rows: Rows, column: str) -> dict[str, str]:
     distances = {LOWER: means, HIGHER: {name: -m for name, m in means.items()}}.get(
         better, {name: abs(m - (real or 0.0)) for name, m in means.items()}
     )
-    best = min(distances, key=distances.__getitem__)
+    lowest = [name for name in means if distances[name] == min(distances.values())]
+    if len(lowest) > 1:  # none is better than the others
+        return dict.fromkeys(lowest, "level") if len(lowest) < len(means) else {}
+    (best,) = lowest
     level = {name: "level" for name in means if name != best and _overlap(cells[name], cells[best])}
     return {best: "best"} | level
 
@@ -164,6 +158,9 @@ def _plain(text: str) -> str:
 
 
 BETWEEN = "_minus_"
+# A metric without a label is in the data, and in no table.
+LABELLED = tuple(name for name, metric in METRICS.items() if metric.label)
+_ONE_FOLD: Cell = {"missing": "an interval over folds needs at least two of them"}
 _REASON: Cell = {"missing": "the same by definition, or not measured"}
 
 
@@ -191,7 +188,7 @@ def sensitivity_table(sensitivity: Rows, labels: Mapping[str, str]) -> Table:
 def insensitive_metrics(cells: Mapping[str, Cell]) -> list[str]:
     """Return the labels of the metrics that do not separate true pairs from wrong ones."""
     return [
-        METRICS[name].label for name in METRICS if name in cells and not cells[name]["sensitive"]
+        METRICS[name].label for name in LABELLED if name in cells and not cells[name]["sensitive"]
     ]
 
 
@@ -199,7 +196,7 @@ def _transposed_table(
     columns: Rows, labels: Mapping[str, str], marked: Callable[[Cell, str], bool]
 ) -> Table:
     """Return a table with a column for each comparison and a line for each known metric."""
-    selected = [name for name in METRICS if any(name in cells for cells in columns.values())]
+    selected = [name for name in LABELLED if any(name in cells for cells in columns.values())]
     lines = []
     for name in selected:
         cells = [column.get(name, _REASON) for column in columns.values()]
@@ -227,7 +224,7 @@ AUGMENTATION_TITLE = "Does augmentation improve PaCMO?"
 AUGMENTATION_HEADS = (
     Metric("With variations", UNKNOWN, "", ""),
     Metric("Without", UNKNOWN, "", ""),
-    Metric("Difference, over clips", UNKNOWN, "", "interval over clips of the same people"),
+    Metric("Difference, over people", UNKNOWN, "", "interval over pairs of people, or recordings"),
     Metric("Difference, over folds", UNKNOWN, "", "interval over people and trainings"),
     Metric("Better in", UNKNOWN, "", "folds"),
 )
@@ -251,8 +248,8 @@ def augmentation_table(pooled: Mapping[str, Any]) -> Table:
         mark = "best" if metric_verdict(name, pooled["folds"].get(name, {})) == BETTER else ""
         entries = (
             *(make_entry(pooled[part].get(name, {}), "") for part in ("with", "without", "clips")),
-            make_entry(pooled["folds"].get(name, {}), mark),
-            make_entry(_count_improved(name, pooled["each"][name]), ""),
+            make_entry(pooled["folds"].get(name, _ONE_FOLD), mark),
+            _count_improved(name, pooled["each"][name]),
         )
         lines.append(Line(label, metric.meaning, is_model=False, entries=entries))
     return Table(AUGMENTATION_HEADS, tuple(lines))
@@ -291,11 +288,12 @@ def metric_verdict(name: str, cell: Cell) -> str:
 
 
 def _known_metrics(pooled: Mapping[str, Any]) -> list[str]:
-    return [name for name in METRICS if name in pooled["each"]]
+    return [name for name in LABELLED if name in pooled["each"]]
 
 
-def _count_improved(name: str, differences: Sequence[float]) -> Cell:
+def _count_improved(name: str, differences: Sequence[float]) -> Entry:
     sign = {LOWER: -1, HIGHER: 1}.get(METRICS[name].better, 0)
     if not sign:
-        return {"missing": "this metric has no better direction"}
-    return {"mean": float(sum(sign * value > 0 for value in differences))}
+        return Entry(_NO_VALUE, "", "", "this metric has no better direction")
+    improved = sum(sign * value > 0 for value in differences)
+    return Entry(f"{improved} of {len(differences)}", "", "", "")

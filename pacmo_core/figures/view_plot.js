@@ -2,7 +2,7 @@
 // A quantity over time below the picture; a click seeks.
 
 (() => {
-  const DASHES = [[], [6, 3], [2, 2.5], [9, 3, 2, 3], [4, 6], [12, 4]];
+  const DASHES = [[], [6, 3], [2, 2.5], [9, 3, 2, 3], [4, 6], [12, 4], [14, 3, 2, 3, 2, 3]];
   const LEFT = 44, RIGHT = 8, TOP = 8, BOTTOM = 14, MOST = 2000;
 
   // The smallest round step that divides a range into at most so many parts.

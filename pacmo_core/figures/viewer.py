@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.body_shape import make_body_shape
+from pacmo_core.figures.tables import Table
 
 _MAX_STEP = np.iinfo(np.int16).max
 _SOLE_HEIGHT = 0.04  # metres from the ground to the lowest joint
@@ -173,6 +174,7 @@ def _same_world(first: Scene, second: Scene) -> bool:
     )
 
 
+STYLES = ("player.css", "table.css", "viewer.css")
 LIBRARY = "three.min.js"
 SCRIPTS = (
     "view_motion.js",
@@ -187,7 +189,9 @@ SCRIPTS = (
 MAX_CLIPS = 6  # clips side by side: more are too small to judge
 
 
-def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
+def render_viewer(
+    scenes: Sequence[Scene], *, contact: float, title: str = "", table: Table | None = None
+) -> str:
     """Return a self-contained page that plays scenes side by side.
 
     Equal scenes give equal bytes. Every text is escaped; the content security policy of the page
@@ -197,6 +201,8 @@ def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
     ----------
     scenes : one to six
     contact : distance in metres below which joints of two people are marked as in contact
+    title : of the page; default: the labels
+    table : of measurements, below the clips
 
     Raises
     ------
@@ -210,11 +216,12 @@ def render_viewer(scenes: Sequence[Scene], *, contact: float) -> str:
         template_environment()
         .get_template("viewer.html")
         .render(
-            title=" · ".join(scene.label for scene in scenes),
+            title=title or " · ".join(scene.label for scene in scenes),
+            table=table,
             labels=[scene.label for scene in scenes],
             people=max(len(scene.people) for scene in scenes),
             packed=[packed_scenes(scenes, contact=contact)],
-            style=Markup(read_asset("player.css") + read_asset("viewer.css")),
+            style=Markup("".join(map(read_asset, STYLES))),
             scripts=[Markup(library), Markup(script)],
             hashes=[script_hash(library), script_hash(script)],
         )

@@ -178,7 +178,8 @@ def pair_people(people: Sequence[Person]) -> Reading:
     for person in people:
         check_work(person.file, *person.positions.shape[:2])
     if a.skeleton != b.skeleton:
-        raise FormatError(b.file, f"not the joints of {a.file.name}: {_skeleton_difference(a, b)}")
+        difference = skeleton_difference(b.skeleton, a.skeleton)
+        raise FormatError(b.file, f"not the joints of {a.file.name}: {difference}")
     # Programs round a thirtieth of a second to six or seven digits: at most a tenth of a
     # millisecond in a second, which does not count as another frame rate.
     if not np.isclose(a.fps, b.fps, rtol=1e-4):
@@ -236,9 +237,9 @@ def _check_distance(person: Person) -> None:
         raise FormatError(person.file, f"{reason}; wanted at most {MAX_DISTANCE:g} m")
 
 
-def _skeleton_difference(a: Person, b: Person) -> str:
-    """Describe how two skeletons differ."""
-    ours, theirs = set(b.skeleton.joints), set(a.skeleton.joints)
+def skeleton_difference(skeleton: Skeleton, other: Skeleton) -> str:
+    """Describe how a skeleton differs from another."""
+    ours, theirs = set(skeleton.joints), set(other.joints)
     extra, missing = sorted(ours - theirs), sorted(theirs - ours)
     if extra or missing:
         return f"{extra[:5]} more, {missing[:5]} missing"

@@ -3,9 +3,10 @@
 Two files named outright need no rule: ``read`` takes any sequence that holds them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from pacmo_core.formats.base import (
 )
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.cmu import trial_label
-from pacmo_core.formats.pairing import PairRule, pair_files
+from pacmo_core.formats.pairing import PairRule, pair_files, unpaired_text
 
 INCH = 0.0254
 
@@ -59,6 +60,7 @@ DUO_MOCAP = BvhPreset(
             recording="{recording}",
             action="salsa",
             subjects=("salsa-female", "salsa-male"),
+            example="salsa/Easy_01_female.bvh and salsa/Easy_01_male.bvh",
         ),
         PairRule(
             pattern=_DUO.format(
@@ -69,6 +71,7 @@ DUO_MOCAP = BvhPreset(
             recording="{recording}",
             action="{action}",
             subjects=("S1", "S2"),
+            example="hug001_S1.bvh and hug001_S2.bvh",
         ),
     ),
     unit=1.0,
@@ -78,10 +81,11 @@ DUO_MOCAP = BvhPreset(
 
 # CMU's two-person trials as AMASS fits. Both folders spell a trial with person a's number, and
 # the same two people are subjects 18 and 19, 20 and 21, 22 and 23: a split by person must know.
+# The folders of some pairs are delivered as Justin1 or Rory.
 CMU_18_19 = BvhPreset(
     rules=(
         PairRule(
-            pattern=r"(?P<folder>(?:.*/)?)(?P<a>\d\d)_(?P<b>\d\d)_(?P<person>Justin|rory)"
+            pattern=r"(?P<folder>(?:.*/)?)(?P<a>\d\d)_(?P<b>\d\d)_(?P<person>(?i:justin|rory))\d?"
             r"/(?P<trial>(?P=a)_\d\d)_poses\.(?i:bvh)",
             persons=("Justin", "rory"),
             name="{folder}{a}_{b}/{trial}",
@@ -89,6 +93,7 @@ CMU_18_19 = BvhPreset(
             action="{trial}",
             subjects=("Justin", "rory"),
             label=trial_label,
+            example="20_21_Justin/20_01_poses.bvh and 20_21_rory/20_01_poses.bvh",
         ),
         PairRule(
             pattern=r"(?P<folder>(?:.*/)?)(?P<person>60|61)_(?P<trial>\d\d)_poses\.(?i:bvh)",
@@ -98,6 +103,7 @@ CMU_18_19 = BvhPreset(
             action="60_{trial}",
             subjects=("60", "61"),
             label=trial_label,
+            example="60_01_poses.bvh and 61_01_poses.bvh",
         ),
     ),
     unit=1.0,
@@ -119,6 +125,7 @@ PAIR = BvhPreset(
             recording="{name}",
             action="",
             subjects=("", ""),
+            example="NAME_A.bvh and NAME_B.bvh",
         ),
     ),
     unit=None,
@@ -132,6 +139,17 @@ PRESETS = {
     "skeleton_priors": SKELETON_PRIORS,
     "pair": PAIR,
 }
+
+
+def unstated_settings(preset: str, settings: Mapping[str, Any]) -> list[str]:
+    """List ``unit`` and ``up``, if neither the settings nor the preset state them."""
+    if preset not in PRESETS:
+        return []
+    return [
+        name
+        for name in ("unit", "up")
+        if settings.get(name) is None and getattr(PRESETS[preset], name) is None
+    ]
 
 
 Setting = TypeVar("Setting", str, float)
@@ -191,7 +209,10 @@ class BvhPairs:
         FormatError
             If a file is broken (said first), the second is missing, or the two do not match.
         """
-        reading = pair_people([self._person(file) for file in sequence.files])
+        people = [self._person(file) for file in sequence.files]
+        if len(people) == 1:
+            raise FormatError(sequence.files[0], unpaired_text(self._facts.rules))
+        reading = pair_people(people)
         return replace(reading, interaction=self._met(sequence, reading.interaction))
 
     @property

@@ -18,7 +18,7 @@ from pacmo_core.formats.base import (
     check_fps,
     pair_people,
 )
-from pacmo_core.formats.pairing import PairRule, pair_files
+from pacmo_core.formats.pairing import PairRule, pair_files, unpaired_text
 
 # Subjects captured together: the same trial number is the same recording.
 CMU_PAIRS = (("18", "19"), ("20", "21"), ("22", "23"), ("33", "34"), ("60", "61"))
@@ -83,6 +83,7 @@ PAIR_RULES = tuple(
         action=f"{a}_{{trial}}",
         subjects=(a, b),
         label=trial_label,
+        example=f"{a}_01.amc and {b}_01.amc",
     )
     for a, b in CMU_PAIRS
 )
@@ -121,7 +122,10 @@ class Cmu:
             If a file is broken (said first), one is missing, or the two do not match.
         """
         motions = [file for file in sequence.files if file.suffix.lower() == ".amc"]
-        return pair_people([self._person(file) for file in motions])
+        people = [self._person(file) for file in motions]
+        if len(people) == 1:
+            raise FormatError(motions[0], unpaired_text(PAIR_RULES))
+        return pair_people(people)
 
     def _person(self, file: Path) -> Person:
         asf_file, subject = skeleton_file(file), _subject(file)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pacmo_core.data.limits import walk_files
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.tables import sequence_name
 
@@ -23,11 +24,12 @@ class PairRule:
     ----------
     pattern : regular expression over the whole path below the root, ``/`` between folders; its
         group ``person`` is the person, its other groups fill the templates
-    persons : the values of group ``person`` for person a and for person b
+    persons : the values of group ``person``, in any case, for person a and for person b
     name, recording, action : templates (``str.format``) of the sequence's name, of the
         recording (kept together by a split) and of the label
     subjects : who person a and person b are
     label : from the filled ``action`` template to the action
+    example : the paths of a pair, for messages
     """
 
     pattern: str
@@ -37,11 +39,13 @@ class PairRule:
     action: str
     subjects: tuple[str, str]
     label: Callable[[str], str] = unchanged_label
+    example: str = ""
 
     def sequence(self, path: str) -> tuple[int, RawSequence] | None:
         """Match a path: the person (0 or 1) and the sequence, without files yet."""
         match = re.fullmatch(self.pattern, path)
-        if match is None or match["person"] not in self.persons:
+        persons = [person.lower() for person in self.persons]
+        if match is None or match["person"].lower() not in persons:
             return None
         words = match.groupdict(default="")
         sequence = RawSequence(
@@ -51,7 +55,13 @@ class PairRule:
             subjects=self.subjects,
             recording=self.recording.format(**words),
         )
-        return self.persons.index(match["person"]), sequence
+        return persons.index(match["person"].lower()), sequence
+
+
+def unpaired_text(rules: tuple[PairRule, ...]) -> str:
+    """Say which names would have made a file one of a pair."""
+    examples = " or ".join(rule.example for rule in rules if rule.example)
+    return "no second person: " + (f"wanted names such as {examples}" if examples else "one file")
 
 
 def matching_files(root: Path, file_name: str) -> list[Path]:
@@ -60,8 +70,7 @@ def matching_files(root: Path, file_name: str) -> list[Path]:
     All but folders: what is no regular file is listed too, so that ingestion can give the reason.
     """
     pattern = re.compile(file_name, re.IGNORECASE | re.DOTALL)
-    files = (file for file in root.rglob("*") if pattern.fullmatch(file.name))
-    return sorted(file for file in files if file.is_symlink() or not file.is_dir())
+    return sorted(file for file in walk_files(root) if pattern.fullmatch(file.name))
 
 
 def unpaired_sequence(root: Path, file: Path) -> RawSequence:

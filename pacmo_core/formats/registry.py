@@ -24,7 +24,7 @@ from pacmo_core.formats.ntu import (
     parse_skeleton_text,
 )
 from pacmo_core.formats.sbu import Sbu
-from pacmo_core.formats.table import Table
+from pacmo_core.formats.table import Table, has_person_b
 from pacmo_core.formats.tables import read_bytes
 
 # Each a frozen dataclass of settings with the methods of Format.
@@ -192,6 +192,20 @@ def read_partner(
     return select_person(
         read_capture(reader, RawSequence(file.stem, (file,))).interaction, person, file.name
     )
+
+
+def holds_one_person(file: Path, format_name: str, settings: Mapping[str, Any]) -> bool:
+    """Whether a file of a format that can hold two people holds one.
+
+    Raises
+    ------
+    FormatError
+        If the file is broken.
+    """
+    if format_name == "table":
+        return not has_person_b(file)
+    reader = open_format(format_name, {**DEFAULT_SETTINGS[format_name], **settings})
+    return read_single(file, reader) is not None
 
 
 def read_single(file: Path, reader: Format) -> PersonMotion | None:

@@ -97,6 +97,25 @@ class Table:
         times = self._times(file, arrays, n_frames)
         return replace(reading, interaction=replace(reading.interaction, times=times))
 
+    def read_undescribed(self, file: Path) -> "UndescribedTable":
+        """Read what of unit and upward axis a file does not state, and the positions as they are.
+
+        Raises
+        ------
+        FormatError
+            As ``read``.
+        """
+        arrays = _read_arrays(file)
+        skeleton = _skeleton(file, arrays)
+        people = [
+            _positions(file, arrays, name, skeleton)
+            for name in PEOPLE
+            if name in arrays or name == PEOPLE[0]
+        ]
+        stated = {"unit": self.unit, "up": self.up}
+        unstated = [name for name, value in stated.items() if value is None and name not in arrays]
+        return UndescribedTable(skeleton, people, unstated)
+
     def read_single(
         self, file: Path
     ) -> tuple[Skeleton, NDArray[np.float64], NDArray[np.float32]] | None:
@@ -142,6 +161,33 @@ class Table:
         if fps is None:
             raise FormatError(file, f"neither fps nor times; got {', '.join(arrays)}")
         return np.arange(n_frames) / fps
+
+
+def has_person_b(file: Path) -> bool:
+    """Whether a table holds two people.
+
+    Raises
+    ------
+    FormatError
+        If the file is broken.
+    """
+    return "person_b" in _read_arrays(file)
+
+
+@dataclass(frozen=True)
+class UndescribedTable:
+    """A table before its unit and upward axis are known.
+
+    Parameters
+    ----------
+    skeleton : of all people
+    people : one or two of (T, J, 3) float64, in the file's unit and axes
+    unstated : ``unit`` and ``up``, if neither the file nor the settings state them
+    """
+
+    skeleton: Skeleton
+    people: list[NDArray[np.float64]]
+    unstated: list[str]
 
 
 def _read_arrays(file: Path) -> Arrays:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.limits import MAX_LINES, MAX_NUMBERS
+from pacmo_core.data.limits import MAX_LINE_BYTES, MAX_LINES, MAX_NUMBERS
 from pacmo_core.formats.base import FormatError, read_content
 
 # A kilometre: larger than any capture volume, and its square is finite in float32.
@@ -48,10 +48,20 @@ def read_bytes(file: Path) -> bytes:
 
 
 def check_lines(file: Path, content: bytes) -> None:
-    """Raise FormatError if a text has more than ``MAX_LINES`` lines, however they end."""
+    """Raise FormatError if a text has more or longer lines than ``data.limits`` allows.
+
+    A line becomes words, each of which takes many times its bytes.
+    """
     n_lines = max(content.count(b"\n"), content.count(b"\r")) + 1
     if n_lines > MAX_LINES:
         raise FormatError(file, f"wanted at most {MAX_LINES} lines; got {n_lines}")
+    if len(content) <= MAX_LINE_BYTES:
+        return
+    lines = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")
+    for number, line in enumerate(lines, start=1):
+        if len(line) > MAX_LINE_BYTES:
+            reason = f"wanted lines of at most {MAX_LINE_BYTES} bytes; got {len(line)}"
+            raise FormatError(file, reason, number)
 
 
 def parse_floats(fields: Iterable[bytes]) -> NDArray[np.float64]:

@@ -1,41 +1,15 @@
-"""Distances between the bones of the two bodies as line segments, and penetration of capsules.
-
-Closest points of two segments after Ericson (2005), *Real-time collision detection*, section 5.1.9.
-"""
+"""Distances between the bones of the two bodies as line segments, and penetration of capsules."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.interaction import closest_points
 from pacmo_core.interaction_mesh.body_parts import capsule_radii
 from pacmo_core.interaction_mesh.scene import Array, Scene
 
 # Metres by which two capsules of the source may be apart and still meet in a variation.
 MAX_GAP = 0.3
 FRAMES_PER_BATCH = 64  # bounds memory
-
-
-def closest_points(
-    first: tuple[Array, Array], second: tuple[Array, Array]
-) -> tuple[Array, Array, Array]:
-    """Return where along two segments their closest points are, 0 to 1, and their distance.
-
-    Parameters
-    ----------
-    first, second : beginning and vector of each segment, (..., 3) metres, that broadcast
-    """
-    (p, u), (q, v) = first, second
-    r = p - q
-    a, e, b = _dot(u, u), _dot(v, v), _dot(u, v)
-    c, f = _dot(u, r), _dot(v, r)
-    tiny = np.finfo(np.float64).tiny
-    denominator = a * e - b * b
-    is_parallel = denominator <= 1e-12 * a * e
-    s = np.where(is_parallel, 0.0, (b * f - c * e) / np.where(is_parallel, 1, denominator))
-    s = s.clip(0, 1)
-    t = ((b * s + f) / np.maximum(e, tiny)).clip(0, 1)
-    s = ((b * t - c) / np.maximum(a, tiny)).clip(0, 1)
-    gap = r + s[..., None] * u - t[..., None] * v
-    return s, t, np.sqrt(_dot(gap, gap))
 
 
 def closest_fractions(scene: Scene) -> tuple[Array, Array, Array]:
@@ -117,11 +91,6 @@ def _bone(
     parent, child = scene.bones[bone].T
     begin = points[frame, parent].transpose(0, 2, 1)
     return begin, points[frame, child].transpose(0, 2, 1) - begin
-
-
-def _dot(a: Array, b: Array) -> Array:
-    product: Array = np.einsum("...c,...c->...", a, b)
-    return product
 
 
 def _batches(n_frames: int) -> list[slice]:

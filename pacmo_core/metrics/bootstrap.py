@@ -1,13 +1,14 @@
-"""Bootstrap intervals over clips, pooled over seeds and folds.
+"""Bootstrap intervals over pairs of people, pooled over seeds and folds.
 
-The bootstrap resamples clips, not samples: the two people of a clip, and all stretches that share
-its name, are resampled together (cluster bootstrap; Davison and Hinkley 1997, section 3.8). All
-rows and metrics share the same replicates, so two rows can be compared replicate by replicate.
+The bootstrap resamples what is independent, not clips: a pair of people with all its clips; where
+people are unknown, or all the same, a recording (cluster bootstrap; Davison and Hinkley 1997,
+section 3.8). With fewer than ten of these an interval is rough, and mostly too narrow. All rows and
+metrics share the same replicates, so two rows can be compared replicate by replicate.
 
-Within a fold a replicate is the metric on that resample of clips, averaged over as many seeds as
+Within a fold a replicate is the metric on that resample, averaged over as many seeds as
 there are, drawn with replacement; replicates of different folds are independent, so the k-th of
-each are averaged. ``fold_differences`` compares two trainings run by run, fold by fold: clip
-bootstraps show the variation of few clips, these show that of few trainings and of other people.
+each are averaged. ``fold_differences`` compares two trainings run by run, fold by fold: the
+bootstrap shows the variation of few people, these show that of few trainings too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from pacmo_core.metrics.catalogue import METRICS
+from pacmo_core.data.splits import ClipOrigin
+from pacmo_core.metrics.catalogue import find_metric
 
 Array = NDArray[np.float64]
+Codes = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A metric on all samples, and on each of B bootstrap replicates of the clips.
+    """A metric on all samples, and on each of B bootstrap replicates.
 
     Parameters
     ----------
@@ -99,31 +102,62 @@ def interval_of_repeats(values: Array) -> Interval:
     return Interval(float(values.mean()), float(values.min()), float(values.max()))
 
 
-def bootstrap_clips(
-    groups: NDArray[np.intp], n_replicates: int, generator: np.random.Generator
+def bootstrap_units(
+    groups: Codes, units: Codes, n_replicates: int, generator: np.random.Generator
 ) -> Array:
-    """Resample clips with replacement within each group (say, test and training clips).
+    """Resample units with replacement within each group (say, test and training clips).
 
     Parameters
     ----------
     groups : (G,) int, the group of each clip
+    units : (G,) int, the unit of each clip: clips of one unit of a group are resampled together
     n_replicates : B
 
     Returns
     -------
-    (B, G) count of each clip in each replicate; at least two different clips of each group
+    (B, G) count of each clip in each replicate; at least two different units of each group
+
+    Raises
+    ------
+    ValueError
+        If a group has a single unit.
     """
     counts = np.zeros((n_replicates, len(groups)))
     for group in np.unique(groups):
         members = np.flatnonzero(groups == group)
-        if len(members) < 2:
-            raise ValueError(f"a bootstrap needs at least 2 clips; group {group} has one")
-        probability = np.full(len(members), 1 / len(members))
+        names, of_clip = np.unique(units[members], return_inverse=True)
+        if len(names) < 2:
+            raise ValueError(f"a bootstrap needs at least 2 units; group {group} has one")
+        probability = np.full(len(names), 1 / len(names))
         for replicate in counts:
-            # A replicate of a single clip has no spread; from 8 clips on it never happens.
-            while np.count_nonzero(replicate[members]) < 2:
-                replicate[members] = generator.multinomial(len(members), probability)
+            drawn = np.zeros(len(names), dtype=np.intp)
+            # A replicate of a single unit has no spread; from 8 units on it never happens.
+            while np.count_nonzero(drawn) < 2:
+                drawn = generator.multinomial(len(names), probability)
+            replicate[members] = drawn[of_clip]
     return counts
+
+
+PAIR, RECORDING, CLIP = "pair of people", "recording", "clip"
+
+
+def resampling_unit(*sets: Sequence[ClipOrigin]) -> str:
+    """Return what the bootstrap resamples: the largest unit of which every set has two.
+
+    Parameters
+    ----------
+    sets : the clips of each set that is resampled for itself
+    """
+    for unit in (PAIR, RECORDING):
+        names = [{unit_name(origin, unit) for origin in clips} for clips in sets]
+        if all(len(group) >= 2 and "" not in group for group in names):
+            return unit
+    return CLIP
+
+
+def unit_name(origin: ClipOrigin, unit: str) -> str:
+    """Return the name of a clip's unit; empty for the pair of a clip without named people."""
+    return {PAIR: origin.pair, RECORDING: origin.recording, CLIP: origin.clip}[unit]
 
 
 BySeed = Mapping[int, Estimate]
@@ -161,7 +195,7 @@ def pooled_interval(
         means = [np.mean([e.resampled.mean() for e in fold.values()]) for fold in folds]
         result = interval_of_repeats(np.concatenate(every))
         return Interval(float(np.mean(means)), result.low, result.high)
-    row = METRICS.get(metric)
+    row = find_metric(metric)
     # The noise floor of F²ID is not a row of the catalogue.
     can_be_negative = row.can_be_negative if row else metric != "f2id_floor"
     minimum = -np.inf if can_be_negative else 0.0

@@ -4,7 +4,7 @@ A further metric is a function and a row of ``METRICS``, which the tables, the p
 pooling, the test of sensitivity and the comparison with reference figures read.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 LOWER, CLOSER_TO_REAL, HIGHER, UNKNOWN = "↓", "→", "↑", ""
 
@@ -103,17 +103,87 @@ METRICS = {
         "share of reactions for which the true partner fits best among the candidates",
         tolerance=0.15,
     ),
-    "contact_agreement": Metric(
-        "Contact",
+    "contacts_met": Metric(
+        "Contacts met",
         HIGHER,
         "",
-        "agreement (F1) of the frames with contact with those of the real reaction",
+        "share of the captured frames within 10 cm in which the generated two are within 15 cm",
         tolerance=0.15,
         exact_for_real=True,
     ),
-    "foot_skate": Metric("Foot skate", LOWER, "m/s", "horizontal speed of feet in stance"),
+    "contacts_met_near": Metric(
+        "Contacts met ± 0.1 s",
+        HIGHER,
+        "",
+        "the same, where a contact may be 0.1 s early or late",
+        tolerance=0.15,
+        exact_for_real=True,
+    ),
+    "false_contacts": Metric(
+        "False contacts",
+        LOWER,
+        "",
+        "share of the captured frames beyond 25 cm in which the generated two are within 15 cm",
+        tolerance=1.0,
+        exact_for_real=True,
+    ),
+    "contact_f1": Metric(
+        "Contact F1",
+        HIGHER,
+        "",
+        "agreement of the frames within 10 cm with those of the real reaction",
+        tolerance=0.15,
+        exact_for_real=True,
+    ),
+    "energy_score": Metric(
+        "Energy score",
+        LOWER,
+        "m",
+        "proper score of the samples against the real reaction; one reaction counts as a point",
+        tolerance=0.1,
+        exact_for_real=True,
+    ),
+    "dispersion": Metric(
+        "Dispersion",
+        UNKNOWN,
+        "",
+        "distance between two samples over that to the real reaction: 1 where samples vary as much",
+        tolerance=0.1,
+    ),
+    "foot_skate": Metric(
+        "Foot skate",
+        LOWER,
+        "m/s",
+        "speed of the slower ankle, smoothed",
+        partner_independent=True,
+    ),
+    "ground_penetration": Metric(
+        "Below ground",
+        LOWER,
+        "m",
+        "mean depth of the lowest joint below the ground",
+        tolerance=1.0,
+        partner_independent=True,
+    ),
+    "bone_variation": Metric(
+        "Bone variation",
+        LOWER,
+        "",
+        "standard deviation of a bone's length over time, by its mean",
+        partner_independent=True,
+    ),
+    "jerk": Metric(
+        "Jerk",
+        CLOSER_TO_REAL,
+        "m/s³",
+        "third derivative of joint positions, smoothed",
+        partner_independent=True,
+    ),
     "penetration": Metric(
-        "Penetration", LOWER, "", "share of frames in which the bodies penetrate"
+        "Penetration",
+        CLOSER_TO_REAL,
+        "m",
+        "mean depth by which the bodies' capsules overlap",
     ),
     "multimodality": Metric(
         "Multimodality", UNKNOWN, "", "distance of the features of reactions to one partner"
@@ -147,8 +217,15 @@ METRICS = {
 
 # The columns of each table; reports/details.json holds every metric.
 MAIN_COLUMNS = ("f2id", "f2id_excess", "mmd_a", "mmd_s", "diversity", "ape")
-PARTNER_COLUMNS = ("f2id_distances", "mmd_pair", "matching", "contact_agreement", "ape_joints")
-FURTHER_COLUMNS = ("foot_skate", "penetration", "multimodality", "f2id_infinity", "ave")
+PARTNER_COLUMNS = (
+    *("contacts_met", "false_contacts", "matching", "energy_score", "dispersion"),
+    *("f2id_distances", "mmd_pair", "ape_joints"),
+)
+CONTACT_COLUMNS = ("contacts_met", "contacts_met_near", "false_contacts", "contact_f1")
+PLAUSIBILITY_COLUMNS = (
+    *("foot_skate", "ground_penetration", "bone_variation", "jerk", "penetration"),
+)
+FURTHER_COLUMNS = ("multimodality", "f2id_infinity", "ave")
 PUBLISHED_COLUMNS = (
     *("f2id_published", "diversity_published", "mmd_a_published", "mmd_s_published"),
     *("ape", "ave"),
@@ -160,7 +237,18 @@ ROWS = {
         "a second sample of real motion (noise floor); otherwise the tested pairs",
     ),
     "oracle": ("Oracle", "sampled from the true distribution: the best possible score"),
+    "mean": ("Mean motion", "the mean of all training reactions, for every partner"),
+    "nearest_neighbour": (
+        "Nearest neighbour",
+        "copy of the training reaction of the nearest training partner, re-timed",
+    ),
     "pacmo": ("PaCMO", ""),
+    "pacmo_without_finish": ("PaCMO without finish", "as the model generates them"),
+    "no_critic": ("PaCMO without critic", "trained on the energy score alone"),
+    "no_energy_score": ("PaCMO without energy score", "trained by the critic alone"),
+    "no_body_distances": ("PaCMO without distances", "its critic is given no distances of bodies"),
+    "no_contact_score": ("PaCMO without contact score", "trained on the score of the motion alone"),
+    "no_augmentation": ("PaCMO without data augmentation", ""),
     "pacmo_augmented": ("PaCMO, augmented", "trained on clips and their variations"),
     "pacmo_paper": ("PaCMO, as in the paper", "adversarial training alone"),
     "regression": ("Regression", "the same operator, trained to predict one reaction"),
@@ -179,14 +267,33 @@ ROWS = {
         "permuted within each action",
     ),
 }
-MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
-MAIN_ROWS = ("real", "oracle", *MODELS, "wrong_partner", "pacmo_permuted")
+VARIANTS = (
+    *("no_critic", "no_energy_score", "no_body_distances", "no_contact_score"),
+    "no_augmentation",
+)
+UNTRAINED = ("mean", "nearest_neighbour")
+MODELS = (
+    *(*UNTRAINED, "pacmo", "pacmo_without_finish", *VARIANTS),
+    *("pacmo_augmented", "pacmo_paper", "regression", "gru"),
+)
+# Models of which the report's first sentences speak.
+HEADLINE_MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
+# What a model has to beat, as far as a run has it.
+BASELINES = ("nearest_neighbour", "regression", "no_critic", "gru")
+MAIN_ROWS = ("real", "oracle", "wrong_partner", *MODELS, "pacmo_permuted")
 SAME_ACTION_ROWS = (
     *("real_pairs_same_action", "wrong_partner_same_action"),
     *("pacmo_same_action", "pacmo_permuted_same_action"),
 )
 # Never marked as the best of a column: models are compared with these.
 REFERENCE_ROWS = {name for name in ROWS if name not in MODELS}
+
+
+def find_metric(name: str) -> Metric | None:
+    """Return a metric of the catalogue; that of one action, ``METRIC.ACTION``, is its namesake."""
+    base, _, action = name.partition(".")
+    metric = METRICS.get(base)
+    return replace(metric, label=action) if metric and action else metric
 
 
 def improvement_sign(name: str) -> int:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.metrics.bootstrap import Array, bootstrap_clips
+from pacmo_core.metrics.bootstrap import Array, bootstrap_units
 from pacmo_core.metrics.controls import second_samples
 from pacmo_core.metrics.diversity import n_candidates
 from pacmo_core.metrics.f2id import split_into_parts
@@ -21,6 +21,7 @@ from pacmo_core.metrics.plausibility import BodyJoints
 from pacmo_core.metrics.reactions import Reactions, stack_motions
 
 Codes = NDArray[np.intp]
+MIN_UNITS_OF_HALVES = 4  # with two in each half, both can be resampled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,14 +31,16 @@ class EvaluationSettings:
     Parameters
     ----------
     n_samples, repeats : the paper's protocol, n samples with replacement, and the number of repeats
-    bootstrap : replicates of clips for the intervals
-    second_samples : further replicates of real motion, from the training clips
+    bootstrap : replicates of pairs of people, or recordings, for the intervals
+    second_samples : further replicates of real motion, from the training clips; as often the
+        tested people are divided into halves
     n_frames : common length of motions for MMD
     n_instants, n_components : of the distances between bodies: times and principal components
     candidates : partners among which the true one is picked
-    foot_height : metres above the ground below which a foot is in stance
-    body_radius : metres between points of two bodies below which they penetrate
-    contact_distance : metres between joints in contact
+    smoothing : seconds, of positions whose speed and jerk are measured
+    body_radius : metres, of the capsules around bones
+    contact_distance, met_distance, apart_distance : metres between joints: in contact; near enough
+        to meet a contact; so far apart that a generated contact is false
     body : the joints that the metrics use
     random_seed : for all replicates
     """
@@ -50,9 +53,11 @@ class EvaluationSettings:
     n_instants: int
     n_components: int
     candidates: int
-    foot_height: float
+    smoothing: float
     body_radius: float
     contact_distance: float
+    met_distance: float
+    apart_distance: float
     body: BodyJoints
     random_seed: int
 
@@ -79,7 +84,8 @@ class EvaluationContext:
         shared = sorted({*real.clips} & {*train.clips})
         if shared:
             raise ValueError(f"real and train must share no clip; both hold {shared[:3]}")
-        second_sets, replicates, paper, parts = np.random.default_rng(settings.random_seed).spawn(4)
+        generators = np.random.default_rng(settings.random_seed).spawn(5)
+        second_sets, replicates, paper, parts, halves = generators
         self.real = real
         self.train = train
         self.weights = weights
@@ -90,18 +96,54 @@ class EvaluationContext:
                 train.clips, len(real), settings.second_samples, second_sets
             )
         ]
-        names = [(0, name) for name in sorted({*real.clips})]
-        for number, second in enumerate(self.second_sets, start=1):
-            names += [(number, name) for name in sorted({*second.clips})]
+        unit_of = {
+            (number, clip): unit
+            for number, part in enumerate([real, *self.second_sets])
+            for clip, unit in zip(part.clips, part.units, strict=True)
+        }
+        names = sorted(unit_of)
         self._column = {name: i for i, name in enumerate(names)}
         self.groups = np.array([group for group, _ in names], dtype=np.intp)
-        samples = bootstrap_clips(self.groups, settings.bootstrap, replicates)
+        self._units = np.unique([unit_of[name] for name in names], return_inverse=True)[1]
+        samples = bootstrap_units(self.groups, self._units, settings.bootstrap, replicates)
         # (1 + bootstrap, G): the first row has every clip once and gives the plain value.
         self.counts = np.concatenate([np.ones((1, len(names))), samples])
         self.partners = self.codes(real)
         # (repeats, 2, n_samples) in [0, 1): indices of the paper's protocol, real and generated.
         self._paper = paper.random((settings.repeats, 2, settings.n_samples))
         self._parts = parts
+        self.halves = self._halves(halves)
+
+    def _halves(self, generator: np.random.Generator) -> list[tuple[Array, Array]]:
+        """Divide the tested units into halves at random; count clips in replicates of each half.
+
+        Returns
+        -------
+        ``second_samples`` pairs of (1 + bootstrap, G); the halves of a pair share no unit and are
+        resampled each for itself. None if there are fewer than four units
+        """
+        tested = np.flatnonzero(self.groups == 0)
+        units = np.unique(self._units[tested])
+        if len(units) < MIN_UNITS_OF_HALVES:
+            return []
+        result = []
+        for _ in range(self.settings.second_samples):
+            first = generator.permutation(units)[: len(units) // 2]
+            half = np.isin(self._units[tested], first).astype(np.intp)
+            counts = np.zeros_like(self.counts)
+            counts[0, tested] = 1
+            counts[1:, tested] = bootstrap_units(
+                half, self._units[tested], self.settings.bootstrap, generator
+            )
+            in_first = np.zeros(len(self.groups))
+            in_first[tested[half == 1]] = 1
+            result.append((counts * in_first, counts * (1 - in_first)))
+        return result
+
+    @property
+    def n_units(self) -> int:
+        """Number of tested units, which the bootstrap resamples."""
+        return len(np.unique(self._units[self.groups == 0]))
 
     @cached_property
     def part_counts(self) -> Array:

@@ -9,19 +9,24 @@ metrics it is the tested real pairs, as in row ``real_pairs``.
 
 ====================== ============================================================================
 ``f2id``               Fréchet distance between the row and the tested real reactions: ``f2id``
-``f2id_excess``        F²ID to second samples of real motion, minus that of the tested real pairs
+``f2id_excess``        F²ID to real motion of other tested people, minus that of the tested real
+                       pairs: one half of the people against the other, over several halves
 ``f2id_infinity``      ``f2id`` extrapolated to infinitely many samples
 ``f2id_halves``        between two halves of the tested clips: one distribution, half the size
 ``mmd_a``, ``mmd_s``   unbiased, pairs of different clips, bandwidth by the median of real motion
 ``diversity``          squared distance of features, the mean over all pairs of different clips,
                        which the paper's random pairs estimate; ``diversity_l2`` is not squared
 ``ape``, ``ave``       of the root joint, as in the paper's tables (m, m²); ``…_joints`` of all
-``f2id_distances``     F²ID to second samples of the distances between two bodies
+``f2id_distances``     F²ID of the distances between two bodies to those of other tested people
 ``mmd_pair``           MMD to second samples of (partner, reaction); for permuted partners the mean
                        over all permutations, not that of the one in the row
 ``matching``           share of reactions whose true partner fits best
-``foot_skate``         m/s; ``penetration``, ``contact_agreement``: shares; see ``plausibility``
-``multimodality``      spread of several reactions to one partner
+``contacts_met``       share of captured frames of contact that are met; ``contacts_met.ACTION`` of
+                       one action, ``contacts_met_near`` with 0.1 s to spare; ``false_contacts``,
+                       ``contact_f1``, ``penetration``: see ``contact``
+``foot_skate``         and ``ground_penetration``, ``bone_variation``, ``jerk``: ``plausibility``
+``energy_score``       of the reactions to one partner; ``dispersion``, ``multimodality``: their
+                       distance from each other, relative to the real reaction, and in features
 ``…_published``        by the paper's protocol: n samples with replacement, the mean of the repeats;
                        its replicates are the repeats
 ====================== ============================================================================
@@ -46,9 +51,13 @@ from pacmo_core.metrics.row_metrics import (
     measure_diversity,
     measure_f2id,
     measure_mmd,
+    measure_published_f2id,
+)
+from pacmo_core.metrics.row_plausibility import (
+    measure_contact,
     measure_multimodality,
     measure_plausibility,
-    measure_published_f2id,
+    measure_samples,
 )
 
 REAL = "real"
@@ -96,21 +105,25 @@ class Evaluation:
         if len(row) != len(context.real):
             raise ValueError(f"wanted {len(context.real)} reactions; got {len(row)}")
         codes = context.codes(row)
-        plausible, reasons = measure_plausibility(row, context)
-        modes, missing = measure_multimodality(row, context)
-        return RowMetrics(
-            {
-                **measure_f2id(row, self._reference, context),
-                **measure_published_f2id(row, context),
-                **measure_mmd(row, codes, context),
-                **measure_diversity(row, codes, context),
-                **measure_displacement(row, context),
-                **self._partners.measure(row),
-                **plausible,
-                **modes,
-            },
-            reasons | missing,
-        )
+        parts = [
+            measure_f2id(row, self._reference, context),
+            self._partners.measure(row),
+            measure_contact(row, context),
+            measure_plausibility(row, context),
+            measure_samples(row, context),
+            measure_multimodality(row, context),
+        ]
+        estimates = {
+            **measure_published_f2id(row, context),
+            **measure_mmd(row, codes, context),
+            **measure_diversity(row, codes, context),
+            **measure_displacement(row, context),
+        }
+        reasons: dict[str, str] = {}
+        for measured, missing in parts:
+            estimates |= measured
+            reasons |= missing
+        return RowMetrics(estimates, reasons)
 
     def measure_permuted(self, row: Reactions, permuted: Reactions, groups: Codes) -> RowMetrics:
         """Measure reactions that are permuted among partners.

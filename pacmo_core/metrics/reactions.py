@@ -19,7 +19,10 @@ class Reactions:
     times : n times (T_i,), seconds, strictly increasing
     clips : the clip in which each reaction was recorded, or for which it was generated
     embedded : (2, n, E) unit vectors of a matcher, of the partners and of the reactions
+    units : of each clip, what the bootstrap resamples: its pair of people, or its recording
+    actions : the action of each partner's clip
     further : (S, n, C, r), features of S further reactions to each partner; S may be 0
+    further_motions : S lists of n motions, those reactions
 
     Raises
     ------
@@ -33,14 +36,18 @@ class Reactions:
     times: Sequence[NDArray[np.float64]]
     clips: Sequence[str]
     embedded: NDArray[np.float64]
+    units: Sequence[str]
+    actions: Sequence[str]
     further: NDArray[np.float64]
+    further_motions: Sequence[Sequence[NDArray[np.float32]]]
 
     def __post_init__(self) -> None:
-        numbers = [len(part) for part in (self.motions, self.partners, self.times, self.clips)]
+        parts = (self.motions, self.partners, self.times, self.clips, self.units, self.actions)
+        numbers = [len(part) for part in parts]
         if self.features.ndim != 3 or {*numbers} != {len(self.features)} or not numbers[0]:
             raise ValueError(
-                f"wanted features (n, C, r) and n > 0 motions, partners, times, clips; "
-                f"got {self.features.shape}, {numbers}"
+                "wanted features (n, C, r) and n > 0 motions, partners, times, clips, units, "
+                f"actions; got {self.features.shape}, {numbers}"
             )
         if self.embedded.ndim != 3 or self.embedded.shape[:2] != (2, len(self)):
             raise ValueError(f"embedded must be (2, {len(self)}, E); got {self.embedded.shape}")
@@ -48,6 +55,11 @@ class Reactions:
             raise ValueError(
                 f"further features must be (S, {', '.join(map(str, self.features.shape))}); "
                 f"got {self.further.shape}"
+            )
+        if [len(motions) for motions in self.further_motions] != [len(self)] * len(self.further):
+            raise ValueError(
+                f"further motions must be {len(self.further)} lists of {len(self)}; "
+                f"got {[len(motions) for motions in self.further_motions]}"
             )
         if not np.isfinite(self.features).all():
             bad = int(np.argwhere(~np.isfinite(self.features))[0, 0])
@@ -68,7 +80,10 @@ class Reactions:
             times=[self.times[i] for i in indices],
             clips=[self.clips[i] for i in indices],
             embedded=self.embedded[:, indices],
+            units=[self.units[i] for i in indices],
+            actions=[self.actions[i] for i in indices],
             further=self.further[:, indices],
+            further_motions=[[motions[i] for i in indices] for motions in self.further_motions],
         )
 
     def _check(self, i: int) -> None:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.interaction import min_point_distance
+from pacmo_core.data.interaction import Motion, min_point_distance
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.metrics.f2id import f2id
-from pacmo_core.metrics.plausibility import BodyJoints, body_points
+from pacmo_core.metrics.plausibility import BodyJoints
 
 Pair = NDArray[np.float32]
 Array = NDArray[np.float64]
@@ -132,3 +132,8 @@ def _distances(pair: Pair) -> NDArray[np.float32]:
 def _check_shapes(pair: Pair, other: Pair) -> None:
     if pair.shape != other.shape or pair.ndim != 4 or pair.shape[1] != 2:
         raise ValueError(f"wanted pairs (T, 2, J, 3) of one shape; got {pair.shape}, {other.shape}")
+
+
+def body_points(motion: Motion, body: BodyJoints) -> Motion:
+    """Return the joints and the midpoints of the bones, (T, J + E, 3) metres."""
+    return np.concatenate([motion, motion[:, body.bones].mean(axis=2)], axis=1)

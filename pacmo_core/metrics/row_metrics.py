@@ -2,8 +2,9 @@
 
 F²ID to the tested real reactions can be below that of two samples of real motion, since a row that
 reacts to the same partners shares their sampling error. A row is therefore also compared with
-second samples of real motion, from clips of other people or recordings. Its F²ID minus that of the
-real pairs is its excess.
+real motion of other people who are tested too: one half of the tested people against the other.
+Its F²ID minus that of the real pairs is its excess. Training clips have no part in it, so that
+memorised motion does not lower it.
 
 MMD of (partner, reaction) pairs has the kernel k((p, r), (p′, r′)) = k(p, p′) k(r, r′), both
 Gaussian: it is zero only for equal joint distributions (Szabó and Sriperumbudur 2018,
@@ -37,11 +38,8 @@ from pacmo_core.metrics.mmd import (
 )
 from pacmo_core.metrics.plausibility import (
     PrincipalComponents,
-    contact_agreement,
     distance_functions,
     fit_principal_components,
-    foot_skate,
-    penetration,
 )
 from pacmo_core.metrics.reactions import Reactions
 
@@ -66,17 +64,45 @@ class GaussianReference:
         """Return F²ID to the tested real reactions, (1 + bootstrap,)."""
         return gaussian_distances(self._real, fit_gaussians(row, codes, self._context.counts))
 
-    def second(self, row: Array, codes: Codes) -> Array:
-        """Return the mean F²ID to the second samples, (1 + bootstrap,)."""
-        gaussian = fit_gaussians(row, codes, self._context.counts)
-        return np.asarray(
-            np.mean([gaussian_distances(gaussian, second) for second in self._second_sets], axis=0)
-        )
+    def to_other_people(self, row: Array, codes: Codes) -> Array | None:
+        """Return the mean F²ID to real reactions of other tested people, (1 + bootstrap,).
+
+        Each half of the tested people is compared with the other, and the means are over several
+        random halves. None where there are too few to be divided.
+        """
+        if not self._context.halves:
+            return None
+        distances = [
+            gaussian_distances(fit_gaussians(row, codes, one), other)
+            for halves, reals in zip(self._context.halves, self._real_halves, strict=True)
+            for one, other in zip(halves, reversed(reals), strict=True)
+        ]
+        return np.asarray(np.mean(distances, axis=0))
+
+    def excess(self, row: Array, codes: Codes) -> Array | None:
+        """Return ``to_other_people`` minus that of the real pairs, (1 + bootstrap,), or None."""
+        distances, real = self.to_other_people(row, codes), self._real_to_other_people
+        return None if distances is None or real is None else distances - real
+
+    @cached_property
+    def _real_to_other_people(self) -> Array | None:
+        return self.to_other_people(self._coordinates[0], self._context.partners)
+
+    @cached_property
+    def _real_halves(self) -> list[list[Gaussians]]:
+        real, codes = self._coordinates[0], self._context.partners
+        return [
+            [fit_gaussians(real, codes, counts) for counts in halves]
+            for halves in self._context.halves
+        ]
 
     @cached_property
     def floor(self) -> Array:
         """The mean F²ID between the tested real reactions and the second samples."""
-        return self.second(self._coordinates[0], self._context.partners)
+        real = self._real
+        return np.asarray(
+            np.mean([gaussian_distances(real, second) for second in self._second_sets], axis=0)
+        )
 
     def infinity(self, row: Array, codes: Codes) -> Array:
         """Return F²ID extrapolated to infinitely many samples of both, (1 + bootstrap,)."""
@@ -223,20 +249,24 @@ def _motions(context: EvaluationContext, row: Reactions) -> tuple[Array, Array]:
 
 
 Estimates = dict[str, Estimate]
+Reasons = dict[str, str]
+FEW_PEOPLE = "fewer than four pairs of people, or recordings, are tested"
 
 
 def measure_f2id(
     row: Reactions, reference: GaussianReference, context: EvaluationContext
-) -> Estimates:
-    """Measure F²ID: plain, excess over second samples, extrapolated to infinitely many."""
+) -> tuple[Estimates, Reasons]:
+    """Measure F²ID: plain, excess over real motion, extrapolated to infinitely many."""
     x = flatten(row.features, context.weights)
     codes = context.codes(row)
-    replicates = {
-        "f2id": reference.between(x, codes),
-        "f2id_excess": reference.second(x, codes) - reference.floor,
-        "f2id_infinity": reference.infinity(x, codes),
+    result = {
+        "f2id": as_estimate(reference.between(x, codes)),
+        "f2id_infinity": as_estimate(reference.infinity(x, codes)),
     }
-    return {name: as_estimate(values) for name, values in replicates.items()}
+    excess = reference.excess(x, codes)
+    if excess is None:
+        return result, {"f2id_excess": FEW_PEOPLE}
+    return result | {"f2id_excess": as_estimate(excess)}, {}
 
 
 def measure_published_f2id(row: Reactions, context: EvaluationContext) -> Estimates:
@@ -314,9 +344,6 @@ def sample_counts(samples: Codes, n: int) -> Array:
     return np.bincount(samples, minlength=n).astype(np.float64)
 
 
-Reasons = dict[str, str]
-
-
 class PartnerMetrics:
     """Metrics that change when reactions are permuted among partners.
 
@@ -332,11 +359,10 @@ class PartnerMetrics:
         self._reference = GaussianReference(self._coordinates(context.real), second_sets, context)
         self._pairs = PairMmd(context)
 
-    def measure(self, row: Reactions) -> Estimates:
+    def measure(self, row: Reactions) -> tuple[Estimates, Reasons]:
         """Measure F²ID of distances between the bodies, MMD of pairs and matching."""
         partners, settings = self._context.partners, self._context.settings
         replicates = {
-            "f2id_distances": self._reference.second(self._coordinates(row), partners),
             "mmd_pair": self._pairs.measure(row),
             "matching": matching_accuracy(
                 row.embedded,
@@ -345,7 +371,11 @@ class PartnerMetrics:
                 candidates=settings.candidates,
             ),
         }
-        return {name: as_estimate(values) for name, values in replicates.items()}
+        result = {name: as_estimate(values) for name, values in replicates.items()}
+        distances = self._reference.to_other_people(self._coordinates(row), partners)
+        if distances is None:
+            return result, {"f2id_distances": FEW_PEOPLE}
+        return result | {"f2id_distances": as_estimate(distances)}, {}
 
     def permuted(self, row: Reactions, groups: Codes) -> Estimates:
         """Measure the metrics with a closed form of the mean over all permutations of reactions."""
@@ -360,43 +390,3 @@ class PartnerMetrics:
         settings = self._context.settings
         functions = distance_functions(row, settings.body, settings.n_instants)
         return self._components.coordinates(functions)
-
-
-def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
-    """Measure foot skate, penetration and contact agreement; return reasons for missing ones."""
-    settings, real = context.settings, context.real
-    sums = {
-        "penetration": penetration(row, settings.body, radius=settings.body_radius),
-        "contact_agreement": contact_agreement(row, real, distance=settings.contact_distance),
-    }
-    reasons = {"contact_agreement": "no frame with contact", "foot_skate": "no foot is in stance"}
-    if settings.body.feet:
-        sums["foot_skate"] = foot_skate(row, real, settings.body, height=settings.foot_height)
-    else:
-        reasons["foot_skate"] = "the skeleton names no feet"
-    result: Estimates = {}
-    for name, (numerator, denominator) in sums.items():
-        weights = context.counts[:, context.partners]
-        if (weights @ denominator > 0).all():
-            result[name] = as_estimate((weights @ numerator) / (weights @ denominator))
-    return result, {name: reason for name, reason in reasons.items() if name not in result}
-
-
-def measure_multimodality(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
-    """Return the mean L²(time) distance between features of reactions to the same partner.
-
-    The mean is over all pairs of reactions and over partners; Guo et al. (2020), *Action2Motion*,
-    do the same for actions.
-    """
-    samples = np.concatenate([row.features[None], row.further])
-    if len(samples) < 2:
-        return {}, {"multimodality": "one reaction per partner"}
-    pairs = np.triu_indices(len(samples), k=1)
-    spread = np.array(
-        [
-            feature_distances(samples[:, i], context.weights, squared=False)[pairs].mean()
-            for i in range(len(row))
-        ]
-    )
-    weights = context.counts[:, context.partners]
-    return {"multimodality": as_estimate(weights @ spread / weights.sum(axis=1))}, {}

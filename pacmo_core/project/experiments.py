@@ -137,6 +137,7 @@ def remove_unused_outputs() -> list[Path]:
     expected = ExpectedRuns(
         folds=runs["folds"],
         seeds=runs["seeds"],
+        models=[*runs["models"], *runs.get("variants", [])] if "models" in runs else None,
         augmented_folds=augmented.get("folds", []),
         augmented_seeds=augmented.get("seeds", []),
         priors=ExpectedPriors(*names),

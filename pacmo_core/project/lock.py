@@ -15,9 +15,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
+from pacmo_core.data.limits import walk_files
 from pacmo_core.project.processes import PROC, is_alive, kill_marked
 from pacmo_core.project.records import utc_now
-from pacmo_core.project.workspace import HISTORY, PROMOTED_MODELS, CommandError
+from pacmo_core.project.workspace import HISTORY, INBOX, PROMOTED_MODELS, CommandError
 from pacmo_core.store.files import write_text
 
 WRITER_VARIABLE = "PACMO_WRITER"
@@ -106,7 +107,7 @@ def remove_partial_files() -> list[Path]:
     if not PROC.is_dir():
         return []
     partial = [
-        path for folder in OUTPUT_FOLDERS for path in folder.rglob(".*") if _is_partial(path)
+        path for folder in OUTPUT_FOLDERS for path in walk_files(folder) if _is_partial(path)
     ]
     for path in partial:
         path.unlink()
@@ -168,4 +169,6 @@ def _content(file: TextIO) -> str:
 
 def _is_partial(path: Path) -> bool:
     name = _PARTIAL_NAME.fullmatch(path.name)
-    return name is not None and path.is_file() and not is_alive(int(name[1]))
+    if name is None or path.is_relative_to(INBOX):  # nothing of this program writes there
+        return False
+    return path.is_file() and not is_alive(int(name[1]))

@@ -16,6 +16,7 @@ RUN_FOLDERS = (
     *("models", "reports/curves", "reports/split"),
 )
 AUGMENTED = "pacmo_augmented"
+UNTRAINED = ("oracle", "mean", "nearest_neighbour")
 # Of skeleton priors, below these: DATASET/SPLIT or DATASET/SPLIT.suffix, for all models of a split.
 SPLIT_FOLDERS = ("data/priors/splits", "data/priors/scores", "data/priors/samples")
 # Below these: DATASET/SPLIT/MODEL/SEED or DATASET/SPLIT/MODEL/SEED.suffix.
@@ -45,12 +46,14 @@ class ExpectedRuns:
     Parameters
     ----------
     folds, seeds : of all reaction models
+    models : reaction models that are trained, variants of PaCMO among them; None for any
     augmented_folds, augmented_seeds : of PaCMO trained on variations as well
     priors : skeleton priors
     """
 
     folds: list[int]
     seeds: list[int]
+    models: list[str] | None
     augmented_folds: list[int]
     augmented_seeds: list[int]
     priors: ExpectedPriors
@@ -59,8 +62,9 @@ class ExpectedRuns:
         """Return the seeds of a model in a fold."""
         if model == AUGMENTED:
             return self.augmented_seeds if fold in self.augmented_folds else []
-        # The oracle is sampled once a fold, whatever the seeds.
-        return [1] if model == "oracle" else self.seeds
+        if model in UNTRAINED:  # once a fold, whatever the seeds
+            return [1]
+        return self.seeds if self.models is None or model in self.models else []
 
 
 def unused_outputs(root: Path, expected: ExpectedRuns) -> Iterator[Path]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core import promotion
+from pacmo_core.data.limits import printable
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.history import DecisionRow, render_history
 from pacmo_core.project.records import utc_now
@@ -81,15 +82,15 @@ def read_candidate(row: str) -> Candidate:
     weights = sorted(MODELS.glob(f"*/{row}/*/weights.safetensors"))
     if not DETAILS.exists() or not weights:
         raise CommandError(f"no {DETAILS} or no weights of {row} in {MODELS}: run ./run first")
-    details = _read_json(DETAILS)
+    experiment, tables = _read_details(DETAILS)
     pooled = DETAILS.with_name("pacmo.json")
     files = {path.as_posix(): path for path in (*weights, *PROMOTED_FILES) if path.exists()}
     return Candidate(
-        experiment=details["experiment"],
-        tables=details["pacmo"]["rows"],
+        experiment=experiment,
+        tables=tables,
         files=files,
         model=promotion.model_hash(weights),
-        test_reactions=_read_json(pooled)["test_reactions"] if pooled.exists() else 0,
+        test_reactions=_read_test_reactions(pooled) if pooled.exists() else 0,
     )
 
 
@@ -151,7 +152,7 @@ def roll_back(why: str) -> Decision:
         number=_next_number(),
         at=utc_now(),
         verdict=ROLLED_BACK,
-        reasons=(f"from {replaced.current_model} to {restored.current_model}: {why}",),
+        reasons=(printable(f"from {replaced.current_model} to {restored.current_model}: {why}"),),
         model=replaced.model,
         current_model=restored.current_model,
         experiment=restored.experiment,
@@ -196,11 +197,8 @@ def _verdict(
     if current is not None and current.model == candidate.model:
         return UNCHANGED, []
     same = current is not None and current.experiment == candidate.experiment
-    tables = (
-        _read_json(PROMOTED_MODELS / promotion.CURRENT_LINK / DETAILS)["pacmo"]["rows"]
-        if same
-        else None
-    )
+    details = PROMOTED_MODELS / promotion.CURRENT_LINK / DETAILS
+    tables = _read_details(details)[1] if same else None
     reasons = check_gate(candidate.tables, tables, gate)
     return (REJECTED if reasons else PROMOTED), reasons
 
@@ -223,8 +221,32 @@ def _write(decision: Decision) -> Decision:
     return decision
 
 
+def _read_details(path: Path) -> tuple[str, dict[str, Metrics]]:
+    """Read the name of the experiment, and the metrics of the reaction models by row."""
+    content = _read_json(path)
+    pacmo = content.get("pacmo")
+    rows = pacmo.get("rows") if isinstance(pacmo, dict) else None
+    if not isinstance(rows, dict) or not all(isinstance(row, dict) for row in rows.values()):
+        raise CommandError(f"{path}: no table of metrics (pacmo, rows)")
+    if not isinstance(content.get("experiment"), str):
+        raise CommandError(f"{path}: no name of an experiment")
+    return content["experiment"], rows
+
+
+def _read_test_reactions(path: Path) -> int:
+    count = _read_json(path).get("test_reactions")
+    if not promotion.is_count(count):
+        raise CommandError(f"{path}: wanted a number of test_reactions; got {count!s:.60}")
+    return count
+
+
 def _read_json(path: Path) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise CommandError(f"{path}: not JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise CommandError(f"{path}: wanted an object, got {type(content).__name__}")
     return content
 
 

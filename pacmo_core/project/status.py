@@ -9,7 +9,7 @@ from textwrap import shorten
 from typing import Any
 
 from pacmo_core import promotion
-from pacmo_core.data.limits import printable
+from pacmo_core.data.limits import printable, walk_files
 from pacmo_core.project.lock import lock_holder
 from pacmo_core.project.records import DONE, REJECTED, SKIPPED, RunRecord, as_killed, read_runs
 from pacmo_core.project.stages import read_status
@@ -48,11 +48,13 @@ def project_status(*, stale: bool) -> dict[str, Any]:
         "decisions": [asdict(decision) for decision in decisions[-_N_LATEST:]],
         "broken_decisions": [error.file.as_posix() for error in unreadable],
         "stale": stale_reasons(holder) if stale else {},
-        "inbox": [printable(file.relative_to(INBOX).as_posix()) for file in _files(INBOX)],
+        "inbox": [
+            printable(file.relative_to(INBOX).as_posix()) for file in sorted(walk_files(INBOX))
+        ],
         "unfinished_intake": INTAKE_PLAN.exists(),
         "quarantine": quarantined_captures(),
         "free_gb": round(disk.free / 1e9, 1),
-        "cache_gb": round(sum(file.stat().st_size for file in _files(DVC_CACHE)) / 1e9, 2),
+        "cache_gb": round(sum(file.stat().st_size for file in walk_files(DVC_CACHE)) / 1e9, 2),
     }
 
 
@@ -122,7 +124,3 @@ def _run_line(run: RunRecord) -> str:
 
 def _decision_line(decision: Decision) -> str:
     return f"{decision.number} {decision.at} {decision.verdict}  {'; '.join(decision.reasons)}"
-
-
-def _files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())

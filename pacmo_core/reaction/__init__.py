@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
     from pacmo_core.reaction.data import to_partner_frame
     from pacmo_core.reaction.generator import Generator
-    from pacmo_core.reaction.inference import react, react_all, sample_times
+    from pacmo_core.reaction.inference import finish_reactions, react, react_all, sample_times
     from pacmo_core.reaction.stream import ReactionStream
     from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, is_deterministic
 
@@ -25,6 +25,7 @@ __all__ = [
     "ReactionModel",
     "ReactionStream",
     "encode_features",
+    "finish_reactions",
     "is_deterministic",
     "react",
     "react_all",

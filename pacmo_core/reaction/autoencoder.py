@@ -126,7 +126,7 @@ class AutoencoderTrainer(SupervisedTrainer[Autoencoder]):
             random,
         )
 
-    def validate(self) -> Tensor | None:
+    def validate(self) -> dict[str, Tensor]:
         """Standardise the features, for these weights may be selected; return the loss."""
         self.model.standardise(self.pairs)
         return super().validate()

@@ -23,6 +23,7 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.operators.spline import Spline
 from pacmo_core.operators.uno import u_shape_config
+from pacmo_core.reaction.contacts import identity_map
 from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
@@ -96,6 +97,11 @@ class Gru(nn.Module):
     def skeleton(self) -> Skeleton:
         """Skeleton of both people."""
         return self.config.skeleton
+
+    @property
+    def contact_map(self) -> Tensor:
+        """The map that leaves distances between the two people as they are; see ``contacts``."""
+        return torch.from_numpy(identity_map(self.skeleton))
 
     def forward(self, partner: Tensor) -> Tensor:
         """Predict reactions frame by frame: ``(B, T, 3 J)`` metres to the same."""

@@ -103,9 +103,7 @@ class Critic(nn.Module):
 
 def end_effectors(skeleton: Skeleton) -> tuple[int, ...]:
     """List the root and the joints without children: head, hands and feet."""
-    inner = set(skeleton.parents)
-    joints = range(len(skeleton.joints))
-    return (skeleton.root, *(joint for joint in joints if joint not in inner))
+    return (skeleton.root, *skeleton.end_effectors)
 
 
 def gradient_penalty(

@@ -8,15 +8,27 @@ depends on the partner, of whose reactions u is one.
 A critic learns to separate generated from real motion, but from a few hundred interactions it
 learns little about which reaction belongs to which partner. The score depends on that from the
 first step and, having no opponent, does not oscillate.
+
+The score of any function of motion and partner is proper too, though not strictly: if X is
+distributed as u, then f(X) is distributed as f(u), which no other distribution scores better than
+(Gneiting and Raftery 2007, section 2.1, on the class of distributions of f(u)). A sum of such
+scores and a strictly proper one is strictly proper. ``ContactScore`` scores functions that see what
+positions hardly show: whether the two people are in contact, and whether a foot stands.
 """
 
 import torch
 from torch import Tensor
 
+from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.data import MotionPairs
 from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.settings import ContactScoreSettings
+
+# Metres. The first keeps the square root differentiable where joints coincide; the second bounds
+# the logarithm there.
+DISTANCE_SOFTENING, LOG_OFFSET = 0.02, 0.05
 
 # Factors that bring the views of a motion to similar magnitudes.
 BONE_SCALE, SPEED_SCALE = 2.0, 0.25
@@ -67,6 +79,97 @@ class EnergyScore:
         return [motion, path, pose, BONE_SCALE * bones, SPEED_SCALE * velocity]
 
 
+class ContactScore:
+    """Energy scores of distances between the two people, and of feet that stand.
+
+    With the distances ``d_ij = sqrt(|x_i - y_j|^2 + (2 cm)^2)`` between joints of which one at
+    least is an end effector, and the speeds v of the reaction's feet, the functions are
+
+    - ``near``: ``exp(-d / near_distance)``, in the norm that sums over pairs: few are near;
+    - ``log_distance``: ``log(d + 5 cm)``, in the norm that averages over pairs;
+    - ``stance``: ``exp(-|v| / stance_speed)``, in the norm that averages over feet.
+
+    Parameters
+    ----------
+    skeleton : of both people
+    settings : ContactScoreSettings
+    """
+
+    def __init__(self, skeleton: Skeleton, settings: ContactScoreSettings) -> None:
+        self.settings = settings
+        self.ends = list(skeleton.end_effectors)
+        self.inner = [j for j in range(len(skeleton.joints)) if j not in skeleton.end_effectors]
+        self.feet = [joint for foot in feet(skeleton) for joint in foot]
+
+    def __call__(
+        self, samples: Tensor, real: MotionPairs, weights: Tensor, spread: float = 1.0
+    ) -> dict[str, Tensor]:
+        """Score reactions by each of the functions; lower is better.
+
+        Parameters
+        ----------
+        samples : (K, B, T, 3 J) metres, in the frames of ``real``, K at least 2
+        real : B pairs, on T evenly spaced times
+        weights : (T,), of the quadrature on [0, 1]
+        spread : as in ``energy_score``
+
+        Returns
+        -------
+        (B,) by the name of the function; without feet there is no ``stance``
+        """
+        partner = _joints(real.partner)
+        generated, captured = (
+            self._views(_joints(motion), partner, real.log_duration)
+            for motion in (samples, real.reaction)
+        )
+        return {
+            name: energy_score(generated[name], captured[name], weights, spread)
+            for name in generated
+        }
+
+    def total(self, scores: dict[str, Tensor]) -> Tensor:
+        """Return the sum of the scores, weighted by the settings."""
+        total = sum(getattr(self.settings, f"{name}_weight") * scores[name] for name in scores)
+        return torch.as_tensor(total)
+
+    def _views(self, joints: Tensor, partner: Tensor, log_duration: Tensor) -> dict[str, Tensor]:
+        # End effectors to all joints of the partner, then the other joints to its end effectors.
+        squared = torch.cat(
+            [
+                _squared_distances(joints[..., self.ends, :], partner),
+                _squared_distances(joints[..., self.inner, :], partner[..., self.ends, :]),
+            ],
+            dim=-1,
+        )
+        distance = (squared + DISTANCE_SOFTENING**2).sqrt()
+        near = (-distance / self.settings.near_distance).exp()
+        # The norm averages over channels.
+        views = {
+            "near": distance.shape[-1] ** 0.5 * near,
+            "log_distance": (distance + LOG_OFFSET).log(),
+        }
+        if self.feet:
+            step = 1 / (joints.shape[-3] - 1)
+            (velocity,) = torch.gradient(joints[..., self.feet, :], spacing=step, dim=-3)
+            # A millimetre a second at least: the norm is not differentiable at zero.
+            speed = (velocity.square().sum(dim=-1) + 1e-6).sqrt() / log_duration.exp()[
+                :, None, None
+            ]
+            views["stance"] = (-speed / self.settings.stance_speed).exp()
+        return views
+
+
+def _squared_distances(first: Tensor, second: Tensor) -> Tensor:
+    """From ``(..., I, 3)`` and ``(..., J, 3)`` to ``(..., I J)``."""
+    axes = zip(first.unbind(-1), second.unbind(-1), strict=True)
+    squares = [(x[..., :, None] - y[..., None, :]).square() for x, y in axes]
+    return (squares[0] + squares[1] + squares[2]).flatten(-2)
+
+
+def _joints(motion: Tensor) -> Tensor:
+    return motion.view(*motion.shape[:-1], -1, 3)
+
+
 def energy_score(
     samples: Tensor, ground_truth: Tensor, weights: Tensor, spread: float = 1.0
 ) -> Tensor:
@@ -99,28 +202,33 @@ def energy_score(
 
 
 @torch.no_grad()
-def mean_energy_score(
+def mean_energy_scores(
     model: Generator,
     pairs: MotionPairs,
+    contact_score: ContactScore,
     *,
     n_samples: int,
     batch_size: int,
     random: torch.Generator,
-) -> Tensor:
-    """Return the mean score of a generator's reactions to the partners of real pairs: ``()``."""
-    weights, score = trapezoid_weights(model.points), EnergyScore(model.skeleton)
+) -> dict[str, Tensor]:
+    """Return mean scores of a generator's reactions to the partners of real pairs, ``()`` each.
+
+    ``motion`` is that of ``EnergyScore``; the others are those of ``contact_score``.
+    """
+    weights, motion_score = trapezoid_weights(model.points), EnergyScore(model.skeleton)
+    normalise = model.normalisation.normalise_reaction
     scores = []
     for rows in torch.split(torch.arange(len(pairs), device=pairs.partner.device), batch_size):
         batch = pairs[rows]
         noise = model.sample_noise(n_samples * len(batch), random).to(rows.device)
         samples = sample_reactions(model, noise, batch)
-        ground_truth = model.normalisation.normalise_reaction(batch.reaction)
-        scores.append(score(samples, ground_truth, weights))
-    return torch.cat(scores).mean()
+        motion = motion_score(normalise(samples), normalise(batch.reaction), weights)
+        scores.append({"motion": motion, **contact_score(samples, batch, weights)})
+    return {name: torch.cat([part[name] for part in scores]).mean() for name in scores[0]}
 
 
 def sample_reactions(model: Generator, noise: Tensor, pairs: MotionPairs) -> Tensor:
-    """Generate S normalised reactions to each of B partners.
+    """Generate S reactions to each of B partners.
 
     Parameters
     ----------
@@ -130,11 +238,10 @@ def sample_reactions(model: Generator, noise: Tensor, pairs: MotionPairs) -> Ten
 
     Returns
     -------
-    (S, B, N, 3 J)
+    (S, B, N, 3 J) metres
     """
     n_samples = len(noise) // len(pairs)
-    repeated = pairs.repeat(n_samples)
-    reactions = model.normalisation.normalise_reaction(model(noise, repeated.condition))
+    reactions: Tensor = model(noise, pairs.repeat(n_samples).condition)
     return reactions.view(n_samples, *pairs.reaction.shape)
 
 

@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from pacmo_core.data.interaction import Motion
@@ -13,8 +14,15 @@ from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
 from pacmo_core.reaction.data import Condition
+from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, WindowQuery, window_queries
+from pacmo_core.reaction.windows import (
+    PartnerMotion,
+    ReactionModel,
+    WindowQuery,
+    sample_poses,
+    window_queries,
+)
 
 # Bounds of memory: motions that go through the layers together, and times through the head.
 MAX_MOTIONS_PER_BATCH = 64
@@ -88,6 +96,30 @@ def react_all(
     if not all(np.isfinite(reaction).all() for reaction in reactions):
         raise ValueError("the reaction has values that are not finite: the weights are damaged")
     return reactions
+
+
+def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Motion) -> Motion:
+    """Finish the reactions to one partner: exact bones, planted feet, closed contacts.
+
+    Parameters
+    ----------
+    model : that generated them, and whose map of contacts is applied
+    partner : PartnerMotion
+    reactions : (S, T_out, J, 3) float32, metres, in the world
+
+    Returns
+    -------
+    (S, T_out, J, 3) float32, metres
+    """
+    poses = sample_poses(Spline(partner.times, partner.motion), partner.out_times)
+    contact_map = model.contact_map.cpu().numpy().astype(np.float64)
+    # Another number of threads rounds differently.
+    with threadpool_limits(1, user_api="blas"):
+        finished = [
+            finish(reaction, poses, partner.out_times, model.skeleton, contact_map)
+            for reaction in reactions
+        ]
+    return np.stack(finished)
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.critic import Critic, gradient_penalty
 from pacmo_core.reaction.data import Condition, MotionPairs
-from pacmo_core.reaction.energy_score import EnergyScore
+from pacmo_core.reaction.energy_score import ContactScore, EnergyScore
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.settings import PacmoSettings
 
@@ -112,6 +112,7 @@ class WganLosses:
         self.generator, self.critic, self.settings = generator, critic, settings
         self.bone_symmetry = BoneSymmetryPenalty(generator.skeleton)
         self.energy_score = EnergyScore(generator.skeleton)
+        self.contact_score = ContactScore(generator.skeleton, settings.contact_score)
         self.bone_length = BoneLengthPenalty(generator.skeleton)
         self.weights = trapezoid_weights(generator.points)
         self._device = generator.points.device.type
@@ -150,14 +151,26 @@ class WganLosses:
             terms["critic_score"] = self._score(generated, batch.real).mean()
             loss = loss - terms["critic_score"]
         if settings.energy_score_weight:
-            real, _ = self._normalise(batch.real)
-            scores = self.energy_score(generated, real, self.weights, settings.energy_score_spread)
-            terms["energy_score"] = scores.mean()
-            loss = loss + settings.energy_score_weight * terms["energy_score"]
+            scores = self._energy_scores(reactions, generated, batch.real)
+            terms |= scores
+            loss = loss + settings.energy_score_weight * torch.stack([*scores.values()]).sum()
         if settings.bone_length_weight:
             terms["bone_length_variance"] = self.bone_length(flat, self.weights)
             loss = loss + settings.bone_length_weight * terms["bone_length_variance"]
         return loss, terms
+
+    def _energy_scores(
+        self, reactions: Tensor, generated: Tensor, real: MotionPairs
+    ) -> dict[str, Tensor]:
+        """Return the mean energy scores of ``(S, B, N, 3 J)`` metres, and the same normalised."""
+        spread = self.settings.energy_score_spread
+        ground_truth, _ = self._normalise(real)
+        motion = self.energy_score(generated, ground_truth, self.weights, spread)
+        scores = {"energy_score": motion.mean()}
+        if self.settings.contact_score.is_used:
+            contact = self.contact_score(reactions, real, self.weights, spread)
+            scores["contact_score"] = self.contact_score.total(contact).mean()
+        return scores
 
     def generate(self, batch: WganBatch) -> Tensor:
         """Generate S reactions to each of the batch's partners: ``(S, B, N, 3 J)`` metres."""

@@ -98,6 +98,38 @@ class AugmentationSettings:
 
 
 @dataclass(frozen=True)
+class ContactScoreSettings:
+    """Weights and scales of ``energy_score.ContactScore``; a weight of 0 turns a function off.
+
+    Parameters
+    ----------
+    near_weight : of ``exp(-distance / near_distance)``, relative to the score of the motion
+    near_distance : metres between joints of the two people
+    log_distance_weight : of the logarithm of these distances
+    stance_weight : of ``exp(-speed / stance_speed)`` of the feet
+    stance_speed : metres per second
+    """
+
+    near_weight: float
+    near_distance: float
+    log_distance_weight: float
+    stance_weight: float
+    stance_speed: float
+
+    def __post_init__(self) -> None:
+        if not (self.near_distance > 0 and self.stance_speed > 0):
+            raise ValueError(
+                "near_distance and stance_speed must be greater than 0; "
+                f"got {self.near_distance} and {self.stance_speed}"
+            )
+
+    @property
+    def is_used(self) -> bool:
+        """Whether any weight is not 0."""
+        return any((self.near_weight, self.log_distance_weight, self.stance_weight))
+
+
+@dataclass(frozen=True)
 class RegressionSettings:
     """The ``train_regression`` section."""
 
@@ -146,11 +178,12 @@ class PacmoSettings:
     checkpoint_every: int  # epochs
     validate_from: int  # epochs; no weights of earlier epochs are selected
     validation_samples: int  # reactions to each validation partner, for the energy score
-    n_critic: int  # critic steps for each generator step
+    n_critic: int  # critic steps for each generator step; 0: the generator has no critic
     gradient_penalty_weight: float  # lambda of the gradient penalty (PaCMO, eq. 2)
     warmup_epochs: int  # in which the generator is trained on the energy score, without the critic
     energy_score_weight: float  # of the energy score in the generator's loss; 0 in the paper
     energy_score_spread: float  # factor of its spread term; below 1: less error, less diversity
+    contact_score: ContactScoreSettings  # what the energy score includes beside the motion
     bone_symmetry_weight: float  # of the squared length difference of mirrored bones, 1 / m^2
     bone_length_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off
     ema_decay: float  # of the exponential moving average of the weights, a step
@@ -160,7 +193,13 @@ class PacmoSettings:
     compile_generator: bool  # on a GPU only
 
     def __post_init__(self) -> None:
-        check_positive(self, *LOOP_COUNTS, "n_critic")
+        check_positive(self, *LOOP_COUNTS)
+        if self.n_critic < 0 or not (self.n_critic or self.energy_score_weight):
+            raise ValueError(
+                "n_critic must be at least 0, and 0 wants an energy_score_weight above 0: the "
+                f"generator has no other loss on reactions; got n_critic {self.n_critic}, "
+                f"energy_score_weight {self.energy_score_weight}"
+            )
         if not 0 <= self.validate_from < self.n_epochs:
             raise ValueError(
                 "validate_from must be at least 0 and less than n_epochs: weights are selected in "

@@ -1,6 +1,7 @@
 """Streaming inference: reactions to a live partner, frame by frame."""
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.spline import SmoothingSpline
+from pacmo_core.reaction.finish import FrameFinish
 from pacmo_core.reaction.inference import evaluate_queries
 from pacmo_core.reaction.windows import (
     ReactionModel,
@@ -42,12 +44,20 @@ class ReactionStream:
     n_samples : S; 1 for a deterministic model
     random : CPU generator of the noise
     action : label of the interaction, for a model that is conditioned on labels
+    finish : whether bones keep their lengths and feet stay above the floor; see ``FrameFinish``
     """
 
     def __init__(
-        self, model: ReactionModel, *, n_samples: int, random: torch.Generator, action: str = ""
+        self,
+        model: ReactionModel,
+        *,
+        n_samples: int,
+        random: torch.Generator,
+        action: str = "",
+        finish: bool = False,
     ) -> None:
         self._model = model
+        self._finish: Callable[[Motion], Motion] | None = None if finish else _unchanged
         self._action = action_index(model, action)
         self._noise = continuous_noise(model, n_samples, random)
         self._duration = mean_duration(model.normalisation)
@@ -78,10 +88,20 @@ class ReactionStream:
         if not np.isfinite(time):
             raise ValueError(f"time must be finite; got {time}")
         self._append(pose, time)
-        query = self._query(time)
+        query = self._query(time, np.array([time]))
+        if self._finish is None:
+            # The reaction to a partner who stands still, in the whole of the first window.
+            window = np.linspace(query.window.start, time, N_PADDING_POSES)
+            first = self._evaluate(self._query(time, window))
+            self._finish = FrameFinish(first, pose, self._model.skeleton)
+        return self._finish(self._evaluate(query)[:, 0])
+
+    def _evaluate(self, query: WindowQuery) -> Motion:
+        """``(S, T, J, 3)`` metres, in the world."""
         with torch.no_grad():
             (local,) = evaluate_queries(self._model, [query])
-        return query.frame.to_world(local.reshape(-1, *shape))
+        joints = len(self._model.skeleton.joints)
+        return query.frame.to_world(local.reshape(*local.shape[:2], joints, 3))
 
     def _append(self, pose: NDArray[np.float32], time: float) -> None:
         if not self._frames:
@@ -98,7 +118,7 @@ class ReactionStream:
         while self._frames[1][0] <= time - self._buffer_duration:
             self._frames.popleft()
 
-    def _query(self, time: float) -> WindowQuery:
+    def _query(self, time: float, out_times: NDArray[np.float64]) -> WindowQuery:
         times, poses = zip(*self._frames, strict=True)
         motion = SmoothingSpline(np.array(times), np.stack(poses))
         window = Window(time - self._duration, self._duration)
@@ -116,7 +136,11 @@ class ReactionStream:
             frame=body_frame(mean_pose, self._model.skeleton),
             noise=self._noise.coefficients(n_windows) if self._noise else torch.zeros(0),
             action=self._action,
-            rows=slice(0, 1),
-            out_times=np.array([time]),
-            weights=np.ones(1),
+            rows=slice(0, len(out_times)),
+            out_times=out_times,
+            weights=np.ones(len(out_times)),
         )
+
+
+def _unchanged(poses: Motion) -> Motion:
+    return poses

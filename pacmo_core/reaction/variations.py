@@ -134,7 +134,7 @@ class AugmentedWganTrainer:
         self.trainer.pairs = self.pairs[rows.to(self.pairs.partner.device)]
         return self.trainer.train_epoch(number)
 
-    def validate(self) -> Tensor | None:
+    def validate(self) -> dict[str, Tensor]:
         """Score the model on validation clips, as captured."""
         return self.trainer.validate()
 

@@ -11,11 +11,12 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.operators.uno import u_shape_config
+from pacmo_core.reaction.contacts import learn_contact_map
 from pacmo_core.reaction.critic import Critic, CriticInputs, end_effectors
 from pacmo_core.reaction.data import (
     MotionPairs,
@@ -23,13 +24,13 @@ from pacmo_core.reaction.data import (
     expand_directions,
     sample_motion_pairs,
 )
-from pacmo_core.reaction.energy_score import mean_energy_score
+from pacmo_core.reaction.energy_score import mean_energy_scores, sample_reactions
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from pacmo_core.reaction.inputs import ActionEmbedding, action_indices
 from pacmo_core.reaction.losses import LossAndTerms, WganBatch, WganLosses
 from pacmo_core.reaction.settings import AdamSettings, PacmoSettings
 from pacmo_core.training.devices import ProcessGroup
-from pacmo_core.training.loop import TrainingLoop
+from pacmo_core.training.loop import VALIDATION, TrainingLoop
 from pacmo_core.training.state import (
     adam_state,
     add_prefixes,
@@ -95,14 +96,16 @@ class WganTrainer:
     @property
     def steps_per_epoch(self) -> int:
         """Generator steps in which the critic is trained on about as many pairs as there are."""
-        return math.ceil(len(self.pairs) / (self.settings.batch_size * self.settings.n_critic))
+        # Without a critic there are as many as with one critic step for each.
+        n_critic = max(1, self.settings.n_critic)
+        return math.ceil(len(self.pairs) / (self.settings.batch_size * n_critic))
 
     def train_epoch(self, number: int) -> dict[str, float]:
         """Train for an epoch; the terms are means over its steps.
 
         In the first ``warmup_epochs`` the generator is trained on the energy score and the
         penalties on bones alone: from then on its reactions are near enough to the data for the
-        gradients of an untrained critic to be informative.
+        gradients of an untrained critic to be informative. Without a critic it stays so.
         """
         settings, every = self.settings, self.settings.halve_learning_rate_every
         set_learning_rate(
@@ -112,7 +115,8 @@ class WganTrainer:
             self.adam_critic, settings.critic.learning_rate, epoch=number, every=every
         )
         self.selects_weights = number >= settings.validate_from
-        step = self.warmup_step if number < settings.warmup_epochs else self.step
+        without_critic = number < settings.warmup_epochs or not settings.n_critic
+        step = self.warmup_step if without_critic else self.step
         return mean_terms([step() for _ in range(self.steps_per_epoch)])
 
     def step(self) -> dict[str, float]:
@@ -124,22 +128,31 @@ class WganTrainer:
         """Update the generator once, without the critic."""
         return self._update_generator(use_critic=False)
 
-    def validate(self) -> Tensor | None:
-        """Return the EMA's energy score on validation pairs, on the same noise every time.
+    def validate(self) -> dict[str, Tensor]:
+        """Return the EMA's energy scores on validation pairs, on the same noise every time.
 
-        Epochs before ``validate_from`` are not scored: the score soon changes by chance only,
-        while the critic still improves what a score on few clips does not measure.
+        ``validation`` is the score that is minimised in training, of whole spread; the others are
+        its parts. Epochs before ``validate_from`` are not scored: the score soon changes by chance
+        only, while the critic still improves what a score on few clips does not measure. Where
+        weights may be selected, their map of contacts is learnt on the training pairs.
         """
-        if self.validation_pairs is None or not self.selects_weights:
-            return None
-        return mean_energy_score(
+        if not self.selects_weights:
+            return {}
+        self._learn_contact_map()
+        if self.validation_pairs is None:
+            return {}
+        scores = mean_energy_scores(
             self.ema_generator,
             self.validation_pairs,
+            self.losses.contact_score,
             n_samples=self.settings.validation_samples,
             batch_size=self.settings.batch_size,
             # A separate random generator: validation must not change the training.
             random=torch.Generator().manual_seed(self.settings.random_seed),
         )
+        parts = {f"{VALIDATION}_{name}": score for name, score in scores.items()}
+        motion = scores.pop("motion")
+        return {VALIDATION: motion + self.losses.contact_score.total(scores), **parts}
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return both networks, the EMA, both optimisers and the state of the random generator."""
@@ -160,6 +173,22 @@ class WganTrainer:
         load_adam_state(self.adam_generator, select_prefix(state, "adam_generator"))
         load_adam_state(self.adam_critic, select_prefix(state, "adam_critic"))
         self.random.set_state(state["random/state"])
+
+    @torch.no_grad()
+    def _learn_contact_map(self) -> None:
+        model, random = self.ema_generator, torch.Generator().manual_seed(self.settings.random_seed)
+        batches = torch.split(torch.arange(len(self.pairs)), self.settings.batch_size)
+        pairs = [self.pairs[rows.to(self.pairs.partner.device)] for rows in batches]
+        noise = [model.sample_noise(len(batch), random) for batch in pairs]
+        reactions = [
+            sample_reactions(model, coefficients.to(batch.partner.device), batch)[0]
+            for coefficients, batch in zip(noise, pairs, strict=True)
+        ]
+        partner, captured = _as_frames(self.pairs.partner), _as_frames(self.pairs.reaction)
+        learnt = learn_contact_map(
+            [(partner, _as_frames(torch.cat(reactions)))], [(partner, captured)], model.skeleton
+        )
+        model.contact_map.copy_(torch.from_numpy(learnt))
 
     def _update_critic(self) -> dict[str, float]:
         batch = self._sample_batch(for_critic=True)
@@ -199,6 +228,12 @@ class WganTrainer:
         return values
 
 
+def _as_frames(motions: Tensor) -> Motion:
+    """From ``(B, N, 3 J)`` to ``(B N, J, 3)``."""
+    frames: Motion = motions.reshape(-1, motions.shape[-1] // 3, 3).cpu().numpy()
+    return frames
+
+
 def _build_adam(network: nn.Module, settings: AdamSettings) -> torch.optim.Adam:
     beta_1, beta_2 = settings.betas
     return torch.optim.Adam(network.parameters(), lr=settings.learning_rate, betas=(beta_1, beta_2))
@@ -218,8 +253,10 @@ def build_training(
     The model is the exponential moving average with the best energy score on the validation
     clips, in both directions. An epoch yields ``wasserstein_distance`` (the estimate of eq. 1),
     ``gradient_penalty``, ``gradient_norm``, ``critic_score``, ``bone_symmetry`` and, where their
-    weights are not 0, ``energy_score`` and ``bone_length_variance`` (m^2). In a group of processes
-    each computes a part of every batch.
+    weights are not 0, ``energy_score``, ``contact_score`` and ``bone_length_variance`` (m^2). A
+    validation yields ``validation``, and its parts ``validation_motion``, ``validation_near``,
+    ``validation_log_distance`` and ``validation_stance``. In a group of processes each computes a
+    part of every batch.
 
     Parameters
     ----------

@@ -24,20 +24,12 @@ GROUND_QUANTILE = 0.005
 
 @dataclass(frozen=True)
 class Example:
-    """A source and one of its variations.
+    """A source and one of its variations."""
 
-    Parameters
-    ----------
-    source : its name; examples of one source share the template
-    template : the source itself, both people at scale 1
-    scales : (2, E) float64, of each of ``skeleton.bones``, of person a and person b
-    variation : the interaction on the scaled skeletons
-    """
-
-    source: str
-    template: Interaction
-    scales: NDArray[np.float64]
-    variation: Interaction
+    source: str  # its name; examples of one source share the template
+    template: Interaction  # the source itself, both people at scale 1
+    scales: NDArray[np.float64]  # (2, E), of each of ``skeleton.bones``, of person a and person b
+    variation: Interaction  # on the scaled skeletons
 
     def __post_init__(self) -> None:
         shape = (2, len(self.template.skeleton.bones))
@@ -55,18 +47,11 @@ class Example:
 
 @dataclass(frozen=True)
 class ExampleBatch:
-    """Examples of equal length; characters in the order in which they are generated.
+    """Examples of equal length; characters in the order in which they are generated."""
 
-    Parameters
-    ----------
-    template : (B, T, 2, J, 3), metres
-    variation : (B, T, 2, J, 3), metres
-    scales : (B, 2, J), of the bone into each joint; 1 at the root
-    """
-
-    template: Tensor
-    variation: Tensor
-    scales: Tensor
+    template: Tensor  # (B, T, 2, J, 3), metres
+    variation: Tensor  # (B, T, 2, J, 3), metres
+    scales: Tensor  # (B, 2, J), of the bone into each joint; 1 at the root
 
     def swapped(self, rows: Tensor) -> "ExampleBatch":
         """Swap the characters where rows (B,) bool is set."""
@@ -86,20 +71,12 @@ class ExampleBatch:
 
 @dataclass(frozen=True)
 class ExampleDataset:
-    """Examples in the canonical frames of their sources, at their own lengths and rates.
+    """Examples in the canonical frames of their sources, at their own lengths and rates."""
 
-    Parameters
-    ----------
-    templates : of each source, (T_i, 2, J, 3), metres
-    variations : of each example, of the shape of its source's template
-    sources : (N,), index of each example's template
-    scales : (N, 2, J)
-    """
-
-    templates: list[Tensor]
-    variations: list[Tensor]
-    sources: Tensor
-    scales: Tensor
+    templates: list[Tensor]  # of each source, (T_i, 2, J, 3), metres
+    variations: list[Tensor]  # of each example, of the shape of its source's template
+    sources: Tensor  # (N,), index of each example's template
+    scales: Tensor  # (N, 2, J)
 
     def __len__(self) -> int:
         """Count the examples."""

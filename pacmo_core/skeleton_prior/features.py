@@ -29,22 +29,13 @@ from pacmo_core.training.supervised import SupervisedTrainer
 
 @dataclass(frozen=True)
 class FeatureExtractorSettings:
-    """Size and training of the autoencoder.
-
-    Parameters
-    ----------
-    random_seed : int
-    hidden, n_features : channels of the widest layer, and of the latent
-    n_frames : of the encoder's input, evenly spaced over a motion of any length
-    n_decoded_frames : of the decoder's output, evenly spaced over the input
-    learning_rate, halve_learning_rate_every, batch_size, n_epochs : of the training
-    """
+    """Size and training of the autoencoder."""
 
     random_seed: int
-    hidden: int
-    n_features: int
-    n_frames: int
-    n_decoded_frames: int
+    hidden: int  # channels of the widest layer
+    n_features: int  # of the latent
+    n_frames: int  # of the encoder's input, evenly spaced over a motion of any length
+    n_decoded_frames: int  # of the decoder's output, evenly spaced over the input
     learning_rate: float
     halve_learning_rate_every: int
     batch_size: int
@@ -52,21 +43,13 @@ class FeatureExtractorSettings:
 
 
 class FeatureExtractor(nn.Module):
-    """Autoencoder of one character's motion in the canonical frame of the interaction.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-    settings : FeatureExtractorSettings
-    """
+    """Autoencoder of one character's motion in the canonical frame of the interaction."""
 
     def __init__(self, skeleton: Skeleton, settings: FeatureExtractorSettings) -> None:
         super().__init__()
         self.settings, self.skeleton = settings, skeleton
         hidden, joints = settings.hidden, len(skeleton.joints)
-        self.encoder = StGcnEncoder(
-            off_diagonal_adjacency(skeleton), 3, encoder_channels(hidden), dropout=0.0
-        )
+        self.encoder = StGcnEncoder(off_diagonal_adjacency(skeleton), 3, encoder_channels(hidden))
         self.latent = nn.Linear(hidden * joints, settings.n_features)
         self.decoder = nn.Sequential(
             nn.Linear(settings.n_features, hidden),
@@ -76,7 +59,7 @@ class FeatureExtractor(nn.Module):
 
     def forward(self, motions: Tensor) -> Tensor:
         """Encode motions ``(B, K, J, 3)``, metres, as latents (B, D)."""
-        latent: Tensor = self.latent(self.encoder(motions, None).flatten(1))
+        latent: Tensor = self.latent(self.encoder(motions.permute(0, 3, 1, 2)).flatten(1))
         return latent
 
     def loss(self, motions: Tensor) -> Tensor:

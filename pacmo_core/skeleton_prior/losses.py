@@ -5,16 +5,20 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from pacmo_core.skeleton_prior.kinematics import CONTACT_DISTANCE
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.settings import LossWeights
+from pacmo_core.skeleton_prior.start import contact_weights
 from pacmo_core.skeleton_prior.vae import Reconstruction
+
+# Metres: distance at which the weight of a pair of joints has fallen to 1/e.
+CONTACT_DISTANCE = 0.15
 
 
 def loss_terms(
     reconstruction: Reconstruction,
     variation: Tensor,
     template: Tensor,
-    parents: Tensor,
+    skeleton: Skeleton,
     displacement_scale: Tensor,
 ) -> dict[str, Tensor]:
     """Compute all terms of the loss, unweighted.
@@ -22,12 +26,12 @@ def loss_terms(
     Parameters
     ----------
     variation, template : (B, T, 2, J, 3), metres
-    parents : (J,)
+    skeleton : Skeleton
     displacement_scale : metres, root mean square of displacements in the training data
     """
     motions = reconstruction.motions
     error = (motions - variation) / displacement_scale
-    bones = _bone_lengths(motions, parents) - _bone_lengths(variation, parents)
+    bones = _bone_lengths(motions, skeleton) - _bone_lengths(variation, skeleton)
     first, second = reconstruction.posteriors
     return {
         "position": _smooth_l1(error),
@@ -39,12 +43,7 @@ def loss_terms(
 
 
 def total_loss(terms: Mapping[str, Tensor], weights: LossWeights, kl_warmup: float) -> Tensor:
-    """Sum the weighted terms.
-
-    Parameters
-    ----------
-    kl_warmup : from 0 to 1, factor of the weight of the KL divergence
-    """
+    """Sum the weighted terms."""
     return (
         terms["position"]
         + weights.bone_length * terms["bone_length"]
@@ -60,16 +59,17 @@ def _smooth_l1(error: Tensor) -> Tensor:
     return loss
 
 
-def _bone_lengths(motion: Tensor, parents: Tensor) -> Tensor:
-    # The square root has no gradient at zero, which is the root's length.
-    return ((motion - motion[..., parents, :]).square().sum(dim=-1) + 1e-12).sqrt()
+def _bone_lengths(motion: Tensor, skeleton: Skeleton) -> Tensor:
+    parent, child = skeleton.bones.T
+    lengths: Tensor = (motion[..., child, :] - motion[..., parent, :]).norm(dim=-1)
+    return lengths
 
 
 def _distance_terms(
     motions: Tensor, variation: Tensor, template: Tensor, displacement_scale: Tensor
 ) -> dict[str, Tensor]:
     """Compute the error of inter-character distances, weighted by proximity and unweighted."""
-    proximity = torch.exp(-((_pair_distances(template) / CONTACT_DISTANCE) ** 2))
+    proximity = contact_weights(template[:, :, 0], template[:, :, 1], CONTACT_DISTANCE)
     error = (_pair_distances(motions) - _pair_distances(variation)) / displacement_scale
     loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
     return {

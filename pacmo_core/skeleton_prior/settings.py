@@ -8,27 +8,30 @@ from pacmo_core.skeleton_prior.kinematics import Limb
 
 
 @dataclass(frozen=True)
+class StartSettings:
+    """Constants of the rule in ``start``; weights of a limb's end are against 1 for its posture."""
+
+    ground_height: float  # metres above the ground at which a limb end's weight has fallen to 1/e
+    contact_range: float  # metres at which the contact weight of two joints has fallen to 1/e
+    root: float  # weights for the body as a whole: of staying in place,
+    ground: float  # of the height of limb ends near the ground,
+    contact: float  # of contacts
+    foot: float  # weights for a limb's end: of the ground,
+    hand: float  # of contacts
+    yielding: float  # share of the contact weights if the partner is expected to yield too
+
+
+@dataclass(frozen=True)
 class PriorConfig:
-    """Architecture of a skeleton prior.
+    """Architecture of a skeleton prior."""
 
-    Parameters
-    ----------
-    skeleton : of both characters
-    limbs : arms and legs of the skeleton, as joint indices
-    model : a skeleton prior of ``pacmo_core.models``
-    hidden : channels of the widest layers; ``kinematic`` uses a quarter of them
-    frame_stride : frames between keyframes; the networks see keyframes only
-    fps : of the training motions; keyframes of other motions are as far apart in time
-    dropout : probability
-    """
-
-    skeleton: Skeleton
-    limbs: tuple[Limb, ...]
-    model: str
-    hidden: int
-    frame_stride: int
-    fps: float
-    dropout: float
+    skeleton: Skeleton  # of both characters
+    limbs: tuple[Limb, ...]  # its arms and legs
+    model: str  # a skeleton prior of pacmo_core.models
+    hidden: int  # channels of the widest layers; ``kinematic`` uses a quarter of them
+    frame_stride: int  # frames between keyframes; the networks see keyframes only
+    fps: float  # of the training motions; keyframes of other motions are as far apart in time
+    start: StartSettings  # of the kinematic model
 
     def __post_init__(self) -> None:
         n_joints = len(self.skeleton.joints)
@@ -47,21 +50,13 @@ class LossWeights:
     """Weights of the loss terms; the position error weighs 1.
 
     The supplement states no loss. The terms follow from the metrics that it reports.
-
-    Parameters
-    ----------
-    kl_divergence : of the posteriors from N(0, I), mean over latent elements
-    bone_length : error of bone lengths
-    contact_distance : error of distances between the two people's joints, weighted by proximity
-    joint_distance : the same error, unweighted
-    acceleration : second difference of the position error over time
     """
 
-    kl_divergence: float
-    bone_length: float
-    contact_distance: float
-    joint_distance: float
-    acceleration: float
+    kl_divergence: float  # of the posteriors from N(0, I), mean over latent elements
+    bone_length: float  # error of bone lengths
+    contact_distance: float  # of distances between the two people's joints, weighted by proximity
+    joint_distance: float  # the same error, unweighted
+    acceleration: float  # second difference of the position error over time
 
 
 @dataclass(frozen=True)
@@ -70,12 +65,11 @@ class SkeletonPriorSettings:
 
     random_seed: int
     device: str  # cpu, cuda or auto: cuda where there is one
-    mixed_precision: bool  # matrix products in bfloat16 where the device supports it
     model: str  # a skeleton prior of pacmo_core.models
     hidden: int  # channels of the widest layers; 256 in the paper
     frame_stride: int  # frames between keyframes; displacements are smooth in time
     window_frames: int  # keyframes of a training window
-    dropout: float  # probability
+    start: StartSettings  # of the kinematic model
     loss_weights: LossWeights
     skeleton_vae_steps: int  # training steps of the skeleton VAE, before the motion VAEs
     kl_warmup_epochs: int  # in which the weight of the KL divergence rises to its full value

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,13 @@ from torch import Tensor
 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.models import build_skeleton_prior
-from pacmo_core.skeleton_prior.autograd_functions import bfloat16_products
 from pacmo_core.skeleton_prior.data import Example, ExampleBatch, ExampleDataset, encode_examples
 from pacmo_core.skeleton_prior.kinematics import find_limbs
 from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.losses import loss_terms, total_loss
-from pacmo_core.skeleton_prior.settings import PriorConfig, SkeletonPriorSettings
-from pacmo_core.skeleton_prior.vae import SkeletonPrior, fit_skeleton_vae
+from pacmo_core.skeleton_prior.settings import PriorConfig, SkeletonPriorSettings, StartSettings
+from pacmo_core.skeleton_prior.skeleton_vae import fit_skeleton_vae
+from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer
 
@@ -29,14 +30,6 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
 
     A step draws one number from the generator of the batch order, which seeds everything else: so
     batches, windows and rotations are the same for every model.
-
-    Parameters
-    ----------
-    model : trained in place
-    examples : training data
-    validation : data on which weights are selected, if any
-    settings : SkeletonPriorSettings
-    random : CPU generator
     """
 
     def __init__(
@@ -64,8 +57,10 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         seed = int(torch.randint(2**62, (), generator=self.random))
         step_random = torch.Generator().manual_seed(seed)
         batch = self._batch(rows, step_random)
-        with bfloat16_products(settings.mixed_precision):
-            return batch_loss(self.model, batch, settings, self.kl_warmup, step_random)
+        result = self.model.reconstruct(batch.template, batch.scales, batch.variation, step_random)
+        config, scale = self.model.config, self.model.displacement_scale
+        terms = loss_terms(result, batch.variation, batch.template, config.skeleton, scale)
+        return total_loss(terms, settings.loss_weights, self.kl_warmup)
 
     def _batch(self, rows: Tensor, random: torch.Generator) -> ExampleBatch:
         settings = self.prior_settings
@@ -80,20 +75,6 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         if settings.swap_characters and self.model.symmetric:
             batch = batch.swapped(swapped.to(batch.template.device))
         return batch
-
-
-def batch_loss(
-    model: SkeletonPrior,
-    batch: ExampleBatch,
-    settings: SkeletonPriorSettings,
-    kl_warmup: float,
-    random: torch.Generator,
-) -> Tensor:
-    """Compute the loss of both characters' VAEs on a batch."""
-    result = model.reconstruct(batch.template, batch.scales, batch.variation, random)
-    parents, displacement_scale = model.kinematics.parents, model.displacement_scale
-    terms = loss_terms(result, batch.variation, batch.template, parents, displacement_scale)
-    return total_loss(terms, settings.loss_weights, kl_warmup)
 
 
 def mean_position_error(model: SkeletonPrior, examples: ExampleDataset) -> Tensor:
@@ -130,7 +111,7 @@ def build_training(
             hidden=settings.hidden,
             frame_stride=settings.frame_stride,
             fps=float(np.median([example.template.fps for example in examples])),
-            dropout=settings.dropout,
+            start=settings.start,
         )
     )
     initialise_weights(model.skeleton_vae, random)
@@ -144,13 +125,25 @@ def build_training(
     initialise_weights(model.second, random)
     model.fit_displacement_scale(training_data)
     trainer = SkeletonPriorTrainer(
-        model.to(device),
+        model.to(device).eval(),
         training_data,
         validation_data,
         settings,
         torch.Generator().manual_seed(settings.random_seed + 1),
     )
-    return TrainingLoop(trainer, n_epochs=settings.n_epochs, validate_every=settings.validate_every)
+    return TrainingLoop(
+        trainer,
+        n_epochs=settings.n_epochs,
+        validate_every=settings.validate_every,
+        validate_untrained=True,  # the start of the kinematic model
+    )
+
+
+def build_start(config: PriorConfig) -> SkeletonPrior:
+    """Build the kinematic model before training, in evaluation mode: the start alone."""
+    model = build_skeleton_prior(replace(config, model="kinematic"))
+    initialise_weights(model, torch.Generator().manual_seed(0))
+    return model.eval().requires_grad_(False)
 
 
 def prior_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> SkeletonPrior:
@@ -158,6 +151,7 @@ def prior_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> 
     parsed = {
         "skeleton": Skeleton.from_dict(config["skeleton"]),
         "limbs": tuple((start, middle, end) for start, middle, end in config["limbs"]),
+        "start": StartSettings(**config["start"]),
     }
     model = build_skeleton_prior(PriorConfig(**{**config, **parsed}))
     model.load_state_dict(dict(state))

@@ -2,9 +2,10 @@
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 _MAX_NAME = 200  # bytes; file systems take names of 255
 
@@ -83,3 +84,15 @@ def default_params_file() -> Path:
     package = Path(__file__).parents[1]
     packaged = package / "params.yaml"
     return packaged if packaged.exists() else package.parent / "params.yaml"
+
+
+def merge_params(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters with some of them replaced, at every depth; neither argument changes."""
+    merged = dict(values)
+    for key, value in changes.items():
+        old = merged.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            merged[key] = merge_params(old, value)
+        else:
+            merged[key] = value
+    return merged

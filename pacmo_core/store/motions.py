@@ -22,8 +22,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.limits import MAX_GAP, MAX_POSITIONS
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.limits import MAX_COORDINATE_M, MAX_GAP, MAX_POSITIONS, MIN_GAP
 from pacmo_core.data.names import sort_clips
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.store.files import StoreError, atomic_file
@@ -271,7 +271,9 @@ class _MotionFile:
         return clips
 
     def check_order(self, earlier: str, later: str) -> str:
-        """Return the later of two names; refuse a file whose clips do not ascend."""
+        """Return the later of two names; refuse a file whose clips do not ascend or have none."""
+        if not later:
+            raise StoreError(f"{self._path}: a clip has no name")
         if later < earlier:
             raise StoreError(
                 f"{self._path}: clips must be in ascending order; got {later} after {earlier}"
@@ -285,13 +287,11 @@ class _MotionFile:
         frames, times = table["frame"].to_numpy(), table["time"].to_numpy()
         if not np.array_equal(frames, np.arange(len(frames))):
             raise StoreError(f"{self._path}: clip {name}: wanted frames 0, 1, ... in order")
-        gaps = np.flatnonzero(~(np.diff(times) <= MAX_GAP))
-        if len(gaps):
-            gap = times[gaps[0] + 1] - times[gaps[0]]
-            reason = f"frame {gaps[0] + 1} is {gap:g} s after the one before it"
-            raise StoreError(f"{self._path}: clip {name}: {reason}; wanted at most {MAX_GAP:g} s")
         try:
-            return Interaction(self._skeleton, times, *(_to_motion(table[pose]) for pose in POSES))
+            _check_times(times)
+            people = [_to_motion(table[pose]) for pose in POSES]
+            _check_positions(people)
+            return Interaction(self._skeleton, times, *people)
         except ValueError as error:
             raise StoreError(f"{self._path}: clip {name}: {error}") from error
 
@@ -299,6 +299,21 @@ class _MotionFile:
         most = 2 * MAX_POSITIONS // len(self._skeleton.joints)
         if n_rows > most:
             raise StoreError(f"{self._path}: {what}: wanted at most {most} frames; got {n_rows}")
+
+
+def _check_times(times: NDArray[np.float64]) -> None:
+    gaps = np.diff(times)
+    wrong = np.flatnonzero(~((gaps >= MIN_GAP) & (gaps <= MAX_GAP)))
+    if len(wrong):
+        reason = f"frame {wrong[0] + 1} is {gaps[wrong[0]]:g} s after the one before it"
+        raise ValueError(f"{reason}; wanted {MIN_GAP:g} to {MAX_GAP:g} s")
+
+
+def _check_positions(people: list[Motion]) -> None:
+    for person, motion in zip(POSES, people, strict=True):
+        far = float(np.abs(motion).max(initial=0.0))
+        if far > MAX_COORDINATE_M:
+            raise ValueError(f"{person} is {far:g} m away; wanted at most {MAX_COORDINATE_M:g} m")
 
 
 def motion_file(folder: Path, clip: str) -> Path:

@@ -33,6 +33,7 @@ class ClipRecord:
     source_file, sha256 : of the raw capture
     bone_length_variation, max_joint_speed, contact_share : as in ``pacmo_core.data.quality``
     filled_frames : frames that were missing in the capture and interpolated
+    synthetic : whether the capture was generated, not recorded
     """
 
     clip: str
@@ -53,6 +54,7 @@ class ClipRecord:
     max_joint_speed: float
     contact_share: float
     filled_frames: int
+    synthetic: bool
 
     def for_clip(self, name: str, start_frame: int, clip: Interaction) -> "ClipRecord":
         """Return the record of a clip that was cut from the sequence of this record."""
@@ -96,6 +98,7 @@ COLUMN_TYPES: dict[object, pa.DataType] = {
     str: pa.string(),
     float: pa.float64(),
     int: pa.int64(),
+    bool: pa.bool_(),
 }
 
 

@@ -72,7 +72,7 @@ def sample_timing(random: np.random.Generator, action: str, tempo: float) -> Tim
         hold=hold,
         duration=float(np.clip(event + hold + tail, MIN_DURATION, MAX_DURATION)),
         entry=(float(entry[0]), float(entry[1])),
-        vigour=float(np.exp(random.normal(0.0, 0.22))),
+        vigour=float(np.exp(np.clip(random.normal(0.0, 0.35), -0.7, 0.7))),
         beat=float(random.uniform(2.2, 3.2)),
         turn=float(sign * (0.9 * hold if action == "circle dance" else random.uniform(0.0, 0.5))),
         stays=bool(random.random() < 0.6),
@@ -80,7 +80,7 @@ def sample_timing(random: np.random.Generator, action: str, tempo: float) -> Tim
 
 
 def _sample_event(random: np.random.Generator, action: str, entry: float, tempo: float) -> float:
-    slack = random.uniform(0.0, 0.35)
+    slack = random.uniform(0.0, 0.9)
     if action == "depart":
         return float(0.35 + slack)
     return float((0.8 + slack + entry / 1.05) / tempo)
@@ -107,12 +107,12 @@ def sample_placement(
     lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.17}[
         action
     ]
-    target = shoulder + lift + float(random.uniform(-0.05, 0.05))
+    target = shoulder + lift + float(random.uniform(-0.15, 0.15))
     level = _clip_to_reach(target, [p.body for p in people])
     stretch = 0.70 if action == "circle dance" else 0.80
     near_a, near_b = (ease * _reach_distance(p.body, level, stretch) for p in people)
     sides = [(1.0 - 2.0 * hands[0]), -(1.0 - 2.0 * hands[1])]
-    aside = float(sum(sides)) * 0.08 + float(random.normal(0.0, 0.02))
+    aside = float(sum(sides)) * 0.08 + float(random.uniform(-0.12, 0.12))
     return Placement((near_a, near_b), hands, aside, level)
 
 

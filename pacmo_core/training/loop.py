@@ -47,8 +47,11 @@ class Trainer(Protocol[TrainedModel]):
     def train_epoch(self, number: int) -> dict[str, float]:
         """Train for epoch ``number``, from 0; return the means of the loss terms."""
 
-    def validate(self) -> Tensor | None:
-        """Score ``model`` on validation data, lower is better; None if it is not scored now."""
+    def validate(self) -> dict[str, Tensor]:
+        """Score ``model`` on validation data: ``validation``, lower is better, and other terms.
+
+        Empty if it is not scored now.
+        """
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return all that later epochs depend on."""
@@ -64,7 +67,7 @@ class Snapshot:
     Parameters
     ----------
     tensors : of the trainer, and the best weights so far
-    facts : learning curve and number of the best epoch, in JSON's terms
+    facts : learning curve, number and score of the best epoch, in JSON's terms
     """
 
     tensors: dict[str, Tensor]
@@ -75,13 +78,15 @@ class TrainingLoop(Generic[Model]):
     """Iterate to train: each epoch yields the means of its loss terms.
 
     When the iteration ends, ``model`` has the weights of the epoch with the lowest validation
-    score, the first of equals; without validation data, the last.
+    score, the first of equals; without validation data, the last. With ``validate_untrained`` the
+    untrained weights are a candidate too, as epoch 0.
 
     Parameters
     ----------
     trainer : Trainer
     n_epochs : int
     validate_every : epochs from one validation to the next; the last epoch is always validated
+    validate_untrained : whether the model is of use before training
 
     Raises
     ------
@@ -89,15 +94,23 @@ class TrainingLoop(Generic[Model]):
         If a number is less than 1.
     """
 
-    def __init__(self, trainer: Trainer[Model], *, n_epochs: int, validate_every: int) -> None:
+    def __init__(
+        self,
+        trainer: Trainer[Model],
+        *,
+        n_epochs: int,
+        validate_every: int,
+        validate_untrained: bool = False,
+    ) -> None:
         if min(n_epochs, validate_every) < 1:
             raise ValueError(
                 f"n_epochs and validate_every must be at least 1; got {n_epochs}, {validate_every}"
             )
         self.trainer, self.n_epochs, self.validate_every = trainer, n_epochs, validate_every
+        self.validate_untrained = validate_untrained
         self.curve: list[dict[str, float]] = []
         self._best_weights: dict[str, Tensor] = {}
-        self._best_epoch = 0
+        self._best_epoch, self._best_score = 0, 0.0
 
     @property
     def model(self) -> Model:
@@ -105,6 +118,8 @@ class TrainingLoop(Generic[Model]):
         return self.trainer.model
 
     def __iter__(self) -> Iterator[dict[str, float]]:
+        if self.validate_untrained and not self.curve:
+            self._validate(epoch=0)
         while len(self.curve) < self.n_epochs:
             terms = self.trainer.train_epoch(len(self.curve))
             epoch = len(self.curve) + 1
@@ -125,32 +140,30 @@ class TrainingLoop(Generic[Model]):
         """Return which epoch's weights are selected and by what, in JSON's terms."""
         if not self._best_weights:
             return {"by": "last epoch", "epoch": len(self.curve)}
-        score = self.curve[self._best_epoch - 1][VALIDATION]
-        return {"by": VALIDATION, "epoch": self._best_epoch, "score": score}
+        return {"by": VALIDATION, "epoch": self._best_epoch, "score": self._best_score}
 
     def snapshot(self) -> Snapshot:
         """Copy all that the rest of the training depends on."""
         tensors = add_prefixes(trainer=self.trainer.state_dict(), best=self._best_weights)
         copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
-        return Snapshot(copies, {"curve": self.curve[:], "best_epoch": self._best_epoch})
+        best = {"best_epoch": self._best_epoch, "best_score": self._best_score}
+        return Snapshot(copies, {"curve": self.curve[:], **best})
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot, of this process or another."""
         self.trainer.load_state_dict(select_prefix(snapshot.tensors, "trainer"))
         self._best_weights = select_prefix(snapshot.tensors, "best")
         self._best_epoch = snapshot.facts["best_epoch"]
+        self._best_score = snapshot.facts["best_score"]
         self.curve = [dict(terms) for terms in snapshot.facts["curve"]]
 
     def _validate(self, epoch: int) -> dict[str, float]:
-        score = self.trainer.validate()
-        if score is None:
+        scores = self.trainer.validate()
+        if not scores:
             return {}
-        terms = check_finite({VALIDATION: score}, f"epoch {epoch}")
-        if not self._best_weights or terms[VALIDATION] < self._best_score():
+        terms = check_finite(scores, f"epoch {epoch}")
+        if not self._best_weights or terms[VALIDATION] < self._best_score:
             weights = model_state(self.model)
             self._best_weights = {name: value.clone() for name, value in weights.items()}
-            self._best_epoch = epoch
+            self._best_epoch, self._best_score = epoch, terms[VALIDATION]
         return terms
-
-    def _best_score(self) -> float:
-        return self.curve[self._best_epoch - 1][VALIDATION]

@@ -6,6 +6,7 @@ from typing import Generic, Protocol, TypeVar
 import torch
 from torch import Tensor, nn
 
+from pacmo_core.training.loop import VALIDATION
 from pacmo_core.training.state import (
     adam_state,
     add_prefixes,
@@ -80,12 +81,12 @@ class SupervisedTrainer(Generic[Model]):
         ]
         return check_finite({"loss": torch.stack(losses).mean()}, type(self._model).__name__)
 
-    def validate(self) -> Tensor | None:
+    def validate(self) -> dict[str, Tensor]:
         """Return the loss on validation data."""
         if self.validation_loss is None:
-            return None
+            return {}
         with torch.no_grad():
-            return self.validation_loss()
+            return {VALIDATION: self.validation_loss()}
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return weights, Adam's moments and the state of the random generator."""

@@ -6,9 +6,16 @@ from pathlib import Path
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.names import DIRECTIONS, MAX_SAMPLES, directed_name, sample_name
+from pacmo_core.data.splits import ClipOrigin
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows
 from stages.common.files import CLIPS, MOTIONS
+
+
+def clip_origin(row: ClipRecord) -> ClipOrigin:
+    """Return what a clip may have in common with others: recording and people, as far as named."""
+    people = tuple(person for person in (row.subject_a, row.subject_b) if person)
+    return ClipOrigin(row.clip, row.recording, people)
 
 
 def stream_split(clips: Path, splits: Path, split: str) -> Iterator[tuple[ClipRecord, Interaction]]:

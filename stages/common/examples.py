@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.names import sort_clips
+from pacmo_core.data.variation_splits import VariationScales
 from pacmo_core.skeleton_prior.data import Example
-from pacmo_core.skeleton_prior.splits import VariationScales
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
     ACCEPTED,

@@ -17,6 +17,8 @@ WEIGHTS = "weights.safetensors"
 SOLVER = "solver.json"  # settings of the solver that made a dataset of variations
 SCRIPTS = "scripts.json"  # of the synthetic captures; recorded ones have none
 ALL_SOURCES = "all"  # key of the mean over sources
+# Rows of the table of skeleton priors that are not trained: a copy of the source, and the rule.
+TEMPLATE, START = "template", "start"
 
 
 def write_json(path: Path, facts: Mapping[str, Any]) -> None:

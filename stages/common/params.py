@@ -12,6 +12,8 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 
+from pacmo_core.store.files import merge_params
+
 PARAMS = Path("params.yaml")
 Params = TypeVar("Params")
 Arguments = ParamSpec("Arguments")
@@ -30,6 +32,7 @@ def read_params(
     kind: type[Params],
     path: Path = PARAMS,
     given: Mapping[str, object] = MappingProxyType({}),
+    changes: str = "",
 ) -> Params:
     """Read one section; its keys must be those of the dataclass.
 
@@ -39,6 +42,7 @@ def read_params(
     kind : a dataclass; its fields are the section's keys, and those of ``given``
     path : the file
     given : values from the command line, such as the seed of a run
+    changes : dotted path of values that replace some of the section's, at every depth
 
     Raises
     ------
@@ -46,11 +50,10 @@ def read_params(
         If the section, a key or a value is missing, unknown or of the wrong type, or a key is
         given that the section has too.
     """
-    values = YAML(typ="safe").load(path)
-    for key in section.split("."):
-        if not isinstance(values, Mapping) or key not in values:
-            raise ParamsError(f"{path}: no section {section}")
-        values = values[key]
+    params = YAML(typ="safe").load(path)
+    values = _section(params, section, path)
+    if changes:
+        values = merge_params(values, _section(params, changes, path))
     twice = sorted(given.keys() & set(values)) if given else []
     if twice:
         raise ParamsError(f"{path}, {section}: {', '.join(twice)} comes from the command line")
@@ -63,6 +66,14 @@ def read_params(
     except ValidationError as fault:
         lines = [_in_words(error) for error in fault.errors()]
         raise ParamsError(f"{path}, {section}: {'; '.join(lines)}") from fault
+
+
+def _section(values: Any, section: str, path: Path) -> Any:
+    for key in section.split("."):
+        if not isinstance(values, Mapping) or key not in values:
+            raise ParamsError(f"{path}: no section {section}")
+        values = values[key]
+    return values
 
 
 def _in_words(error: ErrorDetails) -> str:
@@ -114,6 +125,8 @@ class Runs:
 
     folds: list[int]
     seeds: list[int]
+    models: list[str]
+    variants: list[str]
     priors: PriorRuns
 
 

@@ -16,7 +16,7 @@ from rich.progress import track
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.models import Model
-from pacmo_core.store.weights import write_weights
+from pacmo_core.store.weights import TrainedOn, write_weights
 from pacmo_core.training.checkpoints import Checkpoint, data_hash
 from pacmo_core.training.devices import is_main_process, training_device
 from pacmo_core.training.loop import TrainingData, TrainingLoop
@@ -52,12 +52,14 @@ class Task:
     model : row of the registry
     params : the model's section of ``params.yaml``
     data : training and validation clips; their hashes are metadata of the weights
+    trained_on : the datasets of the training clips, metadata of the weights too
     build : from a device to a training loop
     """
 
     model: Model
     params: TrainingParams
     data: TrainingData[Interaction]
+    trained_on: TrainedOn
     build: Callable[[str], TrainingLoop[Any]]
 
 
@@ -95,6 +97,7 @@ def _metadata(task: Task, loop: TrainingLoop[Any]) -> dict[str, Any]:
             "train": data_hash(task.data.train),
             "validation": data_hash(task.data.validation),
         },
+        "trained_on": task.trained_on.to_dict(),
         # Without the name of the build, so that equal results have equal bytes.
         "torch": torch.__version__.partition("+")[0],
     }

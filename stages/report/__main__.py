@@ -18,17 +18,43 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core.figures.curves import Curve
+from pacmo_core.figures.findings import (
+    Finding,
+    comparison_note,
+    count,
+    prior_findings,
+    reaction_findings,
+    variation_findings,
+)
+from pacmo_core.figures.numbers import format_estimate, format_number
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
-from pacmo_core.models import model_names
+from pacmo_core.figures.skeleton_prior import select_source
+from pacmo_core.models import MODELS, model_names
 from pacmo_core.store.files import write_text
 from pacmo_core.store.tables import QuarantineRecord, read_rows
-from stages.common.files import MOTIONS, QUARANTINE, read_curve, read_json, write_json
+from stages.common.files import (
+    ALL_SOURCES,
+    MOTIONS,
+    QUARANTINE,
+    read_curve,
+    read_json,
+    write_json,
+)
 from stages.common.params import PARAMS, Runs, read_params, run_stage
-from stages.report.players import gallery, played, variation_sections
-from stages.report.skeleton_prior import prior_clips, prior_figures, prior_sections
-from stages.report.tables import NOTES, main_tables, reaction_figures, reaction_sections
-
-SUMMARY = "Reactions generated from the partner's motion, measured on clips that no model has seen."
+from stages.report.players import gallery, played, row_label, variation_sections
+from stages.report.skeleton_prior import (
+    PRIOR_TASKS,
+    prior_clips,
+    prior_figures,
+    prior_sections,
+)
+from stages.report.tables import (
+    NOTES,
+    main_tables,
+    reaction_figures,
+    reaction_sections,
+    units_note,
+)
 
 PATHS = (
     *("sequences", "clips", "split", "ingest", "split_reports", "pooled", "variations", "augment"),
@@ -37,7 +63,17 @@ PATHS = (
 )
 # The curves and reactions that the page shows, in this order.
 CURVES = (*model_names("features"), *model_names("reaction"))
-REACTIONS = ("oracle", *model_names("reaction"))
+REACTIONS = ("oracle", "nearest_neighbour", *model_names("reaction"))
+# What the page says of the split of each fold, by the names of ``stages.split``.
+SPLIT_FACTS = {
+    "method": "Split by",
+    "tested_people": "People tested",
+    "tested_recordings": "Recordings tested",
+    "train": "Clips to train on",
+    "validation": "Clips to select weights on",
+    "test": "Clips to test on",
+    "dropped": "Clips left out",
+}
 FOLDERS = {"skeleton_prior": "prior"}  # short, so that the table of dvc metrics fits a terminal
 
 
@@ -46,8 +82,7 @@ class Params:
     """The ``report`` section of ``params.yaml``."""
 
     played_clips: int  # at most, one of each action before a second of any
-    varied_clips: int  # at most of each dataset, those with the worst variation first
-    variations_each: int  # at most, the worst first
+    variations_each: int  # variations side by side with their source, at most
 
 
 def main(paths: argparse.Namespace) -> None:
@@ -60,22 +95,25 @@ def main(paths: argparse.Namespace) -> None:
     reactions = first_runs(paths.reactions, REACTIONS, paths.seed)
     page = Report(
         title=experiment,
-        summary=SUMMARY,
+        summary=summary(ingest, pooled),
+        findings=findings(pooled, augment, priors),
+        findings_note=comparison_note(pooled["confidence"], pooled),
         facts=provenance(experiment, runs, pooled) | hashes(paths.clips, reactions),
         data=summarise(ingest, splits, paths.sequences),
         tables=main_tables(pooled),
-        notes=(*NOTES, halves_note(pooled["rows"])),
+        notes=(*NOTES, units_note(pooled), halves_note(pooled["rows"])),
         sections=(
             *reaction_sections(pooled, ingest["dataset"]),
             *variation_sections(augment),
             *prior_sections(priors),
         ),
-        curves={name: curve(file) for name, file in curve_files(paths.curves, paths.seed).items()},
+        curves={
+            MODELS[name].label: curve(file)
+            for name, file in curve_files(paths.curves, paths.seed).items()
+        },
         clips=tuple(played((paths.clips, paths.split), reactions, params.played_clips)),
-        gallery=(
-            *gallery(paths.variations, params.varied_clips, params.variations_each),
-            *prior_clips(paths.priors / "samples", priors),
-        ),
+        gallery=tuple(gallery(paths.variations, params.variations_each)),
+        generated=tuple(prior_clips(paths.priors / "samples", priors)),
     )
     write_text(paths.page, render_report(page))
     compared = {"pacmo": reaction_figures(pooled), "skeleton_prior": prior_figures(priors)}
@@ -87,9 +125,35 @@ def main(paths: argparse.Namespace) -> None:
     write_json(paths.details, {"experiment": experiment, "data": data, **details})
 
 
+def findings(
+    pooled: dict[str, Any], augment: dict[str, Any], priors: dict[str, Any]
+) -> tuple[Finding, ...]:
+    """Return the sentences with which the page opens: reactions, variations, skeleton priors."""
+    scores = {task: priors[task] for task in PRIOR_TASKS}
+    return (
+        *reaction_findings(pooled),
+        *variation_findings(augment),
+        *(
+            finding
+            for dataset in priors["data_facts"]
+            for finding in prior_findings(select_source(scores, dataset, ALL_SOURCES), dataset)
+        ),
+    )
+
+
+def summary(ingest: dict[str, Any], pooled: dict[str, Any]) -> str:
+    """Return what the page is about; only synthetic captures have an oracle."""
+    synthetic = ", synthetic captures," if "oracle" in pooled["rows"] else ""
+    return (
+        f"Reactions generated from the partner's motion, by models trained on "
+        f"{ingest['dataset']}{synthetic} and measured on clips that none of them has seen."
+    )
+
+
 def first_runs(folder: Path, names: Iterable[str], seed: int) -> dict[str, Path]:
-    """List the folders ``ROW/SEED`` that exist; the oracle has the seed 1 whatever the models'."""
-    runs = {name: folder / name / str(1 if name == "oracle" else seed) for name in names}
+    """List the folders ``ROW/SEED`` that exist; rows without a model have the seed 1."""
+    trained = model_names("reaction")
+    runs = {name: folder / name / str(seed if name in trained else 1) for name in names}
     return {name: path for name, path in runs.items() if path.exists()}
 
 
@@ -118,7 +182,7 @@ def provenance(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, 
     return {
         "Command": f"./run repro {experiment}",
         "Parameters": f"{PARAMS}, including any later edits",
-        "Runs": f"{count(runs.folds, 'fold')}, {count(runs.seeds, 'seed')} of each model",
+        "Runs": f"{count(len(runs.folds), 'fold')}, {count(len(runs.seeds), 'seed')} of each model",
         "Tested on": f"{pacmo['test_reactions']} reactions, either person of each test clip; "
         f"{same_action} of actions that occur in several clips",
         "Features": f"auto-encoder {hashes['extractor']}, one for each fold",
@@ -128,10 +192,10 @@ def provenance(experiment: str, runs: Runs, pacmo: dict[str, Any]) -> dict[str, 
 
 def hashes(clips: Path, reactions: dict[str, Path]) -> dict[str, str]:
     """Return the beginnings of the SHA-256 of clips, reactions and parameters."""
-    files = {"clips": clips, **reactions}
+    files = {name: folder / MOTIONS for name, folder in {"clips": clips, **reactions}.items()}
     return {
-        f"SHA-256, {name}": f"{_sha256(folder / MOTIONS)[:16]} {(folder / MOTIONS).as_posix()}"
-        for name, folder in files.items()
+        f"SHA-256, {row_label(name)}": f"{_sha256(file)[:16]} {file.as_posix()}"
+        for name, file in files.items()
     } | {"SHA-256, parameters": _sha256(PARAMS)[:16]}
 
 
@@ -140,9 +204,11 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def count(things: list[int], name: str) -> str:
-    """Return a number with its noun."""
-    return f"{len(things)} {name}" + ("s" if len(things) > 1 else "")
+def captures_text(ingest: dict[str, Any]) -> str:
+    """Say whether what the models were trained and tested on is recorded or synthetic."""
+    kinds = {0: "recorded", ingest["usable"]: "synthetic: not evidence for recorded motion"}
+    kind = kinds.get(ingest["synthetic"], f"{ingest['synthetic']} synthetic, the others recorded")
+    return f"{kind}; all models below were trained on them"
 
 
 def summarise(
@@ -158,36 +224,39 @@ def summarise(
         quarantined=tuple(QuarantineRow(q.file, q.line or None, q.reason) for q in quarantined),
         facts={
             "Dataset": f"{ingest['dataset']} ({ingest['format']})",
-            "Sequences": f"{ingest['usable']} usable of {ingest['sequences_read']} read; "
-            f"{ingest['not_included']} found and not included",
+            "Captures": captures_text(ingest),
+            "Sequences": f"{ingest['usable']:,} usable of {ingest['sequences_read']:,} read; "
+            f"{ingest['not_included']:,} found and not included",
             "Skeleton": ingest["skeleton"],
-            "Duration": f"{ingest['minutes']:.1f} minutes, {ingest['frames']} frames",
+            "Duration": f"{format_number(ingest['minutes'])} minutes, {ingest['frames']:,} frames",
             "People": str(split["people"]),
             "Actions": actions,
         },
-        split={
-            name: ", ".join(dict.fromkeys(str(fold[name]) for fold in splits.values()))
-            if name == "method"
-            else ", ".join(str(fold[name]) for fold in splits.values())
-            for name in split
-            if name not in ("clips", "people")
-        },
+        split={label: by_fold(splits, name) for name, label in SPLIT_FACTS.items()},
     )
+
+
+def by_fold(splits: dict[int, dict[str, Any]], name: str) -> str:
+    """Return a fact of every fold, once where all folds have the same."""
+    values = [f"{v:,}" if isinstance(v := fold[name], int) else str(v) for fold in splits.values()]
+    return values[0] if len(set(values)) == 1 else "; ".join(values)
 
 
 def halves_note(rows: dict[str, Any]) -> str:
     """Return a note on the F²ID between two halves of the tested reactions."""
     halves = rows["real"]["f2id_halves"]
     return (
-        f"F²ID between two halves of the tested reactions, which have the same distribution, is "
-        f"{halves['mean']:.3g} ({halves['low']:.3g} to {halves['high']:.3g}): bias of few samples."
+        "F²ID between two halves of the tested reactions, which have the same distribution, is "
+        f"{format_estimate(halves)}: bias of few samples."
     )
 
 
 def curve(path: Path) -> Curve:
     """Read a training curve."""
     terms = read_curve(path)
-    return Curve(steps=terms.pop("step"), terms=terms, x_label="epoch")
+    steps = terms.pop("step")
+    words = {name.replace("_", " ").capitalize(): values for name, values in terms.items()}
+    return Curve(steps=steps, terms=words, x_label="epoch")
 
 
 def arguments() -> argparse.Namespace:

@@ -8,8 +8,18 @@ import numpy as np
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, direction_of, split_variation_name
-from pacmo_core.figures.clips import Panel, PlayedClip, played_variation, variation_table
+from pacmo_core.figures.clips import Panel, PlayedClip
+from pacmo_core.figures.numbers import format_number
 from pacmo_core.figures.report import Section
+from pacmo_core.figures.variations import (
+    ShownVariation,
+    measure_label,
+    played_variation,
+    variation_label,
+    variation_table,
+    worst_by_measure,
+)
+from pacmo_core.metrics.catalogue import ROWS
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (
     ACCEPTED,
@@ -48,9 +58,9 @@ def played(
             name,
             clips[name][0],
             (
-                Panel("real", clips[name][1]),
+                Panel("Captured", clips[name][1]),
                 *(
-                    Panel(row, result[name])
+                    Panel(row_label(row), result[name])
                     for row, result in reactions_by_row.items()
                     if name in result
                 ),
@@ -59,6 +69,11 @@ def played(
         )
         for name in first[:n_clips]
     ]
+
+
+def row_label(row: str) -> str:
+    """Return the label of a row of the tables."""
+    return ROWS.get(row, (row, ""))[0]
 
 
 def error(captured: Interaction, generated: Interaction) -> float:
@@ -78,8 +93,9 @@ def extremes(errors: dict[str, float]) -> dict[str, str]:
         name = order[index]
         remarks.setdefault(
             name,
-            f"{word} of {len(order)} reactions of {RANKED}: joints {errors[name]:.3f} m from the "
-            "captured reaction on average, which is one of many plausible ones.",
+            f"{word} of {len(order):,} reactions of {row_label(RANKED)}: joints "
+            f"{format_number(errors[name])} m from the captured reaction on average, which is one "
+            "of many plausible ones.",
         )
     return remarks
 
@@ -104,32 +120,52 @@ def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
     """Yield a table of measurements for each dataset of variations."""
     for dataset, facts in augment.items():
         counts = (
-            f"{facts['planned']} variations of {facts['clips']} clips: "
-            f"{facts['accepted']} accepted, "
-            f"{facts['failed']} beyond a limit, {facts['refused']} of refused clips."
+            f"{facts['planned']:,} variations of {facts['clips']:,} clips: "
+            f"{facts['accepted']:,} accepted, "
+            f"{facts['failed']:,} beyond a limit, {facts['refused']:,} of refused clips."
         )
-        reasons = ", ".join(f"{name} {count}" for name, count in facts["failed_by"].items())
-        beyond = (f"Beyond a limit, and left out of training: {reasons}.",) if reasons else ()
+        by = sorted(facts["failed_by"].items(), key=lambda item: (-item[1], item[0]))
+        reasons = ", ".join(f"{measure_label(name)} ({number:,})" for name, number in by)
+        beyond = (f"Beyond a limit, and left out of training, by: {reasons}.",) if reasons else ()
         usual = "Small figures: the 5th and the 95th percentile."
         title = f"Variations of {dataset}: the same interaction on other bodies"
         yield Section(title, variation_table(facts["kinds"]), (counts, *beyond, usual))
 
 
-def gallery(variations: Path, n_clips: int, n_each: int) -> Iterator[PlayedClip]:
-    """Yield clips beside their worst variations, the clip with the worst of all first."""
+def gallery(variations: Path, n_each: int) -> Iterator[PlayedClip]:
+    """Yield clips beside those of their variations that are the worst by a measurement.
+
+    Parameters
+    ----------
+    n_each : variations beside their source, at most; further ones are in a further clip
+    """
     for folder in sorted(path for path in variations.iterdir() if path.is_dir()):
-        rows = [row for row in read_variations(folder / VARIATIONS) if row.measurements]
-        worst = sorted(rows, key=lambda row: (-row.limit_ratio, row.variation))
-        for clip in list(dict.fromkeys(row.clip for row in worst))[:n_clips]:
-            rows_of_clip = [row for row in worst if row.clip == clip][:n_each]
-            yield _shown(folder, clip, rows_of_clip)
+        rows = {
+            row.variation: row for row in read_variations(folder / VARIATIONS) if row.measurements
+        }
+        worst = worst_by_measure((name, row.measurements) for name, row in rows.items())
+        by_clip: dict[str, list[str]] = {}
+        for name in worst:
+            by_clip.setdefault(rows[name].clip, []).append(name)
+        for clip, names in by_clip.items():
+            for start in range(0, len(names), n_each):
+                shown = [
+                    shown_variation(folder, rows[name], worst[name])
+                    for name in names[start : start + n_each]
+                ]
+                source = read_motion(motion_file(folder / SOURCES, clip), clip)
+                yield played_variation(f"{folder.name}, {clip}", source, shown)
 
 
-def _shown(folder: Path, clip: str, rows: list[VariationRecord]) -> PlayedClip:
-    panels = []
-    for row in rows:
-        file = motion_file(folder / (ACCEPTED if row.accepted else FAILED), clip)
-        label = split_variation_name(row.variation)[1]
-        mark = "" if row.accepted else " (left out)"
-        panels.append((f"{label}{mark}", row.measurements, read_motion(file, row.variation)))
-    return played_variation(clip, read_motion(motion_file(folder / SOURCES, clip), clip), panels)
+def shown_variation(folder: Path, row: VariationRecord, worst_by: list[str]) -> ShownVariation:
+    """Read the motion of a variation, and put in words why it is left out, if it is."""
+    file = motion_file(folder / (ACCEPTED if row.accepted else FAILED), row.clip)
+    exceeded = [part.split()[0] for part in row.reason.split("; ")] if row.reason else []
+    remark = f"left out of training for {', '.join(map(measure_label, exceeded))}"
+    return ShownVariation(
+        variation_label(split_variation_name(row.variation)[1]),
+        row.measurements,
+        read_motion(file, row.variation),
+        worst_by,
+        remark if exceeded else "",
+    )

@@ -14,23 +14,29 @@ from pacmo_core.figures.skeleton_prior import (
     SPLITS,
     comparison_sentences,
     few_samples_table,
+    gain_sentence,
     motion_table,
     plausibility_table,
     select_source,
+    split_label,
 )
 from pacmo_core.store.motions import stream_motions
 from stages.common.files import ALL_SOURCES
 
-PRIOR_LABELS = {"source": "source", "solver": "solver"} | {
+PRIOR_LABELS = {"source": "Source", "solver": "InteractionMesh"} | {
     name: metric.label for name, metric in MODELS.items()
 }
 PRIOR_TASKS = ("retargeting", "generation")
 PRIOR_NOTES = (
     "Large: ours, A/B for metrics of one character, B the one whose body changes. Small: the "
-    "interval over seeds, and in brackets the supplement's value, which is of other motions, in an "
-    "unstated unit and of undescribed features: compare within a line.",
-    "JPD of generation compares with the solver's motion on the sampled body, FID with the "
-    "solver's motions on the same bodies.",
+    "interval over motions and seeds, and the supplement's value, which is of other motions, in an "
+    "unstated unit and of undescribed features: compare within a line. Marked: the lowest mean of "
+    "its line.",
+    "E_r: error of the joints' positions; E_b: of the bone lengths; JPD: of the distances between "
+    "joints of the two bodies; FID: Fréchet distance of the features of clips.",
+    "E_b of the rows Start, Ours and Without the start is zero by construction, and not compared.",
+    "JPD of generation compares with InteractionMesh's motion on the sampled body, FID "
+    "with its motions on the same bodies.",
 )
 FEW_SAMPLES_NOTES = (
     "Weights are selected on the same validation variations for any number of training samples. "
@@ -46,7 +52,13 @@ def prior_sections(pooled: dict[str, Any]) -> Iterator[Section]:
     for dataset, splits in pooled["data_facts"].items():
         all_sources = select_source(scores, dataset, ALL_SOURCES)
         title = f"Skeleton priors on {dataset}, mean over motions"
-        notes = (*PRIOR_NOTES, *comparison_sentences(all_sources), *data_notes(splits))
+        gains = pooled["gain"].get(dataset, {})
+        notes = (
+            *(gain_sentence(split, gain) for split, gain in gains.items()),
+            *PRIOR_NOTES,
+            *comparison_sentences(all_sources),
+            *data_notes(splits),
+        )
         yield Section(f"{title}: plausibility", plausibility_table(all_sources), notes)
         for source in sources_of(scores, dataset):
             motion = next(names, MOTIONS[-1])
@@ -72,8 +84,8 @@ def data_notes(splits: dict[str, Any]) -> Iterator[str]:
     """Yield the numbers of training and test variations of each split."""
     for split, facts in splits.items():
         yield (
-            f"{SPLITS.get(split, split)}: {facts['train']} variations to train on, "
-            f"{facts['tested']} tested; features {facts['extractor'][:16]}"
+            f"{split_label(split)}: {facts['train']:,} variations to train on, "
+            f"{facts['tested']:,} tested; features {facts['extractor'][:16]}"
         )
 
 
@@ -91,7 +103,7 @@ def prior_clips(samples_folder: Path, pooled: dict[str, Any]) -> Iterator[Played
                 for model in PRIOR_LABELS
                 if model in by_model
             )
-            yield PlayedClip(source, f"{dataset}, a sampled body", panels)
+            yield PlayedClip(f"{dataset}, {source}", "On a sampled body", panels)
 
 
 def prior_figures(pooled: dict[str, Any]) -> dict[str, dict[str, float]]:

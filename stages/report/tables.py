@@ -14,24 +14,27 @@ from pacmo_core.figures.tables import (
     sensitivity_table,
 )
 from pacmo_core.metrics.catalogue import (
+    CONTACT_COLUMNS,
     FURTHER_COLUMNS,
     MAIN_COLUMNS,
     MAIN_ROWS,
     MODELS,
     PARTNER_COLUMNS,
+    PLAUSIBILITY_COLUMNS,
     SAME_ACTION_ROWS,
+    UNTRAINED,
 )
 from pacmo_core.models import model_names
 
 Pooled = dict[str, Any]
 
 # What reports/metrics.json and `dvc metrics` show; reports/details.json has everything.
-COMPARED_ROWS = ("real", "oracle", "wrong_partner", *model_names("reaction"))
-COMPARED_COLUMNS = {
-    **{name: name for name in ("f2id", "mmd_s", "diversity", "matching", "ape")},
-    "contact_agreement": "contacts",
-}
+COMPARED_ROWS = ("real", "oracle", "wrong_partner", *UNTRAINED, *model_names("reaction"))
+COMPARED_COLUMNS = (
+    *("contacts_met", "false_contacts", "f2id", "matching", "ape", "energy_score", "dispersion"),
+)
 
+MIN_UNITS = 10  # below which an interval is called rough
 NO_ORACLE = "recorded captures have no known distribution of reactions"
 COMPARISONS = {
     "any_action": "Real, over all actions",
@@ -44,8 +47,14 @@ NOTES = (
     "Real motion is a second sample of real reactions: as many as are tested, drawn by clip from "
     "training. Its F²ID is the noise floor: the distance between two samples of real motion of "
     "this size. A row with reactions to the tested partners shares their sampling error, and may "
-    "lie below it; F²ID excess is free of that: F²ID to further real motion, less that of the real "
-    "pairs tested.",
+    "lie below it; F²ID excess is free of that: F²ID to the real motion of other tested people, "
+    "less that of the real pairs tested. No training clip has a part in it.",
+    "A contact is a captured frame in which the nearest joints of the two are within 10 cm. It is "
+    "met where the generated two are within 15 cm, and false where the captured two are farther "
+    "apart than 25 cm. What captured motion scores by construction, 0 or 1, is in its row.",
+    "The nearest neighbour copies the training reaction whose partner moved most alike, in either "
+    "direction, by the mean squared distance of joints over normalised time. MMD of pairs and the "
+    "noise floor compare with training motion, which favours copies of it.",
     "Features depend on the auto-encoder and matching on the matcher, whose hashes are below: "
     "figures are comparable only under the same ones.",
     "Positions are seen from the partner's first pose. MMD is unbiased with the median bandwidth, "
@@ -53,10 +62,9 @@ NOTES = (
     "reports/details.json has them of all joints too.",
     "A metric of reactions alone does not depend on the partner: permuting the real reactions "
     "among partners leaves MMD at zero. F²ID and diversity are of both people's features.",
-    "Intervals resample clips, and seeds where there are several, and are pooled over folds.",
 )
 DIFFERENCE_NOTES = (
-    "Over the same resampled clips and seeds. Marked: the first is significantly better, its "
+    "Over the same replicates and seeds. Marked: the first is significantly better, its "
     "interval excludes zero on the better side.",
 )
 
@@ -64,7 +72,7 @@ DIFFERENCE_NOTES = (
 AUGMENTATION_NOTES = (
     "The same settings, seeds, steps, batches and noise; in each epoch a clip is replaced by one "
     "of its variations half of the time. No variation is of a tested clip.",
-    "Over clips: bootstrap intervals for these trainings. Over folds: Student's interval of the "
+    "Over people: bootstrap intervals for these trainings. Over folds: Student's interval of the "
     "differences of folds, which have other people and trainings. Marked: significantly better "
     "over folds. One of twenty such intervals excludes zero by chance.",
 )
@@ -75,6 +83,9 @@ def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
     selected = {
         "pacmo": (MAIN_ROWS, MAIN_COLUMNS),
         "pacmo_partner": (MAIN_ROWS, PARTNER_COLUMNS),
+        "pacmo_contact": (MAIN_ROWS, CONTACT_COLUMNS),
+        "pacmo_contact_by_action": (MAIN_ROWS, action_columns(pooled)),
+        "pacmo_plausibility": (MAIN_ROWS, PLAUSIBILITY_COLUMNS),
         "pacmo_same_action": (SAME_ACTION_ROWS, PARTNER_COLUMNS),
         "pacmo_further": (MAIN_ROWS, FURTHER_COLUMNS),
     }
@@ -82,6 +93,24 @@ def main_tables(pooled: Pooled) -> dict[str, dict[str, Any]]:
         name: select_cells(pooled, rows, columns) for name, (rows, columns) in selected.items()
     }
     return {name: rows for name, rows in tables.items() if rows}
+
+
+def action_columns(pooled: Pooled) -> list[str]:
+    """List the metrics of contacts met in one action, as far as an action has contacts."""
+    prefix = "contacts_met."
+    return sorted({name for row in pooled["rows"].values() for name in row if prefix in name})
+
+
+def units_note(pooled: Pooled) -> str:
+    """Return a note on what the intervals resample, and how many of these are tested."""
+    units, numbers = {*pooled["unit"].values()}, [n["test_units"] for n in pooled["n"].values()]
+    few = min(numbers) < MIN_UNITS
+    return (
+        f"Intervals resample each {' or '.join(sorted(units))} with all its clips "
+        f"({' + '.join(map(str, numbers))} tested), and seeds where there are several; they are "
+        "pooled over folds."
+        + (f" With fewer than {MIN_UNITS} they are rough, and mostly too narrow." if few else "")
+    )
 
 
 def select_cells(pooled: Pooled, rows: Iterable[str], columns: Iterable[str]) -> dict[str, Any]:
@@ -160,9 +189,7 @@ def reaction_figures(pooled: Pooled) -> dict[str, dict[str, float]]:
     """Return the compared figures of each row, rounded to three significant digits."""
     return {
         row: {
-            name: float(f"{cells[column]['mean']:.3g}")
-            for column, name in COMPARED_COLUMNS.items()
-            if column in cells
+            name: float(f"{cells[name]['mean']:.3g}") for name in COMPARED_COLUMNS if name in cells
         }
         for row, cells in pooled["rows"].items()
         if row in COMPARED_ROWS

@@ -1,9 +1,13 @@
 """Truth: the solver's own call; files that our own readers read back."""
 
+import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 from typer.testing import CliRunner, Result
 
 from pacmo_core.augmentation.run import scene_from
@@ -18,6 +22,7 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.interaction_mesh import prepare, retarget
 from pacmo_core.store.motions import stream_motions, write_motions
+from tests.figures.samples import unpack_motion
 from tests.formats.real_files import real_folder
 from tests.reaction.problems import delayed_mirror
 
@@ -39,7 +44,7 @@ def standing(n_frames: int = 20) -> Interaction:
 
 
 CLIP = standing()
-UNIT = ["--unit", 1, "--up", "y"]
+UNIT = ["--from-unit", 1, "--from-up", "y"]
 
 
 @pytest.fixture
@@ -132,11 +137,53 @@ def test_a_single_name_makes_a_pair_and_a_profile_is_taken_by_name(
 ) -> None:
     out = tmp_path / "x" / "small.bvh"
     assert pacmo(*files, *UNIT, "--profile", "b=long_arms", "--out", out).exit_code == 0
-    assert sorted(path.name for path in out.parent.iterdir()) == ["small_A.bvh", "small_B.bvh"]
+    names = sorted(path.name for path in out.parent.iterdir())
+    assert names == ["small.html", "small_A.bvh", "small_B.bvh"]
     found = read(out.parent, ("small_A.bvh", "small_B.bvh"))
     forearm = [s.name for s in segments(found.skeleton)].index("left_forearm")
     before, after = (bone_lengths(m.person_b, m.skeleton)[0] for m in (read(tmp_path), found))
     assert after[forearm] / before[forearm] == pytest.approx(1.1, abs=1e-3)
+
+
+def played(page: Path) -> list[dict[str, Any]]:
+    """Read the scenes of a page."""
+    (text,) = re.findall(r'id="motions">(.*?)</script>', page.read_text(encoding="utf-8"))
+    (scenes,) = json.loads(text)
+    return list(scenes)
+
+
+def test_a_page_plays_the_source_beside_the_written_variation(
+    files: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    said = pacmo(*files, *UNIT, "--b-scale", "uniform=0.8", "--out", out)
+    page = out / "duo_A.html"
+    assert f"beside the source in {page}" in said.output
+    source, variation = played(page)
+    assert (source["label"], variation["label"]) == ("source", "variation")
+    for scene, clip in ((source, read(tmp_path)), (variation, read(out))):
+        for text, motion in zip(scene["motions"], (clip.person_a, clip.person_b), strict=True):
+            shown = unpack_motion(text, np.array(scene["origin"]), scene["step"])
+            np.testing.assert_allclose(shown, motion.reshape(-1, 3), atol=1e-3)
+
+
+def test_the_page_states_measurements_beside_limits(stored: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.parquet"
+    words = [stored, "--clip", "one", "--b-scale", "left_forearm=1.2", "--out", out]
+    params = YAML(typ="safe").load(PARAMS)
+    params["augment"]["limits"]["elbow_change_p95"] = 1e-6
+    (tmp_path / "strict.yaml").write_text(json.dumps(params))
+    said = CliRunner().invoke(
+        app, ["augment", *map(str, words), "--params", str(tmp_path / "strict.yaml")]
+    )
+    assert said.exit_code == 0, said.output
+    assert re.search(
+        r"outside the limits for training: elbows .*°, wanted at most 1.00×10⁻⁶°", said.output
+    )
+    html = (tmp_path / "out.html").read_text(encoding="utf-8")
+    at = html.index("Elbows ↓ °")
+    assert re.match(r'[^/]*<small>[^/]*</small></th>\s*<td class="worst">', html[at:])
+    assert "Near distances ↓ mm" in html and "_p95" not in html[html.index("<main>") :]
 
 
 def test_two_bodies_of_different_skeletons_meet(files: list[Path], tmp_path: Path) -> None:
@@ -145,6 +192,8 @@ def test_two_bodies_of_different_skeletons_meet(files: list[Path], tmp_path: Pat
     files[1].write_text(format_bvh(CLIP.person_b[:, rows], 15, short))
     words = [*files, *UNIT, "--b-scale", "head=1.3", "--out"]
     assert pacmo(*words, tmp_path / "out").exit_code == 0
+    labels = [scene["label"] for scene in played(tmp_path / "out" / "duo_A.html")]
+    assert labels == [f"{kind}, person {p}" for kind in ("source", "variation") for p in "ab"]
     refused(pacmo(*words, tmp_path / "out.parquet"), "Parquet holds two people of one skeleton")
 
 
@@ -175,7 +224,7 @@ def test_what_cannot_be_done_is_one_line_that_names_file_and_segment(
     refused(pacmo(*there, "--profile", "b=giant"), "no profile 'giant'", "long_arms")
     refused(pacmo(*there), "nothing to change")
     scale = ["--b-scale", "uniform=0.9"]
-    refused(pacmo(*files, *scale, "--out", out), "unit")
+    refused(pacmo(*files, "--from-unit", 100, *scale, "--out", out), "a person of 1", "--from-unit")
     refused(pacmo(files[0], *UNIT, *scale, "--out", out), "duo_A.bvh", "wanted two files")
     refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path), "would overwrite", "duo_A.bvh")
     refused(pacmo(*files, *UNIT, *scale, "--out", tmp_path / "a.gif"), ".parquet")

@@ -26,7 +26,7 @@ COMMANDS = [
     if line.startswith("./run pacmo augment ")
 ]
 # Options of the commands that state the unit and the upward axis of the files.
-CENTIMETRES, PRESET = "--unit 0.01", "--preset duo_mocap"
+CENTIMETRES, PRESET = "--from-unit cm", "--preset duo_mocap"
 
 
 def bvh(motion: Motion, command: str) -> str:
@@ -70,9 +70,11 @@ def test_a_command_of_the_page_writes_both_people_in_the_format_of_the_input(com
     out = Path(words[words.index("--out") + 1])
     if out.suffix == ".parquet":
         assert [name for name, _ in stream_motions(out)] == ["NAME~b-tall_adult"]
+        assert out.with_suffix(".html").exists()
     else:
-        assert sorted(path.name for path in out.iterdir()) == ["DUO_A.bvh", "DUO_B.bvh"]
-        for path in out.iterdir():
+        names = sorted(path.name for path in out.iterdir())
+        assert names == ["DUO_A.bvh", "DUO_A.html", "DUO_B.bvh"]
+        for path in out.glob("*.bvh"):
             before = (project / path.name).read_text()
             assert re.findall(r"JOINT (\w+)", path.read_text()) == re.findall(
                 r"JOINT (\w+)", before

@@ -17,7 +17,7 @@ ROWS = [
 
 CLIP = ClipRecord(
     *("one", "one", "set", "waving", "s01", "s02", "one", "sbu15"), 15.0, 2.0, 31, 0, "f", "ab",
-    *(0.1, 2.0, 0.0, 0),
+    *(0.1, 2.0, 0.0, 0), False,
 )  # fmt: skip
 
 

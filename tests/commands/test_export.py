@@ -10,6 +10,7 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
+from pacmo_core.commands.reading import ReadOptions
 from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
@@ -45,7 +46,7 @@ def refused(said: Result, *texts: str) -> None:
 def test_a_bvh_goes_in_again_whatever_its_axis_and_unit(
     tmp_path: Path, up: str, unit: float
 ) -> None:
-    said = export("one", "--out", "out/x.bvh", "--up", up, "--unit", unit)
+    said = export("one", "--out", "out/x.bvh", "--to-up", up, "--to-unit", unit)
     assert said.exit_code == 0, said.output
     assert "0.0 mm on average" in said.stdout
     pairs = BvhPairs(
@@ -76,7 +77,7 @@ def test_the_command_says_how_far_constant_bones_moved_the_joints(tmp_path: Path
 def test_a_gltf_has_two_skins_and_one_animation_of_the_rate_asked_for(
     tmp_path: Path, ending: str
 ) -> None:
-    assert export("one", "--out", f"x{ending}", "--fps", 60).exit_code == 0
+    assert export("one", "--out", f"x{ending}", "--to-fps", 60).exit_code == 0
     content = (tmp_path / f"x{ending}").read_bytes()
     if ending == ".glb":
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
@@ -89,7 +90,7 @@ def test_a_gltf_has_two_skins_and_one_animation_of_the_rate_asked_for(
 
 
 def test_tables_hold_the_clip_at_the_rate_axis_and_unit_asked_for(tmp_path: Path) -> None:
-    words = ["--fps", 15, "--up", "z", "--unit", 0.01]
+    words = ["--to-fps", 15, "--to-up", "z", "--to-unit", 0.01]
     assert export("one", "--out", "x.csv", *words).exit_code == 0
     assert export("one", "--out", "x.npz", *words).exit_code == 0
     x, y, z = np.moveaxis(CLIP.person_b[::2], -1, 0)
@@ -109,12 +110,12 @@ def test_tables_hold_the_clip_at_the_rate_axis_and_unit_asked_for(tmp_path: Path
 
 
 @pytest.mark.parametrize("ending", [".npz", ".csv", ".parquet"])
-@pytest.mark.parametrize("words", [[], ["--up", "z", "--unit", 0.01]], ids=["metres", "z"])
+@pytest.mark.parametrize("words", [[], ["--to-up", "z", "--to-unit", 0.01]], ids=["metres", "z"])
 def test_a_table_is_a_capture_again_within_a_micrometre(
     tmp_path: Path, ending: str, words: list[object]
 ) -> None:
     assert export("one", "--out", f"x{ending}", *words).exit_code == 0
-    scene = read_scene(f"x{ending}", None, {})
+    scene = read_scene(f"x{ending}", ReadOptions())
     np.testing.assert_allclose(scene.times, CLIP.times, atol=1e-6)
     for back, was in zip(scene.people, (CLIP.person_a, CLIP.person_b), strict=True):
         np.testing.assert_allclose(back, was, atol=1e-6)
@@ -129,7 +130,7 @@ def test_a_person_alone_stays_alone_in_a_table(tmp_path: Path, ending: str) -> N
     (tmp_path / "x.bvh").write_text(format_bvh(CLIP.person_a, FPS, NTU25))
     words = ["--from-unit", 1, "--from-up", "y"]
     assert export("x.bvh", *words, "--out", f"x{ending}").exit_code == 0
-    assert len(read_scene(f"x{ending}", None, {}).people) == 1
+    assert len(read_scene(f"x{ending}", ReadOptions()).people) == 1
 
 
 @pytest.mark.slow
@@ -142,11 +143,11 @@ def test_a_gif_has_25_frames_a_second_if_nothing_else_is_asked(tmp_path: Path) -
 def test_what_a_format_cannot_hold_is_refused_before_any_work(tmp_path: Path) -> None:
     before = sorted(tmp_path.iterdir())
     refused(export("one", "--out", "x.fbx"), "x.fbx", ".glb")
-    refused(export("one", "--out", "x.glb", "--up", "z"), "always metres, y up")
-    refused(export("one", "--out", "x.gif", "--unit", 0.01), "always metres, y up")
-    refused(export("one", "--out", "x.gif", "--fps", 30), "33.333")
-    refused(export("one", "--out", "x.bvh", "--up", "x"), "up must be")
-    refused(export("one", "--out", "x.csv", "--unit", 0), "unit must be")
-    refused(export("one", "--out", "x.csv", "--fps", 0), "fps must be")
+    refused(export("one", "--out", "x.glb", "--to-up", "z"), "always metres, y up")
+    refused(export("one", "--out", "x.gif", "--to-unit", 0.01), "always metres, y up")
+    refused(export("one", "--out", "x.gif", "--to-fps", 30), "33.333")
+    refused(export("one", "--out", "x.bvh", "--to-up", "x"), "up must be")
+    refused(export("one", "--out", "x.csv", "--to-unit", 0), "unit must be")
+    refused(export("one", "--out", "x.csv", "--to-fps", 0), "fps must be")
     refused(export("two", "--out", "x.csv"), "no clip two")
     assert sorted(tmp_path.iterdir()) == before

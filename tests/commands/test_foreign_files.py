@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.captures import TwoPersonCapture, write_two_people
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.react import Reactions, write_reactions
+from pacmo_core.commands.react import OutputSpace, Reactions, write_reactions
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import SBU15
@@ -56,7 +56,9 @@ def test_a_name_is_one_part_of_a_path(name: str) -> None:
 def test_reactions_to_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, name: str) -> None:
     out = tmp_path / "one" / "two" / "out"
     samples = CLIP.person_b[None]
-    files = write_reactions(Reactions(name, SBU15, CLIP.times, CLIP.person_a, samples), out)
+    files = write_reactions(
+        Reactions(name, SBU15, CLIP.times, CLIP.person_a, samples), out, OutputSpace()
+    )
     assert {file.resolve().parent for file in files} == {out.resolve()}
     assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(files)
 
@@ -65,7 +67,7 @@ def test_reactions_to_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, name
 def test_variations_of_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, name: str) -> None:
     out = tmp_path / "one" / "two" / "out"
     a, b = (select_person(CLIP, person, name) for person in "ab")
-    duo = TwoPersonCapture(name, (tmp_path / "motions.parquet",), {}, (a, b))
+    duo = TwoPersonCapture(name, (tmp_path / "motions.parquet",), ({}, {}), (a, b))
     ones = np.ones(len(SBU15.bones))
     files = write_two_people(duo, (ones, ones), "label", out).files
     assert {file.resolve().parent for file in files} == {out.resolve()}
@@ -78,7 +80,7 @@ def test_a_rate_of_frames_that_is_none_is_refused(
     fps: str,
 ) -> None:
     words = ("react", stored, "--clip", "one", "--person", "a", "--weights", weights)
-    refused(pacmo(*words, "--out", stored.parent / "x.parquet", "--fps", fps), "fps must be")
+    refused(pacmo(*words, "--out", stored.parent / "x.parquet", "--to-fps", fps), "fps must be")
 
 
 def test_more_samples_or_frames_than_fit_are_refused(
@@ -99,8 +101,8 @@ def test_an_export_of_more_frames_than_fit_is_refused(stored: Path) -> None:
     long = Interaction(SBU15, times, CLIP.person_a, CLIP.person_b)
     with write_motions(stored, SBU15) as writer:
         writer.add("one", long)
-    result = pacmo("export", f"{stored}:one", "--out", stored.parent / "x.csv", "--fps", 9999)
-    refused(result, "--fps", "frames of 15 joints")
+    result = pacmo("export", f"{stored}:one", "--out", stored.parent / "x.csv", "--to-fps", 9999)
+    refused(result, "--to-fps", "frames of 15 joints")
 
 
 @pytest.mark.parametrize(
@@ -142,7 +144,7 @@ def test_a_pipe_as_an_argument_is_refused(
     pipe = tmp_path / f"x.{suffix}"
     os.mkfifo(pipe)
     options = ("--clip", "x") if suffix == "parquet" else ()
-    options += ("--unit", 1, "--up", "y") if suffix == "bvh" else ()
+    options += ("--from-unit", 1, "--from-up", "y") if suffix == "bvh" else ()
     out = tmp_path / "out.parquet"
     for words in (("react", "--weights", weights), ("augment",)):
         second = (pipe,) if words[0] == "augment" and suffix == "bvh" else ()

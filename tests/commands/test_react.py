@@ -12,17 +12,16 @@ import torch
 from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
-from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.skeleton import NTU25, SBU15
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
-from pacmo_core.reaction.inference import react, sample_times
+from pacmo_core.reaction.inference import finish_reactions, react, sample_times
+from pacmo_core.reaction.windows import PartnerMotion
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.state import model_config, model_state
@@ -58,12 +57,14 @@ def refused(said: Result, *texts: str) -> None:
         assert text in said.stderr
 
 
+@pytest.mark.parametrize("finish", [True, False])
 def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
-    weights: Path, stored: Path, tmp_path: Path
+    weights: Path, stored: Path, tmp_path: Path, finish: bool
 ) -> None:
     out = tmp_path / "out.parquet"
-    words = ["--clip", "one", "--person", "b", "--weights", weights, "--fps", 60, "--samples", 3]
-    assert pacmo(stored, *words, "--seed", 5, "--out", out).exit_code == 0
+    words = ["--clip", "one", "--person", "b", "--weights", weights, "--to-fps", 60, "--samples", 3]
+    option = "--finish" if finish else "--no-finish"
+    assert pacmo(stored, *words, option, "--seed", 5, "--out", out).exit_code == 0
     found = dict(stream_motions(out))
     assert list(found) == ["one#0000", "one#0001", "one#0002"]
 
@@ -71,6 +72,9 @@ def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
     at = sample_times(CLIP.times, fps=60)
     random = torch.Generator().manual_seed(5)
     samples = react(model, CLIP.person_b, CLIP.times, out_times=at, n_samples=3, random=random)
+    partner = PartnerMotion(CLIP.person_b, CLIP.times, at)
+    if finish:
+        samples = finish_reactions(model, partner, samples)
     for pair, sample in zip(found.values(), samples, strict=True):
         np.testing.assert_allclose(pair.person_b, sample, atol=1e-5)
         np.testing.assert_allclose(pair.person_a[::4], CLIP.person_b, atol=1e-5)
@@ -93,7 +97,17 @@ def test_bvh_holds_a_file_a_person_a_sample_and_goes_in_again(
     root = first.skeleton.root
     assert np.array_equal(first.person_a, second.person_a)
     np.testing.assert_allclose(first.person_a[:, root], CLIP.person_a[:, SBU15.root], atol=1e-5)
-    again = [names[0], "--unit", 1, "--up", "y", "--weights", weights, "--out", tmp_path / "2.bvh"]
+    again = [
+        names[0],
+        "--from-unit",
+        1,
+        "--from-up",
+        "y",
+        "--weights",
+        weights,
+        "--out",
+        tmp_path / "2.bvh",
+    ]
     assert pacmo(out.parent / again[0], *again[1:]).exit_code == 0
 
 
@@ -118,8 +132,11 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     bvh, out = tmp_path / "alone.bvh", tmp_path / "out.parquet"
     bvh.write_text(format_bvh(CLIP.person_a, 15, SBU15))
     words = ["--weights", weights, "--out", out]
-    assert pacmo(bvh, "--unit", 1, "--up", "y", *words).exit_code == 0
-    refused(pacmo(bvh, *words), "unit")
+    assert pacmo(bvh, "--from-unit", 1, "--from-up", "y", *words).exit_code == 0
+    inferred = pacmo(bvh, *words)
+    assert inferred.exit_code == 0, inferred.output
+    assert f"inferred for {bvh} (1." in inferred.stdout
+    assert "metres, y up" in inferred.stdout
     sbu = tmp_path / "skeleton_pos.txt"
     sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
     refused(pacmo(sbu, *words), "suffix", "sbu")
@@ -155,27 +172,20 @@ def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: 
     refused(pacmo(stored, *clip, "--weights", weights), "--out")
     refused(pacmo(stored, *clip, "--weights", weights, "--out", tmp_path / "a.gif"), ".parquet")
     refused(pacmo(stored, *clip, "--weights", tmp_path / "none", "--out", out), "none")
-    refused(pacmo(tmp_path / "no.bvh", "--unit", 1, "--up", "y", *there), "no.bvh")
-    refused(pacmo(stored, *clip, *there, "--fps", -1), "fps")
-    bodies = (tmp_path / "x.skeleton").write_bytes(
-        format_ntu(ntu_clip(), (72057594037932185, 72057594037932127))
+    refused(pacmo(tmp_path / "no.bvh", "--from-unit", 1, "--from-up", "y", *there), "no.bvh")
+    refused(pacmo(stored, *clip, *there, "--to-fps", -1), "fps")
+    handless = SBU15.without(["left_hand"])
+    motion = CLIP.person_a[:, SBU15.indices(handless.joints)]
+    (tmp_path / "x.bvh").write_text(format_bvh(motion, 15, handless))
+    refused(
+        pacmo(tmp_path / "x.bvh", *there), "x.bvh", "left_hand (nearest: left_elbow)", "--joints"
     )
-    assert bodies
-    refused(pacmo(tmp_path / "x.skeleton", "--person", "a", *there), "torso", "ntu25")
     assert not out.exists()
-
-
-def ntu_clip() -> Interaction:
-    random = np.random.default_rng(0)
-    people = (
-        random.normal([[[0, 0, 3]]], 0.3, (2, 1, 25, 3)) + np.linspace(0, 0.3, 12)[:, None, None]
-    )
-    return Interaction(NTU25, np.arange(12) / 30, *people.astype(np.float32))
 
 
 def test_real_captures_of_sbu_are_answered(weights: Path, tmp_path: Path) -> None:
     file = next(iter(sorted(real_folder("sbu").rglob("skeleton_pos.txt"))))
-    words = ["--format", "sbu", "--person", "b", "--weights", weights, "--fps", 120]
+    words = ["--format", "sbu", "--person", "b", "--weights", weights, "--to-fps", 120]
     assert pacmo(file, *words, "--out", tmp_path / "out.parquet").exit_code == 0
     ((_, pair),) = stream_motions(tmp_path / "out.parquet")
     assert pair.fps == pytest.approx(120)

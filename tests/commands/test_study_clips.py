@@ -1,98 +1,56 @@
 """Truth: motions of the embedded default with the camera's noise, and the same without it."""
 
-import base64
-import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from pacmo_core.commands.study_clips import CUTOFF_HZ, blinded, low_pass, sample_items
-from pacmo_core.commands.study_store import REAL, Item
-from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.skeleton import NTU25
-from pacmo_core.store.motions import write_motions
-from pacmo_core.synthesis.capture import noiseless_motion, sample_interaction, to_camera_frame
-from pacmo_core.synthesis.script import ACTIONS, sample_scripts
+from benchmarks._study_clips import bone_variation, classify, third_difference, write_clips
+from pacmo_core.commands.study_clips import CUTOFF_HZ, blinded, low_pass, with_noise_of
+from pacmo_core.store.motions import stream_motions
+from pacmo_core.synthesis.capture import sample_interaction
+from pacmo_core.synthesis.script import sample_scripts
 
 N_CLIPS = 60
-NO_FILTER = 15.0
 
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Write captures, and as their reactions person b without the camera's noise."""
-    root = tmp_path_factory.mktemp("study")
-    clips, reactions = root / "clips", root / "reactions"
-    scripts = sample_scripts(7, population=7, pairs=6, actions=tuple(ACTIONS), replications=1)
-    with (
-        write_motions(clips / "motions.parquet", NTU25) as captured,
-        write_motions(reactions / "motions.parquet", NTU25) as generated,
-    ):
-        for number, (script, random) in enumerate(scripts):
-            capture = sample_interaction(script, random)
-            smooth = to_camera_frame(
-                noiseless_motion(script, np.random.default_rng(number), "b"), script.view
-            )
-            reaction = Interaction(
-                NTU25, capture.times, capture.person_a, smooth.astype(np.float32)
-            )
-            captured.add(f"c{number:03d}", capture)
-            generated.add(f"c{number:03d}#b#0", reaction)
-    return clips, reactions
+    return write_clips(tmp_path_factory.mktemp("study"), N_CLIPS, 7)
 
 
-def unpack(item: Item) -> list[NDArray[np.float64]]:
-    """Decode both people from what the browser gets."""
-    (scene,) = json.loads(item.scene)
-    people = (np.frombuffer(base64.b64decode(text), "<i2") for text in scene["motions"])
-    shape = (-1, len(scene["joints"]), 3)
-    return [motion.reshape(shape) * scene["step"] + scene["origin"] for motion in people]
-
-
-def third_difference(people: list[NDArray[np.float64]]) -> float:
-    return float(np.mean([np.linalg.norm(np.diff(m, 3, axis=0), axis=-1).mean() for m in people]))
-
-
-def bone_variation(people: list[NDArray[np.float64]]) -> float:
-    parent, child = NTU25.bones.T
-    lengths = [np.linalg.norm(m[:, child] - m[:, parent], axis=-1) for m in people]
-    return float(np.mean([bones.std(axis=0).mean() for bones in lengths]))
-
-
-def accuracy(values: NDArray[np.float64], labels: NDArray[np.bool_]) -> float:
-    """Fit the best threshold to one half of the clips; return its accuracy in the other."""
-    train, test = np.arange(len(values)) % 4 < 2, np.arange(len(values)) % 4 >= 2
-    hits = [
-        ((sign * values > sign * limit) == labels, (sign, limit))
-        for limit in values[train]
-        for sign in (1, -1)
-    ]
-    best, _ = max(hits, key=lambda hit: hit[0][train].mean())
-    return float(best[test].mean())
-
-
-@pytest.mark.parametrize("feature", [third_difference, bone_variation])
 def test_a_simple_classifier_of_what_the_browser_gets_stays_at_chance(
-    folders: tuple[Path, Path], feature: Callable[[Any], float]
-) -> None:
-    items = list(sample_items(*folders, N_CLIPS, np.random.default_rng(0), CUTOFF_HZ))
-    labels = np.array([item.kind == REAL for item in items])
-    seen = accuracy(np.array([feature(unpack(item)) for item in items]), labels)
-    # Three standard deviations of 60 guesses.
-    assert abs(seen - 0.5) < 3 * 0.5 / np.sqrt(N_CLIPS)
-
-
-def test_without_the_filter_the_same_classifier_tells_every_clip(
     folders: tuple[Path, Path],
 ) -> None:
-    items = list(sample_items(*folders, N_CLIPS, np.random.default_rng(0), NO_FILTER))
-    labels = np.array([item.kind == REAL for item in items])
-    values = np.array([third_difference(unpack(item)) for item in items])
-    assert accuracy(values, labels) > 0.8
+    seen = classify(*folders, N_CLIPS, 0)
+    low, high = seen.pop("chance_low"), seen.pop("chance_high")
+    assert seen.pop("unblinded_third_difference") > 0.95  # the same classifier
+    assert {name: value for name, value in seen.items() if not low < value < high} == {}
+
+
+@pytest.mark.scheduled
+@pytest.mark.parametrize("seed", [1, 2])
+def test_simple_classifiers_of_many_clips_stay_at_chance(tmp_path: Path, seed: int) -> None:
+    seen = classify(*write_clips(tmp_path, 200, seed), 200, seed)
+    low, high = seen.pop("chance_low"), seen.pop("chance_high")
+    assert seen.pop("unblinded_third_difference") > 0.95
+    assert {name: value for name, value in seen.items() if not low < value < high} == {}
+
+
+def test_a_generated_motion_gets_the_noise_of_its_capture_and_the_partner_none(
+    folders: tuple[Path, Path],
+) -> None:
+    lacking, given = [], []
+    for (_, capture), (_, reaction) in zip(
+        *(stream_motions(folder / "motions.parquet") for folder in folders), strict=True
+    ):
+        seen = with_noise_of(capture, reaction, np.random.default_rng(0))
+        np.testing.assert_array_equal(seen.person_a, capture.person_a)
+        roughness = [third_difference([x.person_b]) for x in (capture, reaction, seen)]
+        lacking.append(roughness[1] / roughness[0])
+        given.append(roughness[2] / roughness[0])
+    assert np.mean(lacking) < 0.5
+    assert np.mean(given) == pytest.approx(1, abs=0.1)
 
 
 def test_a_slow_motion_passes_the_filter_and_a_fast_one_does_not() -> None:

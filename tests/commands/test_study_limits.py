@@ -2,30 +2,21 @@
 
 import asyncio
 import resource
-import socket
 from collections.abc import AsyncIterator, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import httpx
 import pytest
 from fastapi import FastAPI
 
+from benchmarks.study import MEGABYTE, N_HALF_OPEN, connect, memory_growth
 from pacmo_core.commands.study_limits import RateLimiter, network_of
 from pacmo_core.commands.study_server import StudySettings, create_app
 from pacmo_core.commands.study_store import Study
 from tests.commands.studies import served, small_study
 
 STATUS = Path("/proc/self/status")
-MEGABYTE = 1 << 20
-N_HALF_OPEN = 2100
-BODIES = {
-    "chunked beside a length": "Content-Length: 10\r\nTransfer-Encoding: chunked\r\n",
-    "chunked": "Transfer-Encoding: chunked\r\n",
-    "a true length": f"Content-Length: {500 * MEGABYTE}\r\n",
-    "a length that lies": "Content-Length: 900\r\n",
-}
 
 
 @pytest.fixture
@@ -49,46 +40,13 @@ def app_of(study: Path, people: int, per_address: int) -> FastAPI:
     return create_app(Study(study), settings, RateLimiter(1e6, 1e6))
 
 
-def peak_memory(pid: int) -> int:
-    """Return the largest resident size so far, in bytes."""
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-
-
-def connect(address: str) -> socket.socket:
-    url = urlsplit(address)
-    return socket.create_connection((url.hostname, url.port), timeout=120)
-
-
-def send_megabytes(web: socket.socket, headers: str, count: int) -> bytes:
-    """Send a request of so many megabytes; return what the server says, if it says anything."""
-    chunk = b"x" * MEGABYTE
-    if "chunked" in headers:
-        chunk = b"%x\r\n%b\r\n" % (len(chunk), chunk)
-    kind = "Content-Type: application/json"
-    web.sendall(f"POST /answer HTTP/1.1\r\nHost: s\r\n{kind}\r\n{headers}\r\n".encode())
-    with suppress(ConnectionError):
-        for _ in range(count):
-            web.sendall(chunk)
-    with suppress(ConnectionError):
-        return web.recv(100)
-    return b""
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not STATUS.exists(), reason="memory is read from /proc")
 def test_half_a_gigabyte_in_one_request_is_refused_and_never_held(study: Path) -> None:
-    with served(study) as (address, process):
-        for _ in range(20):
-            httpx.post(f"{address}/answer", json={})
-        before = peak_memory(process.pid)
-        for headers in BODIES.values():
-            with connect(address) as web:
-                said = send_megabytes(web, headers, 500)
-            # The rest of a refused request may reset the connection before its answer is read.
-            assert said.split(b" ")[1:2] in ([b"413"], [b"400"], [b"422"], [])
-        assert peak_memory(process.pid) - before < 5 * MEGABYTE
-        assert httpx.get(address).status_code == 200
+    growth, said = memory_growth(study)
+    assert growth < 5 * MEGABYTE
+    # The rest of a refused request may reset the connection before its answer is read.
+    assert set(said) <= {b"413", b"400", b"422", b""}
 
 
 class Unread(httpx.AsyncByteStream):
@@ -159,6 +117,19 @@ def test_one_address_cannot_take_the_places_of_all(study: Path) -> None:
     greedy = [post(app, "1.2.3.4", "/begin", {"consent": True}).status_code for _ in range(30)]
     assert greedy == [200] * 3 + [403] * 27
     assert post(app, "1.2.3.5", "/begin", {"consent": True}).status_code == 200
+
+
+def test_no_response_repeats_what_a_request_claims(study: Path) -> None:
+    app = app_of(study, people=20, per_address=3)
+
+    async def ask(path: str) -> httpx.Response:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app)) as web:
+            return await web.post(f"http://elsewhere.example/{path}", json={"consent": True})
+
+    for path in ("begin/", "answer/", "nothing/"):
+        said = asyncio.run(ask(path))
+        assert said.status_code == 404
+        assert "elsewhere" not in str(said.headers) + said.text
 
 
 def test_addresses_of_one_subscriber_count_as_one() -> None:

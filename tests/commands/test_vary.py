@@ -19,6 +19,7 @@ from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.state import model_config, model_state
 from tests.commands.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored
+from tests.skeleton_prior.examples import START
 
 __all__ = ["files", "stored"]  # fixtures
 
@@ -27,7 +28,7 @@ __all__ = ["files", "stored"]  # fixtures
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a model with fresh weights."""
     limbs = find_limbs(SBU15, CLIP.person_a)
-    model = build_skeleton_prior(PriorConfig(SBU15, limbs, "kinematic", 16, 3, CLIP.fps, 0.0))
+    model = build_skeleton_prior(PriorConfig(SBU15, limbs, "kinematic", 16, 3, CLIP.fps, START))
     initialise_weights(model, torch.Generator().manual_seed(0))
     for weight in model.parameters():  # where the network begins at nothing too
         if not weight.any():

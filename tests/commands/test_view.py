@@ -15,12 +15,13 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import VariationRecord, write_variations
-from tests.figures.samples import interaction, unpack_motion
+from tests.commands.test_augment import standing
+from tests.figures.samples import unpack_motion
 from tests.formats.moving import moving
 from tests.formats.real_files import real_folder
 
-REAL = interaction(1)
-ANSWER = interaction(2)
+REAL = standing()
+ANSWER = replace(REAL, person_a=REAL.person_b, person_b=REAL.person_a + np.float32(0.1))
 BODY = {"head": 1.0}
 
 
@@ -99,7 +100,7 @@ def test_a_parquet_file_may_be_named_itself(tmp_path: Path) -> None:
 def test_two_captures_of_one_person_are_a_pair_and_one_stands_alone(tmp_path: Path) -> None:
     for person, motion in (("A", REAL.person_a), ("B", REAL.person_b)):
         (tmp_path / f"x_{person}.bvh").write_text(format_bvh(motion, 15, SBU15))
-    unit = ["--unit", 1, "--up", "y"]
+    unit = ["--from-unit", 1, "--from-up", "y"]
     assert view("x_A.bvh+x_B.bvh", "x_B.bvh", *unit).exit_code == 0
     pair, alone = packed(tmp_path / "view.html")
     assert (pair["label"], alone["label"]) == ("x_A + x_B", "x_B")
@@ -117,8 +118,8 @@ def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
     refused(view("data/clips/motions.parquet"), "name the clip")
     refused(view(*["one"] * 7), "at most 6")
     (tmp_path / "x.bvh").write_text(format_bvh(moving(SBU15, 1), 15, SBU15))
-    refused(view("x.bvh"), "unit")
-    refused(view("x.bvh+x.bvh+x.bvh", "--unit", 1, "--up", "y"), "at most two")
+    refused(view("x.bvh"), "x.bvh", "--from-up")
+    refused(view("x.bvh+x.bvh+x.bvh", "--from-unit", 1, "--from-up", "y"), "at most two")
     (tmp_path / "x.txt").write_text("")
     refused(view("x.txt"), "suffix")
     refused(view("x.txt", "--format", "mp3"), "no format")
@@ -127,7 +128,7 @@ def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
 
 def test_the_page_names_no_folder_of_the_machine(tmp_path: Path) -> None:
     (tmp_path / "x.bvh").write_text(format_bvh(REAL.person_a, 15, SBU15))
-    assert view(tmp_path / "x.bvh", "--unit", 1, "--up", "y").exit_code == 0
+    assert view(tmp_path / "x.bvh", "--from-unit", 1, "--from-up", "y").exit_code == 0
     assert str(tmp_path) not in (tmp_path / "view.html").read_text()
 
 
@@ -136,7 +137,7 @@ def test_the_page_names_no_folder_of_the_machine(tmp_path: Path) -> None:
     [
         ("sbu", "s01s02/*/*/skeleton_pos.txt", ["--format", "sbu"]),
         ("ntu", "**/*A05*.skeleton", []),
-        ("cmu_raw", "**/*.bvh", ["--unit", 0.0564, "--up", "y"]),
+        ("cmu_raw", "**/*.bvh", ["--from-unit", 0.0564, "--from-up", "y"]),
     ],
 )
 def test_real_captures_are_shown(

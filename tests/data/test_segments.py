@@ -12,6 +12,7 @@ from pacmo_core.data.skeleton import (
     Skeleton,
     mirror_by_name,
 )
+from tests.formats.rigged import mixamo, people
 
 
 def tree(name: str, words: str) -> Skeleton:
@@ -115,3 +116,16 @@ def test_a_thumb_is_no_finger_and_a_collar_no_shoulder() -> None:
     assert names >= {"left_collar", "left_shoulder", "left_hand", "left_hand_thumb1", "spine3"}
     assert {"left_thumb", "left_fingers"} <= {s.name for s in segments(NTU25)}
     assert {"left_thumb", "left_fingers", "left_fingers_2"} <= {s.name for s in segments(ACCLAIM)}
+
+
+@pytest.mark.parametrize("prefix", ["", "mixamorig:", "Bob_", "Armature|mixamorig:"])
+def test_segments_have_their_names_after_any_prefix_of_all_joints(prefix: str) -> None:
+    skeleton, _ = mixamo(people(), prefix)
+    names = {segment.name for segment in segments(skeleton)}
+    assert {"left_forearm", "right_thigh", "left_shin", "spine1", "head"} <= names
+
+
+def test_sides_at_the_end_of_a_name_are_mirror_images() -> None:
+    joints = ("SpineBase", "HipLeft", "HipRight", "KneeLeft", "KneeRight")
+    assert mirror_by_name(joints) == ((1, 2), (3, 4))
+    assert mirror_by_name(("root", "lowerback", "lknee", "rknee")) == ((2, 3),)

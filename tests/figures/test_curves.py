@@ -24,7 +24,7 @@ def test_a_straight_line_is_drawn_straight_from_corner_to_corner() -> None:
 def test_a_wide_positive_term_gets_a_logarithmic_axis_with_powers_of_ten() -> None:
     [chart] = charts(Curve([0, 1, 2, 3], {"loss": [1000.0, 100.0, 10.0, 1.0]}))
     assert chart.is_log
-    assert [tick.text for tick in chart.y_ticks] == ["1", "10", "100", "1000"]
+    assert [tick.text for tick in chart.y_ticks] == ["1", "10", "100", "1,000"]
     assert np.ptp(np.diff(points(chart.line)[:, 1])) < 0.2
 
 
@@ -58,3 +58,29 @@ def test_a_run_of_one_step_is_still_drawn(values: list[float]) -> None:
 def test_a_curve_of_unequal_lengths_is_refused() -> None:
     with pytest.raises(ValueError, match=r"got 2 steps and \{'loss': 1\}"):
         Curve([0, 1], {"loss": [1.0]})
+
+
+def test_four_points_are_not_stretched_over_their_noise() -> None:
+    [chart] = charts(Curve([1, 2, 3, 4], {"loss": [0.50, 0.51, 0.505, 0.502]}))
+    y = points(chart.line)[:, 1]
+    assert np.ptp(y) < 0.1 * (chart.bottom - 8.0)
+    assert len(chart.dots) == 4
+    assert [tick.text for tick in chart.x_ticks] == ["1", "2", "3", "4"]
+
+
+def test_the_axis_holds_the_interval_of_every_point() -> None:
+    curve = Curve([1, 2], {"f2id": [0.1, 0.2]}, intervals={"f2id": ([-0.9, 0.1], [1.0, np.nan])})
+    [chart] = charts(curve)
+    line, band = (points(path)[:, 1] for path in (chart.line, chart.band))
+    assert (band.min(), band.max()) == (8.0, chart.bottom)
+    assert np.ptp(line) == pytest.approx(0.1 / 1.9 * (chart.bottom - 8.0), abs=0.1)
+
+
+def test_a_long_curve_has_no_dots() -> None:
+    [chart] = charts(Curve(list(range(100)), {"loss": [1.0 + k for k in range(100)]}))
+    assert chart.dots == ()
+
+
+def test_whole_steps_have_whole_ticks() -> None:
+    [chart] = charts(Curve([1, 2], {"loss": [2.0, 1.0]}))
+    assert [tick.text for tick in chart.x_ticks] == ["1", "2"]

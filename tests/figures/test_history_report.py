@@ -1,6 +1,7 @@
 """Truth: the page that goes in stays as it was around what is set into it; HTML's escaping."""
 
 import dataclasses
+import re
 
 import pytest
 
@@ -18,7 +19,7 @@ from pacmo_core.figures.history import (
 from tests.figures.samples import cell, report
 from tests.figures.test_report import HOSTILE, Page
 
-NUMBERS = ("0.80 (0.70 … 0.90), 80 of 100", "0.75", "0.81", "0.75")
+NUMBERS = ("0.800 (0.700 to 0.900), 80 of 100", "0.75", "0.81", "0.75")
 
 
 def beside(name: str) -> ReportContext:
@@ -74,3 +75,15 @@ def test_a_page_without_a_place_is_refused() -> None:
 def test_one_run_alone_is_no_curve() -> None:
     once = dataclasses.replace(beside("x"), runs=beside("x").runs[:1])
     assert "metrics of all runs" not in add_history(render_report(report()), once)
+
+
+def test_the_chart_of_a_metric_holds_the_intervals_of_its_runs() -> None:
+    runs = tuple(
+        Measurement(k, "2026-01-01", "x", "x", "ab" * 32, {"f2id": cell(0.5 + k / 100, 2.0)})
+        for k in (1, 2, 3, 4)
+    )
+    page = add_history(render_report(report()), ReportContext(runs=runs))
+    history = page[page.index('id="history"') :]
+    chart = history[: history.index("</svg>")]
+    assert chart.count("<circle") == 4
+    assert re.findall(r'class="y"[^>]*>(.*?)<', chart) == ["0", "2"]

@@ -22,8 +22,15 @@ def test_the_papers_figures_are_shown_as_printed_under_their_columns():
     one, two = (side_by_side(paper, OURS) for paper in PAPER_TABLES)
     columns = [metric.label for metric in one.metrics]
     assert columns == ["F²ID", "Diversity", "MMD-A", "MMD-S", "APE", "AVE"]
-    assert texts(one, "PaCMO", "the paper") == ["0.002", "1.91", "5.8e−3", "3.8e−3", "0.03", "0.23"]
-    assert texts(two, "GRU baseline", "the paper")[0] == "494.9e−4"
+    assert texts(one, "PaCMO, the paper", "") == [
+        "0.002",
+        "1.91",
+        "0.0058",
+        "0.0038",
+        "0.03",
+        "0.23",
+    ]
+    assert texts(two, "GRU, the paper", "")[0] == "0.04949"
 
 
 def test_ours_stand_under_the_papers_and_only_what_there_is():
@@ -31,11 +38,13 @@ def test_ours_stand_under_the_papers_and_only_what_there_is():
         return [(line.label, line.meaning) for line in side_by_side(PAPER_TABLES[0], ours).lines]
 
     assert [label for label, _ in rows(OURS)] == [
-        *("Real Motion", "", "PaCMO", "", "", "GRU baseline", "")
+        *("Real motion, the paper", "Real motion, ours", "PaCMO, the paper", "PaCMO, ours"),
+        *("PaCMO, ours", "GRU, the paper", "GRU, ours"),
     ]
     few = {row: cells for row, cells in OURS.items() if row != "pacmo_paper"}
     assert len(rows(few)) == len(rows(OURS)) - 1
-    assert all(meaning.startswith("here") for label, meaning in rows(OURS) if not label)
+    assert ("PaCMO, ours", "as published, without additions") in rows(OURS)
+    assert all(label.endswith((", the paper", ", ours")) for label, _ in rows(OURS))
 
 
 def test_another_dataset_is_named():
@@ -58,6 +67,7 @@ def test_metrics_that_do_not_see_the_partner_are_named():
     seen = {
         "f2id_excess": {**cell(-1), "sensitive": True},
         "mmd_a": {**cell(0), "sensitive": False},
+        "diversity_l2": {**cell(0), "sensitive": False},  # has no label, and is in no table
     }
     assert insensitive_metrics(seen) == ["MMD-A"]
     table = sensitivity_table({"any_action": seen}, {"any_action": "over all"})

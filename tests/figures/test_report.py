@@ -2,11 +2,13 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
 
 from pacmo_core.figures import Panel, PlayedClip, Report, render_report
+from pacmo_core.figures.findings import Finding
 from pacmo_core.figures.viewer import LIBRARY, player_scripts, read_asset, script_hash
 from tests.figures.samples import interaction, report
 
@@ -119,3 +121,26 @@ def test_the_report_of_a_default_run_is_under_5_megabytes() -> None:
 def test_a_clip_without_a_panel_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one panel"):
         PlayedClip("n", "", ())
+
+
+def test_the_page_opens_with_what_was_found_then_clips_then_tables() -> None:
+    findings = (Finding("PaCMO", "does not beat GRU."), Finding("GRU", "was not compared."))
+    html = render_report(replace(report(), findings=findings, findings_note="what it rests on"))
+    body = html[html.index("<body>") :]
+    order = [
+        *("<b>PaCMO</b> does not beat GRU.", "<b>GRU</b> was not compared.", "what it rests on"),
+        *("<nav>", 'class="player"', "<table", 'id="training"', 'id="data"'),
+    ]
+    places = [body.index(text) for text in order]
+    assert places == sorted(places)
+
+
+def test_clips_of_each_kind_play_their_own_motions() -> None:
+    clips = [PlayedClip(f"clip {k}", "", (Panel("x", interaction(k)),)) for k in range(3)]
+    page = replace(report(), clips=(clips[0],), gallery=(clips[1],), generated=(clips[2],))
+    html = render_report(page)
+    for number, section in enumerate(("clips", "variations", "generated")):
+        at = html.index(f'id="{section}"')
+        assert f'data-clip="{number}"' in html[at : html.index("</section>", at)]
+        assert f'aria-label="clip clip {number}"' in html[at:]
+    assert len(json.loads(Page(html).scripts[0])) == 3

@@ -4,9 +4,11 @@ from pacmo_core.figures.skeleton_prior import (
     MODELS,
     comparison_sentences,
     few_samples_table,
+    gain_sentence,
     motion_table,
     plausibility_table,
     select_source,
+    split_label,
 )
 from pacmo_core.figures.supplement_tables import (
     FEW_SAMPLES_TABLE,
@@ -50,11 +52,14 @@ def test_a_cell_holds_ours_in_millimetres_and_theirs_below():
     assert [m.label for m in shown.metrics] == [m.label for m in MODELS.values()]
     first = shown.lines[0]
     assert (first.label, first.meaning) == ("E_r, retargeting, mm", "Random")
-    ours, _, f_cnn, *_ = first.entries
+    cells = dict(zip(MODELS, first.entries, strict=True))
+    ours, f_cnn = cells["kinematic"], cells["f_cnn"]
     assert ours.value == "10.0/10.0" and ours.mark == "best"
-    assert ours.interval.splitlines() == ["9.00 … 11.0"] * 2  # theirs stands at the paper's form
-    assert f_cnn.interval.endswith("[0.673/2.569]") and not f_cnn.mark
-    assert first.entries[1].value == "–"  # a model that was not trained
+    assert ours.interval.splitlines() == ["9.00 to 11.0"] * 2  # theirs stands at the paper's form
+    assert f_cnn.interval.endswith("supplement 0.673/2.569") and not f_cnn.mark
+    assert cells["paper"].value == "–"  # a model that was not trained
+    bones = next(line for line in shown.lines if line.label.startswith("E_b"))
+    assert not any(entry.mark for entry in bones.entries)  # zero by construction
     assert {line.meaning for line in shown.lines} == {"Random"} and len(shown.lines) == 6
 
 
@@ -71,9 +76,43 @@ def test_table_ten_holds_the_best_baseline_and_the_numbers_of_samples_that_were_
 
 def test_verdicts_count_the_splits_that_ours_wins():
     said = list(comparison_sentences(SCORES))
-    assert len(said) == 6 and all("1 of 1" in line for line in said)
+    assert len(said) == 4 and all("1 of 1" in line for line in said)
+    beaten = {
+        task: {"random": {**splits["random"], "start": metrics(0.005)}}
+        for task, splits in SCORES.items()
+    }
+    assert all("0 of 1" in line for line in comparison_sentences(beaten))
     table = plausibility_table(SCORES)
     assert len(table.lines) == 2 and table.lines[0].entries[0].value == "0.900"
+
+
+def test_of_equal_models_none_is_marked_and_ours_has_not_won():
+    scores = {"retargeting": {"random": {"kinematic": metrics(0.01), "f_cnn": metrics(0.01)}}}
+    assert all("in 0 of 1 splits" in line for line in comparison_sentences(scores))
+    marks = {entry.mark for line in motion_table(scores, "Judo").lines for entry in line.entries}
+    assert marks == {""}
+
+
+def test_splits_are_named_in_words():
+    assert split_label("cross_scale_interaction_6") == "Cross-scale-interaction, 6 training samples"
+    assert split_label("random") == "Random"
+
+
+def test_the_gain_of_training_is_said_with_its_units_whichever_way_it_came_out():
+    gain = {
+        "motions": 4,
+        "seeds": 1,
+        "E_r": {"mean": 0.123, "low": -0.05, "high": 0.3},
+        "JPD": {"mean": -0.2, "low": -0.5, "high": 0.1},
+    }
+    assert gain_sentence("random", gain) == (
+        "What training adds to the start, Random: E_r falls by 12% (-5 to 30 %) and JPD rises by "
+        "20% (-10 to 50 %) (over 4 motions and 1 seed, fewer than 10 units)"
+    )
+    alone = {"motions": 1, "seeds": 1, "E_r": {"mean": 0.1}, "JPD": {"mean": 0.1}}
+    assert "E_r falls by 10% and JPD falls by 10% (over 1 motion and" in gain_sentence("x", alone)
+    none = alone | {"E_r": {"mean": 0.0}, "JPD": {"mean": 0.0}}
+    assert "x: nothing, as no epoch has a lower validation error" in gain_sentence("x", none)
 
 
 def test_a_sources_figures_leave_out_models_without_it():

@@ -2,7 +2,13 @@
 
 import pytest
 
-from pacmo_core.figures.tables import Cell, format_number, markdown_table, metrics_table
+from pacmo_core.figures.tables import (
+    Cell,
+    difference_table,
+    markdown_table,
+    metrics_table,
+    sensitivity_table,
+)
 from tests.figures.samples import cell
 
 
@@ -65,18 +71,32 @@ def test_markdown_has_one_line_a_row_and_marks_the_best() -> None:
     assert markdown_table(rows).splitlines() == [
         "|  | APE ↓ |",
         "| --- | ---: |",
-        "| PaCMO | **0.200** (0.190 … 0.210) |",
-        "| GRU | 0.300 (0.290 … 0.310) |",
+        "| PaCMO | **0.200** (0.190 to 0.210) |",
+        "| GRU | 0.300 (0.290 to 0.310) |",
         r"| a\|b | – |",
     ]
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.0, "0"), (0.5, "0.500"), (12.34, "12.3"), (-0.25, "−0.250"), (512.4, "512"),
-        (0.00004567, "4.6e−5"), (1234567.0, "1.2e6"), (99.96, "100"), (9.996, "10.0"),
-    ],
-)  # fmt: skip
-def test_numbers_are_short_and_keep_the_digits_that_count(value: float, text: str) -> None:
-    assert format_number(value) == text
+def test_of_equal_models_none_is_the_best() -> None:
+    assert marks("f2id", pacmo=cell(0.2), gru=cell(0.2)) == {}
+    found = marks("f2id", pacmo=cell(0.2), regression=cell(0.2), gru=cell(0.5))
+    assert found == {"PaCMO": "level", "Regression": "level"}
+
+
+def test_a_metric_without_a_label_is_in_no_transposed_table() -> None:
+    cells = {"f2id": {**cell(1), "sensitive": True}, "diversity_l2": {**cell(1), "sensitive": True}}
+    for table in (
+        difference_table({"pacmo_minus_gru": cells}),
+        sensitivity_table({"any_action": cells}, {}),
+    ):
+        assert [line.label for line in table.lines] == ["F²ID ↓"]
+
+
+def test_a_metric_of_one_action_is_headed_by_the_action():
+    rows = {
+        "pacmo": {"contacts_met.hug": cell(0.9, 0.01)},
+        "gru": {"contacts_met.hug": cell(0.2, 0.01)},
+    }
+    shown = metrics_table(rows)
+    assert [metric.label for metric in shown.metrics] == ["hug"]
+    assert [line.entries[0].mark for line in shown.lines] == ["best", ""]

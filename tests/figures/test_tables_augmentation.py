@@ -53,7 +53,7 @@ def test_a_line_has_both_figures_both_differences_and_the_folds_won():
     lines = {line.label: line.entries for line in table.lines}
     assert list(lines) == ["F²ID ↓", "Diversity →", "Matching ↑", "APE ↓ m"]
     assert [entry.mark for entry in lines["APE ↓ m"]] == ["", "", "", "best", ""]
-    assert [lines[name][-1].value for name in ("APE ↓ m", "Matching ↑")] == ["2.00", "1.00"]
+    assert [lines[name][-1].value for name in ("APE ↓ m", "Matching ↑")] == ["2 of 3", "1 of 3"]
     assert "better" in lines["Diversity →"][-1].reason
     assert all(len(entries) == len(table.metrics) for entries in lines.values())
 

@@ -98,7 +98,7 @@ def make_project(folder: Path) -> None:
     (folder / "dvc.yaml").write_text(DVC_YAML)
     (folder / "make.py").write_text(MAKE)
     (folder / "prefect.yaml").write_text(CRON)
-    (folder / ".dvcignore").write_text("history/\npromoted/\n.prefect/\n")
+    (folder / ".dvcignore").write_bytes((ROOT / ".dvcignore").read_bytes())
     set_params(folder)
     dvc = [sys.executable, "-m", "dvc"]
     subprocess.run([*dvc, "init", "-q", "--no-scm"], cwd=folder, check=True)

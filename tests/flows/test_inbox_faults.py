@@ -4,15 +4,17 @@ import json
 import os
 import shutil
 import socket
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from flows.inbox import IntakeResult, take_captures
+from pacmo_core.project.lock import remove_partial_files
 from pacmo_core.project.stages import read_status, upstream_and_stale
 from pacmo_core.project.status import project_status, status_lines
-from pacmo_core.project.workspace import CommandError, configure_logging
+from pacmo_core.project.workspace import INTAKE_PLAN, CommandError, configure_logging
 from tests.flows.projects import capture, make_project
 
 NAME = "skeleton_pos.txt"
@@ -128,6 +130,66 @@ def test_a_path_that_is_too_long_is_quarantined_with_its_content():
     assert kept.read_text() == capture(0)
 
 
+@pytest.mark.parametrize(("name", "depth"), [("d", 1600), ("p" * 240, 20)])
+def test_folders_too_deep_for_a_path_or_for_python_stop_no_night(tmp_path, name, depth):
+    INBOX.mkdir(parents=True, exist_ok=True)
+    os.chdir(INBOX)
+    for _ in range(depth):
+        Path(name).mkdir()
+        os.chdir(name)
+    Path(NAME).write_text(capture(1))
+    os.chdir(tmp_path)
+    try:
+        (left,) = night().waiting
+        assert left.startswith(f"{name}/{name}/")
+        assert project_status(stale=True)["inbox"] == []
+        assert remove_partial_files() == []
+    finally:  # Python's own removal of a tree fails on it
+        subprocess.run(["rm", "-rf", name], cwd=INBOX, check=True)
+
+
+def test_captures_whose_folders_in_quarantine_have_one_name_have_a_reason_each():
+    for path, seed in (("s/01", 1), ("s_01", 2)):
+        put(path, seed).write_text("1,2")
+    assert len(night().quarantined) == len(reasons()) == 2
+    for content in ("1,3", "1,4"):  # in the same second, of the same name
+        put("s/01").write_text(content)
+        assert list(take_captures(settle_s=0.0).quarantined) == ["s/01"]
+    texts = [path.read_text() for path in Path("data/quarantine").rglob(NAME)]
+    assert sorted(texts) == ["1,2", "1,2", "1,3", "1,4"]
+
+
+PLANS = {
+    "cut short": '[{"name": "a"',
+    "another object": '[{"what": 1}]',
+    "not a list": "3",
+    "files that are gone": '[{"name": "a", "files": ["gone/x"], "to": "data/captures/lab"}]',
+    "a target of other content": json.dumps(
+        [{"name": "a", "files": [f"a/{NAME}"], "to": RAW.as_posix()}]
+    ),
+}
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_a_plan_that_cannot_be_carried_out_is_set_aside_and_nothing_is_lost(plan):
+    put("a", 1)
+    if "target" in plan:
+        (RAW / "a").mkdir()
+        (RAW / "a" / NAME).write_text(capture(2))
+    INTAKE_PLAN.parent.mkdir(exist_ok=True)
+    INTAKE_PLAN.write_text(PLANS[plan])
+    night()
+    assert not INTAKE_PLAN.exists()
+    kept = [*RAW.rglob(NAME), *Path("data/quarantine").rglob(NAME)]
+    assert capture(1) in [path.read_text() for path in kept]
+
+
+def test_what_a_run_leaves_half_written_is_never_looked_for_in_the_inbox():
+    dropped = put("a", 1).with_name(".take.999999999")
+    dropped.write_text("dropped")
+    assert remove_partial_files() == [] and dropped.exists()
+
+
 def test_a_name_that_is_not_utf8_is_quarantined_with_its_content():
     put(b"caf\xe9")
     (reason,) = night().quarantined.values()
@@ -144,6 +206,13 @@ def test_a_file_where_a_folder_is_wanted_is_a_reason():
     quarantined = night().quarantined
     assert quarantined["s/01"] == f"{RAW}/s is a file, where a folder is wanted"
     assert quarantined["t"] == f"{RAW}/t/{NAME} is a folder"
+
+
+def test_a_pipe_among_the_captures_is_not_opened():
+    put("a", 1)
+    (RAW / "a").mkdir()
+    os.mkfifo(RAW / "a" / NAME)
+    assert night().quarantined == {"a": f"{RAW}/a/{NAME} exists, with other content"}
 
 
 def test_of_two_captures_that_come_to_one_name_the_second_is_quarantined():

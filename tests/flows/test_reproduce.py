@@ -58,9 +58,14 @@ def test_the_metrics_are_an_artifact_of_the_flow_run(pipeline):
     (pipeline / "reports").mkdir()
     metrics = {"experiment": "small", "data": {}, "pacmo": {"rows": rows}}
     (pipeline / "reports" / "details.json").write_text(json.dumps(metrics))
+    (pipeline / "reports" / "report.html").write_text("<!doctype html>")
     reproduce(["raw"])
     with get_client(sync_client=True) as client:
         artifacts = client.read_artifacts()
+    assert {found.key: bool(found.description) for found in artifacts} == {
+        "metrics": True,
+        "report": True,
+    }
     (text,) = (found.data for found in artifacts if str(found.data).startswith("# small"))
     assert "0.25" in text
 

@@ -13,7 +13,7 @@ from pacmo_core.project.stages import upstream_stages
 ROOT = Path(__file__).parents[2]
 ONCE = {"synthesise", "ingest", "cut", "augment", "split_variations", "pool_skeleton_prior"}
 ONCE |= {"pool_pacmo", "report"}
-ONCE_A_FOLD = {"split", "train_features", "react_oracle", "evaluate_pacmo"}
+ONCE_A_FOLD = {"split", "train_features", "react_oracle", "react_untrained", "evaluate_pacmo"}
 
 
 @pytest.fixture(scope="module")

@@ -176,3 +176,30 @@ def test_odd_letters_and_equal_names_still_give_each_sequence_a_name_of_its_own(
     (tmp_path / "x_1_male.bvh").write_text(bvh_text(0))
     names = [sequence.name for sequence in pairs("duo_mocap").find(tmp_path)]
     assert names == ["a-u20-b", "x_1.S1-S2", "x_1.female-male"]
+
+
+def test_folders_of_cmu_pairs_are_read_as_they_are_delivered(tmp_path):
+    folders = ("18_19_Justin", "18_19_rory", "20_21_Justin1", "20_21_rory1")
+    for number, folder in enumerate((*folders, "22_23_justin", "22_23_Rory")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f"{folder[:2]}_01_poses.bvh").write_text(bvh_text(number))
+    form = pairs(preset="cmu_18_19")
+    found = form.find(tmp_path)
+    assert [sequence.name for sequence in found] == ["18_19/18_01", "20_21/20_01", "22_23/22_01"]
+    assert [len(sequence.files) for sequence in found] == [2, 2, 2]
+    assert "Justin" in found[1].files[0].parent.name
+    for sequence in found:
+        form.read(sequence)
+
+
+@pytest.mark.parametrize(
+    ("preset", "wanted"),
+    [
+        ("pair", "NAME_A.bvh and NAME_B.bvh"),
+        ("cmu_18_19", "20_21_Justin/20_01_poses.bvh and 20_21_rory/20_01_poses.bvh"),
+        ("duo_mocap", "hug001_S1.bvh and hug001_S2.bvh"),
+    ],
+)
+def test_a_file_without_a_partner_is_told_which_names_the_preset_pairs(tmp_path, preset, wanted):
+    (tmp_path / "wave_1.bvh").write_text(bvh_text(0))
+    assert wanted in reason(pairs(preset=preset), only(pairs(preset=preset), tmp_path))

@@ -108,6 +108,16 @@ def test_too_many_lines_are_refused_by_their_number(
         open_format("bvh", SETTINGS["bvh"]).read(RawSequence("x", (tmp_path / "x.bvh",)))
 
 
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
+def test_a_line_that_is_too_long_is_refused_before_it_becomes_words(
+    tmp_path: Path, end: str
+) -> None:
+    text = f"HIERARCHY{end}ROOT a{end}{{{end}OFFSET" + " 0" * (1 << 20) + end
+    (tmp_path / "x.bvh").write_bytes(text.encode())
+    with pytest.raises(FormatError, match=r"x.bvh:4: wanted lines of at most 1048576 bytes"):
+        open_format("bvh", SETTINGS["bvh"]).read(RawSequence("x", (tmp_path / "x.bvh",)))
+
+
 def test_the_directory_of_a_mat_file_is_read_once_for_all_its_variables(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pacmo_core.data.interaction import closest_points
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import capsule_radii
 from pacmo_core.interaction_mesh.capsules import (
     capsule_penetration,
     closest_fractions,
-    closest_points,
     segment_differences,
 )
 from tests.interaction_mesh.scenes import scene

@@ -25,7 +25,10 @@ def reactions(n_clips, prefix, rng, channels=2, r=6, further=0):
         times=[np.arange(len(body)) / 30 for body in bodies],
         clips=[f"{prefix}{i // 2}" for i in range(2 * n_clips)],
         embedded=np.stack([embedded, unit(embedded + 0.1 * rng.normal(size=embedded.shape))]),
+        units=[f"{prefix}{i // 4}" for i in range(2 * n_clips)],
+        actions=[("wave", "bow")[i // 2 % 2] for i in range(2 * n_clips)],
         further=rng.normal(size=(further, 2 * n_clips, channels, r)),
+        further_motions=[bodies] * further,
     )
 
 

@@ -3,13 +3,19 @@
 import numpy as np
 import pytest
 
+from pacmo_core.data.splits import ClipOrigin
 from pacmo_core.metrics.bootstrap import (
+    CLIP,
+    PAIR,
+    RECORDING,
     Estimate,
     Interval,
-    bootstrap_clips,
+    bootstrap_units,
     difference,
     interval,
     interval_of_repeats,
+    resampling_unit,
+    unit_name,
 )
 from pacmo_core.metrics.f2id import weighted_f2id
 from pacmo_core.metrics.mmd import pair_means
@@ -43,13 +49,35 @@ def test_repeats_are_reported_by_mean_and_extremes():
 
 def test_each_group_of_clips_is_drawn_for_itself_and_never_down_to_one():
     groups = np.array([0, 0, 1, 1, 1, 1])
-    counts = bootstrap_clips(groups, 500, np.random.default_rng(0))
+    counts = bootstrap_units(groups, np.arange(6), 500, np.random.default_rng(0))
     np.testing.assert_array_equal(counts[:, :2], 1)  # two clips: no other draw has both
     np.testing.assert_array_equal(counts[:, 2:].sum(axis=1), 4)
     assert (np.count_nonzero(counts[:, 2:], axis=1) >= 2).all()
     np.testing.assert_allclose(counts.mean(axis=0), 1, atol=0.1)
     with pytest.raises(ValueError, match="group 1"):
-        bootstrap_clips(np.array([0, 0, 1]), 5, np.random.default_rng(0))
+        bootstrap_units(np.array([0, 0, 1]), np.arange(3), 5, np.random.default_rng(0))
+
+
+def test_clips_of_one_unit_are_drawn_together():
+    units = np.array([5, 5, 5, 2, 2, 9])
+    counts = bootstrap_units(np.zeros(6, dtype=np.intp), units, 300, np.random.default_rng(0))
+    for unit in (5, 2, 9):
+        assert (np.ptp(counts[:, units == unit], axis=1) == 0).all()
+    np.testing.assert_array_equal(counts[:, [0, 3, 5]].sum(axis=1), 3)
+    np.testing.assert_allclose(counts.mean(axis=0), 1, atol=0.1)
+
+
+def test_the_unit_is_the_pair_of_people_and_the_recording_where_there_are_none_or_one():
+    def clips(*people, prefix):
+        return [ClipOrigin(f"{prefix}{i}", f"{prefix}{i // 2}", p) for i, p in enumerate(people)]
+
+    two = [("s1", "s2"), ("s1", "s2"), ("s2", "s3"), ("s2", "s3")]
+    test, train = clips(*two, prefix="x"), clips(*two, prefix="y")
+    assert resampling_unit(test, train) == PAIR
+    assert unit_name(ClipOrigin("x", "r", ("s2", "s1")), PAIR) == "s1+s2"
+    assert resampling_unit(clips(*two[:2], *two[:2], prefix="x"), train) == RECORDING
+    assert resampling_unit(test, clips((), (), (), (), prefix="y")) == RECORDING
+    assert resampling_unit(clips(*two[:2], prefix="x"), train) == CLIP
 
 
 def test_pair_means_are_those_of_a_loop_over_pairs_of_different_clips():
@@ -73,7 +101,7 @@ def test_pair_means_are_those_of_a_loop_over_pairs_of_different_clips():
 def test_the_bootstrap_of_a_pair_mean_is_not_biased():
     rng = np.random.default_rng(2)
     values, clips = rng.exponential(size=(40, 40)), np.arange(40) // 2
-    counts = bootstrap_clips(np.zeros(20, dtype=np.intp), 4000, rng)
+    counts = bootstrap_units(np.zeros(20, dtype=np.intp), np.arange(20), 4000, rng)
     draws = pair_means(values + values.T, clips, clips, counts)
     plain = pair_means(values + values.T, clips, clips, np.ones((1, 20)))[0]
     assert draws.mean() == pytest.approx(plain, abs=4 * draws.std() / np.sqrt(4000))
@@ -98,7 +126,7 @@ def test_intervals_of_f2id_hold_its_mean_at_that_number_of_clips_about_as_often_
     held = []
     for _ in range(60):
         x, y = draw()
-        counts = bootstrap_clips(np.repeat([0, 1], n_clips), 100, rng)
+        counts = bootstrap_units(np.repeat([0, 1], n_clips), np.arange(2 * n_clips), 100, rng)
         others = clips if paired else clips + n_clips
         draws = np.array([weighted_f2id(x, y, c[clips], c[others]) for c in counts])
         found = interval(Estimate(weighted_f2id(x, y, once, once), draws), 0.9)

@@ -16,7 +16,7 @@ from pacmo_core.metrics.plausibility import BodyJoints
 from pacmo_core.metrics.reactions import stack_motions, to_length
 from tests.metrics.problems import midpoint_grid, reactions
 
-BODY = BodyJoints(root=1, keys=(0, 1, 2), feet=(2,), bones=np.array([[0, 1], [1, 2]]))
+BODY = BodyJoints(root=1, keys=(0, 1, 2), feet=(2,), ankles=(2,), bones=np.array([[0, 1], [1, 2]]))
 SETTINGS = EvaluationSettings(
     n_samples=60,
     repeats=3,
@@ -26,9 +26,11 @@ SETTINGS = EvaluationSettings(
     n_instants=5,
     n_components=4,
     candidates=8,
-    foot_height=0.5,
+    smoothing=0.1,
     body_radius=0.2,
     contact_distance=0.7,
+    met_distance=0.8,
+    apart_distance=0.9,
     body=BODY,
     random_seed=7,
 )
@@ -39,7 +41,9 @@ METRICS = {
     *("diversity", "diversity_l2", "diversity_published"),
     *("ape", "ave", "ape_joints", "ave_joints"),
     *("f2id_distances", "mmd_pair", "matching"),
-    *("foot_skate", "penetration", "contact_agreement"),
+    *("contacts_met", "contacts_met_near", "false_contacts", "contact_f1"),
+    *("contacts_met.wave", "contacts_met.bow", "energy_score"),
+    *("foot_skate", "ground_penetration", "bone_variation", "jerk", "penetration"),
 }
 
 
@@ -77,7 +81,10 @@ def values(found):
 def test_every_row_has_every_metric_on_every_replicate(measured):
     for row, found in measured.items():
         assert set(found.estimates) == METRICS | ({"f2id_halves"} if row == "real" else set())
-        assert found.absent == {"multimodality": "one reaction per partner"}
+        assert found.absent == {
+            "multimodality": "one reaction per partner",
+            "dispersion": "one reaction per partner",
+        }
         for name, estimate in found.estimates.items():
             repeats = name.endswith(("_published", "_halves"))
             assert estimate.resampled.shape == ((3,) if repeats else (40,))
@@ -122,20 +129,67 @@ def test_the_real_pairs_are_at_no_distance_from_themselves(measured):
     for name in zero:
         np.testing.assert_allclose(found[name].resampled, 0, atol=1e-9, err_msg=name)
         assert found[name].plain == pytest.approx(0, abs=1e-9)
-    assert found["contact_agreement"].plain == 1
+    assert found["contact_f1"].plain == found["contacts_met"].plain == 1
+    assert found["false_contacts"].plain == found["energy_score"].plain == 0
 
 
-def test_excess_is_the_distance_to_second_draws_less_that_of_the_real_pairs(sets, measured):
+def test_excess_is_the_distance_to_other_people_less_that_of_the_real_pairs(sets, measured):
     real, train, rows = sets
+    context = table_of(real, train).context
+    row = rows["far"]
+    to_others = {"far": [], "real": []}
+    for first, second in context.halves:
+        for one, other in ((first, second), (second, first)):
+            i, j = (np.flatnonzero(counts[0, context.partners]) for counts in (one, other))
+            assert not {real.units[k] for k in i} & {real.units[k] for k in j}
+            for name, features in (("far", row.features), ("real", real.features)):
+                to_others[name].append(f2id(features[i], real.features[j], WEIGHTS))
+    assert len(to_others["far"]) == 2 * SETTINGS.second_samples
+    expected = np.mean(to_others["far"]) - np.mean(to_others["real"])
+    assert values(measured["far"])["f2id_excess"] == pytest.approx(expected)
+
+
+def test_a_copy_of_training_motion_gains_nothing_in_excess(sets):
+    real, train, _ = sets
+    copied = replace(real, features=train.features[:24])
+    others = replace(train, features=train.features + 5.0)
+    found = [table_of(real, part).measure(copied) for part in (train, others)]
+    assert values(found[0])["f2id_excess"] == values(found[1])["f2id_excess"]
+
+
+def test_the_floor_is_the_distance_to_second_draws_of_training_motion(sets, measured):
+    real, train, _ = sets
     seconds = table_of(real, train).context.second_sets
     assert [len(second) for second in seconds] == [24, 24]
-    to_seconds = {
-        name: np.mean([f2id(row.features, second.features, WEIGHTS) for second in seconds])
-        for name, row in (("far", rows["far"]), ("real", real))
-    }
-    assert values(measured["real"])["f2id"] == pytest.approx(to_seconds["real"])
-    expected = to_seconds["far"] - to_seconds["real"]
-    assert values(measured["far"])["f2id_excess"] == pytest.approx(expected)
+    expected = np.mean([f2id(real.features, second.features, WEIGHTS) for second in seconds])
+    assert values(measured["real"])["f2id"] == pytest.approx(expected)
+
+
+def test_too_few_people_for_halves_have_no_excess(sets):
+    real, train, rows = sets
+    units = ["one", "two", "three"] * 8
+    few = replace(real, units=[units[int(name[4:])] for name in real.clips])
+    found = table_of(few, train).measure(rows["far"])
+    assert "f2id_excess" not in found.estimates
+    assert found.absent["f2id_excess"].startswith("fewer than four")
+
+
+def test_the_energy_score_and_the_dispersion_are_those_of_the_samples(sets):
+    real, train, _ = sets
+    shifts = (1.0, 3.0, -1.0)  # metres along x, of three samples
+    samples = [[m + np.float32([s, 0, 0]) for m in real.motions] for s in shifts]
+    row = replace(
+        real,
+        motions=samples[0],
+        further=np.zeros((2, *real.features.shape)),
+        further_motions=samples[1:],
+    )
+    found = values(table_of(real, train).measure(row))
+    # Distances to the truth 1, 3, 1; of pairs 2, 2, 4.
+    assert found["energy_score"] == pytest.approx(5 / 3 - 8 / 3 / 2, abs=1e-6)
+    assert found["dispersion"] == pytest.approx(8 / 5, abs=1e-6)
+    point = values(table_of(real, train).measure(replace(real, motions=samples[1])))
+    assert point["energy_score"] == pytest.approx(3, abs=1e-6)
 
 
 def test_reactions_permuted_among_partners_are_still_the_same_motions(sets, measured):
@@ -201,3 +255,16 @@ def test_a_table_of_mistaken_rows_is_refused(sets):
         table.measure(train.take(np.arange(24)))
     with pytest.raises(ValueError, match="share no clip"):
         table_of(real, real)
+
+
+def test_a_contact_in_one_unit_alone_has_a_value_in_every_replicate(sets):
+    real, train, _ = sets
+    apart = [m + np.float32(9) for m in real.motions]
+    apart[:4] = real.partners[:4]  # the first unit of four touches
+    rare = replace(real, motions=apart)
+    found = table_of(rare, train).measure(rare).estimates
+    assert found["contacts_met"].plain == 1 and (found["contacts_met"].resampled == 1).all()
+    far = replace(real, motions=[m + np.float32(9) for m in real.motions])
+    missing = table_of(far, train).measure(far)
+    assert "contacts_met" not in missing.estimates
+    assert missing.absent["contacts_met"] == "no frame with contact"

@@ -8,12 +8,14 @@ import pytest
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
 from pacmo_core.metrics.evaluate import Evaluation
 from pacmo_core.metrics.plausibility import (
-    contact_agreement,
+    bone_variation,
     find_body_joints,
     foot_skate,
-    penetration,
+    ground_penetration,
+    jerk,
+    smooth,
 )
-from pacmo_core.metrics.row_metrics import measure_multimodality, measure_plausibility
+from pacmo_core.metrics.row_plausibility import measure_multimodality, measure_plausibility
 from tests.metrics.problems import reactions
 from tests.metrics.test_evaluate_table import BODY, SETTINGS, WEIGHTS
 
@@ -43,8 +45,9 @@ def test_without_names_every_joint_is_a_key_and_no_foot_slides():
     settings = replace(SETTINGS, body=body)
     table = Evaluation(real=real, train=train, weights=WEIGHTS, settings=settings)
     found, reasons = measure_plausibility(real, table.context)
-    assert reasons == {"foot_skate": "the skeleton names no feet"}
-    assert set(found) == {"penetration", "contact_agreement"}
+    no_feet = "the skeleton names no feet"
+    assert reasons == {"foot_skate": no_feet, "ground_penetration": no_feet}
+    assert set(found) == {"penetration", "bone_variation", "jerk"}
 
 
 def standing(offset, drift, n=11):
@@ -65,31 +68,60 @@ def standing_row(offset, drift):
     )
 
 
-def test_a_foot_on_the_ground_slides_at_its_speed_and_a_lifted_one_does_not():
-    real, sliding = standing_row(1.0, 0.0), standing_row(1.0, 0.6)
-    above, below = foot_skate(sliding, real, BODY, height=0.05)
-    np.testing.assert_allclose(above / below, 0.6, rtol=1e-4)
-    np.testing.assert_array_equal(below, 10)
-    lifted = replace(sliding, motions=[m + np.float32([0, 0.1, 0]) for m in sliding.motions])
-    np.testing.assert_array_equal(foot_skate(lifted, real, BODY, height=0.05), 0)
+def ratio(sums):
+    numerator, denominator = sums
+    return numerator.sum() / denominator.sum()
 
 
-def test_bodies_merge_where_the_middle_of_a_bone_is_within_the_radius():
-    row = standing_row(0.1, 0.0)
-    # The reaction's joints stand between the partner's: its joints meet the middles of bones.
-    shifted = [m + np.float32([0, 0.25, 0]) for m in row.motions]
-    row = replace(row, motions=shifted)
-    merged, frames = penetration(row, BODY, radius=0.11)
-    np.testing.assert_array_equal(merged, frames)
-    np.testing.assert_array_equal(penetration(row, BODY, radius=0.09)[0], 0)
+def test_the_slower_ankle_glides_at_its_speed():
+    body = replace(BODY, ankles=(0, 2))
+    sliding = standing_row(1.0, 0.6)
+    # A Gaussian keeps a straight path, but at the ends, where it is one-sided.
+    assert ratio(foot_skate(sliding, body, smoothing=1e-3)) == pytest.approx(0.6, rel=1e-4)
+    walking = [m.copy() for m in sliding.motions]
+    for motion in walking:
+        motion[:, 2, 0] = 1.0
+    resting = ratio(foot_skate(replace(sliding, motions=walking), body, smoothing=0.1))
+    assert resting == pytest.approx(0, abs=1e-9)
 
 
-def test_contact_agrees_by_frame():
-    real, leaving = standing_row(0.1, 0.0), standing_row(0.1, 0.9)  # 3 cm a frame
-    above, below = contact_agreement(leaving, real, distance=0.17)
-    # In contact: 0.10, 0.13, 0.16 m, against all 11 frames.
-    np.testing.assert_array_equal(above, 6)
-    np.testing.assert_array_equal(below, 14)
+def test_smoothing_removes_the_noise_of_a_resting_foot_and_keeps_a_constant():
+    times = np.arange(200) / 30
+    noise = 0.01 * np.random.default_rng(0).normal(size=(200, 2)).astype(np.float32)
+    np.testing.assert_allclose(smooth(np.full((200, 2), 3.0), times, 0.1), 3.0, rtol=1e-12)
+    # The sum of squared weights of a Gaussian of 3 frames is 1 / (2 sqrt(pi) 3).
+    expected = 0.01 * np.sqrt(1 / (2 * np.sqrt(np.pi) * 3))
+    assert smooth(noise, times, 0.1)[20:-20].std() == pytest.approx(expected, rel=0.2)
+
+
+def test_a_joint_below_the_ground_of_the_real_reaction_is_as_deep_as_it_is_lowered():
+    real = standing_row(1.0, 0.0)
+    lowered = replace(real, motions=[m - np.float32([0, 0.03, 0]) for m in real.motions])
+    assert ratio(ground_penetration(lowered, real, BODY)) == pytest.approx(0.03, rel=1e-5)
+    lifted = replace(real, motions=[m + np.float32([0, 0.03, 0]) for m in real.motions])
+    assert ratio(ground_penetration(lifted, real, BODY)) == 0
+
+
+def test_a_bone_that_stretches_varies_by_its_standard_deviation():
+    row = standing_row(1.0, 0.0)
+    assert ratio(bone_variation(row, BODY)) == 0
+    path = row.motions[0].copy()
+    path[:, 0, 1] += np.where(np.arange(11) % 2, 0.1, 0.0)  # of two bones of 0.5 m, the first
+    lengths = 0.5 + np.where(np.arange(11) % 2, 0.1, 0.0)
+    expected = lengths.std() / lengths.mean() / 2
+    assert ratio(bone_variation(replace(row, motions=[path] * 4), BODY)) == pytest.approx(
+        expected, rel=1e-5
+    )
+
+
+def test_the_jerk_of_a_cubic_path_is_its_third_derivative():
+    row = standing_row(1.0, 0.0)
+    times = np.arange(61) / 60
+    path = np.zeros((61, 3, 3), dtype=np.float32)
+    path[:, :, 1] = times[:, None] ** 3
+    long = replace(row, motions=[path] * 4, partners=[path] * 4, times=[times] * 4)
+    numerator, denominator = jerk(long, smoothing=1e-4)
+    assert ratio((numerator, denominator)) == pytest.approx(6, rel=0.01)
 
 
 def test_multimodality_is_the_mean_distance_of_the_features_of_one_partners_reactions():

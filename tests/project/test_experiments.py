@@ -17,7 +17,7 @@ from pacmo_core.project.workspace import SAVED_PARAMS
 DEFAULT = """\
 # whole
 experiment: default
-runs: {folds: [1], seeds: [1]}
+runs: {folds: [1], seeds: [1], models: [gru]}
 ingest:
   raw: data/raw   # made here
   settings: {fps: 30, gap: 2}
@@ -61,7 +61,7 @@ PRIORS = "runs: {{priors: {{datasets: [{}]}}}}\ningest: {{dataset: mine}}\n"
 def test_skeleton_priors_are_of_datasets_that_the_experiment_makes(project, datasets):
     second = "augment: {second_dataset: {dataset: other, format: bvh}}\n"
     text = f"{DEFAULT}augment: {{second_dataset: {{dataset: '', format: }}}}\n".replace(
-        "seeds: [1]}", "seeds: [1], priors: {datasets: [default]}}"
+        "models: [gru]}", "models: [gru], priors: {datasets: [default]}}"
     ).replace("ingest:\n", "ingest:\n  dataset: default\n")
     (project / "params.yaml").write_text(text)
     (project / "experiments" / "own.yaml").write_text(PRIORS.format(datasets) + second)
@@ -195,7 +195,7 @@ def test_what_other_folds_and_seeds_left_goes_when_an_experiment_is_taken_up(pro
 
 def test_tidying_goes_by_the_runs_in_the_parameters(project):
     made = outputs(project)
-    (project / "params.yaml").write_text("runs: {folds: [2], seeds: [2]}\n")
+    (project / "params.yaml").write_text("runs: {folds: [2], seeds: [2], models: [gru]}\n")
     gone = {name for name in made if "/1" in name.replace("oracle/1", "oracle")}
     removed = remove_unused_outputs()
     assert standing(project) == made - gone and removed
@@ -210,10 +210,17 @@ def test_runs_on_variations_go_where_an_experiment_has_none(project):
         path = project / place.format("pacmo_augmented")
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
-    runs = "runs: {folds: [1, 2], seeds: [1, 2]}\n"
+    runs = "runs: {folds: [1, 2], seeds: [1, 2], models: [], variants: [gru]}\n"
     (project / "params.yaml").write_text(f"{runs}augmented: {{folds: [1], seeds: [1]}}\n")
     remove_unused_outputs()
     assert len(standing(project) - made) == 3
     (project / "params.yaml").write_text(f"{runs}augmented: {{folds: [], seeds: []}}\n")
     remove_unused_outputs()
     assert standing(project) == made
+
+
+def test_models_that_the_parameters_no_longer_train_go(project):
+    made = outputs(project)
+    (project / "params.yaml").write_text("runs: {folds: [1, 2], seeds: [1, 2], models: [pacmo]}\n")
+    remove_unused_outputs()
+    assert standing(project) == {name for name in made if "gru" not in name}

@@ -150,8 +150,57 @@ def test_a_metric_that_is_not_finite_holds_the_model_and_leaves_nothing_on_the_s
     for _ in range(2):
         held = decide_promotion(GATE)
         assert held.verdict == "rejected" and metric not in held.metrics
-        assert "of pacmo is not finite" in held.reasons[0]
+        assert "of pacmo is no finite interval" in held.reasons[0]
     assert not PROMOTED_MODELS.exists() or list(PROMOTED_MODELS.iterdir()) == []
+
+
+METRIC = {"mean": 0.5, "low": 0.4, "high": 0.6}
+NO_INTERVALS = [
+    *({**METRIC, "mean": value} for value in ("0.1", None, True, [0.1], 10**400)),
+    *({"mean": 0.5, "low": 0.4}, [0.1, 0.0, 0.2], 0.1, None, "x"),
+]
+
+
+@pytest.mark.parametrize("interval", NO_INTERVALS, ids=str)
+def test_a_metric_that_is_no_interval_of_numbers_holds_the_model(interval):
+    train(b"one", 0.5)
+    details = json.loads(Path("reports/details.json").read_text())
+    details["pacmo"]["rows"]["pacmo"]["f2id"] = interval
+    Path("reports/details.json").write_text(json.dumps(details))
+    held = decide_promotion(GATE)
+    assert held.verdict == "rejected" and "F²ID of pacmo is" in held.reasons[0]
+    assert promotion.list_models(PROMOTED_MODELS) == []
+
+
+def test_a_noise_floor_that_overflows_promotes_nothing():
+    train(b"one", 0.5)
+    details = json.loads(Path("reports/details.json").read_text())
+    details["pacmo"]["rows"]["pacmo"]["f2id_floor"] = dict.fromkeys(METRIC, 1e308)
+    Path("reports/details.json").write_text(json.dumps(details))
+    assert decide_promotion(GATE).verdict == "rejected"
+
+
+DAMAGED = ["{", "[]", "", "null", '{"experiment": "lab"}', '{"pacmo": {"rows": []}}', "[" * 9999]
+
+
+@pytest.mark.parametrize("text", [*DAMAGED, '{"experiment": 1, "pacmo": {"rows": {}}}'])
+@pytest.mark.parametrize("whose", ["reports", "promoted/current/reports"])
+def test_a_table_of_metrics_that_is_damaged_is_named_in_one_line(text, whose):
+    train(b"one", 0.5)
+    decide_promotion(GATE)
+    train(b"two", 0.4)
+    (Path(whose) / "details.json").write_text(text)
+    with pytest.raises(CommandError, match=f"^{whose}/details.json: .+$"):
+        decide_promotion(GATE)
+    assert promotion.list_models(PROMOTED_MODELS) == [1]
+
+
+@pytest.mark.parametrize("count", ["NaN", "-5", '"12"', "1e3", "null"])
+def test_a_number_of_reactions_that_is_none_is_named(count):
+    train(b"one", 0.5)
+    Path("reports/pacmo.json").write_text(f'{{"test_reactions": {count}}}')
+    with pytest.raises(CommandError, match="pacmo.json: wanted a number of test_reactions"):
+        decide_promotion(GATE)
 
 
 WRONG = {
@@ -165,10 +214,14 @@ WRONG = {
     "test_reactions": "many",
     "metrics": {"f2id": {"mean": "low"}},
 }
+ODD = [
+    *({"reasons": "text"}, {"reasons": {"a": 1}}, {"reasons": ["\x1b[2J"]}, {"model": "\ud800"}),
+    *({"test_reactions": 10**30}, {"metrics": {"f2id": {**METRIC, "high": 10**400}}}),
+]
 
 
-@pytest.mark.parametrize("field", WRONG)
-def test_a_decision_that_parses_and_is_wrong_is_set_aside(field):
+@pytest.mark.parametrize("change", [*({name: WRONG[name]} for name in WRONG), *ODD], ids=str)
+def test_a_decision_that_parses_and_is_wrong_is_set_aside(change):
     train(b"one", 0.5)
     decide_promotion(GATE)
     file = DECISIONS / "000001.json"
@@ -176,7 +229,7 @@ def test_a_decision_that_parses_and_is_wrong_is_set_aside(field):
         **json.loads(file.read_text()),
         "number": 2,
         "verdict": "unchanged",
-        field: WRONG[field],
+        **change,
     }
     (DECISIONS / "000002.json").write_text(json.dumps(wrong))
     repair_promotion()

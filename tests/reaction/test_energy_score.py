@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -9,7 +10,9 @@ from hypothesis import strategies as st
 
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.operators.quadrature import trapezoid_weights
-from pacmo_core.reaction.energy_score import EnergyScore, energy_score
+from pacmo_core.reaction.data import MotionPairs
+from pacmo_core.reaction.energy_score import ContactScore, EnergyScore, energy_score
+from pacmo_core.reaction.settings import ContactScoreSettings
 from tests.reaction.problems import REST
 
 WEIGHTS = trapezoid_weights(torch.linspace(0, 1, 5))
@@ -97,3 +100,84 @@ def test_a_motion_that_shivers_scores_worse_though_it_is_as_near():
     score = EnergyScore(SBU15)
     truth = torch.zeros(1, 5, 45)
     assert float(score(shivering, truth, WEIGHTS)) > 1.2 * float(score(steady, truth, WEIGHTS))
+
+
+CONTACT = ContactScore(
+    SBU15,
+    ContactScoreSettings(
+        near_weight=0.5,
+        near_distance=0.1,
+        log_distance_weight=0.25,
+        stance_weight=2.0,
+        stance_speed=0.3,
+    ),
+)
+
+
+def still(offset: float, step: float = 0.0) -> torch.Tensor:
+    """Return a body that stands, ``offset`` metres ahead, and moves by ``step`` in the clip."""
+    body = torch.from_numpy(REST).float().expand(1, 5, 15, 3).clone()
+    body[..., 2] += offset + step * torch.linspace(0, 1, 5)[:, None]
+    return body.flatten(2)
+
+
+def pair(reaction: torch.Tensor, seconds: float = 2.0) -> MotionPairs:
+    duration = torch.tensor([seconds]).log()
+    return MotionPairs(still(1.0), reaction, duration, torch.zeros(1, dtype=torch.long))
+
+
+def test_contact_scores_are_those_of_the_functions_written_out():
+    truth, samples = still(0.0), torch.stack([still(0.9), still(0.6)])
+    found = CONTACT(samples, pair(truth), WEIGHTS)
+    ends = {i for i in range(15) if i not in SBU15.parents}
+    functions = {"near": {}, "log_distance": {}}
+    for name, body in (("u", still(0.0)), ("a", samples[0]), ("b", samples[1])):
+        joints, partner = (m[0, 0].view(15, 3).double().numpy() for m in (body, still(1.0)))
+        distances = np.array(
+            [
+                math.sqrt(((joints[i] - partner[j]) ** 2).sum() + 0.02**2)
+                for i in range(15)
+                for j in range(15)
+                if i in ends or j in ends
+            ]
+        )
+        functions["near"][name] = np.exp(-distances / 0.1)
+        # The mean over pairs: the sum over their number.
+        functions["log_distance"][name] = np.log(distances + 0.05) / len(distances) ** 0.5
+    for name, values in functions.items():
+        apart = {k: np.linalg.norm(values[k[0]] - values[k[1]]) for k in ("au", "bu", "ab")}
+        expected = (apart["au"] + apart["bu"]) / 2 - apart["ab"] / 2
+        assert float(found[name]) == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_stance_score_sees_the_speed_of_feet_in_metres_per_second():
+    truth, samples = still(0.0), torch.stack([still(0.0, step=0.6)] * 2)
+    for seconds in (1.0, 2.0):
+        found = CONTACT(samples, pair(truth, seconds), WEIGHTS)
+        expected = 1 - math.exp(-0.6 / seconds / 0.3)
+        assert float(found["stance"]) == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_hand_that_misses_scores_worse_by_contact_than_by_the_motion():
+    # The hand of one of two samples is 15 cm off: as much of the motion, whether at the partner's.
+    truth = still(0.97)
+    near, far = (truth.clone(), truth.clone())
+    near.view(1, 5, 15, 3)[..., 5, 0] += 0.15  # a hand at the partner's side
+    score = CONTACT(torch.stack([near, near]), pair(truth), WEIGHTS)
+    assert float(score["near"]) > 5 * float(
+        EnergyScore(SBU15)(torch.stack([near, near]), truth, WEIGHTS)
+    )
+    same = CONTACT(torch.stack([far, far]), pair(truth), WEIGHTS)
+    assert max(float(value) for value in same.values()) < 1e-3
+
+
+def test_the_total_weighs_the_scores():
+    scores = {"near": torch.ones(3), "log_distance": torch.ones(3), "stance": torch.ones(3)}
+    torch.testing.assert_close(CONTACT.total(scores), torch.full((3,), 2.75))
+
+
+def test_bodies_in_one_place_have_a_finite_gradient():
+    samples = torch.stack([still(1.0), still(1.0)]).requires_grad_()
+    total = CONTACT.total(CONTACT(samples, pair(still(1.0)), WEIGHTS)).sum()
+    (gradient,) = torch.autograd.grad(total, samples)
+    assert torch.isfinite(gradient).all()

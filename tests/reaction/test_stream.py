@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction import baselines, wgan
 from pacmo_core.reaction.generator import Generator
@@ -97,3 +98,19 @@ def test_noise_in_the_partners_heading_hardly_changes_the_reactions(model: Gener
         steps.append(np.diff(reactions[75:], 2, axis=0))
     shaken = np.sqrt(np.square(steps[1] - steps[0]).sum(axis=-1).mean())
     assert shaken < 0.03
+
+
+def test_finished_frames_have_the_bones_of_the_first_and_no_foot_below_the_floor(
+    model: Generator,
+) -> None:
+    clip = delayed_mirror(5, np.arange(40) / 30)
+    random = torch.Generator().manual_seed(1)
+    live = ReactionStream(model, n_samples=2, random=random, finish=True)
+    pairs = zip(clip.person_a, clip.times, strict=True)
+    found = np.stack([live.react(pose, float(time)) for pose, time in pairs], axis=1)
+    for reaction in found:
+        assert np.ptp(bone_lengths(reaction, clip.skeleton), axis=0).max() < 1e-5
+    feet = clip.skeleton.indices(["left_foot", "right_foot"])
+    assert found[:, :, feet, 1].min() > clip.person_a[0, feet, 1].min() - 1e-3
+    steps = np.linalg.norm(np.diff(found, axis=1), axis=-1).max(axis=-1)[:, 1:]
+    assert steps.max() < 8 * np.median(steps)

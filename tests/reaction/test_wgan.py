@@ -54,7 +54,8 @@ def test_in_the_warm_up_the_critic_is_not_trained_and_no_weights_are_selected() 
     )
     curve = iter(fitted)
     warm = [next(curve), next(curve)]
-    assert all(terms.keys() == {"bone_symmetry", "energy_score"} for terms in warm)
+    names = {"bone_symmetry", "energy_score", "contact_score"}
+    assert all(terms.keys() == names for terms in warm)
     assert all(
         torch.equal(critic[name], value) for name, value in model_state(training.critic).items()
     )
@@ -78,3 +79,18 @@ def test_fewer_epochs_than_selection_starts_at_are_refused_with_both_values() ->
         replace(PACMO, validate_from=90, n_epochs=5)
     with pytest.raises(ValueError, match="n_epochs must be at least 1; got 0"):
         replace(GRU, n_epochs=0)
+
+
+def test_without_a_critic_the_generator_takes_as_many_steps_and_the_critic_none() -> None:
+    fitted = wgan.build_training(clips(8), replace(PACMO, n_critic=0))
+    one_each = wgan.build_training(clips(8), replace(PACMO, n_critic=1))
+    training, other = fitted.trainer, one_each.trainer
+    assert isinstance(training, WganTrainer) and isinstance(other, WganTrainer)
+    assert training.steps_per_epoch == other.steps_per_epoch
+    critic = {name: value.clone() for name, value in model_state(training.critic).items()}
+    assert all(terms.keys() == {"bone_symmetry", "energy_score"} for terms in fitted)
+    assert all(
+        torch.equal(critic[name], value) for name, value in model_state(training.critic).items()
+    )
+    with pytest.raises(ValueError, match="n_critic must be .* energy_score_weight 0"):
+        replace(PACMO, n_critic=0, warmup_epochs=0, energy_score_weight=0.0)

@@ -9,7 +9,7 @@ from pacmo_core.data.skeleton import NTU25, Skeleton
 from pacmo_core.skeleton_prior.data import Example
 from pacmo_core.skeleton_prior.kinematics import ancestor_matrix
 from pacmo_core.skeleton_prior.layers import initialise_weights
-from pacmo_core.skeleton_prior.settings import LossWeights, SkeletonPriorSettings
+from pacmo_core.skeleton_prior.settings import LossWeights, SkeletonPriorSettings, StartSettings
 
 JOINTS = (
     "root left_hip left_knee left_ankle right_hip right_knee right_ankle chest left_shoulder"
@@ -18,6 +18,16 @@ JOINTS = (
 PAIRS = ((1, 4), (2, 5), (3, 6), (8, 11), (9, 12), (10, 13))
 SMALL = Skeleton(
     "small", tuple(JOINTS.split()), (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 9, 7, 11, 12), PAIRS
+)
+START = StartSettings(
+    ground_height=0.2,
+    contact_range=0.2,
+    root=0.03,
+    ground=30.0,
+    contact=1.0,
+    foot=1.0,
+    hand=1.0,
+    yielding=0.3,
 )
 
 
@@ -87,12 +97,11 @@ def settings(**changes: object) -> SkeletonPriorSettings:
     defaults: dict[str, object] = {
         "random_seed": 1,
         "device": "cpu",
-        "mixed_precision": False,
         "model": "kinematic",
         "hidden": 16,
         "frame_stride": 3,
         "window_frames": 9,
-        "dropout": 0.1,
+        "start": START,
         "loss_weights": LossWeights(
             kl_divergence=1e-3,
             bone_length=1.0,

@@ -95,9 +95,10 @@ def test_the_result_does_not_depend_on_the_frame_rate(times):
         for pair in (source, denser)
     )
     for (one,), (other,) in zip(result, dense, strict=True):
-        # The ground differs a little; at the wrong rate positions differ by 0.07 mm or more.
-        assert np.abs(other.person_a[::times] - one.person_a).mean() < 5e-5
-        assert np.abs(other.person_b[::times] - one.person_b).mean() < 5e-5
+        # Heights too follow the ground, which differs a little. At the wrong rate positions
+        # differ by 0.08 mm or more.
+        for got, expected in ((other.person_a, one.person_a), (other.person_b, one.person_b)):
+            assert np.abs(got[::times] - expected)[..., [0, 2]].mean() < 5e-5
 
 
 def test_retargeting_commutes_with_rigid_motion():

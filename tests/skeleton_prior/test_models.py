@@ -9,7 +9,7 @@ from pacmo_core.data.skeleton import NTU25
 from pacmo_core.models import build_skeleton_prior, model_names
 from pacmo_core.skeleton_prior.layers import ZeroInitLinear, initialise_weights
 from pacmo_core.skeleton_prior.settings import PriorConfig
-from tests.skeleton_prior.examples import generator
+from tests.skeleton_prior.examples import START, generator
 
 B, T, N = 2, 37, 25
 HALVES = [T, 19, 10, 5, 5]  # T, T/2, T/4, T/8, T/8, rounded up
@@ -17,7 +17,7 @@ LIMBS = ((12, 13, 14), (16, 17, 18), (4, 5, 6), (8, 9, 10))
 
 
 def model(name: str, hidden: int = 256):
-    return build_skeleton_prior(PriorConfig(NTU25, LIMBS, name, hidden, 1, 30.0, 0.0)).eval()
+    return build_skeleton_prior(PriorConfig(NTU25, LIMBS, name, hidden, 1, 30.0, START)).eval()
 
 
 def character_inputs(prior, role: int):
@@ -81,10 +81,10 @@ def test_st_gcn_1_and_2_are_tables_11_and_13(role, into, table):
     character = (prior.first, prior.second)[role]
     inputs = character_inputs(prior, role)
     output_shapes, posterior = shapes(
-        character.encoder.layers, lambda: character.encode(inputs.template, inputs, None)
+        character.encoder.layers, lambda: character.encode(inputs.template, inputs)
     )
     channels = [32, 64, 128, 256, 256]
-    assert output_shapes == [(t, N, B, c) for t, c in zip(HALVES, channels, strict=True)]
+    assert output_shapes == [(B, c, t, N) for t, c in zip(HALVES, channels, strict=True)]
     assert posterior.mean.shape == posterior.log_variance.shape == (B, N, 256)
     assert size(character.encoder) == encoder([into, *channels])
 
@@ -99,9 +99,9 @@ def test_st_gcn_3_is_table_14_and_the_fusion_table_15():
     inputs = character_inputs(prior, 1)
     output_shapes, _ = shapes(
         prior.second.partner_encoder.layers,
-        lambda: prior.second.encode(inputs.template, inputs, None),
+        lambda: prior.second.encode(inputs.template, inputs),
     )
-    assert output_shapes == [(t, N, B, 16) for t in HALVES]
+    assert output_shapes == [(B, 16, t, N) for t in HALVES]
     assert size(prior.second.partner_encoder) == encoder([8, 16, 16, 16, 16, 16])
     assert size(prior.second.fusion) == linear(278, 256)
     assert size(prior.second.posterior) == 2 * linear(256, 256)
@@ -113,7 +113,7 @@ def test_the_g_grus_are_tables_12_and_16(role, into, table):
     character = (prior.first, prior.second)[role]
     inputs = character_inputs(prior, role)
     assert character.latent_shape(inputs) == (B, N, 256)
-    layers = character.decoder.head.layers
+    layers = [layer for layer in character.decoder.head if isinstance(layer, torch.nn.Linear)]
     output_shapes, output = shapes(layers, lambda: character.decode(torch.zeros(B, N, 256), inputs))
     assert len(output_shapes) == 3 * T  # frame by frame
     assert [shape[-1] for shape in output_shapes[:3]] == [256, 256, 3]
@@ -157,9 +157,9 @@ N_PARAMETERS = {
     + convs_1d(256, 256, 128, 32) + linear(32, 3),
     ("f_cnn", 1): convs_1d(3, 32, 64, 128, 256) + 2 * linear(264, 256) + linear(264, 256)
     + convs_1d(256, 128, 64, 32) + linear(32, 3),
-    ("f_gcn", 0): graphs(3, 32, 64) + linear(4, 20) + graph(84, 128) + 2 * graph(128, 256)
+    ("f_gcn", 0): graphs(3, 32, 64) + linear(4, 20) + graph(84, 128) + graph(128, 512)
     + graphs(276, 256, 128, 64, 32, 3) + linear(3, 3),
-    ("f_gcn", 1): graphs(3, 32, 64) + linear(6, 16) + graph(80, 128) + 2 * graph(128, 256)
+    ("f_gcn", 1): graphs(3, 32, 64) + linear(6, 16) + graph(80, 128) + graph(128, 512)
     + graphs(272, 256, 128, 64, 32, 3) + linear(3, 3),
     ("m_cnn", 0): conv_2d(4, 16, 32) + 2 * conv_2d(32, 64) + linear(65, 64) + conv_2d(64, 32, 16, 3)
     + linear(3, 3),
@@ -179,10 +179,10 @@ def test_the_baselines_are_tables_17_to_20(name, role):
 
 
 LATENT_SHAPES = {
-    "f_cnn": (B, T, 4, 256),
-    "f_gcn": (B, T, N, 256),
-    "m_cnn": (B, T, N, 64),
-    "m_gcn": (B, T, N, 128),
+    "f_cnn": (B, 256, T, 4),
+    "f_gcn": (B, 256, T, N),
+    "m_cnn": (B, 64, T, N),
+    "m_gcn": (B, 128, T, N),
 }
 
 
@@ -192,7 +192,7 @@ def test_the_baselines_latents_have_the_tables_shapes(name, role):
     prior = model(name)
     character, inputs = (prior.first, prior.second)[role], character_inputs(prior, role)
     with torch.no_grad():
-        posterior = character.encode(inputs.template, inputs, None)
+        posterior = character.encode(inputs.template, inputs)
         output = character.decode(torch.zeros(character.latent_shape(inputs)), inputs)
     assert (
         posterior.mean.shape
@@ -205,12 +205,17 @@ def test_the_baselines_latents_have_the_tables_shapes(name, role):
 
 def test_f_cnn_pools_joints_as_in_its_table_and_inverts_it():
     prior = model("f_cnn")
-    assert prior.first.sizes == [25, 13, 7, 4]
+    inputs = character_inputs(prior, 0)
+    convolutions = [m for m in prior.first.decoder if isinstance(m, torch.nn.ConvTranspose2d)]
     output_shapes, _ = shapes(
-        prior.first.decoder,
-        lambda: prior.first.decode(torch.zeros(B, T, 4, 256), character_inputs(prior, 0)),
+        convolutions, lambda: prior.first.decode(torch.zeros(B, 256, T, 4), inputs)
     )
-    assert output_shapes == [(B, T, 7, 256), (B, T, 13, 128), (B, T, 25, 32)]
+    assert output_shapes == [(B, 256, T, 7), (B, 128, T, 13), (B, 32, T, 25)]
+    with torch.no_grad():
+        pooled = prior.first.condition(inputs.template_features)
+    joints = inputs.template_features[0, :, 0]
+    torch.testing.assert_close(pooled[0, :, 0, 0], joints[:, :8].mean(dim=1))
+    torch.testing.assert_close(pooled[0, :, 0, 3], joints[:, 24])  # the last joint alone
 
 
 @pytest.mark.parametrize("name", model_names("skeleton_prior"))
@@ -235,5 +240,5 @@ def test_every_weight_of_every_model_has_a_gradient(name):
 
 
 def test_an_unknown_model_is_refused_by_name():
-    with pytest.raises(ValueError, match="model must be one of kinematic, paper, f_cnn.*'mlp'"):
-        build_skeleton_prior(PriorConfig(NTU25, LIMBS, "mlp", 32, 1, 30.0, 0.0))
+    with pytest.raises(ValueError, match="model must be one of kinematic, .*paper, f_cnn.*'mlp'"):
+        build_skeleton_prior(PriorConfig(NTU25, LIMBS, "mlp", 32, 1, 30.0, START))

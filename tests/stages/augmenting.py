@@ -20,7 +20,7 @@ from tests.interaction_mesh.scenes import ARM, SETTINGS
 
 FACTS = ClipRecord(
     *("", "", "small", "", "", "", "", "arm"), 30.0, 0.4, 12, 0, "file", "ab",
-    *(0.1, 2.0, 0.0, 0),
+    *(0.1, 2.0, 0.0, 0), False,
 )  # fmt: skip
 COMMAND = ["--cache=cache", "clips", "second", "variations", "metrics.json"]
 PLAN = {

@@ -16,7 +16,7 @@ from stages.common.files import CLIPS, MOTIONS, read_json
 
 FACTS = ClipRecord(
     *("", "", "set", "waving", "", "", "", "sbu15"), 10.0, 1.9, 20, 0, "file", "ab",
-    *(0.1, 2.0, 0.0, 0),
+    *(0.1, 2.0, 0.0, 0), False,
 )  # fmt: skip
 PEOPLE = [("p0", "p1"), ("p2", "p3"), ("p1", "p2"), ("p4", "p5"), ("p5", "p4")]
 

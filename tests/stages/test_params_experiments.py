@@ -1,5 +1,6 @@
 """What is trusted: what the paper prints of its training (4.2), and the readers of sections."""
 
+import argparse
 import importlib
 import os
 import subprocess
@@ -11,13 +12,14 @@ import pytest
 from ruamel.yaml import YAML
 
 from pacmo_core.data.skeleton import DUET15, NTU25
+from pacmo_core.data.variation_splits import SPLIT_METHODS
 from pacmo_core.formats.registry import open_format
-from pacmo_core.models import model_names
+from pacmo_core.models import MODELS, model_names
 from pacmo_core.operators.spectral import n_resolved_modes
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
 from pacmo_core.project.experiments import compose_params, default_params, experiment_names
-from pacmo_core.skeleton_prior.splits import SPLIT_METHODS
 from stages.common.params import Runs, parse_split_name, read_params
+from stages.train import read_settings
 
 ROOT = Path(__file__).parents[2]
 SEEDED = ("train_pacmo", "train_regression", "train_gru")
@@ -59,6 +61,20 @@ def test_the_priors_of_an_experiment_are_known(name, tmp_path):
     priors = read_params("runs", Runs, tmp_path / "params.yaml").priors
     assert set(priors.models) <= set(model_names("skeleton_prior"))
     assert {parse_split_name(split)[0] for split in priors.splits} <= set(SPLIT_METHODS)
+
+
+def test_every_variant_of_pacmo_changes_its_settings_and_is_a_model(tmp_path):
+    (tmp_path / "params.yaml").write_text(compose_params("default"))
+    params = YAML(typ="safe").load(tmp_path / "params.yaml")
+    variants = [model for model in MODELS.values() if model.changes]
+    assert {model.name for model in variants} == set(params["train_pacmo_variants"])
+    assert set(params["runs"]["variants"]) <= set(params["train_pacmo_variants"])
+    paths = argparse.Namespace(seed=1, variations=None)
+    found = [read_settings(MODELS["pacmo"], paths)]
+    found += [read_settings(model, paths) for model in variants]
+    assert len({str(settings) for settings in found}) == 1 + len(variants)
+    changed = read_settings(MODELS["no_augmentation"], paths)
+    assert changed.augmentation.min_rate == 1.0 and changed.n_critic == 1
 
 
 @pytest.mark.parametrize("name", FULL)

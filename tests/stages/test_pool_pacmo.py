@@ -36,7 +36,12 @@ def pooled(tmp_path, monkeypatch):
             for (row, seed, metric), values in VALUES.items()
             if values[fold - 1] is not None
         ]
-        facts = {"autoencoder_sha256": f"a{fold}", "matcher_sha256": f"m{fold}", "n": N}
+        facts = {
+            "autoencoder_sha256": f"a{fold}",
+            "matcher_sha256": f"m{fold}",
+            "unit": "clip",
+            "n": N,
+        }
         write_scores(
             tmp_path / f"scores/{fold}.parquet",
             scores,
@@ -75,6 +80,7 @@ def test_differences_are_paired_where_rows_share_draws(pooled):
         "pacmo_minus_gru",
         "pacmo_minus_pacmo_permuted",
         "pacmo_minus_pacmo_augmented",
+        "pacmo_augmented_minus_gru",
         "real_pairs_minus_wrong_partner",
     }
 

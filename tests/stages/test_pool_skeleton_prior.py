@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from pacmo_core.skeleton_prior.splits import VariationScales
+from pacmo_core.data.variation_splits import VariationScales
 from pacmo_core.store.tables import VARIATIONS
 from stages import split_variations
 from stages.common.params import PriorRuns, StageError, parse_split_name
-from stages.pool_skeleton_prior import interval, over_seeds
+from stages.pool_skeleton_prior import gain_over_start, interval, over_units
 
 
 @pytest.mark.parametrize(
@@ -32,18 +32,46 @@ def test_each_family_meets_each_split():
 
 
 def test_an_interval_over_three_seeds_is_students():
-    found = interval([1.0, 2.0, 3.0], 0.95)
+    found = interval(np.array([[1.0, 2.0, 3.0]]), 0.95)
     reach = 4.302653 / 3**0.5  # the table's t of two degrees of freedom, deviation 1
     assert found["mean"] == 2.0
     assert found["high"] - 2 == pytest.approx(reach, rel=1e-5)
-    assert interval([0.3], 0.95) == {"mean": 0.3}
+    assert interval(np.array([[0.3]]), 0.95) == {"mean": 0.3}
 
 
-def test_scores_are_pooled_source_by_source():
-    seeds = [{"s": {"E_r": 1.0}, "all": {"E_r": 2.0}}, {"s": {"E_r": 3.0}, "all": {"E_r": 2.0}}]
-    found = over_seeds(seeds, 0.9)
+def test_an_interval_over_motions_and_seeds_adds_both_variances():
+    values = np.array([[0.0, 2.0, 4.0], [6.0, 8.0, 10.0]])  # two motions, three seeds
+    found = interval(values, 0.95)
+    variance = 18 / 2 + 4 / 3  # of the means 2 and 8; of the means 3, 5 and 7
+    assert found["mean"] == 5.0
+    assert found["high"] - 5 == pytest.approx(12.7062 * variance**0.5, rel=1e-5)  # t of one degree
+    assert interval(values[:, :1], 0.95)["high"] - 3 == pytest.approx(12.7062 * 3, rel=1e-5)
+
+
+def test_scores_are_pooled_motion_by_motion_and_over_motions_that_have_them():
+    seeds = [
+        {"s": {"E_r": first}, "t": {"E_r": 5.0, "skate": 1.0}, "all": {"E_r": 0.0, "skate": 1.0}}
+        for first in (1.0, 3.0)
+    ]
+    found = over_units(seeds, 0.9)
     assert found["s"]["E_r"]["mean"] == 2.0 and found["s"]["E_r"]["low"] < 2
-    assert found["all"]["E_r"] == {"mean": 2.0, "low": 2.0, "high": 2.0}
+    assert found["all"]["E_r"]["mean"] == 3.5 and found["all"]["E_r"]["low"] < 2
+    assert found["all"]["skate"] == {"mean": 1.0, "low": 1.0, "high": 1.0}
+
+
+def test_the_gain_is_the_share_of_the_starts_error_that_training_removes():
+    def row(first, second, distance):
+        return {"E_r_first": first, "E_r_second": second, "JPD": distance}
+
+    start = {1: {"retargeting": {"s": row(1, 3, 2), "t": row(1, 1, 1), "all": row(9, 9, 9)}}}
+    trained = {
+        seed: {"retargeting": {"s": row(1, 1, 3), "t": row(1, 1, share), "all": row(9, 9, 9)}}
+        for seed, share in ((1, 0.5), (2, 1.0))
+    }
+    found = gain_over_start({"start": start, "kinematic": trained}, 0.95)
+    assert (found["motions"], found["seeds"]) == (2, 2)
+    assert found["E_r"]["mean"] == pytest.approx(0.25)  # 50 % and nothing
+    assert found["JPD"]["mean"] == pytest.approx((-0.5 - 0.5 + 0.5 + 0) / 4)
 
 
 def test_patterns_hold_sources_out_and_numbers_keep_few():
@@ -63,7 +91,7 @@ def refused(said, dataset, split):
     """Run the stage on the folder ``v``; it must end with a text that the pattern matches."""
     priors = {"datasets": [dataset], "splits": [split], "models": [], "seeds": []}
     section = {"held_out": ["*A055"], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
-    runs = {"folds": [1], "seeds": [1], "priors": priors}
+    runs = {"folds": [1], "seeds": [1], "models": [], "variants": [], "priors": priors}
     YAML(typ="safe").dump({"runs": runs, "split_variations": section}, Path("params.yaml"))
     paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))
     with pytest.raises(StageError, match=said):

@@ -14,7 +14,7 @@ FACTS = ClipRecord(
     clip="", sequence="", dataset="toy", action="follow", subject_a="", subject_b="",
     recording="", skeleton="sbu15", fps=15.0, duration=1.0, frames=20, start_frame=0,
     source_file="", sha256="", bone_length_variation=0.0, max_joint_speed=0.0,
-    contact_share=0.0, filled_frames=0,
+    contact_share=0.0, filled_frames=0, synthetic=True,
 )  # fmt: skip
 SECTIONS = {
     "train_autoencoder": replace(AUTOENCODER, n_epochs=6),

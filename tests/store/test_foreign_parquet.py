@@ -94,7 +94,15 @@ def a_day_later(table: pa.Table) -> pa.Table:
     return replaced(table, "time", times)
 
 
+def far_away(table: pa.Table) -> pa.Table:
+    poses = table["person_b"].to_pylist()
+    poses[2][1] = [0.0, 0.0, 1e30]
+    return replaced(table, "person_b", poses)
+
+
 FAULTS: dict[str, Alter] = {
+    "clip clip0000: person_b is 1e\\+30 m away": far_away,
+    "frame 1 is 1e-300 s after": lambda t: replaced(t, "time", t["frame"].to_numpy() * 1e-300),
     "wanted column person_a of": ragged,
     "a value is missing in column person_a": null_pose,
     "a value is missing in column person_b": null_number,
@@ -113,6 +121,12 @@ FAULTS: dict[str, Alter] = {
     ),
     "wanted schema version 1": lambda t: t.replace_schema_metadata({b"pacmo": b"\xff\xfe"}),
 }
+
+
+def test_a_clip_without_a_name_is_refused(file: Path) -> None:
+    rewrite(file, lambda table: replaced(table, "clip", [""] * len(table)))
+    with pytest.raises(StoreError, match=r"m.parquet: a clip has no name"):
+        list(stream_motions(file))
 
 
 @pytest.mark.parametrize("reason", FAULTS)

@@ -40,9 +40,11 @@ class ScriptedTrainer(nn.Module):
         self.weight.data.fill_(number + 1)
         return {"loss": float(number)}
 
-    def validate(self) -> Tensor | None:
+    def validate(self) -> dict[str, Tensor]:
         """Return the score listed for the weight."""
-        return torch.tensor(self.scores[int(self.weight.item()) - 1]) if self.scores else None
+        if not self.scores:
+            return {}
+        return {"validation": torch.tensor(self.scores[int(self.weight.item()) - 1])}
 
 
 def loop_of(

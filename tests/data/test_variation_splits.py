@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from pacmo_core.skeleton_prior.splits import (
+from pacmo_core.data.variation_splits import (
     SPLIT_METHODS,
     SplitSettings,
     VariationScales,

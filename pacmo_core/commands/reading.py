@@ -1,0 +1,301 @@
+"""Options of all commands that read captures, and the people that are read by them.
+
+``--from-unit``, ``--from-up`` and ``--from-fps`` say what a capture is in, ``--to-…`` what is
+written. A word is for both people, or ``a=`` and ``b=`` before it make it one person's.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pacmo_core.data.limits import printable
+from pacmo_core.data.posture import UNITS
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.base import MAX_DISTANCE
+from pacmo_core.formats.inference import (
+    UNIT_NAMES,
+    Inferred,
+    implausible,
+    infer_settings,
+    states_unit_or_axis,
+)
+from pacmo_core.formats.joint_names import name_joints, parse_joints
+from pacmo_core.formats.registry import (
+    DEFAULT_SETTINGS,
+    FORMATS,
+    PersonMotion,
+    format_of,
+    read_partner,
+)
+from pacmo_core.project.workspace import CommandError
+
+PEOPLE = ("a", "b")
+UNIT_WORDS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, **UNITS}
+
+FormatName = Annotated[
+    str | None, typer.Option("--format", help="format of the capture; default: by its suffix")
+]
+Preset = Annotated[str | None, typer.Option(help="preset of BVH files: duo_mocap, cmu_18_19, ...")]
+FromUnit = Annotated[
+    list[str],
+    typer.Option(
+        help="metres per unit of the capture, or m, cm, mm, in; a=cm of one person; "
+        "default: what it states, else inferred from the bodies"
+    ),
+]
+FromUp = Annotated[
+    list[str],
+    typer.Option(
+        help="up axis of the capture, y or z; a=z of one person; default: what it states, else "
+        "inferred from the motion"
+    ),
+]
+FromFps = Annotated[
+    list[str],
+    typer.Option(help="frame rate of the capture, if it states none or a wrong one; a=120 of one"),
+]
+Joints = Annotated[
+    list[str],
+    typer.Option(
+        help="names of the capture's joints: a preset (smpl, mixamo, cmu, optitrack, zed34, "
+        "kinect25, ...), a file, or MODEL_JOINT=JOINT; a=mixamo of one person; default: the "
+        "preset that fits"
+    ),
+]
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Options that describe captures, as the command line has them.
+
+    Parameters
+    ----------
+    form : format; None to infer it from the suffix
+    preset : of BVH files
+    unit, up, fps, joints : words, each for both people or after ``a=`` or ``b=``
+    """
+
+    form: str | None = None
+    preset: str | None = None
+    unit: Sequence[str] = ()
+    up: Sequence[str] = ()
+    fps: Sequence[str] = ()
+    joints: Sequence[str] = field(default=())
+
+    @property
+    def describes_files(self) -> bool:
+        """Whether an option is given that clips of this project's Parquet do not take."""
+        return bool(self.form or self.preset or self.unit or self.up or self.fps)
+
+    def format_of(self, file: Path) -> str:
+        """Return the format of a file.
+
+        Raises
+        ------
+        ValueError, KeyError
+            If there is none of that name or suffix.
+        """
+        form = self.form or format_of(file)
+        if form not in DEFAULT_SETTINGS:
+            raise KeyError(f"no format {form!r}; there are {', '.join(DEFAULT_SETTINGS)}")
+        return form
+
+    def settings(self, person: str) -> dict[str, Any]:
+        """Return the settings of a format that describe one person's capture.
+
+        Raises
+        ------
+        CommandError
+            If a word is not what its option takes.
+        """
+        words = {
+            "unit": _last(self.unit, person, "--from-unit"),
+            "up": _last(self.up, person, "--from-up"),
+            "fps": _last(self.fps, person, "--from-fps"),
+        }
+        found: dict[str, Any] = {"preset": self.preset, "up": words["up"]}
+        found["unit"] = None if words["unit"] is None else parse_unit(words["unit"], "--from-unit")
+        found["fps"] = None if words["fps"] is None else _number(words["fps"], "--from-fps")
+        return {name: value for name, value in found.items() if value is not None}
+
+
+def parse_unit(word: str, option: str) -> float:
+    """Read metres a unit, or the name of a unit."""
+    return UNIT_WORDS[word] if word in UNIT_WORDS else _number(word, option)
+
+
+def check_unit(unit: float, option: str) -> None:
+    """Refuse metres a unit that no program writes."""
+    if not 0 < unit <= MAX_DISTANCE:
+        raise CommandError(f"{option} must be > 0 and <= {MAX_DISTANCE:g} metres; got {unit}")
+
+
+def _number(word: str, option: str) -> float:
+    try:
+        return float(word)
+    except ValueError as fault:
+        wanted = f"a number or {', '.join(UNIT_WORDS)}" if "unit" in option else "a number"
+        raise CommandError(f"{option}: wanted {wanted}; got {word}") from fault
+
+
+def words_of(words: Sequence[str], person: str) -> list[str]:
+    """Select the words that are for a person: those for both, and those after ``a=`` or ``b=``."""
+    split = [word.partition("=") if word[:2] in ("a=", "b=") else ("", "", word) for word in words]
+    return [word for who, _, word in split if who in ("", person)]
+
+
+def _last(words: Sequence[str], person: str, option: str) -> str | None:
+    """Return the word of a person: one that names the person before one for both."""
+    own = [word[2:] for word in words if word.startswith(f"{person}=")]
+    both = [word for word in words if word[:2] not in ("a=", "b=")]
+    if len(own) > 1 or len(both) > 1:
+        raise CommandError(f"{option}: wanted one value a person; got {', '.join(words)}")
+    return next(iter([*own, *both]), None)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where one person is.
+
+    Parameters
+    ----------
+    file : a capture
+    label : ``a`` or ``b``, whose options apply
+    person : ``a`` or ``b`` of a file of two people; None where it holds one
+    """
+
+    file: Path
+    label: str
+    person: str | None
+
+
+@dataclass(frozen=True)
+class ReadPerson:
+    """One person, and how the file was read.
+
+    Parameters
+    ----------
+    motion : of the person
+    settings : of the format: those that were given, and those that were inferred
+    """
+
+    motion: PersonMotion
+    settings: Mapping[str, Any]
+
+
+def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> list[ReadPerson]:
+    """Read people by the options; infer what neither they nor the files state, and say so.
+
+    Raises
+    ------
+    FormatError, ValueError, KeyError, CommandError
+        If a file cannot be read, an option does not apply, a unit or axis can neither be read nor
+        inferred, or gives a person of impossible stature or posture.
+    """
+    form = options.format_of(sources[0].file)
+    settings = [checked_settings(form, source, options) for source in sources]
+    inferred = [
+        infer_settings(source.file, form, given)
+        for source, given in zip(sources, settings, strict=True)
+    ]
+    found = _complete([source.file for source in sources], inferred)
+    used = [{**given, **more} for given, more in zip(settings, found, strict=True)]
+    people = [
+        read_partner(source.file, form, of_file, person=source.person, clip=clip)
+        for source, of_file in zip(sources, used, strict=True)
+    ]
+    if states_unit_or_axis(FORMATS[form]):
+        check_plausible([source.file for source in sources], people)
+    for line in _inference_lines(sources, inferred, found):
+        typer.echo(printable(line))
+    return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
+
+
+def checked_settings(form: str, source: Source, options: ReadOptions) -> dict[str, Any]:
+    """Return the settings of one person's capture; refuse those that its format does not take."""
+    settings = options.settings(source.label)
+    known = {setting.name for setting in fields(FORMATS[form])}
+    for name in settings:
+        if name not in known:
+            option = "--preset" if name == "preset" else f"--from-{name}"
+            raise CommandError(f"{source.file}: captures of format {form} take no {option}")
+    return settings
+
+
+def _complete(files: Sequence[Path], inferred: Sequence[Inferred]) -> list[dict[str, Any]]:
+    """Fill in what one person's motion does not show by what the other's does."""
+    result = []
+    for file, of_file in zip(files, inferred, strict=True):
+        settings = dict(of_file.settings)
+        for name, value in of_file.settings.items():
+            others = {other.settings.get(name) for other in inferred} - {None}
+            if value is None and len(others) == 1:
+                settings[name] = others.pop()
+            elif value is None:
+                what = {"unit": "unit", "up": "upward axis"}[name]
+                raise CommandError(
+                    f"{file}: states no {what}, and its motion does not show it: give --from-{name}"
+                )
+        result.append(settings)
+    return result
+
+
+def _inference_lines(
+    sources: Sequence[Source], inferred: Sequence[Inferred], found: Sequence[Mapping[str, Any]]
+) -> list[str]:
+    """Say what was inferred, in one line for all files of which it is the same."""
+    files_by_text: dict[str, list[str]] = {}
+    options: dict[str, list[str]] = {}
+    for source, of_file, settings in zip(sources, inferred, found, strict=True):
+        if settings:
+            words = {
+                "unit": lambda value: UNIT_NAMES.get(value, f"{value:g} m"),
+                "up": lambda value: f"{value} up",
+            }
+            text = ", ".join(words[name](value) for name, value in settings.items())
+            files = files_by_text.setdefault(text, [])
+            stature = "" if of_file.stature is None else f" ({of_file.stature:.2f} m tall)"
+            if f"{source.file}{stature}" not in files:
+                files.append(f"{source.file}{stature}")
+            options[text] = [f"--from-{name}" for name in settings]
+    return [
+        f"inferred for {' and '.join(files)}: {text}; {' and '.join(options[text])} override"
+        for text, files in files_by_text.items()
+    ]
+
+
+def check_plausible(files: Sequence[Path], people: Sequence[PersonMotion]) -> None:
+    """Refuse a person whom no unit and axis that are right would give.
+
+    Raises
+    ------
+    CommandError
+        With the file and the reason.
+    """
+    fault = implausible([(person.skeleton, person.motion) for person in people])
+    if fault:
+        number, reason = fault
+        raise CommandError(f"{files[number]}: {reason} (--from-unit, --from-up)")
+
+
+def to_model_joints(
+    person: PersonMotion, skeleton: Skeleton, source: Source, options: ReadOptions
+) -> PersonMotion:
+    """Select the joints of a model, by name, by a preset or as the options state them; say how.
+
+    Raises
+    ------
+    CommandError
+        If some are not named in the capture: with the nearest.
+    """
+    try:
+        stated = parse_joints(words_of(options.joints, source.label))
+        names = name_joints(person.skeleton, skeleton, stated)
+    except ValueError as fault:
+        raise CommandError(f"{source.file}: {fault}") from fault
+    if names.description:
+        typer.echo(printable(f"{source.file}: {names.description}"))
+    return replace(person, skeleton=skeleton, motion=names.apply(person.motion))

@@ -1,0 +1,40 @@
+"""What weights were trained on, said beside what a command generates with them."""
+
+from contextlib import suppress
+from pathlib import Path
+
+from pacmo_core.store.files import StoreError
+from pacmo_core.store.tables import ClipRecord, read_rows
+from pacmo_core.store.weights import read_trained_on
+
+_CLIPS = "clips.parquet"  # beside stored motions
+_SCRIPTS = "scripts.json"  # beside the raw captures of the embedded default
+
+
+def is_synthetic(file: Path, clip: str) -> bool:
+    """Whether a capture is known to be generated: its record, or the folder of its file, says so.
+
+    Parameters
+    ----------
+    file : a raw capture, or the Parquet file of stored clips
+    clip : name of a stored clip, or of a reaction to it; empty for a raw capture
+    """
+    if (file.parent / _SCRIPTS).is_file():
+        return True
+    name = clip.partition("#")[0]
+    # A file without records beside it is taken for recorded.
+    with suppress(StoreError, OSError):
+        records = read_rows(file.parent / _CLIPS, ClipRecord)
+        return any(record.synthetic for record in records if record.clip == name)
+    return False
+
+
+def trained_on_line(weights: Path, *, synthetic_capture: bool) -> str:
+    """Say what weights were trained on, and what that means for the capture they are given."""
+    trained_on = read_trained_on(weights)
+    if trained_on is None:
+        return f"{weights} does not state what it was trained on"
+    text = f"{weights} was trained on {trained_on}"
+    if trained_on.is_synthetic and not synthetic_capture:
+        return f"{text}; this capture is recorded: the figures of the report do not apply to it"
+    return text

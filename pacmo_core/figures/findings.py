@@ -1,0 +1,257 @@
+"""What a run found, in one sentence a model, generated from its figures.
+
+Better and worse mean that the interval of the paired difference excludes zero; what no interval
+decides is said to be undecided. No sentence depends on which model it is about.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pacmo_core.figures.numbers import format_estimate
+from pacmo_core.figures.skeleton_prior import METRIC_ROWS, SPLITS, MetricRow, Scores
+from pacmo_core.figures.skeleton_prior import MODELS as PRIOR_MODELS
+from pacmo_core.figures.tables import (
+    BETTER,
+    BETWEEN,
+    OPEN,
+    WORSE,
+    Cell,
+    Rows,
+    finite_value,
+    metric_verdict,
+)
+from pacmo_core.figures.variations import measure_label
+from pacmo_core.metrics.catalogue import (
+    BASELINES,
+    HEADLINE_MODELS,
+    MAIN_COLUMNS,
+    METRICS,
+    PARTNER_COLUMNS,
+    ROWS,
+    improvement_sign,
+)
+
+# The metrics by which models are compared: those of the first tables that have a better direction.
+COMPARED = tuple(name for name in (*MAIN_COLUMNS, *PARTNER_COLUMNS) if improvement_sign(name))
+MATCHING = "matching"
+CLOSENESS = "f2id"
+FLOOR = "f2id_floor"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was found about one model.
+
+    Parameters
+    ----------
+    subject : label of the model, with which the sentence begins
+    text : the rest of the sentence, with its verb and full stop
+    """
+
+    subject: str
+    text: str
+
+
+def reaction_findings(pooled: Mapping[str, Any]) -> list[Finding]:
+    """Return a sentence for each of the headline models.
+
+    Parameters
+    ----------
+    pooled : ``rows``, ``differences`` and ``sensitivity``, as ``pool_pacmo`` writes them
+    """
+    return [
+        Finding(_label(model), f"{'; '.join(_clauses(pooled, model)).removeprefix('it ')}.")
+        for model in HEADLINE_MODELS
+        if model in pooled["rows"]
+    ]
+
+
+def _clauses(pooled: Mapping[str, Any], model: str) -> Iterator[str]:
+    """Yield the clauses of a model's sentence; the first begins with "it"."""
+    rows: Rows = pooled["rows"]
+    baselines = [name for name in BASELINES if name in rows and name != model]
+    for baseline in baselines:
+        verdicts = compare(pooled["differences"], model, baseline)
+        yield comparison_clause(_label(baseline), verdicts)
+    if not baselines:
+        yield "it has no baseline in this run"
+    yield from _closeness(rows[model])
+    seen = pooled["sensitivity"].get(f"{model}_any_action")
+    if seen is not None:
+        yield _dependence(seen.get(MATCHING, {}))
+
+
+def compare(differences: Rows, first: str, second: str) -> dict[str, str]:
+    """Return by metric whether the first model is better, worse or neither (open).
+
+    Metrics whose difference was not measured are left out.
+    """
+    cells = differences.get(f"{first}{BETWEEN}{second}")
+    swap = cells is None
+    cells = differences.get(f"{second}{BETWEEN}{first}", {}) if cells is None else cells
+    opposite = {BETTER: WORSE, WORSE: BETTER, OPEN: OPEN}
+    verdicts = {
+        name: metric_verdict(name, cells[name])
+        for name in COMPARED
+        if finite_value(cells.get(name, {}), "mean") is not None
+    }
+    return {name: opposite[v] for name, v in verdicts.items()} if swap else verdicts
+
+
+def comparison_clause(baseline: str, verdicts: Mapping[str, str]) -> str:
+    """Return a clause that compares a model with a baseline by its verdicts."""
+    if not verdicts:
+        return f"it was not compared with {baseline}"
+    total = count(len(verdicts), "metric")
+    better, worse = (
+        [_in_list(name) for name, verdict in verdicts.items() if verdict == wanted]
+        for wanted in (BETTER, WORSE)
+    )
+    behind = f"worse in {len(worse)} ({', '.join(worse)})" if worse else "worse in none"
+    if better:
+        ahead = f"in {len(better)} of {total} ({', '.join(better)})"
+        return f"it is better than {baseline} {ahead} and {behind}"
+    open_or_worse = (
+        f"better in none of {total}, {behind}"
+        if worse
+        else f"no difference in {total} is significant"
+    )
+    return f"it does not beat {baseline}: {open_or_worse}"
+
+
+def _closeness(cells: Mapping[str, Cell]) -> Iterator[str]:
+    """State the distance to real motion."""
+    distance = _finite_estimate(cells.get(CLOSENESS, {}))
+    if distance:
+        yield f"its {METRICS[CLOSENESS].label} is {format_estimate(distance)}"
+
+
+def _dependence(cell: Cell) -> str:
+    """State whether reactions fit their own partner better than another."""
+    low, high = finite_value(cell, "low"), finite_value(cell, "high")
+    if low is None or high is None:
+        return "whether its reactions depend on the partner was not measured"
+    if low > 0:
+        return "its reactions fit their own partner better than another one"
+    if high < 0:
+        return "its reactions fit another partner better than their own"
+    return "that its reactions depend on the partner is not shown"
+
+
+def comparison_note(confidence: float, pooled: Mapping[str, Any]) -> str:
+    """Return what better and worse mean, and on how much data they rest."""
+    estimate = _finite_estimate(pooled["rows"].get("real", {}).get(FLOOR, {}))
+    label = METRICS[CLOSENESS].label
+    floor = (
+        f" {label} is the distance from real motion; that of two samples of real motion is "
+        f"{format_estimate(estimate)}."
+        if estimate
+        else ""
+    )
+    seeds = max((len(seeds) for seeds in pooled["seeds"].values()), default=0)
+    return (
+        f"Better and worse: the {100 * confidence:g} % interval of the paired difference excludes "
+        f"zero; of 100 such intervals about {100 * (1 - confidence):.2g} do so by chance. "
+        f"{count(pooled['test_reactions'], 'reaction')} tested in "
+        f"{count(len(pooled['folds']), 'fold')}, {count(seeds, 'seed')} of each model.{floor}"
+    )
+
+
+def variation_findings(augment: Mapping[str, Any]) -> list[Finding]:
+    """Return a sentence for each dataset of variations."""
+    result = []
+    for dataset, facts in augment.items():
+        text = (
+            f"was asked for {count(facts['planned'], 'variation')} of {dataset}: "
+            f"{facts['accepted']:,} are within all limits"
+        )
+        if facts["failed"]:
+            text += f", {facts['failed']:,} are beyond one and left out of training"
+            often = max(facts["failed_by"], key=facts["failed_by"].__getitem__, default="")
+            text += f" (most often by {measure_label(often)})" if often else ""
+        if facts["refused"]:
+            text += f", {facts['refused']:,} are of clips that it refused"
+        result.append(Finding("InteractionMesh", f"{text}."))
+    return result
+
+
+def prior_findings(scores: Scores, dataset: str) -> list[Finding]:
+    """Return a sentence for each skeleton prior of a dataset, over all of its motions."""
+    cells = [
+        (block, models)
+        for block in METRIC_ROWS
+        for split in SPLITS
+        if len(models := _complete(scores.get(block.task, {}).get(split, {}), block)) > 1
+    ]
+    result = []
+    for model, metric in PRIOR_MODELS.items():
+        of_model = [(block, models) for block, models in cells if model in models]
+        if of_model:
+            subject = f"Skeleton prior “{metric.label}”"
+            result.append(Finding(subject, _prior_sentence(model, dataset, of_model)))
+    return result
+
+
+def _prior_sentence(
+    model: str, dataset: str, cells: Sequence[tuple[MetricRow, Mapping[str, Any]]]
+) -> str:
+    lowest = [_is_lowest(model, models, block) for block, models in cells]
+    certain = [_is_lowest(model, models, block, by_interval=True) for block, models in cells]
+    has_intervals = all(
+        "low" in metrics[part]
+        for block, models in cells
+        for metrics in models.values()
+        for part in block.parts
+    )
+    text = (
+        f"has the lowest value of all models in {sum(lowest)} of "
+        f"{count(len(cells), 'comparison')} on {dataset}"
+    )
+    if not any(lowest):
+        return f"{text}."
+    if not has_intervals:
+        return f"{text}, each of one training only, so that no difference is certain."
+    return f"{text}; in {sum(certain)} its interval over trainings lies below all others."
+
+
+def _complete(models: Mapping[str, Any], block: MetricRow) -> dict[str, Any]:
+    return {
+        model: metrics
+        for model, metrics in models.items()
+        if all(part in metrics for part in block.parts)
+    }
+
+
+def _is_lowest(
+    model: str, models: Mapping[str, Any], block: MetricRow, *, by_interval: bool = False
+) -> bool:
+    """Return whether a model is below all others, in means or by disjoint intervals."""
+
+    def end(name: str, key: str) -> float:
+        cells = [models[name][part] for part in block.parts]
+        key = key if by_interval and all(key in cell for cell in cells) else "mean"
+        return float(sum(cell[key] for cell in cells) / len(cells))
+
+    others = [name for name in models if name != model]
+    return all(end(model, "high") < end(name, "low") for name in others)
+
+
+def _finite_estimate(cell: Cell) -> dict[str, float]:
+    values = {key: finite_value(cell, key) for key in ("mean", "low", "high")}
+    known = {key: value for key, value in values.items() if value is not None}
+    return known if "mean" in known else {}
+
+
+def _in_list(metric: str) -> str:
+    """Return the label of a metric without a comma, which would divide it in a list."""
+    return METRICS[metric].label.replace(", ", " of ")
+
+
+def _label(row: str) -> str:
+    return ROWS.get(row, (row.replace("_", " "), ""))[0]
+
+
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 metric``, ``1,000 metrics``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"

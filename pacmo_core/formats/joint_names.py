@@ -1,0 +1,262 @@
+"""The joints of a model by their names in a capture of another skeleton.
+
+A joint of the model is one joint of the capture, or the mean of several: by equal names, by the
+rigs of ``formats.rigs``, or as the user states it in a word or a file.
+"""
+
+import csv
+import difflib
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.limits import MAX_JOINTS, printable
+from pacmo_core.data.skeleton import Skeleton, bare_names
+from pacmo_core.formats.base import read_content
+from pacmo_core.formats.rigs import RIGS, Rig, fitting_rigs, plain_name, plain_names, rig_of_model
+
+FILE_SUFFIXES = (".json", ".toml", ".csv")
+_MIN_SIMILARITY = 0.65  # of names, as difflib measures it
+_MAX_LISTED = 6  # joints in a message
+
+
+@dataclass(frozen=True)
+class StatedNames:
+    """What the user states about the joints of a capture.
+
+    Parameters
+    ----------
+    rig : name of a preset; empty to find the one that fits
+    joints : of some of the model's joints, the capture's joints whose mean they are
+    """
+
+    rig: str = ""
+    joints: dict[str, tuple[str, ...]] | None = None
+
+
+@dataclass(frozen=True)
+class JointNames:
+    """The joints of a model in a capture.
+
+    Parameters
+    ----------
+    weights : (J, C) float64, of the capture's C joints in each of the model's; rows sum to 1
+    description : of what was matched, in words; empty where all names are equal
+    """
+
+    weights: NDArray[np.float64]
+    description: str
+
+    def apply(self, motion: Motion) -> Motion:
+        """Return the positions (T, J, 3) of the model's joints in a motion (T, C, 3)."""
+        selected: Motion = np.einsum("jc,tcx->tjx", self.weights, motion).astype(np.float32)
+        return selected
+
+
+def parse_joints(words: Sequence[str]) -> StatedNames:
+    """Read presets, files, and words ``MODEL_JOINT=JOINT`` or ``MODEL_JOINT=JOINT+JOINT``.
+
+    Raises
+    ------
+    ValueError
+        If a word is none of them, two are presets, or a file is not a mapping of joints.
+    """
+    rigs = [word for word in words if word in RIGS]
+    if len(rigs) > 1:
+        raise ValueError(f"wanted one preset of joints; got {', '.join(rigs)}")
+    joints: dict[str, tuple[str, ...]] = {}
+    for word in words:
+        if word in RIGS:
+            continue
+        name, equals, value = word.partition("=")
+        if equals:
+            joints[name] = tuple(value.split("+"))
+        elif Path(word).suffix.lower() in FILE_SUFFIXES:
+            joints |= read_joints(Path(word))
+        else:
+            wanted = f"{', '.join(RIGS)}; a file {', '.join(FILE_SUFFIXES)}; or MODEL_JOINT=JOINT"
+            raise ValueError(f"no preset of joints {word!r}; wanted {wanted}")
+    return StatedNames(rigs[0] if rigs else "", joints)
+
+
+def read_joints(file: Path) -> dict[str, tuple[str, ...]]:
+    """Read a mapping from joints of the model to those of a capture.
+
+    JSON and TOML: an object ``{"model_joint": "Joint"}``, a mid-point a list of joints. CSV: lines
+    ``model_joint,Joint``, of a mid-point with further joints.
+
+    Raises
+    ------
+    FormatError, ValueError
+        If the file cannot be read, or is no such mapping: with its name.
+    """
+    content = read_content(file)
+    try:
+        text = content.decode("utf-8-sig")
+        if file.suffix.lower() == ".csv":
+            rows = [
+                row for row in csv.reader(text.splitlines()) if row and row[0].strip()[:1] != "#"
+            ]
+            found: Any = {
+                row[0].strip(): [word.strip() for word in row[1:] if word] for row in rows
+            }
+        else:
+            found = json.loads(text) if file.suffix.lower() == ".json" else tomllib.loads(text)
+    except (ValueError, csv.Error, RecursionError) as error:
+        raise ValueError(f"{file}: no mapping of joints: {printable(str(error))[:200]}") from error
+    if not isinstance(found, dict) or not 1 <= len(found) <= MAX_JOINTS:
+        raise ValueError(f"{file}: wanted a mapping from joints of the model to the capture's")
+    return {str(name): _listed(file, name, joints) for name, joints in found.items()}
+
+
+def _listed(file: Path, name: object, joints: object) -> tuple[str, ...]:
+    listed = [joints] if isinstance(joints, str) else joints
+    if not isinstance(listed, list) or not listed or not all(isinstance(j, str) for j in listed):
+        got = printable(repr(joints))[:60]
+        raise ValueError(
+            f"{file}, {name}: wanted the name of a joint, or a list of names; got {got}"
+        )
+    return tuple(listed)
+
+
+def name_joints(capture: Skeleton, model: Skeleton, stated: StatedNames) -> JointNames:
+    """Find the model's joints in a capture.
+
+    Raises
+    ------
+    ValueError
+        If some are not named in it: with those that are nearest by name; if several presets fit
+        and differ; or if a name that is stated is no joint.
+    """
+    explicit = _check_stated(capture, model, stated)
+    wanted = [joint for joint in model.joints if joint not in explicit]
+    found, description = _match(capture, model, wanted, stated.rig)
+    missing = [joint for joint in wanted if joint not in found]
+    if missing:
+        raise ValueError(_missing_text(capture, model, missing, {**found, **explicit}))
+    weights = np.zeros((len(model.joints), len(capture.joints)))
+    for row, joint in enumerate(model.joints):
+        parts = explicit.get(joint) or found[joint]
+        for part in parts:
+            weights[row, capture.joints.index(part)] += 1 / len(parts)
+    return JointNames(weights, description)
+
+
+def _check_stated(
+    capture: Skeleton, model: Skeleton, stated: StatedNames
+) -> dict[str, tuple[str, ...]]:
+    joints = stated.joints or {}
+    for name, parts in joints.items():
+        if name not in model.joints:
+            raise ValueError(f"the model has no joint {name!r}; it has {_list(model.joints)}")
+        for part in parts:
+            if part not in capture.joints:
+                near = f" (nearest: {_nearest(part, capture) or 'none'})"
+                raise ValueError(f"the capture has no joint {part!r}{near}, stated for {name}")
+    return joints
+
+
+def _match(
+    capture: Skeleton, model: Skeleton, wanted: Sequence[str], rig: str
+) -> tuple[dict[str, tuple[str, ...]], str]:
+    """Return the capture's joints of each joint that could be named, and the description."""
+    if not rig and set(wanted) <= set(capture.joints):
+        return {joint: (joint,) for joint in wanted}, ""
+    plain = _by_plain_name(capture)
+    if not rig:
+        bare = dict(zip(bare_names(capture.joints), capture.joints, strict=True))
+        if set(wanted) <= set(bare):
+            return {joint: (bare[joint],) for joint in wanted}, "joints named without their prefix"
+    of_model = rig_of_model(plain_names(model.joints))
+    if of_model is None:
+        return {joint: (joint,) for joint in wanted if joint in capture.joints}, ""
+    # Where no rig fits as a whole, one that names what the model needs will do.
+    rigs = [RIGS[rig]] if rig else fitting_rigs(plain) or list(RIGS.values())
+    matches = {r.name: _by_rig(r, of_model, plain, model, wanted) for r in rigs}
+    known = {r.name: (len(matches[r.name][0]), len(r.required & set(plain))) for r in rigs}
+    best = [name for name in matches if known[name] == max(known.values())]
+    found, description = matches[best[0]]
+    if len(found) == len(wanted) and any(matches[name][0] != found for name in best):
+        names = ", ".join(best)
+        raise ValueError(f"the presets {names} all fit the capture's joints; name one by --joints")
+    return found, description
+
+
+def _by_rig(
+    rig: Rig, of_model: Rig, plain: dict[str, str], model: Skeleton, wanted: Sequence[str]
+) -> tuple[dict[str, tuple[str, ...]], str]:
+    """Match joints that are the same point of the body."""
+    found: dict[str, tuple[str, ...]] = {}
+    notes: dict[str, list[str]] = {"mid-point": [], "near": []}
+    names = dict(zip(model.joints, plain_names(model.joints), strict=True))
+    for joint in wanted:
+        places = [rig.place_of(point, plain) for point in of_model.points_of(names[joint])]
+        place = next((place for place in places if place is not None), None)
+        if place is None:
+            continue
+        found[joint] = tuple(plain[part] for part in place.joints)
+        kind = "near" if place.is_near else "mid-point" if len(place.joints) > 1 else ""
+        if kind:
+            notes[kind].append(f"{joint} = {' + '.join(found[joint])}")
+    text = f"joints named by the preset {rig.name}"
+    if notes["mid-point"]:
+        text += f"; mid-points: {', '.join(notes['mid-point'])}"
+    if notes["near"]:
+        text += f"; taken for the nearest joint: {', '.join(notes['near'])}"
+    return found, text
+
+
+def _missing_text(
+    capture: Skeleton,
+    model: Skeleton,
+    missing: Sequence[str],
+    found: Mapping[str, tuple[str, ...]],
+) -> str:
+    near = {joint: _nearest(joint, capture) or _neighbour(joint, model, found) for joint in missing}
+    listed = [f"{joint} (nearest: {near[joint] or 'none'})" for joint in missing[:_MAX_LISTED]]
+    more = f" and {len(missing) - _MAX_LISTED} more" if len(missing) > _MAX_LISTED else ""
+    example = next((f"{joint}={name}" for joint, name in near.items() if name), "MODEL_JOINT=JOINT")
+    return (
+        f"the capture names no joint for {len(missing)} of the model's {len(model.joints)} "
+        f"({model.name}): {', '.join(listed)}{more}; name them by --joints, as in "
+        f"--joints {example}, or in a file"
+    )
+
+
+def _nearest(joint: str, capture: Skeleton) -> str:
+    """Return the joint of the capture whose name is most like another's, of the same side."""
+    side, wanted = _split_side(plain_name(joint))
+    plain = {_split_side(name): original for name, original in _by_plain_name(capture).items()}
+    same = [name for other, name in plain if not side or other == side]
+    like = difflib.get_close_matches(wanted, same, n=1, cutoff=_MIN_SIMILARITY)
+    if not like:
+        return ""
+    return plain.get((side, like[0])) or next(o for key, o in plain.items() if key[1] == like[0])
+
+
+def _split_side(name: str) -> tuple[str, str]:
+    side = next((side for side in ("left", "right") if name.startswith(side)), "")
+    return side, name.removeprefix(side)
+
+
+def _by_plain_name(skeleton: Skeleton) -> dict[str, str]:
+    return dict(zip(plain_names(skeleton.joints), skeleton.joints, strict=True))
+
+
+def _neighbour(joint: str, model: Skeleton, found: Mapping[str, tuple[str, ...]]) -> str:
+    """Return the joint of the capture for a joint of the model that is next to another."""
+    at = model.joints.index(joint)
+    beside = [model.parents[at], *(i for i, parent in enumerate(model.parents) if parent == at)]
+    names = [found.get(model.joints[i], ()) for i in beside if i >= 0]
+    return next((name[0] for name in names if len(name) == 1), "")
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names[:40])

@@ -1,0 +1,353 @@
+"""Finish a reaction: exact bones, planted feet, no floor penetration, closed contacts.
+
+A generator writes joint positions, whose bones change by a few per cent, whose feet glide and whose
+hands stop short of the partner's. One solve of the whole clip, with the partner fixed, changes the
+motion g to the motion x that minimises
+
+    sum_j w_j |x_j - g_j|^2 + w_a |D^2 (x - g)|^2        the motion and its accelerations
+    + w_s sum |x_foot - a|^2                             feet in stance, at the mean place a
+    + w_f sum |min(y_foot - floor, 0)|^2                 feet below the floor
+    + w_c sum |max(|x_i - y_j| - d, 0)|^2                predicted contacts (``contacts``)
+
+subject to bones of the person's own lengths, their medians over the clip. It is solved by
+projective dynamics (Bouaziz et al. 2014, *Projective dynamics: fusing constraint projections for
+fast simulation*), with the bones' multipliers of ADMM (Overby et al. 2017, *ADMM projective
+dynamics*): the projections on floor, contacts and bones change from one iteration to the next, the
+matrix does not, and is factorised once. Last, bones are set from the root outwards, so that their
+lengths are exact.
+
+Weights are per frame and D^2 is in seconds, so the result depends little on the frame rate.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from pacmo_core.data.interaction import Motion, bone_lengths
+from pacmo_core.data.segments import feet, segments
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.contacts import Contacts, predict_contacts
+from pacmo_core.reaction.stance import Mask, find_stance, stance_phases
+
+Array = NDArray[np.float64]
+
+# Weights of squared metres a frame, relative to that of a trunk's joint, which is 1. Elbows, knees
+# and ends of limbs are lighter: they follow what the hand or the foot must do.
+HINGE_WEIGHT, LIMB_WEIGHT = 0.4, 0.1
+ACCELERATION_WEIGHT = 1e-4  # s^4
+BONE_WEIGHT, STANCE_WEIGHT, FLOOR_WEIGHT, CONTACT_WEIGHT = 100.0, 100.0, 100.0, 30.0
+N_ITERATIONS = 20
+# Metres over the ground that a foot in stance may glide: to plant one that goes farther would bend
+# the body over it.
+MAX_GLIDE = 0.8
+FLOOR_QUANTILE = 0.05  # of a foot's heights, where no foot stands
+FLOOR_TOLERANCE = 0.1  # metres between the heights at which the feet of the two people rest
+FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from going through it
+STENCIL = (1.0, -2.0, 1.0)  # of the second difference
+# Longer motions are solved in parts that overlap.
+PART_FRAMES, OVERLAP_FRAMES = 2048, 256
+
+
+@dataclass(frozen=True)
+class Targets:
+    """What the solve wants of the joints beside the motion itself.
+
+    Parameters
+    ----------
+    lengths : (E,) metres, of the bones
+    anchor : (T, J, 3) metres, where feet in stance stand; zeros elsewhere
+    stands : (T, J) 1 for the joints of feet in stance, else 0
+    floor : (T, J) metres, height below which a joint must not be; -inf for all but feet
+    contacts : Contacts
+    """
+
+    lengths: Array
+    anchor: Array
+    stands: Array
+    floor: Array
+    contacts: Contacts
+
+    def frames(self, first: int, end: int) -> "Targets":
+        """Select frames ``first`` to ``end``, exclusive."""
+        part, contacts = slice(first, end), self.contacts
+        rows = (contacts.frame >= first) & (contacts.frame < end)
+        within = Contacts(*(values[rows] for values in vars(contacts).values()))
+        shifted = Contacts(**{**vars(within), "frame": within.frame - first})
+        return Targets(
+            self.lengths, self.anchor[part], self.stands[part], self.floor[part], shifted
+        )
+
+
+def finish(
+    reaction: Motion,
+    partner: Motion,
+    times: NDArray[np.float64],
+    skeleton: Skeleton,
+    contact_map: Array,
+) -> Motion:
+    """Return the reaction with exact bones, planted feet and closed contacts.
+
+    Parameters
+    ----------
+    reaction, partner : (T, J, 3) float32, metres, in the world, y up
+    times : (T,) float64, seconds
+    skeleton : of both people
+    contact_map : (2 G, 21) of ``contacts.learn_contact_map``
+
+    Returns
+    -------
+    (T, J, 3) float32, metres
+    """
+    fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
+    targets = find_targets(reaction, partner, fps, skeleton, contact_map)
+    motion = reaction.astype(np.float64)
+    result = np.zeros_like(motion)
+    for first, end, share in _parts(len(motion)):
+        part = Solver(motion[first:end], targets.frames(first, end), fps, skeleton).solve()
+        result[first:end] += share[:, None, None] * part
+    return set_bone_lengths(result, targets.lengths, skeleton).astype(np.float32)
+
+
+def find_targets(
+    reaction: Motion, partner: Motion, fps: float, skeleton: Skeleton, contact_map: Array
+) -> Targets:
+    """Find bone lengths, stances, the floor and contacts of a generated reaction."""
+    motion = reaction.astype(np.float64)
+    anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
+    floor = np.full(motion.shape[:2], -np.inf)
+    stance = find_stance(reaction, fps, skeleton)
+    heights = zip(
+        foot_heights(reaction, stance, skeleton),
+        foot_heights(partner, find_stance(partner, fps, skeleton), skeleton),
+        strict=True,
+    )
+    for (joints, own), (_, other) in heights:
+        # Both stand on one floor, but for a camera that is tilted.
+        floor[:, joints] = other if abs(other - own) < FLOOR_TOLERANCE else own
+    for foot, standing in zip(feet(skeleton), stance, strict=True):
+        joints = list(foot)
+        for phase in stance_phases(standing):
+            if np.ptp(motion[phase, foot[0]][:, [0, 2]], axis=0).max() > MAX_GLIDE:
+                continue
+            anchor[phase, joints] = motion[phase, joints].mean(axis=0)
+            stands[phase, joints] = 1
+    lengths = median_lengths(reaction, skeleton)
+    contacts = predict_contacts(reaction, partner, skeleton, contact_map)
+    return Targets(lengths, anchor, stands, floor, contacts)
+
+
+def foot_heights(motion: Motion, stance: Mask, skeleton: Skeleton) -> list[tuple[list[int], float]]:
+    """Return the height at which joints of the feet rest, both ankles' and so on, metres.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    stance : (F, T) of ``find_stance``
+    skeleton : of the motion
+    """
+    legs, levels = feet(skeleton), []
+    for level in range(max(map(len, legs), default=0)):
+        numbers = [number for number, foot in enumerate(legs) if len(foot) > level]
+        joints = [legs[number][level] for number in numbers]
+        heights = motion[:, joints, 1]
+        still = heights[stance[numbers].T]
+        rest = np.median(still) if len(still) else np.quantile(heights, FLOOR_QUANTILE)
+        levels.append((joints, float(rest)))
+    return levels
+
+
+def median_lengths(motion: Motion, skeleton: Skeleton) -> Array:
+    """``(E,)`` metres: the median over time of each bone's length."""
+    lengths: Array = np.median(bone_lengths(motion, skeleton), axis=0).astype(np.float64)
+    return lengths
+
+
+def set_bone_lengths(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
+    """Set the bones' lengths from the root outwards, in their directions.
+
+    Parameters
+    ----------
+    motion : (..., J, 3) metres
+    lengths : (E,) metres
+    skeleton : of the motion
+    """
+    result = motion.copy()
+    length_of = dict(zip(skeleton.bones[:, 1].tolist(), lengths.tolist(), strict=True))
+    for joint in skeleton.order[1:]:
+        parent = skeleton.parents[joint]
+        bone = _resized(motion[..., joint, :] - motion[..., parent, :], np.array(length_of[joint]))
+        result[..., joint, :] = result[..., parent, :] + bone
+    return result
+
+
+class FrameFinish:
+    """The part of a finish that needs no later frames: exact bones, and no feet below the floor.
+
+    The bones keep the lengths that they have in the first frames; a body whose foot is below the
+    floor is lifted. Planted feet and contacts need the frames that follow: whether a foot begins to
+    stand, and where, and whether a hand approaches, is known only then.
+
+    Parameters
+    ----------
+    first : (S, T, J, 3) metres, of S reactions
+    partner : (J, 3) metres, a pose that stands on the floor
+    skeleton : of both
+    """
+
+    def __init__(self, first: Motion, partner: Motion, skeleton: Skeleton) -> None:
+        self.skeleton = skeleton
+        self.lengths = [median_lengths(motion, skeleton) for motion in first]
+        heights = foot_heights(partner[None], np.ones((len(feet(skeleton)), 1), bool), skeleton)
+        self.floor = np.full(len(skeleton.joints), -np.inf)
+        for joints, height in heights:
+            self.floor[joints] = height
+
+    def __call__(self, poses: Motion) -> Motion:
+        """Finish the poses ``(S, J, 3)`` of one frame."""
+        result = np.stack(
+            [
+                set_bone_lengths(pose.astype(np.float64), lengths, self.skeleton)
+                for pose, lengths in zip(poses, self.lengths, strict=True)
+            ]
+        )
+        below = (self.floor - result[..., 1]).max(axis=1).clip(min=0)
+        result[..., 1] += below[:, None]
+        return result.astype(np.float32)
+
+
+class Solver:
+    """The solve of one clip: a factorisation for the horizontal axes and one for the vertical.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    targets : of the same frames
+    fps : frames per second
+    skeleton : of the motion
+    """
+
+    def __init__(self, motion: Array, targets: Targets, fps: float, skeleton: Skeleton) -> None:
+        self.motion, self.targets = motion, targets
+        n_bones = len(skeleton.bones)
+        self.incidence = np.zeros((n_bones, motion.shape[1]))  # from joints to bones
+        self.incidence[range(n_bones), skeleton.bones[:, 0]] = -1
+        self.incidence[range(n_bones), skeleton.bones[:, 1]] = 1
+        shape = motion.shape[:2]
+        contacts = targets.contacts
+        pull = np.zeros(shape)
+        np.add.at(pull, (contacts.frame, contacts.joint), CONTACT_WEIGHT * contacts.strength)
+        self.on_floor = motion[..., 1] < targets.floor + FLOOR_MARGIN
+        smooth = ACCELERATION_WEIGHT * fps**4
+        position = np.tile(position_weights(skeleton), (shape[0], 1))
+        horizontal = position + pull + STANCE_WEIGHT * targets.stands
+        vertical = position + pull + FLOOR_WEIGHT * self.on_floor
+        self.factors = [
+            cholesky_banded(_banded(weights, smooth, skeleton), lower=True, check_finite=False)
+            for weights in (horizontal, vertical)
+        ]
+        self.constant = position[..., None] * motion + smooth * _fourth_difference(motion)
+        self.constant[..., [0, 2]] += (
+            STANCE_WEIGHT * targets.stands[..., None] * targets.anchor[..., [0, 2]]
+        )
+
+    def solve(self) -> Array:
+        """Return the motion ``(T, J, 3)``; its bones are nearly, not exactly, of their lengths."""
+        x, multiplier = self.motion, np.zeros((len(self.motion), len(self.incidence), 3))
+        for _ in range(N_ITERATIONS):
+            right = self.constant.copy()
+            bones = self.incidence @ x + multiplier
+            projected = _resized(bones, self.targets.lengths)
+            multiplier = bones - projected
+            wanted = BONE_WEIGHT * (projected - multiplier)
+            right += self.incidence.T @ wanted
+            self._add_contacts(right, x)
+            lifted = np.maximum(x[..., 1], self.targets.floor)
+            right[..., 1] += np.where(self.on_floor, FLOOR_WEIGHT * lifted, 0)
+            x = self._solve(right)
+        return x
+
+    def _add_contacts(self, right: Array, x: Array) -> None:
+        contacts = self.targets.contacts
+        offset = x[contacts.frame, contacts.joint] - contacts.point
+        distance = np.linalg.norm(offset, axis=-1)
+        scale = contacts.distance / np.maximum(distance, np.maximum(contacts.distance, 1e-9))
+        wanted = contacts.point + scale[:, None] * offset
+        weight = CONTACT_WEIGHT * contacts.strength[:, None]
+        np.add.at(right, (contacts.frame, contacts.joint), weight * wanted)
+
+    def _solve(self, right: Array) -> Array:
+        flat, x = right.reshape(-1, 3), np.zeros((self.motion[..., 0].size, 3))
+        for factor, axes in zip(self.factors, ([0, 2], [1]), strict=True):
+            x[:, axes] = cho_solve_banded((factor, True), flat[:, axes], check_finite=False)
+        return x.reshape(right.shape)
+
+
+def position_weights(skeleton: Skeleton) -> Array:
+    """``(J,)``: weight of each joint's position; all 1 if limbs have no names."""
+    weights = np.ones(len(skeleton.joints))
+    for joint, segment in zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True):
+        if segment.kind in ("upper_arm", "thigh"):
+            weights[joint] = HINGE_WEIGHT
+        elif segment.part in ("arm", "leg", "foot"):
+            weights[joint] = LIMB_WEIGHT
+    return weights
+
+
+def _banded(weights: Array, smooth: float, skeleton: Skeleton) -> Array:
+    """Return the lower bands of the matrix of one axis, ``(2 J + 1, T J)``, frame by frame."""
+    n_frames, n_joints = weights.shape
+    bands = np.zeros((2 * n_joints + 1, n_frames, n_joints))
+    bands[0] = weights
+    for lag, values in enumerate(_fourth_difference_bands(n_frames)):
+        bands[lag * n_joints] += smooth * values[:, None]
+    for parent, child in skeleton.bones.tolist():
+        bands[0, :, [parent, child]] += BONE_WEIGHT
+        bands[abs(parent - child), :, min(parent, child)] -= BONE_WEIGHT
+    flat = bands.reshape(len(bands), -1)
+    return flat[: flat.shape[1]]
+
+
+def _fourth_difference_bands(n_frames: int) -> Array:
+    """``(3, T)``: the bands of D'D, D the second difference between neighbouring frames."""
+    bands, n_rows = np.zeros((3, n_frames)), max(n_frames - 2, 0)
+    for row in range(3):
+        for column in range(row + 1):
+            bands[row - column, column : column + n_rows] += STENCIL[row] * STENCIL[column]
+    return bands
+
+
+def _fourth_difference(motion: Array) -> Array:
+    """Return D'D of a motion, ``(T, J, 3)``."""
+    second = np.diff(motion, n=2, axis=0)
+    result = np.zeros_like(motion)
+    for offset, factor in enumerate(STENCIL):
+        result[offset : offset + len(second)] += factor * second
+    return result
+
+
+def _parts(n_frames: int) -> Iterator[tuple[int, int, Array]]:
+    """Yield the first and last frame of overlapping parts, and each frame's share in the result."""
+    first = 0
+    while True:
+        end = n_frames if n_frames - first <= PART_FRAMES + OVERLAP_FRAMES else first + PART_FRAMES
+        share = np.ones(end - first)
+        fade = (np.arange(OVERLAP_FRAMES) + 0.5) / OVERLAP_FRAMES
+        if first:
+            share[:OVERLAP_FRAMES] = fade
+        if end < n_frames:
+            share[-OVERLAP_FRAMES:] = 1 - fade
+        yield first, end, share
+        if end == n_frames:
+            return
+        first = end - OVERLAP_FRAMES
+
+
+def _resized(vectors: Array, lengths: Array) -> Array:
+    """Scale vectors ``(..., E, 3)`` to lengths ``(E,)``; those of no length point down."""
+    norms = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    directions = np.where(norms > 1e-9, vectors / np.maximum(norms, 1e-9), [0.0, -1.0, 0.0])
+    result: Array = directions * lengths[..., None]
+    return result

@@ -1,1 +1,0 @@
-"""Motion VAEs, one module per model; ``pacmo_core.models`` lists them by name."""

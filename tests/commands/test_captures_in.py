@@ -1,0 +1,247 @@
+"""Captures of other rigs, units, axes and rates in every command. Truth: the same clip as it is."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from pacmo_core.api import save, synthesise, train
+from pacmo_core.commands.cli import app
+from pacmo_core.commands.reading import ReadOptions, parse_unit, words_of
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import NTU25, Skeleton
+from pacmo_core.formats.bvh import read_bvh
+from pacmo_core.formats.resample import from_y_up, resample
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.project.workspace import CommandError
+from pacmo_core.store.motions import stream_motions, write_motions
+from tests.formats.rigged import mixamo, people
+
+TIPS = ["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"]
+CLIP = people().frames(0, 30)
+
+
+def pacmo(*words: object) -> Result:
+    return CliRunner().invoke(app, [*map(str, words)])
+
+
+def refused(said: Result, *texts: str) -> None:
+    assert said.exit_code == 1, said.output
+    assert said.stderr.count("\n") == 1
+    for text in texts:
+        assert text in said.stderr
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Train a model of Kinect's joints for an instant."""
+    clips = [clip.without(TIPS) for clip in synthesise(4).values()]
+    folder = tmp_path_factory.mktemp("weights")
+    return save("regression", train("regression", clips, n_epochs=1, width=4), folder / "w")
+
+
+def write(
+    file: Path, skeleton: Skeleton, motion: Motion, unit: float = 0.01, up: str = "y"
+) -> Path:
+    in_units = (from_y_up(motion, up) / unit).astype(np.float32)
+    file.write_text(format_bvh(in_units, 30, skeleton))
+    return file
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[Path]:
+    """Write two people on Mixamo's joints, in centimetres, y up."""
+    skeleton, motions = mixamo(CLIP)
+    return [
+        write(tmp_path / f"duo_{name}.bvh", skeleton, motion)
+        for name, motion in zip("AB", motions, strict=True)
+    ]
+
+
+def reaction(out: Path) -> Interaction:
+    ((_, made),) = stream_motions(out)
+    return made
+
+
+def test_react_takes_mixamo_in_centimetres_and_says_what_it_found(
+    pair: list[Path], weights: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "o.parquet"
+    said = pacmo("react", pair[0], "--weights", weights, "--out", out)
+    assert said.exit_code == 0, said.output
+    assert f"inferred for {pair[0]} (1." in said.stdout
+    assert "centimetres, y up; --from-unit and --from-up override" in said.stdout
+    assert "preset mixamo; mid-points: left_hand = " in said.stdout
+    made = reaction(out)
+    at = NTU25.without(TIPS)
+    elbow = made.person_a[:, at.joints.index("left_elbow")]
+    far = np.linalg.norm(elbow - CLIP.person_a[:, NTU25.joints.index("left_elbow")], axis=-1)
+    assert np.median(far) < 0.05  # the file has constant bones
+
+
+def test_react_writes_in_the_unit_and_axes_asked_for(
+    pair: list[Path], weights: Path, tmp_path: Path
+) -> None:
+    words = ["react", pair[0], "--weights", weights, "--out"]
+    for name, more in (("m", []), ("cm", ["--to-unit", "cm", "--to-up", "z"])):
+        assert pacmo(*words, tmp_path / f"{name}.bvh", *more).exit_code == 0
+    plain, other = (read_bvh(tmp_path / f"{name}_0_B.bvh").positions() for name in ("m", "cm"))
+    x, y, z = np.moveaxis(100 * plain, -1, 0)
+    np.testing.assert_allclose(other, np.stack([x, -z, y], axis=-1), atol=0.5)
+    refused(pacmo(*words, tmp_path / "o.parquet", "--to-unit", "cm"), "always metres")
+    refused(pacmo(*words, tmp_path / "o.bvh", "--to-unit", "ell"), "--to-unit", "ell")
+
+
+def test_two_people_of_two_rigs_units_and_axes_meet(pair: list[Path], tmp_path: Path) -> None:
+    other = write(tmp_path / "kinect.bvh", NTU25, CLIP.person_b, 0.0254, "z")
+    scale = ["--b-scale", "left_forearm=1.1", "--out", tmp_path / "out"]
+    told = ["--from-unit", "a=0.01", "--from-unit", "b=in", "--from-up", "y", "--from-up", "b=z"]
+    said = pacmo("augment", pair[0], other, *told, *scale)
+    assert said.exit_code == 0, said.output
+    assert "inferred" not in said.stdout
+    guessed = pacmo("augment", pair[0], other, *scale)
+    assert guessed.exit_code == 0, guessed.output
+    assert "inches, z up" in guessed.stdout
+    assert "centimetres, y up" in guessed.stdout
+    # As one file says of itself, so it is written.
+    source, result = (read_bvh(f).positions() for f in (other, tmp_path / "out" / "kinect.bvh"))
+    np.testing.assert_allclose(result[:, 0], source[:, 0], atol=3)
+
+
+@pytest.mark.parametrize("command", ["view", "react", "augment", "vary", "export"])
+def test_a_unit_or_an_axis_that_makes_no_person_is_refused_in_every_command(
+    command: str, pair: list[Path], weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    skeleton, (motion, _) = mixamo(people())
+    walk = 0.3 * np.sin(np.arange(len(motion)) / 20)[:, None, None] * np.array([0.0, 0.0, 1.0])
+    walks = [write(file, skeleton, (motion + walk).astype(np.float32)) for file in pair]
+    files = {
+        "view": ["--no-open", "+".join(map(str, walks))],
+        "export": ["+".join(map(str, walks)), "--out", "x.npz"],
+        "react": [walks[0], "--weights", weights, "--out", "x.bvh"],
+        "vary": [*walks, "--weights", prior(tmp_path), "--out", "varied"],
+        "augment": [*walks, "--b-scale", "uniform=0.9", "--out", "varied"],
+    }[command]
+    before = sorted(tmp_path.iterdir())
+    refused(pacmo(command, *files, "--from-unit", 1), "duo_A.bvh", "a person of 1", "0.01 times")
+    refused(pacmo(command, *files, "--from-up", "z"), "duo_A.bvh", "lying while standing")
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def prior(folder: Path) -> Path:
+    """Write an untrained skeleton prior of Kinect's joints."""
+    import torch  # noqa: PLC0415
+
+    from pacmo_core.models import build_skeleton_prior  # noqa: PLC0415
+    from pacmo_core.skeleton_prior.kinematics import find_limbs  # noqa: PLC0415
+    from pacmo_core.skeleton_prior.layers import initialise_weights  # noqa: PLC0415
+    from pacmo_core.skeleton_prior.settings import PriorConfig  # noqa: PLC0415
+    from pacmo_core.store.weights import write_weights  # noqa: PLC0415
+    from pacmo_core.training.state import model_config, model_state  # noqa: PLC0415
+
+    clip = CLIP.without(TIPS)
+    limbs = find_limbs(clip.skeleton, clip.person_a)
+    model = build_skeleton_prior(PriorConfig(clip.skeleton, limbs, "kinematic", 16, 3, 30.0, 0.0))
+    initialise_weights(model, torch.Generator().manual_seed(0))
+    facts = {"model": "kinematic", "config": model_config(model)}
+    write_weights(folder / "prior", facts, model_state(model))
+    return folder / "prior"
+
+
+def test_vary_takes_two_rigs_and_writes_the_joints_of_the_model(
+    pair: list[Path], tmp_path: Path
+) -> None:
+    kinect = write(tmp_path / "kinect.bvh", NTU25, CLIP.person_b)
+    words = ["vary", pair[0], kinect, "--weights", prior(tmp_path), "--out", tmp_path / "varied"]
+    said = pacmo(*words, "--b-scale", "left_forearm=1.2")
+    assert said.exit_code == 0, said.output
+    assert "duo_A.bvh: joints named by the preset mixamo" in said.stdout
+    assert "kinect.bvh: joints" not in said.stdout
+    for name in ("duo_A.bvh", "kinect.bvh"):
+        written = read_bvh(tmp_path / "varied" / name)
+        assert {"spine_base", "left_hand"} <= set(written.joints)
+        assert abs(written.positions()).max() < 10  # metres
+    stated = pacmo(*words, "--joints", "a=mixamo", "--joints", "b=kinect25")
+    assert stated.exit_code == 0, stated.output
+    refused(pacmo(*words, "--joints", "mixamo"), "kinect.bvh", "names no joint for")
+
+
+def test_joints_that_a_rig_lacks_are_named_by_the_user(weights: Path, tmp_path: Path) -> None:
+    skeleton, (motion, _) = mixamo(CLIP)
+    odd = replace(skeleton, joints=tuple(j.replace("Leg", "Limb") for j in skeleton.joints))
+    file = write(tmp_path / "odd.bvh", odd, motion)
+    words = ["react", file, "--weights", weights, "--from-unit", "cm", "--from-up", "y"]
+    words += ["--out", tmp_path / "o.bvh"]
+    refused(pacmo(*words), "odd.bvh", "left_hip (nearest", "--joints")
+    names = {"left_hip": "mixamorig:LeftUpLimb", "left_knee": "mixamorig:LeftLimb"}
+    (tmp_path / "names.json").write_text(json.dumps(names))
+    stated = ["--joints", "mixamo", "--joints", tmp_path / "names.json"]
+    stated += ["--joints", "right_hip=mixamorig:RightUpLimb"]
+    refused(pacmo(*words, *stated), "for 1 of the model's 21", "right_knee")
+    said = pacmo(*words, *stated, "--joints", "right_knee=mixamorig:RightLimb")
+    assert said.exit_code == 0, said.output
+
+
+def test_people_of_two_rates_meet_at_the_lower(pair: list[Path], tmp_path: Path) -> None:
+    skeleton, (_, motion) = mixamo(CLIP)
+    times = np.arange(len(motion)) / 30
+    fast = resample(motion, times, np.arange(4 * len(motion) - 3) / 120)
+    (tmp_path / "fast.bvh").write_text(format_bvh((100 * fast).astype("f4"), 120, skeleton))
+    both = [f"{pair[0]}+{file}" for file in (pair[1], tmp_path / "fast.bvh")]
+    for word, name in zip(both, ("same", "fast"), strict=True):
+        said = pacmo("export", word, "--out", tmp_path / f"{name}.npz")
+        assert said.exit_code == 0, said.output
+    assert "30 and 120 frames a second: both at 30" in said.stdout
+    with np.load(tmp_path / "same.npz") as same, np.load(tmp_path / "fast.npz") as other:
+        np.testing.assert_allclose(other["person_b"], same["person_b"], atol=1e-2)
+    # A rate that is stated for one.
+    told = ["--from-fps", "b=30", "--out", tmp_path / "x.npz"]
+    refused(pacmo("export", both[1], *told), "117 frames; the other person has 30")
+
+
+def test_an_option_that_a_format_does_not_take_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.skeleton").write_text("1\n")
+    words = ["export", tmp_path / "x.skeleton", "--out", tmp_path / "x.npz"]
+    refused(pacmo(*words, "--from-unit", "cm"), "captures of format ntu take no --from-unit")
+
+
+def test_words_are_for_both_people_or_for_one() -> None:
+    options = ReadOptions(unit=["cm", "b=0.5"], up=["a=z"])
+    assert options.settings("a") == {"unit": 0.01, "up": "z"}
+    assert options.settings("b") == {"unit": 0.5}
+    assert words_of(["mixamo", "a=left_hand=X", "b=n.json", "neck=Y"], "a") == [
+        "mixamo", "left_hand=X", "neck=Y",
+    ]  # fmt: skip
+    assert [parse_unit(word, "--to-unit") for word in ("m", "cm", "mm", "in", "2")] == [
+        1, 0.01, 0.001, 0.0254, 2,
+    ]  # fmt: skip
+    with pytest.raises(CommandError, match="one value a person"):
+        ReadOptions(unit=["1", "2"]).settings("a")
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [(c, o) for c in ("react", "vary", "augment", "view", "export") for o in ("unit", "up", "fps")]
+    + [("react", "partner-fps")],
+)
+def test_the_names_of_options_before_are_gone_and_the_new_are_everywhere(
+    command: str, option: str
+) -> None:
+    said = pacmo(command, "--help").stdout
+    assert f" --{option} " not in said
+    assert f"--from-{option.removeprefix('partner-')}" in said
+    if command in ("react", "export"):
+        assert f"--to-{option.removeprefix('partner-')}" in said
+
+
+def test_clips_of_the_store_take_no_options_of_files(weights: Path, tmp_path: Path) -> None:
+    with write_motions(tmp_path / "m.parquet", NTU25) as writer:
+        writer.add("one", CLIP)
+    words = ["react", tmp_path / "m.parquet", "--clip", "one", "--person", "a"]
+    words += ["--weights", weights, "--out", tmp_path / "o.bvh"]
+    assert pacmo(*words).exit_code == 0
+    refused(pacmo(*words, "--from-up", "y"), "no option of other formats")

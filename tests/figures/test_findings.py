@@ -1,0 +1,202 @@
+"""Truth: figures from which every outcome follows by eye; what a sentence claims is read off it."""
+
+import re
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pacmo_core.figures.findings import (
+    COMPARED,
+    comparison_clause,
+    comparison_note,
+    prior_findings,
+    reaction_findings,
+    variation_findings,
+)
+from pacmo_core.figures.tables import BETTER, OPEN, WORSE
+from pacmo_core.metrics.catalogue import HEADLINE_MODELS, METRICS, improvement_sign
+from tests.figures.samples import cell
+
+N = len(COMPARED)
+LABELS = {name: METRICS[name].label.replace(", ", " of ") for name in COMPARED}
+
+
+def difference(outcome: str, metric: str) -> dict[str, Any]:
+    """Return a difference whose interval shows an outcome for the first model."""
+    return dict(cell({BETTER: 1.0, WORSE: -1.0, OPEN: 0.0}[outcome] * improvement_sign(metric)))
+
+
+def pooled(**outcomes: dict[str, str]) -> dict[str, Any]:
+    """Return pooled scores of all models, with outcomes by pair and metric."""
+    return {
+        "rows": {
+            name: {"f2id": cell(0.2), "f2id_floor": cell(0.1)}
+            for name in ("real", *HEADLINE_MODELS)
+        },
+        "differences": {
+            pair: {metric: difference(o, metric) for metric, o in by_metric.items()}
+            for pair, by_metric in outcomes.items()
+        },
+        "sensitivity": {},
+        "confidence": 0.95,
+        "folds": ["1", "2"],
+        "seeds": {"pacmo": [1, 2, 3], "real": [0]},
+        "test_reactions": 1234,
+    }
+
+
+def sentence(found: list[Any], subject: str) -> str:
+    (text,) = [
+        f"{finding.subject} {finding.text}" for finding in found if finding.subject == subject
+    ]
+    return text
+
+
+def everywhere(outcome: str) -> dict[str, str]:
+    return dict.fromkeys(COMPARED, outcome)
+
+
+def test_every_model_has_one_sentence() -> None:
+    found = reaction_findings(pooled())
+    subjects = ["PaCMO", "PaCMO, augmented", "PaCMO, as in the paper", "Regression", "GRU"]
+    assert [finding.subject for finding in found] == subjects
+    assert all(finding.text.endswith(".") and "\n" not in finding.text for finding in found)
+
+
+@pytest.mark.parametrize("outcome", [WORSE, OPEN])
+def test_a_model_that_does_not_beat_regression_says_so(outcome: str) -> None:
+    text = sentence(reaction_findings(pooled(pacmo_minus_regression=everywhere(outcome))), "PaCMO")
+    assert text.startswith("PaCMO does not beat Regression: ")
+    assert "is better" not in text
+
+
+def test_a_nearest_neighbour_is_a_baseline_where_there_is_one() -> None:
+    scores = pooled(pacmo_minus_nearest_neighbour=everywhere(WORSE))
+    assert "Nearest neighbour" not in sentence(reaction_findings(scores), "PaCMO")
+    scores["rows"]["nearest_neighbour"] = {}
+    text = sentence(reaction_findings(scores), "PaCMO")
+    assert text.startswith(f"PaCMO does not beat Nearest neighbour: better in none of {N} metrics")
+
+
+def test_what_was_not_compared_is_not_praised() -> None:
+    text = sentence(reaction_findings(pooled()), "PaCMO")
+    assert text.startswith("PaCMO was not compared with Regression; it was not compared with GRU")
+
+
+def test_a_difference_counts_for_the_second_model_the_other_way_round() -> None:
+    found = reaction_findings(pooled(regression_minus_gru=everywhere(BETTER)))
+    assert sentence(found, "Regression").startswith(f"Regression is better than GRU in {N} of {N}")
+    assert sentence(found, "GRU").startswith(f"GRU does not beat Regression: better in none of {N}")
+
+
+@given(st.lists(st.sampled_from([BETTER, WORSE, OPEN]), min_size=N, max_size=N))
+def test_a_clause_claims_what_the_intervals_show_and_nothing_else(outcomes: list[str]) -> None:
+    verdicts = dict(zip(COMPARED, outcomes, strict=True))
+    text = comparison_clause("Regression", verdicts)
+    better, worse = (outcomes.count(wanted) for wanted in (BETTER, WORSE))
+    assert ("does not beat" in text) == (better == 0)
+    if better:
+        assert f"is better than Regression in {better} of {N} metrics" in text
+    assert (f"worse in {worse} (" in text) == (worse > 0)
+    for wanted, pattern in (
+        (BETTER, rf"{N} metrics \((.*?)\)"),
+        (WORSE, r"worse in \d+ \((.*?)\)"),
+    ):
+        listed = match[1].split(", ") if (match := re.search(pattern, text)) else []
+        assert listed == [LABELS[name] for name in COMPARED if verdicts[name] == wanted]
+
+
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize("outcome", [BETTER, WORSE, OPEN])
+def test_no_sentence_depends_on_which_model_is_ours(outcome: str, *, swap: bool) -> None:
+    first, second = ("pacmo_paper", "gru") if swap else ("pacmo", "gru")
+    found = reaction_findings(pooled(**{f"{first}_minus_{second}": everywhere(outcome)}))
+    others = reaction_findings(pooled(pacmo_augmented_minus_gru=everywhere(outcome)))
+    label = "PaCMO, as in the paper" if swap else "PaCMO"
+    text = sentence(found, label).removeprefix(label)
+    assert text == sentence(others, "PaCMO, augmented").removeprefix("PaCMO, augmented")
+
+
+@pytest.mark.parametrize(
+    ("matching", "words"),
+    [
+        (cell(0.5), "its reactions fit their own partner better than another one"),
+        (cell(-0.5), "its reactions fit another partner better than their own"),
+        (cell(0.0), "that its reactions depend on the partner is not shown"),
+        ({}, "was not measured"),
+    ],
+)
+def test_dependence_on_the_partner_is_stated_as_the_interval_has_it(
+    matching: dict[str, float], words: str
+) -> None:
+    scores = pooled()
+    scores["sensitivity"] = {"pacmo_any_action": {"matching": matching}}
+    found = reaction_findings(scores)
+    assert words in sentence(found, "PaCMO")
+    assert "partner" not in sentence(found, "Regression")
+
+
+def test_the_note_states_confidence_data_and_noise_floor() -> None:
+    text = comparison_note(0.95, pooled())
+    for words in ("95 % interval", "about 5 do so", "1,234 reactions", "2 folds", "3 seeds"):
+        assert words in text
+    assert text.endswith("that of two samples of real motion is 0.100 (0.0900 to 0.110).")
+
+
+def test_a_missing_value_makes_no_claim() -> None:
+    scores = pooled(pacmo_minus_gru={})
+    scores["differences"]["pacmo_minus_gru"] = {"f2id": {"missing": "diverged"}}
+    scores["rows"]["pacmo"] = {"f2id": {"mean": float("nan")}}
+    text = sentence(reaction_findings(scores), "PaCMO")
+    assert "was not compared with GRU" in text
+    assert "F²ID" not in text
+
+
+FACTS = {"planned": 64, "clips": 4, "accepted": 48, "failed": 0, "refused": 0, "failed_by": {}}
+
+
+def test_variations_are_counted_with_the_most_frequent_fault() -> None:
+    (whole,) = variation_findings({"default": FACTS | {"accepted": 64}})
+    assert whole.text == "was asked for 64 variations of default: 64 are within all limits."
+    failed = {"accepted": 10, "failed": 50, "refused": 4}
+    reasons = {"failed_by": {"knee_flips": 3, "below_floor": 47}}
+    (some,) = variation_findings({"default": FACTS | failed | reasons})
+    assert "10 are within all limits, 50 are beyond one" in some.text
+    assert "(most often by below the floor), 4 are of clips that it refused." in some.text
+
+
+def prior_scores(**means: float) -> dict[str, Any]:
+    """Return scores of one metric and split; a negative mean stands for one without interval."""
+    models = {
+        model: {"JPD": {"mean": -mean} if mean < 0 else dict(cell(mean, 0.1))}
+        for model, mean in means.items()
+    }
+    return {"retargeting": {"random": models}, "generation": {}}
+
+
+def test_a_skeleton_prior_is_the_lowest_only_if_it_is() -> None:
+    found = prior_findings(prior_scores(kinematic=1.0, f_cnn=2.0), "default")
+    assert [f.subject for f in found] == ["Skeleton prior “Ours”", "Skeleton prior “F-CNN”"]
+    assert "in 1 of 1 comparison on default; in 1 its interval" in found[0].text
+    assert found[1].text == "has the lowest value of all models in 0 of 1 comparison on default."
+
+
+def test_a_skeleton_prior_within_the_interval_of_another_is_not_certain() -> None:
+    first, _ = prior_findings(prior_scores(kinematic=1.0, f_cnn=1.1), "default")
+    assert "in 1 of 1 comparison on default; in 0 its interval" in first.text
+
+
+def test_equal_skeleton_priors_are_not_the_lowest() -> None:
+    for finding in prior_findings(prior_scores(kinematic=1.0, f_cnn=1.0), "default"):
+        assert "in 0 of 1 comparison" in finding.text
+
+
+def test_one_training_makes_no_difference_certain() -> None:
+    first, _ = prior_findings(prior_scores(kinematic=-1.0, f_cnn=-2.0), "default")
+    assert "each of one training only, so that no difference is certain" in first.text
+
+
+def test_a_single_skeleton_prior_has_nothing_to_be_compared_with() -> None:
+    assert prior_findings(prior_scores(kinematic=1.0), "default") == []

@@ -1,0 +1,172 @@
+"""Truth: figures written down here, the worst of which is told by eye; the page's own HTML."""
+
+import json
+import re
+from dataclasses import fields, replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pacmo_core.augmentation.filter import VariationLimits
+from pacmo_core.figures import Report, render_report
+from pacmo_core.figures.report import Section
+from pacmo_core.figures.variations import (
+    MEASURES,
+    TABLE_MEASURES,
+    WORST_BY,
+    ShownVariation,
+    limit_text,
+    limits_table,
+    measurement_summary,
+    played_variation,
+    variation_label,
+    variation_table,
+    worst_by_measure,
+)
+from pacmo_core.metrics.catalogue import HIGHER
+from tests.figures.samples import interaction, report
+
+FIGURES = {
+    "near_distance_error": 0.0057,
+    "near_distance_error_naive": 0.205,
+    "far_distance_error": 0.01,
+    "contacts_kept": 0.99,
+    "contacts_kept_with_slack": 1.0,
+    "knee_change_p95": 3.2,
+    "elbow_change_p95": 17.0,
+    "spine_change_p95": 4.0,
+    "pelvis_height_error": 0.013,
+    "trunk_change": 0.25,
+    "below_floor": 0.001,
+    "added_foot_skate": -0.0031,
+    "capsule_penetration": 0.004,
+    "peak_acceleration_ratio": 1.21,
+    "knee_flips": 0.0,
+    "elbow_flips": 0.0,
+}
+FAULTLESS = {
+    name: (0.0 if m.perfect is None else m.perfect / m.factor) for name, m in MEASURES.items()
+}
+SHOWN = (
+    ShownVariation(
+        "b: child", FIGURES, interaction(3), ("knee_change_p95",), "left out of training for knees"
+    ),
+    ShownVariation("both bodies sampled, r0001", FIGURES, interaction(4), ("contacts_kept",)),
+)
+
+
+def page() -> tuple[Report, str]:
+    clip = played_variation("salsa<1>", interaction(2), SHOWN)
+    whole = replace(report(n_clips=2), gallery=(clip,))
+    return whole, render_report(whole)
+
+
+def test_measurements_are_summarised_in_practical_units() -> None:
+    text = measurement_summary(FIGURES)
+    for words in (
+        *("5.70 mm", "205 mm if only scaled", "99.0 %", "−0.310 cm/s", "0.400 cm"),
+        *("elbows by 17.0°", "1.21×"),
+    ):
+        assert words in text
+
+
+def test_the_gallery_plays_after_the_clips_source_first_and_says_what_is_worst() -> None:
+    _, html = page()
+    assert html.count('class="player"') == 3
+    at = html.index('id="variations"')
+    gallery = html[at : html.index("</section>", at)]
+    assert 'data-clip="2"' in gallery
+    captions = re.findall(r"<figcaption>.*?<span>(.*?)</span>", gallery)
+    assert captions == ["Source", "b: child", "both bodies sampled, r0001"]
+    assert (
+        "<b>b: child</b> is the worst by knees (3.20°); left out of training for knees" in gallery
+    )
+    assert "is the worst by contacts kept (99.0 %)</li>" in gallery
+    assert gallery.count('class="worst"') == 2
+    assert "salsa&lt;1&gt;" in gallery
+    (motions,) = re.findall(r'id="motions">(.*?)</script>', html)
+    assert [len(scenes) for scenes in json.loads(motions)][-1] == 3
+
+
+def test_a_page_without_variations_says_nothing_of_them() -> None:
+    assert 'id="variations"' not in render_report(report())
+
+
+def test_kinds_have_a_line_each_in_a_fixed_order() -> None:
+    cells = {name: {"mean": value, "low": 0.0, "high": 1.0} for name, value in FIGURES.items()}
+    table = variation_table({"single": cells, "uniform": cells})
+    assert [line.label for line in table.lines] == ["One body scaled", "One bone"]
+    assert len(table.metrics) == len(TABLE_MEASURES) == len(table.lines[0].entries)
+    by_label = dict(zip([m.label for m in table.metrics], table.lines[0].entries, strict=True))
+    assert (by_label["Near distances"].value, by_label["Pelvis height"].value) == ("5.70", "1.30")
+    html = render_report(replace(report(), sections=(Section("Variations", table, ("counts",)),)))
+    assert "Contacts kept" in html
+
+
+def test_every_limit_and_every_measure_of_the_gallery_has_words() -> None:
+    assert {field.name for field in fields(VariationLimits)} <= MEASURES.keys()
+    assert set(WORST_BY) == {
+        *("near_distance_error", "contacts_kept", "knee_change_p95", "elbow_change_p95"),
+        *("spine_change_p95", "pelvis_height_error", "below_floor", "added_foot_skate"),
+        *("capsule_penetration", "peak_acceleration_ratio", "knee_flips", "elbow_flips"),
+    }
+
+
+@pytest.mark.parametrize("measure", WORST_BY)
+def test_the_worst_by_one_measure_alone_is_selected_by_it(measure: str) -> None:
+    step = -0.1 if MEASURES[measure].better == HIGHER else 0.1
+    rows = [
+        (name, FAULTLESS | {measure: FAULTLESS[measure] + size * step})
+        for name, size in (("a", 1), ("b", 3), ("c", 2))
+    ]
+    assert worst_by_measure(rows) == {"b": [measure]}
+
+
+def test_a_variation_that_is_the_worst_by_several_is_selected_once() -> None:
+    bad = FAULTLESS | {"knee_change_p95": 20.0, "below_floor": 0.02}
+    other = FAULTLESS | {"knee_change_p95": 10.0, "contacts_kept": 0.5}
+    assert worst_by_measure([("x", bad), ("y", other)]) == {
+        "y": ["contacts_kept"],
+        "x": ["knee_change_p95", "below_floor"],
+    }
+
+
+def test_without_a_fault_nothing_is_the_worst() -> None:
+    assert worst_by_measure([("x", FAULTLESS), ("y", FAULTLESS)]) == {}
+    assert worst_by_measure([]) == {}
+
+
+@given(st.lists(st.floats(-1, 1) | st.just(float("nan")), min_size=1, max_size=6))
+def test_the_selected_one_has_the_largest_finite_value(values: list[float]) -> None:
+    rows = [(f"v{k}", {"below_floor": value}) for k, value in enumerate(values)]
+    positive = [value for value in values if value > 0]
+    selected = worst_by_measure(rows)
+    assert len(selected) == bool(positive)
+    for name in selected:
+        assert dict(rows)[name]["below_floor"] == max(positive)
+
+
+def test_names_of_variations_are_put_in_words() -> None:
+    words = {
+        "b-child": "b: child",
+        "a-tall_adult": "a: tall adult",
+        "a-left_forearm-1.20": "a: left forearm × 1.20",
+        "b-uniform-0.80": "b: all bones × 0.80",
+        "r0007": "both bodies sampled, r0007",
+    }
+    assert {name: variation_label(name) for name in words} == words
+
+
+def test_a_limit_is_stated_in_the_unit_of_its_measurement() -> None:
+    assert limit_text("knee_change_p95", 41.23, 30) == "knees 41.2°, wanted at most 30.0°"
+    assert limit_text("contacts_kept", 0.7, 0.8) == "contacts kept 70.0 %, wanted at least 80.0 %"
+
+
+def test_measurements_stand_beside_their_limits_and_those_beyond_are_marked() -> None:
+    table = limits_table(FIGURES, {"elbow_change_p95": 10.0}, ["elbow_change_p95"])
+    lines = {line.label: line.entries for line in table.lines}
+    value, limit = lines["Elbows ↓ °"]
+    assert (value.value, value.mark, limit.value) == ("17.0", "worst", "10.0")
+    value, limit = lines["Knees ↓ °"]
+    assert (value.value, value.mark, limit.value, limit.reason) == ("3.20", "", "–", "no limit")

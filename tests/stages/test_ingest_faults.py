@@ -1,0 +1,89 @@
+"""What the stage ingest says of captures that it cannot use. Truth: bodies of known size."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pacmo_core.formats.resample import from_y_up
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
+from stages.common.params import StageError
+from stages.ingest import main
+from tests.docs import ROOT
+from tests.formats.rigged import mixamo, people
+
+
+def prepare(folder: Path, monkeypatch: pytest.MonkeyPatch, settings: str) -> None:
+    """Write ``params.yaml`` for pairs of BVH files, and stand in the folder."""
+    default = (ROOT / "params.yaml").read_text()
+    section = default[default.index("ingest:") : default.index("\ncut:")]
+    lines = section.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("  settings:"))
+    stop = next(i for i, line in enumerate(lines) if line.startswith("  include:"))
+    lines[start:stop] = [f"  settings: {settings}"]
+    text = "\n".join(lines).replace("format: ntu", "format: bvh")
+    text = "\n".join(
+        "  drop_joints: []" if line.startswith("  drop_joints") else line
+        for line in text.splitlines()
+    )
+    (folder / "params.yaml").write_text(text + "\n")
+    monkeypatch.chdir(folder)
+
+
+def write_pair(raw: Path, name: str, unit: float, up: str) -> None:
+    """Write a pair of walking people on Mixamo's joints."""
+    skeleton, motions = mixamo(people())
+    raw.mkdir(exist_ok=True)
+    for person, motion in zip("AB", motions, strict=True):
+        walk = 0.3 * np.sin(np.arange(len(motion)) / 20)[:, None, None] * np.array([0.0, 0.0, 1.0])
+        in_units = (from_y_up((motion + walk).astype(np.float32), up) / unit).astype(np.float32)
+        (raw / f"{name}_{person}.bvh").write_text(format_bvh(in_units, 30, skeleton))
+
+
+SETTINGS = (
+    "{preset: pair, unit: 0.01, up: y, fps: , end_sites: false, skip_frames: 0, "
+    "max_root_distance: }"
+)
+
+
+def test_captures_that_a_wrong_unit_or_axis_makes_impossible_are_quarantined(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    for name, unit, up in (("good", 0.01, "y"), ("inches", 0.0005, "y"), ("lying", 0.01, "z")):
+        write_pair(tmp_path / "raw", name, unit, up)
+    main(Path("raw"), Path("s"), Path("m.json"))
+    (row,) = read_rows(Path("s/clips.parquet"), ClipRecord)
+    assert (row.clip, row.synthetic) == ("good", False)
+    reasons = {
+        q.sequence: q.reason for q in read_rows(Path("s/quarantine.parquet"), QuarantineRecord)
+    }
+    assert "a person of 3" in reasons["inches"]
+    assert "lying while standing" in reasons["lying"]
+
+
+def test_captures_beside_the_scripts_of_the_default_are_synthetic(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    write_pair(tmp_path / "raw", "made", 0.01, "y")
+    (tmp_path / "raw" / "scripts.json").write_text("{}")
+    main(Path("raw"), Path("s"), Path("m.json"))
+    (row,) = read_rows(Path("s/clips.parquet"), ClipRecord)
+    assert row.synthetic
+
+
+def test_where_no_capture_is_usable_the_names_wanted_and_seen_are_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    write_pair(tmp_path / "raw", "x", 0.01, "y")
+    for person in "AB":
+        file = tmp_path / "raw" / f"x_{person}.bvh"
+        file.rename(tmp_path / "raw" / f"hug_{person}1.bvh")
+    with pytest.raises(StageError) as fault:
+        main(Path("raw"), Path("s"), Path("m.json"))
+    assert "no capture of 2 is usable" in str(fault.value)
+    assert "wanted names such as NAME_A.bvh and NAME_B.bvh" in str(fault.value)
+    assert "there are hug_A1.bvh, hug_B1.bvh" in str(fault.value)
