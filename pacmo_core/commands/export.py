@@ -1,9 +1,9 @@
 """``pacmo export``: a clip in the format of another tool, by the suffix of the file."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -33,17 +33,26 @@ from pacmo_core.store.files import atomic_file, write_text
 
 FILM_FPS = 25.0
 COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
+FILMS = (".mp4", ".gif")
 # The glTF standard prescribes metres and y up; a film shows no axis.
-FIXED_UNIT_SUFFIXES = (".glb", ".gltf", ".mp4", ".gif")
+FIXED_UNIT_SUFFIXES = (".glb", ".gltf", *FILMS)
 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Frames per second (None: those of the clip), up axis, metres per unit."""
+    """Frames per second (None: those of the clip), up axis, metres per unit, and the place.
+
+    Parameters
+    ----------
+    ground : the lowest joint of the clip gets height zero
+    centre : the mean position of the roots gets above the origin
+    """
 
     fps: float | None
     up: str
     unit: float
+    ground: bool = False
+    centre: bool = False
 
     def check(self, out: Path) -> None:
         """Reject options that the format does not support.
@@ -63,6 +72,8 @@ class ExportOptions:
             )
         if suffix in FIXED_UNIT_SUFFIXES and (self.up, self.unit) != ("y", 1.0):
             raise CommandError(f"{out}: {suffix} is always metres, y up; leave out --up and --unit")
+        if suffix in FILMS and (self.ground or self.centre):
+            raise CommandError(f"{out}: a film has no origin; leave out --ground and --centre")
         if suffix == ".gif":
             check_gif_rate(self.fps or FILM_FPS)
         if suffix == ".mp4":
@@ -70,10 +81,13 @@ class ExportOptions:
 
 
 def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Path], str]:
-    """Write the files, each atomically; return them and a summary of the errors."""
+    """Write the files, each atomically; return them and a summary: frames, rate and errors."""
     suffix = out.suffix.lower()
-    fps = FILM_FPS if form.fps is None and suffix in (".mp4", ".gif") else form.fps
-    return WRITERS[suffix](out, scene if fps is None else resample_scene(scene, fps), form)
+    fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
+    written = scene if fps is None else resample_scene(scene, fps)
+    files, errors = WRITERS[suffix](out, written, form)
+    rate = f"{len(written.times)} frames at {_fps(written):.6g} frames a second"
+    return files, "; ".join(filter(None, (rate, errors)))
 
 
 def resample_scene(scene: Scene, fps: float) -> Scene:
@@ -89,34 +103,66 @@ def _fps(scene: Scene) -> float:
     return float(1 / np.median(np.diff(scene.times)))
 
 
+def _shift(people: Sequence[NDArray[Any]], root: int, form: ExportOptions) -> NDArray[np.float64]:
+    """``(3,)``: the translation of all people together that ``--ground`` and ``--centre`` ask for.
+
+    Parameters
+    ----------
+    people : (T, J, 3) each, in the axes of the file
+    root : joint
+    """
+    up = "xyz".index(form.up)
+    shift = np.zeros(3)
+    if form.centre:
+        shift -= np.mean([motion[:, root] for motion in people], axis=(0, 1), dtype=np.float64)
+    shift[up] = -min(float(motion[..., up].min()) for motion in people) if form.ground else 0.0
+    return shift
+
+
 def _convert(scene: Scene, form: ExportOptions) -> list[Motion]:
-    return [(from_y_up(m, form.up) / form.unit).astype(np.float32) for m in scene.people]
+    people = [from_y_up(motion, form.up).astype(np.float64) for motion in scene.people]
+    shift = _shift(people, scene.skeleton.root, form)
+    return [((motion + shift) / form.unit).astype(np.float32) for motion in people]
+
+
+def _fit_people(scene: Scene, form: ExportOptions) -> tuple[list[ConstantBoneMotion], str]:
+    """Fit constant bones to both people, in metres and the axes of the file; summarise the errors.
+
+    The fits are placed, not the motions: it is the files whose feet stand on the floor.
+    """
+    motions = [from_y_up(motion, form.up) for motion in scene.people]
+    fits = [fit_bones(motion, scene.skeleton) for motion in motions]
+    positions = [fit.positions(scene.skeleton) for fit in fits]
+    errors = [
+        np.linalg.norm(fitted - motion, axis=-1)
+        for fitted, motion in zip(positions, motions, strict=True)
+    ]
+    shift = _shift(positions, scene.skeleton.root, form)
+    return [replace(fit, root=fit.root + shift) for fit in fits], _error_summary(errors)
 
 
 def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    files, errors = [], []
-    for person, motion in zip("AB", scene.people, strict=False):
-        fitted = fit_bones(from_y_up(motion, form.up), scene.skeleton)
-        errors.append(_position_errors(fitted, from_y_up(motion, form.up), scene))
-        in_units = replace(fitted, offsets=fitted.offsets / form.unit, root=fitted.root / form.unit)
-        alone = len(scene.people) == 1
+    fits, summary = _fit_people(scene, form)
+    alone = len(fits) == 1
+    files = []
+    for person, fit in zip("AB", fits, strict=False):
+        in_units = replace(fit, offsets=fit.offsets / form.unit, root=fit.root / form.unit)
         files.append(out if alone else out.with_name(f"{out.stem}_{person}{out.suffix}"))
         write_text(files[-1], format_bvh_of_fit(in_units, _fps(scene), scene.skeleton))
-    return files, _error_summary(errors)
+    return files, summary
 
 
-def _gltf(out: Path, scene: Scene, _: ExportOptions) -> tuple[list[Path], str]:
-    actors, errors = [], []
-    for person, motion, colour in zip("ab", scene.people, COLOURS, strict=False):
-        fitted = fit_bones(motion, scene.skeleton)
-        errors.append(_position_errors(fitted, motion, scene))
-        rest = rest_positions(fitted, scene.skeleton)
+def _gltf(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+    fits, summary = _fit_people(scene, form)
+    actors = []
+    for person, fit, colour in zip("ab", fits, COLOURS, strict=False):
+        rest = rest_positions(fit, scene.skeleton)
         skin = make_skin(make_body_shape(scene.skeleton), scene.skeleton, rest)
-        actors.append(AnimatedPerson(person, fitted, skin, colour))
+        actors.append(AnimatedPerson(person, fit, skin, colour))
     document, data = gltf_document(scene.skeleton, scene.times, actors)
     write = to_glb if out.suffix.lower() == ".glb" else to_gltf
     _write_bytes(out, write(document, data))
-    return [out], _error_summary(errors)
+    return [out], summary
 
 
 def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
@@ -142,14 +188,6 @@ def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str
 def _write_bytes(out: Path, content: bytes) -> None:
     with atomic_file(out) as partial:
         partial.write_bytes(content)
-
-
-def _position_errors(
-    fitted: ConstantBoneMotion, motion: Motion, scene: Scene
-) -> NDArray[np.float64]:
-    """Return ``(T, J)`` metres between the joints and those of the fit with constant bones."""
-    errors: NDArray[np.float64] = np.linalg.norm(fitted.positions(scene.skeleton) - motion, axis=-1)
-    return errors
 
 
 def _error_summary(errors: list[NDArray[np.float64]]) -> str:
@@ -180,6 +218,12 @@ Fps = Annotated[
 ]
 Up = Annotated[str, typer.Option(help="up axis of the file, y or z")]
 Unit = Annotated[float, typer.Option(help="metres per unit of the file; 0.01 is centimetres")]
+Ground = Annotated[
+    bool, typer.Option("--ground", help="put the feet on the floor: the lowest joint at height 0")
+]
+Centre = Annotated[
+    bool, typer.Option("--centre", help="move the middle of the people above the origin")
+]
 FormatName = Annotated[
     str | None, typer.Option("--format", help="format of a capture; default: by the suffix")
 ]
@@ -199,6 +243,8 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     fps: Fps = None,
     up: Up = "y",
     unit: Unit = 1.0,
+    ground: Ground = False,
+    centre: Centre = False,
     form: FormatName = None,
     preset: Preset = None,
     from_unit: FromUnit = None,
@@ -213,16 +259,17 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo export walk_A.bvh+walk_B.bvh --from-unit 0.01 --from-up y --out walk.gif
 
-    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with
-    skeleton, skin and animation, in metres, y up. These formats hold rotations of bones of constant
-    length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of joints,
-    which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip install
-    imageio-ffmpeg). A CLIP is named as for ``pacmo view``.
+    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with an
+    armature, skin and animation each, in metres, y up. These formats hold rotations of bones of
+    constant length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of
+    joints, which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip
+    install imageio-ffmpeg). A CLIP is named as for ``pacmo view``. --ground and --centre move both
+    people alike, so that the interaction stays as it is.
     """
     options = {"preset": preset, "unit": from_unit, "up": from_up, "fps": from_fps}
     settings = {name: value for name, value in options.items() if value is not None}
     with reading_errors_in_one_line():
-        form_of_file = ExportOptions(fps, up, unit)
+        form_of_file = ExportOptions(fps, up, unit, ground, centre)
         form_of_file.check(out)
         files, summary = export_scene(read_scene(clip, form, settings), out, form_of_file)
-    typer.echo(", ".join(map(str, files)) + (f"; {summary}" if summary else ""))
+    typer.echo(f"{', '.join(map(str, files))}: {summary}")
