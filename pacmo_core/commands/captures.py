@@ -30,6 +30,7 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
 MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
+CONTACT_DISTANCE = 0.1  # metres between joints of two people in contact
 PEOPLE = ("a", "b")
 
 
@@ -130,12 +131,62 @@ class WrittenCapture:
     ----------
     files : that were written
     people : read back from the files; BVH files hold bones of constant length
-    max_error : metres, the largest distance of a joint in the files from where it was to be
+    fidelity : of the files
     """
 
     files: list[Path]
     people: tuple[PersonMotion, PersonMotion]
-    max_error: float
+    fidelity: "Fidelity"
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """How well files hold the motions that were written, measured on what is read back.
+
+    Parameters
+    ----------
+    max_error : metres, the largest distance of a joint from where it was to be
+    contacts, contacts_held : number of pairs of joints of the two people in contact, over all
+        frames, and of those that are in contact in the files
+    """
+
+    max_error: float = 0.0
+    contacts: int = 0
+    contacts_held: int = 0
+
+    @classmethod
+    def of(cls, wanted: tuple[Motion, Motion], found: tuple[Motion, Motion]) -> "Fidelity":
+        """Compare two people's motions (T, J, 3), metres."""
+        errors = [
+            np.linalg.norm(back - motion, axis=-1).max()
+            for back, motion in zip(found, wanted, strict=True)
+        ]
+        touch, touch_in_file = _contacts(*wanted), _contacts(*found)
+        held = int((touch & touch_in_file).sum())
+        return cls(float(max(errors)), int(touch.sum()), held)
+
+    def __add__(self, other: "Fidelity") -> "Fidelity":
+        """Return that of both together."""
+        return Fidelity(
+            max(self.max_error, other.max_error),
+            self.contacts + other.contacts,
+            self.contacts_held + other.contacts_held,
+        )
+
+    def line(self) -> str:
+        """Say how far joints in BVH files are from where they were to be, and what touches."""
+        moved = f"constant bones in BVH files move joints by {1e3 * self.max_error:.1f} mm at most"
+        if not self.contacts:
+            return moved
+        return f"{moved}; {100 * self.contacts_held / self.contacts:.1f} % of contacts are in them"
+
+
+def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:
+    """``(J_a, T, J_b)``: whether joints of two people are in contact; one joint at a time."""
+    return np.stack(
+        [np.linalg.norm(b - joint[:, None], axis=-1) < CONTACT_DISTANCE
+         for joint in np.moveaxis(a, 1, 0)]
+    )  # fmt: skip
 
 
 def write_two_people(
@@ -157,17 +208,15 @@ def write_two_people(
             times = a.times - a.times[0]
             pair = Interaction(a.skeleton, times, a.motion, b.motion)
             writer.add(f"{duo.name}~{label}", pair)
-        return WrittenCapture([out], duo.people, 0.0)
+        return WrittenCapture([out], duo.people, Fidelity())
     files, written = _output_files(duo, out), []
     weights = proximity_weights(a.motion, b.motion)
     for number, person in enumerate(duo.people):
         targets = PersonTargets(person, weights[number], scales[number])
         written.append(_write_person(duo, number, targets, files[number]))
-    errors = [
-        np.linalg.norm(back.motion - person.motion, axis=-1).max()
-        for back, person in zip(written, duo.people, strict=True)
-    ]
-    return WrittenCapture(files, (written[0], written[1]), float(max(errors)))
+    found = (written[0].motion, written[1].motion)
+    fidelity = Fidelity.of((a.motion, b.motion), found)
+    return WrittenCapture(files, (written[0], written[1]), fidelity)
 
 
 @dataclass(frozen=True)
@@ -200,11 +249,6 @@ def _write_person(
         fps = float(1 / np.median(np.diff(person.times)))
         write_text(out, format_bvh(person.motion, fps, person.skeleton, targets.weights))
     return read_back(out, person, settings)
-
-
-def constant_bones_line(max_error: float) -> str:
-    """Say how far joints in BVH files are from where they were to be, in metres at most."""
-    return f"constant bones in BVH files move joints by {1e3 * max_error:.1f} mm at most"
 
 
 def read_back(file: Path, person: PersonMotion, settings: Mapping[str, Any]) -> PersonMotion:
@@ -246,6 +290,9 @@ def _make_capture(
 ) -> TwoPersonCapture:
     a, b = (_without_zero_bones(person) for person in people)
     text = " and ".join(str(file) for file in files)
+    if a.skeleton == b.skeleton and np.array_equal(a.motion, b.motion):
+        got = "the same motion twice" if len(files) == 2 else "one person"
+        raise CommandError(f"{text}: wanted the motions of two people; got {got}")
     if len(a.times) != len(b.times):
         raise CommandError(f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other")
     if not np.allclose(a.times, b.times, rtol=1e-4):

@@ -172,8 +172,7 @@ def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], st
 
 
 def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    # The first person is orange in stills and blue in the viewer.
-    clip = Interaction(scene.skeleton, scene.times, scene.people[-1], scene.people[0])
+    clip = Interaction(scene.skeleton, scene.times, scene.people[0], scene.people[-1])
     with atomic_file(out) as partial:
         # The film writers choose the format by the suffix.
         named = partial.with_name(partial.name + out.suffix.lower())

@@ -12,12 +12,13 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.captures import is_parquet, names_clips
+from pacmo_core.commands.captures import Fidelity, is_parquet, names_clips, read_back
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps
+from pacmo_core.formats.inverse_kinematics import proximity_weights
 from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
@@ -97,14 +98,14 @@ def check_reactions_output(out: Path) -> None:
         raise CommandError(f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files")
 
 
-def write_reactions(reactions: Reactions, out: Path) -> list[Path]:
-    """Write the files, each atomically; return them."""
+def write_reactions(reactions: Reactions, out: Path) -> tuple[list[Path], Fidelity]:
+    """Write the files, each atomically; return them and how well they hold the motions."""
     if is_parquet(out):
         with write_motions(out, reactions.skeleton) as writer:
             for number, reaction in enumerate(reactions.samples):
                 pair = Interaction(reactions.skeleton, reactions.times, reactions.partner, reaction)
                 writer.add(f"{reactions.name}#{number:04d}", pair)
-        return [out]
+        return [out], Fidelity()
     folder, stem = (
         (out, file_stem(reactions.name))
         if not out.suffix or out.is_dir()
@@ -113,17 +114,22 @@ def write_reactions(reactions: Reactions, out: Path) -> list[Path]:
     return _write_bvh(reactions, folder, stem)
 
 
-def _write_bvh(reactions: Reactions, folder: Path, stem: str) -> list[Path]:
+def _write_bvh(reactions: Reactions, folder: Path, stem: str) -> tuple[list[Path], Fidelity]:
     """Name files so that the preset ``pair`` finds the two people of each sample."""
     fps = float(1 / np.median(np.diff(reactions.times)))
-    partner = format_bvh(reactions.partner, fps, reactions.skeleton)
-    files = []
+    files: list[Path] = []
+    fidelity = Fidelity()
     for number, reaction in enumerate(reactions.samples):
-        text = format_bvh(reaction, fps, reactions.skeleton)
-        for person, content in (("A", partner), ("B", text)):
-            files.append(folder / f"{stem}_{number}_{person}.bvh")
-            write_text(files[-1], content)
-    return files
+        pair = (reactions.partner, reaction)
+        found = []
+        for person, motion, weights in zip("AB", pair, proximity_weights(*pair), strict=True):
+            file = folder / f"{stem}_{number}_{person}.bvh"
+            write_text(file, format_bvh(motion, fps, reactions.skeleton, weights))
+            wanted = PersonMotion(reactions.skeleton, reactions.times, motion)
+            found.append(read_back(file, wanted, {"unit": 1.0, "up": "y"}).motion)
+            files.append(file)
+        fidelity += Fidelity.of(pair, (found[0], found[1]))
+    return files, fidelity
 
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
@@ -215,7 +221,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
-        files = write_reactions(reactions, out)
+        files, fidelity = write_reactions(reactions, out)
+        if fidelity.max_error:
+            typer.echo(fidelity.line())
         typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
 
 

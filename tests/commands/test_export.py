@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from pacmo_core.commands.cli import app
 from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
+from pacmo_core.figures.stills import COLOURS
+from pacmo_core.figures.viewer import read_asset
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
@@ -174,6 +177,22 @@ def test_ground_and_centre_move_both_people_alike(
     np.testing.assert_allclose(roots[[0, 2]], 0, atol=1e-5)
     moved = people - np.stack([CLIP.person_a, CLIP.person_b])
     np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0, 0], moved.shape), atol=1e-4)
+
+
+def test_a_film_shows_the_people_in_the_colours_of_the_viewer(tmp_path: Path) -> None:
+    css = read_asset("player.css")
+    viewer = [re.search(rf"--person-{person}: (#\w+)", css) for person in "ab"]
+    assert [found[1] for found in viewer if found] == list(COLOURS)
+    # Person a walks on the left of person b.
+    with write_motions(tmp_path / "two.parquet", NTU25) as writer:
+        right = CLIP.person_a + np.array([4, 0, 0], np.float32)
+        writer.add("one", Interaction(NTU25, CLIP.times, CLIP.person_a, right))
+    assert export("two.parquet:one", "--out", "x.gif", "--fps", 5).exit_code == 0
+    with Image.open(tmp_path / "x.gif") as found:
+        picture = np.asarray(found.convert("RGB")).astype(int)
+    blue = picture[..., 2] - picture[..., 0] > 60
+    orange = picture[..., 0] - picture[..., 2] > 60
+    assert np.nonzero(blue)[1].mean() < np.nonzero(orange)[1].mean()
 
 
 def test_ground_and_centre_are_told_apart(tmp_path: Path) -> None:
