@@ -83,6 +83,8 @@ class ExportOptions:
 def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Path], str]:
     """Write the files, each atomically; return them and a summary: frames, rate and errors."""
     suffix = out.suffix.lower()
+    if scene.other:
+        raise CommandError(f"{scene.label}: two skeletons; export one person at a time")
     fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
     written = scene if fps is None else resample_scene(scene, fps)
     files, errors = WRITERS[suffix](out, written, form)
