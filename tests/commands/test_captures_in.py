@@ -200,7 +200,7 @@ def test_people_of_two_rates_meet_at_the_lower(pair: list[Path], tmp_path: Path)
         np.testing.assert_allclose(other["person_b"], same["person_b"], atol=1e-2)
     # A rate that is stated for one.
     told = ["--from-fps", "b=30", "--out", tmp_path / "x.npz"]
-    refused(pacmo("export", both[1], *told), "117 frames; the other person has 30")
+    refused(pacmo("export", both[1], *told), "30 frames of one, 117 of the other")
 
 
 def test_an_option_that_a_format_does_not_take_is_refused(tmp_path: Path) -> None:
@@ -211,8 +211,8 @@ def test_an_option_that_a_format_does_not_take_is_refused(tmp_path: Path) -> Non
 
 def test_words_are_for_both_people_or_for_one() -> None:
     options = ReadOptions(unit=["cm", "b=0.5"], up=["a=z"])
-    assert options.settings("a") == {"unit": 0.01, "up": "z"}
-    assert options.settings("b") == {"unit": 0.5}
+    assert options.settings("bvh", "a") == {"unit": 0.01, "up": "z"}
+    assert options.settings("bvh", "b") == {"unit": 0.5}
     assert words_of(["mixamo", "a=left_hand=X", "b=n.json", "neck=Y"], "a") == [
         "mixamo", "left_hand=X", "neck=Y",
     ]  # fmt: skip
@@ -220,7 +220,7 @@ def test_words_are_for_both_people_or_for_one() -> None:
         1, 0.01, 0.001, 0.0254, 2,
     ]  # fmt: skip
     with pytest.raises(CommandError, match="one value a person"):
-        ReadOptions(unit=["1", "2"]).settings("a")
+        ReadOptions(unit=["1", "2"]).settings("bvh", "a")
 
 
 @pytest.mark.parametrize(
