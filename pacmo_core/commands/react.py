@@ -18,7 +18,6 @@ from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps
-from pacmo_core.formats.inverse_kinematics import proximity_weights
 from pacmo_core.formats.registry import PersonMotion, format_of, read_partner, select_person
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
@@ -122,9 +121,9 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str) -> tuple[list[Path
     for number, reaction in enumerate(reactions.samples):
         pair = (reactions.partner, reaction)
         found = []
-        for person, motion, weights in zip("AB", pair, proximity_weights(*pair), strict=True):
+        for person, motion in zip("AB", pair, strict=True):
             file = folder / f"{stem}_{number}_{person}.bvh"
-            write_text(file, format_bvh(motion, fps, reactions.skeleton, weights))
+            write_text(file, format_bvh(motion, fps, reactions.skeleton))
             wanted = PersonMotion(reactions.skeleton, reactions.times, motion)
             found.append(read_back(file, wanted, {"unit": 1.0, "up": "y"}).motion)
             files.append(file)
