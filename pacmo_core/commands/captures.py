@@ -16,7 +16,11 @@ from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.inverse_kinematics import proximity_weights
+from pacmo_core.formats.inverse_kinematics import (
+    CONTACT_DISTANCE,
+    contact_targets,
+    proximity_weights,
+)
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
@@ -33,7 +37,6 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, write_motions
 
 MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
-CONTACT_DISTANCE = 0.1  # metres between joints of two people in contact
 
 
 @dataclass(frozen=True)
@@ -255,8 +258,10 @@ def write_two_people(
         return WrittenCapture([out], duo.people, Fidelity())
     files, written = _output_files(duo, out), []
     weights = proximity_weights(a.motion, b.motion)
+    aims = contact_targets(a.motion, b.motion)
     for number, person in enumerate(duo.people):
-        targets = PersonTargets(person, weights[number], scales[number])
+        aimed = replace(person, motion=aims[number])
+        targets = PersonTargets(aimed, weights[number], scales[number])
         written.append(_write_person(duo, number, targets, files[number]))
     found = (written[0].motion, written[1].motion)
     fidelity = Fidelity.of((a.motion, b.motion), found)

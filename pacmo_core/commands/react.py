@@ -33,7 +33,6 @@ from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps, check_up
-from pacmo_core.formats.inverse_kinematics import proximity_weights
 from pacmo_core.formats.registry import PersonMotion, select_person
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
@@ -154,10 +153,10 @@ def _write_bvh(
     for number, reaction in enumerate(reactions.samples):
         pair = (reactions.partner, reaction)
         found = []
-        for person, motion, weights in zip("AB", pair, proximity_weights(*pair), strict=True):
+        for person, motion in zip("AB", pair, strict=True):
             file = folder / f"{stem}_{number}_{person}.bvh"
             in_units = (from_y_up(motion, space.up) / space.unit).astype(np.float32)
-            write_text(file, format_bvh(in_units, fps, reactions.skeleton, weights))
+            write_text(file, format_bvh(in_units, fps, reactions.skeleton))
             wanted = PersonMotion(reactions.skeleton, reactions.times, motion)
             found.append(read_back(file, wanted, asdict(space)).motion)
             files.append(file)
