@@ -342,9 +342,10 @@ def _irregular_cases() -> dict[str, Crafted]:
             _read_weights,
             (StoreError, FileNotFoundError),
         )
-    for what, make in IRREGULAR.items():
-        write = partial(write_irregular, make)
-        cases[f"inbox: {what}"] = Crafted(write, read_inbox, (RefusedError,))
+    for what, irregular in IRREGULAR.items():
+        cases[f"inbox: {what}"] = Crafted(
+            partial(write_irregular, irregular), read_inbox, (RefusedError,)
+        )
     return cases
 
 

@@ -70,7 +70,7 @@ def _deep(path: Path) -> None:
     os.chdir(here)
 
 
-IRREGULAR: dict[str, Callable[[Path], None]] = {
+IRREGULAR: dict[str, Callable[[Path], object]] = {
     "a pipe": os.mkfifo,
     "a socket": unix_socket,
     "a link to nothing": lambda path: path.symlink_to("nothing"),
@@ -79,7 +79,7 @@ IRREGULAR: dict[str, Callable[[Path], None]] = {
     "a link out of the folder": lambda path: path.symlink_to("/etc/hostname"),
     "a link to its folder": lambda path: path.symlink_to(".", target_is_directory=True),
 }
-_ODD: tuple[Callable[[Path], None], ...] = (
+_ODD: tuple[Callable[[Path], object], ...] = (
     *IRREGULAR.values(),
     lambda path: path.mkdir(),
     lambda path: path.symlink_to("../good/skeleton_pos.txt"),
@@ -131,7 +131,7 @@ def _stray(grammar: Grammar, root: Path) -> None:
     _ODD[grammar.integer(0, len(_ODD))](folder / grammar.pick((*STRAY, *FOLDERS[:6])))
 
 
-def write_irregular(make: Callable[[Path], None], folder: Path, _: Path) -> None:
+def write_irregular(make: Callable[[Path], object], folder: Path, _: Path) -> None:
     """Write an inbox whose one capture is no regular file."""
     (folder / "format").write_text("sbu")
     (folder / RAW).mkdir(parents=True)

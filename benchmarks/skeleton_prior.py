@@ -99,7 +99,8 @@ def time_solver(task: Task) -> dict[str, float]:
 def bodies(task: Task, n: int) -> NDArray[np.float64]:
     """Select the scales (n, 2, E) of bodies spread over the task's."""
     rows = np.linspace(0, len(task.scales) - 1, n).round().astype(int)
-    return task.scales[rows].reshape(n, 2, -1)
+    scales: NDArray[np.float64] = task.scales[rows].reshape(n, 2, -1)
+    return scales
 
 
 def time_training(model: SkeletonPrior, source: Interaction) -> dict[str, float]:

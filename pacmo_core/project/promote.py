@@ -237,7 +237,7 @@ def _read_test_reactions(path: Path) -> int:
     count = _read_json(path).get("test_reactions")
     if not promotion.is_count(count):
         raise CommandError(f"{path}: wanted a number of test_reactions; got {count!s:.60}")
-    return int(count)
+    return count
 
 
 def _read_json(path: Path) -> dict[str, Any]:

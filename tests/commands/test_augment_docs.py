@@ -26,7 +26,7 @@ COMMANDS = [
     if line.startswith("./run pacmo augment ")
 ]
 # Options of the commands that state the unit and the upward axis of the files.
-CENTIMETRES, PRESET = "--unit 0.01", "--preset duo_mocap"
+CENTIMETRES, PRESET = "--from-unit cm", "--preset duo_mocap"
 
 
 def bvh(motion: Motion, command: str) -> str:
