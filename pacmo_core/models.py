@@ -128,6 +128,7 @@ _ROWS = (
     _variant("no_critic", "PaCMO without critic"),
     _variant("no_energy_score", "PaCMO without energy score"),
     _variant("no_body_distances", "PaCMO without distances"),
+    _variant("no_contact_score", "PaCMO without contact score"),
     _variant("no_augmentation", "PaCMO without data augmentation"),
     _wgan("pacmo_paper", "PaCMO, as in the paper"),
     _wgan(

@@ -24,9 +24,9 @@ from pacmo_core.figures.tables import (
 from pacmo_core.figures.variations import measure_label
 from pacmo_core.metrics.catalogue import (
     BASELINES,
+    HEADLINE_MODELS,
     MAIN_COLUMNS,
     METRICS,
-    MODELS,
     PARTNER_COLUMNS,
     ROWS,
     improvement_sign,
@@ -54,7 +54,7 @@ class Finding:
 
 
 def reaction_findings(pooled: Mapping[str, Any]) -> list[Finding]:
-    """Return a sentence for each model of reactions.
+    """Return a sentence for each of the headline models.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def reaction_findings(pooled: Mapping[str, Any]) -> list[Finding]:
     """
     return [
         Finding(_label(model), f"{'; '.join(_clauses(pooled, model)).removeprefix('it ')}.")
-        for model in MODELS
+        for model in HEADLINE_MODELS
         if model in pooled["rows"]
     ]
 

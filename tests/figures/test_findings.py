@@ -16,9 +16,10 @@ from pacmo_core.figures.findings import (
     variation_findings,
 )
 from pacmo_core.figures.tables import BETTER, OPEN, WORSE
-from pacmo_core.metrics.catalogue import METRICS, MODELS, improvement_sign
+from pacmo_core.metrics.catalogue import HEADLINE_MODELS, METRICS, improvement_sign
 from tests.figures.samples import cell
 
+N = len(COMPARED)
 LABELS = {name: METRICS[name].label.replace(", ", " of ") for name in COMPARED}
 
 
@@ -30,7 +31,10 @@ def difference(outcome: str, metric: str) -> dict[str, Any]:
 def pooled(**outcomes: dict[str, str]) -> dict[str, Any]:
     """Return pooled scores of all models, with outcomes by pair and metric."""
     return {
-        "rows": {name: {"f2id": cell(0.2), "f2id_floor": cell(0.1)} for name in ("real", *MODELS)},
+        "rows": {
+            name: {"f2id": cell(0.2), "f2id_floor": cell(0.1)}
+            for name in ("real", *HEADLINE_MODELS)
+        },
         "differences": {
             pair: {metric: difference(o, metric) for metric, o in by_metric.items()}
             for pair, by_metric in outcomes.items()
@@ -70,10 +74,10 @@ def test_a_model_that_does_not_beat_regression_says_so(outcome: str) -> None:
 
 def test_a_nearest_neighbour_is_a_baseline_where_there_is_one() -> None:
     scores = pooled(pacmo_minus_nearest_neighbour=everywhere(WORSE))
-    assert "nearest neighbour" not in sentence(reaction_findings(scores), "PaCMO")
+    assert "Nearest neighbour" not in sentence(reaction_findings(scores), "PaCMO")
     scores["rows"]["nearest_neighbour"] = {}
     text = sentence(reaction_findings(scores), "PaCMO")
-    assert text.startswith("PaCMO does not beat nearest neighbour: better in none of 10 metrics")
+    assert text.startswith(f"PaCMO does not beat Nearest neighbour: better in none of {N} metrics")
 
 
 def test_what_was_not_compared_is_not_praised() -> None:
@@ -83,20 +87,23 @@ def test_what_was_not_compared_is_not_praised() -> None:
 
 def test_a_difference_counts_for_the_second_model_the_other_way_round() -> None:
     found = reaction_findings(pooled(regression_minus_gru=everywhere(BETTER)))
-    assert sentence(found, "Regression").startswith("Regression is better than GRU in 10 of 10")
-    assert sentence(found, "GRU").startswith("GRU does not beat Regression: better in none of 10")
+    assert sentence(found, "Regression").startswith(f"Regression is better than GRU in {N} of {N}")
+    assert sentence(found, "GRU").startswith(f"GRU does not beat Regression: better in none of {N}")
 
 
-@given(st.lists(st.sampled_from([BETTER, WORSE, OPEN]), min_size=len(COMPARED), max_size=10))
+@given(st.lists(st.sampled_from([BETTER, WORSE, OPEN]), min_size=N, max_size=N))
 def test_a_clause_claims_what_the_intervals_show_and_nothing_else(outcomes: list[str]) -> None:
     verdicts = dict(zip(COMPARED, outcomes, strict=True))
     text = comparison_clause("Regression", verdicts)
     better, worse = (outcomes.count(wanted) for wanted in (BETTER, WORSE))
     assert ("does not beat" in text) == (better == 0)
     if better:
-        assert f"is better than Regression in {better} of 10 metrics" in text
+        assert f"is better than Regression in {better} of {N} metrics" in text
     assert (f"worse in {worse} (" in text) == (worse > 0)
-    for wanted, pattern in ((BETTER, r"10 metrics \((.*?)\)"), (WORSE, r"worse in \d+ \((.*?)\)")):
+    for wanted, pattern in (
+        (BETTER, rf"{N} metrics \((.*?)\)"),
+        (WORSE, r"worse in \d+ \((.*?)\)"),
+    ):
         listed = match[1].split(", ") if (match := re.search(pattern, text)) else []
         assert listed == [LABELS[name] for name in COMPARED if verdicts[name] == wanted]
 

@@ -91,7 +91,7 @@ def refused(said, dataset, split):
     """Run the stage on the folder ``v``; it must end with a text that the pattern matches."""
     priors = {"datasets": [dataset], "splits": [split], "models": [], "seeds": []}
     section = {"held_out": ["*A055"], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
-    runs = {"folds": [1], "seeds": [1], "priors": priors}
+    runs = {"folds": [1], "seeds": [1], "models": [], "variants": [], "priors": priors}
     YAML(typ="safe").dump({"runs": runs, "split_variations": section}, Path("params.yaml"))
     paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))
     with pytest.raises(StageError, match=said):
