@@ -229,8 +229,8 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     Raises
     ------
     FormatError, ValueError, KeyError, CommandError
-        If a file cannot be read, an option does not apply, a unit or axis can neither be read nor
-        inferred, or gives a person of impossible stature or posture.
+        If a file cannot be read, a unit or axis can neither be read nor inferred, or gives a person
+        of impossible stature or posture.
     """
     forms = [options.format_of(source.file) for source in sources]
     settings = [
