@@ -20,10 +20,13 @@ from typer.testing import CliRunner
 from pacmo_core.commands import view
 from pacmo_core.commands.cli import app
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.data.splits import ClipOrigin, SplitRule, assign_splits
+from pacmo_core.formats.registry import open_format
 from pacmo_core.formats.table import Table
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import SplitRecord, read_rows
+from pacmo_core.synthesis.script import ACTIONS, file_name, sample_scripts
 from tests.commands.test_augment import standing
 from tests.docs import PAGES, ROOT, blocks, commands
 
@@ -96,6 +99,32 @@ def can_be_imported(module: str, name: str) -> bool:
     imported = import_module(module)
     is_package = hasattr(imported, "__path__")
     return hasattr(imported, name) or (is_package and find_spec(f"{module}.{name}") is not None)
+
+
+def test_reactions_that_the_documentation_names_are_to_clips_of_the_test_split(
+    tmp_path: Path,
+) -> None:
+    params = YAML(typ="safe").load(ROOT / "params.yaml")
+    section = params["synthesise"]
+    scripts = sample_scripts(
+        section["random_seed"],
+        population=section["random_seed"],
+        pairs=section["n_pairs"],
+        actions=tuple(ACTIONS),
+        replications=section["replications"],
+    )
+    for script, _ in scripts:
+        (tmp_path / f"{file_name(script)}.skeleton").touch()
+    found = open_format("ntu", params["ingest"]["settings"]).find(tmp_path)
+    origins = [ClipOrigin(s.name, s.recording, tuple(filter(None, s.subjects))) for s in found]
+    splits = assign_splits(origins, SplitRule(**params["split"]), 1)
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    named = re.findall(r"data/reactions/1/\w+/\d+:(S\d\w+)#[ab]#0", text)
+    assert len(named) > 1
+    assert {splits[name] for name in named} == {"test"}
+    # A longer recording would be cut into clips of other names.
+    assert {name[-4:] for name in named} == {"A050"}
+    assert not re.search(r"view NAME data/reactions", text)
 
 
 @pytest.fixture

@@ -18,10 +18,10 @@ from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.augmentation.run import report_measurements
 from pacmo_core.commands.captures import (
+    Fidelity,
     TwoPersonCapture,
     WrittenCapture,
     check_output,
-    constant_bones_line,
     read_two_people,
     write_two_people,
 )
@@ -149,7 +149,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         written = write_two_people(moved, scales, label, out)
         figures = report_measurements(solution.reports[0])
         figures |= measure_written(duo, written, scales, solving.solver)
-        for line in _report_lines(figures, solving.limits, written.max_error):
+        for line in _report_lines(figures, solving.limits, written.fidelity):
             typer.echo(line)
         page = write_variation_page(duo, written, figures, solving.limits, out)
         paths = ", ".join(map(str, written.files))
@@ -219,12 +219,12 @@ def measure_written(
 
 
 def _report_lines(
-    figures: dict[str, float], limits: VariationLimits, max_error: float
+    figures: dict[str, float], limits: VariationLimits, fidelity: Fidelity
 ) -> Iterator[str]:
     """Yield the lines that summarise the measurements."""
     yield measurement_summary(figures)
-    if max_error:
-        yield constant_bones_line(max_error)
+    if fidelity.max_error:
+        yield fidelity.line()
     exceeded = exceeded_limits(figures, limits)
     worst_first = sorted(exceeded, key=lambda name: -exceeded[name])
     if worst_first:

@@ -14,10 +14,13 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.base import skeleton_difference
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.inverse_kinematics import proximity_weights
+from pacmo_core.formats.inverse_kinematics import (
+    CONTACT_DISTANCE,
+    contact_targets,
+    proximity_weights,
+)
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
@@ -86,13 +89,14 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
         pair = read_motion(first, clip)
         people = [select_person(pair, person, clip) for person in PEOPLE]
         return _make_capture(clip, files, ({}, {}), people)
-    form = options.format_of(first)
-    if (form in ONE_PERSON_FORMATS) != (len(files) == 2):
-        wanted = (
-            "one person: wanted two files" if form in ONE_PERSON_FORMATS else "two: wanted one file"
-        )
-        raise CommandError(f"{first}: a file of format {form} holds {wanted}; got {len(files)}")
-    read = read_people(two_sources(files), options, clip)
+    for file in files:
+        form = options.format_of(file)
+        if (form in ONE_PERSON_FORMATS) != (len(files) == 2):
+            wanted = "two: wanted one file"
+            if form in ONE_PERSON_FORMATS:
+                wanted = "one person: wanted two files"
+            raise CommandError(f"{file}: a file of format {form} holds {wanted}; got {len(files)}")
+    read = read_people(two_sources(files), options.of_captures(files), clip)
     settings = tuple(person.settings for person in read)
     text = " and ".join(str(file) for file in files)
     a, b = on_one_clock(read[0].motion, read[1].motion, text)
@@ -112,9 +116,15 @@ def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMot
     """Resample the person of the higher frame rate at the times of the other, and say so.
 
     Equal rates are left alone. Both are cut to the time that they have in common.
+
+    Raises
+    ------
+    CommandError
+        If their frames are not at the same times.
     """
     steps = [float(np.median(np.diff(person.times))) for person in (a, b)]
     if np.isclose(steps[0], steps[1], rtol=1e-4):
+        _check_same_times(a, b, text)
         return a, b
     slow, fast = (a, b) if steps[0] > steps[1] else (b, a)
     at = slow.times[slow.times <= fast.times[-1] + min(steps) / 10]  # rates of files are rounded
@@ -127,13 +137,12 @@ def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMot
     return (cut, same) if slow is a else (same, cut)
 
 
-def check_same_skeleton(file: Path, a: PersonMotion, b: PersonMotion) -> None:
-    """Refuse two people who cannot be shown or stored together: other joints, or other times."""
-    if a.skeleton != b.skeleton:
-        difference = skeleton_difference(b.skeleton, a.skeleton)
-        raise CommandError(f"{file}: not the joints of the other person: {difference}")
-    if a.motion.shape != b.motion.shape:
-        raise CommandError(f"{file}: {len(b.times)} frames; the other person has {len(a.times)}")
+def _check_same_times(a: PersonMotion, b: PersonMotion, text: str) -> None:
+    if len(a.times) != len(b.times):
+        raise CommandError(f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other")
+    if not np.allclose(a.times, b.times, rtol=1e-4):
+        ends = f"{a.times[-1]:g} s and {b.times[-1]:g} s"
+        raise CommandError(f"{text}: not at the same times; they end at {ends}")
 
 
 def names_clips(file: Path, clip: str) -> bool:
@@ -169,12 +178,62 @@ class WrittenCapture:
     ----------
     files : that were written
     people : read back from the files; BVH files hold bones of constant length
-    max_error : metres, the largest distance of a joint in the files from where it was to be
+    fidelity : of the files
     """
 
     files: list[Path]
     people: tuple[PersonMotion, PersonMotion]
-    max_error: float
+    fidelity: "Fidelity"
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """How well files hold the motions that were written, measured on what is read back.
+
+    Parameters
+    ----------
+    max_error : metres, the largest distance of a joint from where it was to be
+    contacts, contacts_held : number of pairs of joints of the two people in contact, over all
+        frames, and of those that are in contact in the files
+    """
+
+    max_error: float = 0.0
+    contacts: int = 0
+    contacts_held: int = 0
+
+    @classmethod
+    def of(cls, wanted: tuple[Motion, Motion], found: tuple[Motion, Motion]) -> "Fidelity":
+        """Compare two people's motions (T, J, 3), metres."""
+        errors = [
+            np.linalg.norm(back - motion, axis=-1).max()
+            for back, motion in zip(found, wanted, strict=True)
+        ]
+        touch, touch_in_file = _contacts(*wanted), _contacts(*found)
+        held = int((touch & touch_in_file).sum())
+        return cls(float(max(errors)), int(touch.sum()), held)
+
+    def __add__(self, other: "Fidelity") -> "Fidelity":
+        """Return that of both together."""
+        return Fidelity(
+            max(self.max_error, other.max_error),
+            self.contacts + other.contacts,
+            self.contacts_held + other.contacts_held,
+        )
+
+    def line(self) -> str:
+        """Say how far joints in BVH files are from where they were to be, and what touches."""
+        moved = f"constant bones in BVH files move joints by {1e3 * self.max_error:.1f} mm at most"
+        if not self.contacts:
+            return moved
+        return f"{moved}; {100 * self.contacts_held / self.contacts:.1f} % of contacts are in them"
+
+
+def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:
+    """``(J_a, T, J_b)``: whether joints of two people are in contact; one joint at a time."""
+    return np.stack(
+        [np.linalg.norm(b - joint[:, None], axis=-1) < CONTACT_DISTANCE
+         for joint in np.moveaxis(a, 1, 0)]
+    )  # fmt: skip
 
 
 def write_two_people(
@@ -196,17 +255,17 @@ def write_two_people(
             times = a.times - a.times[0]
             pair = Interaction(a.skeleton, times, a.motion, b.motion)
             writer.add(f"{duo.name}~{label}", pair)
-        return WrittenCapture([out], duo.people, 0.0)
+        return WrittenCapture([out], duo.people, Fidelity())
     files, written = _output_files(duo, out), []
     weights = proximity_weights(a.motion, b.motion)
+    aims = contact_targets(a.motion, b.motion)
     for number, person in enumerate(duo.people):
-        targets = PersonTargets(person, weights[number], scales[number])
+        aimed = replace(person, motion=aims[number])
+        targets = PersonTargets(aimed, weights[number], scales[number])
         written.append(_write_person(duo, number, targets, files[number]))
-    errors = [
-        np.linalg.norm(back.motion - person.motion, axis=-1).max()
-        for back, person in zip(written, duo.people, strict=True)
-    ]
-    return WrittenCapture(files, (written[0], written[1]), float(max(errors)))
+    found = (written[0].motion, written[1].motion)
+    fidelity = Fidelity.of((a.motion, b.motion), found)
+    return WrittenCapture(files, (written[0], written[1]), fidelity)
 
 
 @dataclass(frozen=True)
@@ -230,8 +289,8 @@ def _write_person(
 ) -> PersonMotion:
     """Write a BVH file, in the hierarchy of the input if that is BVH; return what it holds."""
     person, settings = targets.person, {"unit": 1.0, "up": "y"}
-    if duo.keeps_hierarchy and duo.files[0].suffix.lower() == ".bvh":
-        file = duo.files[number]
+    file = duo.files[number] if len(duo.files) == 2 else duo.files[0]
+    if duo.keeps_hierarchy and file.suffix.lower() == ".bvh":
         pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **duo.settings[number]})
         settings = {"unit": pairs.metres(file), "up": pairs.up_axis}
         write_text(out, _rewritten(file, pairs, targets))
@@ -239,11 +298,6 @@ def _write_person(
         fps = float(1 / np.median(np.diff(person.times)))
         write_text(out, format_bvh(person.motion, fps, person.skeleton, targets.weights))
     return read_back(out, person, settings)
-
-
-def constant_bones_line(max_error: float) -> str:
-    """Say how far joints in BVH files are from where they were to be, in metres at most."""
-    return f"constant bones in BVH files move joints by {1e3 * max_error:.1f} mm at most"
 
 
 def read_back(file: Path, person: PersonMotion, settings: Mapping[str, Any]) -> PersonMotion:
@@ -256,7 +310,7 @@ def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:
     """Return the BVH files: in a folder under the names of the input, else NAME_A and NAME_B."""
     if out.suffix.lower() == ".bvh" and not out.is_dir():
         return [out.with_name(f"{out.stem}_{person.upper()}.bvh") for person in PEOPLE]
-    if duo.files[0].suffix.lower() == ".bvh":
+    if all(file.suffix.lower() == ".bvh" for file in duo.files):
         names = [file.name for file in duo.files]
         if names[0] != names[1]:
             return [out / name for name in names]
@@ -288,12 +342,9 @@ def _make_capture(
 ) -> TwoPersonCapture:
     a, b = (_without_zero_bones(person) for person in people)
     text = " and ".join(str(file) for file in files)
-    if len(a.times) != len(b.times):
-        raise CommandError(f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other")
-    if not np.allclose(a.times, b.times, rtol=1e-4):
-        raise CommandError(
-            f"{text}: not at the same times; they end at {a.times[-1]:g} s and {b.times[-1]:g} s"
-        )
+    if a.skeleton == b.skeleton and np.array_equal(a.motion, b.motion):
+        got = "the same motion twice" if len(files) == 2 else "one person"
+        raise CommandError(f"{text}: wanted the motions of two people; got {got}")
     return TwoPersonCapture(name, files, settings, (a, b))
 
 

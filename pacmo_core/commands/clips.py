@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from pacmo_core.data.limits import printable
-from pacmo_core.project.workspace import CommandError, errors_in_one_line
+from pacmo_core.data.names import ReactionName, is_reaction
+from pacmo_core.project.workspace import MOTIONS, CommandError, errors_in_one_line
 from pacmo_core.store.files import StoreError
+from pacmo_core.store.motions import read_names
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, read_rows
 
 Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequences")]
@@ -22,23 +21,76 @@ Splits = Annotated[
     Path | None, typer.Option(help="show the split of each clip, such as data/splits/1.parquet")
 ]
 
+ReactionsFolder = Annotated[
+    Path | None,
+    typer.Option(help="folder of FOLD/MODEL/SEED; default: reactions beside the folder of clips"),
+]
+
 CLIP_COLUMNS = ("clip", "action", "subject_a", "subject_b", "fps", "frames", "duration")
 
 
 def clips(
-    folder: Folder = Path("data/clips"), matching: Matching = "", splits: Splits = None
+    folder: Folder = Path("data/clips"),
+    matching: Matching = "",
+    splits: Splits = None,
+    reactions: ReactionsFolder = None,
 ) -> None:
     """List the clips of a folder.
 
-    Their people, action and duration; with ``--splits`` also their split in that fold.
+    pacmo clips
+
+    pacmo clips --splits data/splits/1.parquet --matching test
+
+    Their people, action and duration; the models that have reactions to them; with ``--splits``
+    also their split in that fold. A reaction of person b, of model pacmo in fold 1 with seed 1, is
+    data/reactions/1/pacmo/1:CLIP#b#0 for ``pacmo view`` and ``pacmo export``.
     """
     with _errors_in_one_line():
-        rows = read_rows(folder / "clips.parquet", ClipRecord)
+        rows = read_rows(_table(folder / "clips.parquet"), ClipRecord)
         split_of = {row.clip: row.split for row in read_rows(splits, SplitRecord)} if splits else {}
-    cells = [[_cell(getattr(row, column)) for column in CLIP_COLUMNS] for row in rows]
-    if splits:
-        cells = [[*line, split_of.get(row.clip, "")] for line, row in zip(cells, rows, strict=True)]
-    _show(cells, (*CLIP_COLUMNS, *(["split"] if splits else [])), matching)
+        models = _models_by_clip(reactions or folder.parent / "reactions")
+    columns = (*CLIP_COLUMNS, *(["reactions"] if models else []), *(["split"] if splits else []))
+    cells = []
+    for row in rows:
+        more = {
+            "reactions": " ".join(models.get(row.clip, [])),
+            "split": split_of.get(row.clip, ""),
+        }
+        cells.append([_cell(more.get(name, getattr(row, name, ""))) for name in columns])
+    _show(cells, columns, matching)
+
+
+def _table(path: Path) -> Path:
+    """Return the path of a table that is there.
+
+    Raises
+    ------
+    CommandError
+        If it is not: before the first run, or in another folder.
+    """
+    if not path.exists():
+        raise CommandError(
+            f"no {path}: ./run makes data/clips and data/sequences; name the folder of others"
+        )
+    return path
+
+
+def _models_by_clip(folder: Path) -> dict[str, list[str]]:
+    """List the models that have reactions to each clip, of all folds and seeds.
+
+    Parameters
+    ----------
+    folder : with ``FOLD/MODEL/SEED/motions.parquet``
+    """
+    found: dict[str, list[str]] = {}
+    for file in sorted(folder.glob(f"*/*/*/{MOTIONS}"), key=lambda file: file.parts[-3]):
+        model = file.parts[-3]
+        names = {ReactionName.parse(name).clip for name in read_names(file) if is_reaction(name)}
+        for clip in names:
+            models = found.setdefault(clip, [])
+            if model not in models:
+                models.append(model)
+    return found
 
 
 def quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:
@@ -47,7 +99,7 @@ def quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "")
     With the file, the line and the reason.
     """
     with _errors_in_one_line():
-        rows = read_rows(folder / "quarantine.parquet", QuarantineRecord)
+        rows = read_rows(_table(folder / "quarantine.parquet"), QuarantineRecord)
     columns = ("file", "line", "reason")
     _show([[_cell(getattr(row, column)) for column in columns] for row in rows], columns, matching)
 
@@ -62,14 +114,15 @@ def _errors_in_one_line() -> Iterator[None]:
 
 
 def _show(lines: Sequence[Sequence[str]], columns: Sequence[str], matching: str) -> None:
-    table = Table(*columns, box=None)
-    for cells in lines:
-        if matching in " ".join(cells):
-            table.add_row(*map(Text, cells))
-    Console().print(table)
-    typer.echo(f"{table.row_count} of {len(lines)}")
+    """Print the lines in columns; nothing is cut to the width of a terminal."""
+    shown = [cells for cells in lines if matching in " ".join(cells)]
+    widths = [max(map(len, column)) for column in zip(columns, *shown, strict=True)]
+    for cells in (columns, *shown):
+        padded = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
+        typer.echo("  ".join(padded).rstrip())
+    typer.echo(f"{len(shown)} of {len(lines)}")
 
 
 def _cell(value: object) -> str:
-    # Escaped: a name may hold controls of the terminal, and brackets that Rich takes as markup.
+    # Escaped: a name may hold controls of the terminal.
     return f"{value:.2f}" if isinstance(value, float) else printable(str(value))

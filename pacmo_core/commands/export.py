@@ -1,9 +1,9 @@
 """``pacmo export``: a clip in the format of another tool, by the suffix of the file."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -19,7 +19,7 @@ from pacmo_core.commands.reading import (
     check_unit,
     parse_unit,
 )
-from pacmo_core.commands.view import read_scene
+from pacmo_core.commands.view import read_scenes
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import work_fault
 from pacmo_core.figures.body_mesh import make_skin
@@ -43,17 +43,26 @@ from pacmo_core.store.files import atomic_file, write_text
 
 FILM_FPS = 25.0
 COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
+FILMS = (".mp4", ".gif")
 # The glTF standard prescribes metres and y up; a film shows no axis.
-FIXED_UNIT_SUFFIXES = (".glb", ".gltf", ".mp4", ".gif")
+FIXED_UNIT_SUFFIXES = (".glb", ".gltf", *FILMS)
 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Frames per second (None: those of the clip), up axis, metres per unit."""
+    """Frames per second (None: those of the clip), up axis, metres per unit, and the place.
+
+    Parameters
+    ----------
+    ground : the lowest joint of the clip gets height zero
+    centre : the mean position of the roots gets above the origin
+    """
 
     fps: float | None
     up: str
     unit: float
+    ground: bool = False
+    centre: bool = False
 
     def check(self, out: Path) -> None:
         """Reject options that the format does not support.
@@ -72,6 +81,8 @@ class ExportOptions:
             raise CommandError(
                 f"{out}: {suffix} is always metres, y up; leave out --to-up and --to-unit"
             )
+        if suffix in FILMS and (self.ground or self.centre):
+            raise CommandError(f"{out}: a film has no origin; leave out --ground and --centre")
         if suffix == ".gif":
             check_gif_rate(self.fps or FILM_FPS)
         if suffix == ".mp4":
@@ -79,10 +90,15 @@ class ExportOptions:
 
 
 def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Path], str]:
-    """Write the files, each atomically; return them and a summary of the errors."""
+    """Write the files, each atomically; return them and a summary: frames, rate and errors."""
     suffix = out.suffix.lower()
-    fps = FILM_FPS if form.fps is None and suffix in (".mp4", ".gif") else form.fps
-    return WRITERS[suffix](out, scene if fps is None else resample_scene(scene, fps), form)
+    if scene.other:
+        raise CommandError(f"{scene.label}: two skeletons; export one person at a time")
+    fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
+    written = scene if fps is None else resample_scene(scene, fps)
+    files, errors = WRITERS[suffix](out, written, form)
+    rate = f"{len(written.times)} frames at {_fps(written):.6g} frames a second"
+    return files, "; ".join(filter(None, (rate, errors)))
 
 
 def resample_scene(scene: Scene, fps: float) -> Scene:
@@ -98,34 +114,66 @@ def _fps(scene: Scene) -> float:
     return float(1 / np.median(np.diff(scene.times)))
 
 
+def _shift(people: Sequence[NDArray[Any]], root: int, form: ExportOptions) -> NDArray[np.float64]:
+    """``(3,)``: the translation of all people together that ``--ground`` and ``--centre`` ask for.
+
+    Parameters
+    ----------
+    people : (T, J, 3) each, in the axes of the file
+    root : joint
+    """
+    up = "xyz".index(form.up)
+    shift = np.zeros(3)
+    if form.centre:
+        shift -= np.mean([motion[:, root] for motion in people], axis=(0, 1), dtype=np.float64)
+    shift[up] = -min(float(motion[..., up].min()) for motion in people) if form.ground else 0.0
+    return shift
+
+
 def _convert(scene: Scene, form: ExportOptions) -> list[Motion]:
-    return [(from_y_up(m, form.up) / form.unit).astype(np.float32) for m in scene.people]
+    people = [from_y_up(motion, form.up).astype(np.float64) for motion in scene.people]
+    shift = _shift(people, scene.skeleton.root, form)
+    return [((motion + shift) / form.unit).astype(np.float32) for motion in people]
+
+
+def _fit_people(scene: Scene, form: ExportOptions) -> tuple[list[ConstantBoneMotion], str]:
+    """Fit constant bones to both people, in metres and the axes of the file; summarise the errors.
+
+    The fits are placed, not the motions: it is the files whose feet stand on the floor.
+    """
+    motions = [from_y_up(motion, form.up) for motion in scene.people]
+    fits = [fit_bones(motion, scene.skeleton) for motion in motions]
+    positions = [fit.positions(scene.skeleton) for fit in fits]
+    errors = [
+        np.linalg.norm(fitted - motion, axis=-1)
+        for fitted, motion in zip(positions, motions, strict=True)
+    ]
+    shift = _shift(positions, scene.skeleton.root, form)
+    return [replace(fit, root=fit.root + shift) for fit in fits], _error_summary(errors)
 
 
 def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    files, errors = [], []
-    for person, motion in zip("AB", scene.people, strict=False):
-        fitted = fit_bones(from_y_up(motion, form.up), scene.skeleton)
-        errors.append(_position_errors(fitted, from_y_up(motion, form.up), scene))
-        in_units = replace(fitted, offsets=fitted.offsets / form.unit, root=fitted.root / form.unit)
-        alone = len(scene.people) == 1
+    fits, summary = _fit_people(scene, form)
+    alone = len(fits) == 1
+    files = []
+    for person, fit in zip("AB", fits, strict=False):
+        in_units = replace(fit, offsets=fit.offsets / form.unit, root=fit.root / form.unit)
         files.append(out if alone else out.with_name(f"{out.stem}_{person}{out.suffix}"))
         write_text(files[-1], format_bvh_of_fit(in_units, _fps(scene), scene.skeleton))
-    return files, _error_summary(errors)
+    return files, summary
 
 
-def _gltf(out: Path, scene: Scene, _: ExportOptions) -> tuple[list[Path], str]:
-    actors, errors = [], []
-    for person, motion, colour in zip("ab", scene.people, COLOURS, strict=False):
-        fitted = fit_bones(motion, scene.skeleton)
-        errors.append(_position_errors(fitted, motion, scene))
-        rest = rest_positions(fitted, scene.skeleton)
+def _gltf(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+    fits, summary = _fit_people(scene, form)
+    actors = []
+    for person, fit, colour in zip("ab", fits, COLOURS, strict=False):
+        rest = rest_positions(fit, scene.skeleton)
         skin = make_skin(make_body_shape(scene.skeleton), scene.skeleton, rest)
-        actors.append(AnimatedPerson(person, fitted, skin, colour))
+        actors.append(AnimatedPerson(person, fit, skin, colour))
     document, data = gltf_document(scene.skeleton, scene.times, actors)
     write = to_glb if out.suffix.lower() == ".glb" else to_gltf
     _write_bytes(out, write(document, data))
-    return [out], _error_summary(errors)
+    return [out], summary
 
 
 def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
@@ -135,8 +183,7 @@ def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], st
 
 
 def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    # The first person is orange in stills and blue in the viewer.
-    clip = Interaction(scene.skeleton, scene.times, scene.people[-1], scene.people[0])
+    clip = Interaction(scene.skeleton, scene.times, scene.people[0], scene.people[-1])
     with atomic_file(out) as partial:
         # The film writers choose the format by the suffix.
         named = partial.with_name(partial.name + out.suffix.lower())
@@ -151,14 +198,6 @@ def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str
 def _write_bytes(out: Path, content: bytes) -> None:
     with atomic_file(out) as partial:
         partial.write_bytes(content)
-
-
-def _position_errors(
-    fitted: ConstantBoneMotion, motion: Motion, scene: Scene
-) -> NDArray[np.float64]:
-    """Return ``(T, J)`` metres between the joints and those of the fit with constant bones."""
-    errors: NDArray[np.float64] = np.linalg.norm(fitted.positions(scene.skeleton) - motion, axis=-1)
-    return errors
 
 
 def _error_summary(errors: list[NDArray[np.float64]]) -> str:
@@ -189,6 +228,12 @@ ToFps = Annotated[
 ]
 ToUp = Annotated[str, typer.Option(help="up axis of the file, y or z")]
 ToUnit = Annotated[str, typer.Option(help="metres per unit of the file, or m, cm, mm, in")]
+Ground = Annotated[
+    bool, typer.Option("--ground", help="put the feet on the floor: the lowest joint at height 0")
+]
+Centre = Annotated[
+    bool, typer.Option("--centre", help="move the middle of the people above the origin")
+]
 
 
 def export(  # noqa: PLR0913  # typer reads the options off the signature
@@ -202,6 +247,8 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     to_unit: ToUnit = "m",
     to_up: ToUp = "y",
     to_fps: ToFps = None,
+    ground: Ground = False,
+    centre: Centre = False,
 ) -> None:
     """Write a clip in the format of another tool, by the suffix of the file.
 
@@ -211,15 +258,19 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo export walk_A.bvh+walk_B.bvh --from-unit cm --from-up y --out walk.gif
 
-    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with
-    skeleton, skin and animation, in metres, y up. These formats hold rotations of bones of constant
-    length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of joints,
-    which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip install
-    imageio-ffmpeg). A CLIP is named as for ``pacmo view``.
+    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with an
+    armature, skin and animation each, in metres, y up. These formats hold rotations of bones of
+    constant length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of
+    joints, which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip
+    install imageio-ffmpeg). A CLIP is named as for ``pacmo view``. --ground and --centre move both
+    people alike, so that the interaction stays as it is.
     """
     options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     with reading_errors_in_one_line():
-        form_of_file = ExportOptions(to_fps, to_up, parse_unit(to_unit, "--to-unit"))
+        form_of_file = ExportOptions(
+            to_fps, to_up, parse_unit(to_unit, "--to-unit"), ground, centre
+        )
         form_of_file.check(out)
-        files, summary = export_scene(read_scene(clip, options), out, form_of_file)
-    typer.echo(", ".join(map(str, files)) + (f"; {summary}" if summary else ""))
+        (scene,) = read_scenes([clip], options)
+        files, summary = export_scene(scene, out, form_of_file)
+    typer.echo(f"{', '.join(map(str, files))}: {summary}")

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.captures import is_parquet, names_clips
+from pacmo_core.commands.captures import Fidelity, is_parquet, names_clips, read_back
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -125,14 +125,16 @@ def check_reactions_output(out: Path, space: OutputSpace) -> None:
         raise CommandError(f"{out}: Parquet is always metres, y up; leave out --to-unit, --to-up")
 
 
-def write_reactions(reactions: Reactions, out: Path, space: OutputSpace) -> list[Path]:
-    """Write the files, each atomically; return them."""
+def write_reactions(
+    reactions: Reactions, out: Path, space: OutputSpace
+) -> tuple[list[Path], Fidelity]:
+    """Write the files, each atomically; return them and how well they hold the motions."""
     if is_parquet(out):
         with write_motions(out, reactions.skeleton) as writer:
             for number, reaction in enumerate(reactions.samples):
                 pair = Interaction(reactions.skeleton, reactions.times, reactions.partner, reaction)
                 writer.add(f"{reactions.name}#{number:04d}", pair)
-        return [out]
+        return [out], Fidelity()
     folder, stem = (
         (out, file_stem(reactions.name))
         if not out.suffix or out.is_dir()
@@ -141,22 +143,25 @@ def write_reactions(reactions: Reactions, out: Path, space: OutputSpace) -> list
     return _write_bvh(reactions, folder, stem, space)
 
 
-def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace) -> list[Path]:
+def _write_bvh(
+    reactions: Reactions, folder: Path, stem: str, space: OutputSpace
+) -> tuple[list[Path], Fidelity]:
     """Name files so that the preset ``pair`` finds the two people of each sample."""
     fps = float(1 / np.median(np.diff(reactions.times)))
-
-    def text_of(motion: Motion) -> str:
-        in_units = (from_y_up(motion, space.up) / space.unit).astype(np.float32)
-        return format_bvh(in_units, fps, reactions.skeleton)
-
-    partner = text_of(reactions.partner)
-    files = []
+    files: list[Path] = []
+    fidelity = Fidelity()
     for number, reaction in enumerate(reactions.samples):
-        text = text_of(reaction)
-        for person, content in (("A", partner), ("B", text)):
-            files.append(folder / f"{stem}_{number}_{person}.bvh")
-            write_text(files[-1], content)
-    return files
+        pair = (reactions.partner, reaction)
+        found = []
+        for person, motion in zip("AB", pair, strict=True):
+            file = folder / f"{stem}_{number}_{person}.bvh"
+            in_units = (from_y_up(motion, space.up) / space.unit).astype(np.float32)
+            write_text(file, format_bvh(in_units, fps, reactions.skeleton))
+            wanted = PersonMotion(reactions.skeleton, reactions.times, motion)
+            found.append(read_back(file, wanted, asdict(space)).motion)
+            files.append(file)
+        fidelity += Fidelity.of(pair, (found[0], found[1]))
+    return files, fidelity
 
 
 WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
@@ -236,8 +241,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     torch.set_num_threads(1)
     with reading_errors_in_one_line():
         check_samples(samples)
+        random = torch.Generator().manual_seed(seed)
         if stream:
-            random = torch.Generator().manual_seed(seed)
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(weights, live)
             return
@@ -246,21 +251,21 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
         check_reactions_output(out, space)
         model = load_reaction_model(weights)
-        synthetic = is_synthetic(partner, clip)
-        typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
+        typer.echo(trained_on_line(weights, synthetic_capture=is_synthetic(partner, clip)))
         source = Source(partner, person or "a", person)
         capture = to_model_joints(_capture(source, options, clip), model.skeleton, source, options)
         name = clip or partner.stem
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
-        random = torch.Generator().manual_seed(seed)
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
         if finish:
             motions = finish_reactions(model, partner_motion, motions)
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
-        files = write_reactions(reactions, out, space)
+        files, fidelity = write_reactions(reactions, out, space)
+        if fidelity.max_error:
+            typer.echo(fidelity.line())
         typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
 
 
@@ -269,7 +274,7 @@ def _capture(source: Source, options: ReadOptions, clip: str) -> PersonMotion:
         if not clip or options.describes_files:
             raise CommandError(f"{source.file}: wanted --clip, and no option of other formats")
         return select_person(read_motion(source.file, clip), source.person, clip)
-    (person,) = read_people([source], options, clip)
+    (person,) = read_people([source], options.of_captures([source.file]), clip)
     return person.motion
 
 

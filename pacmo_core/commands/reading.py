@@ -1,7 +1,8 @@
 """Options of all commands that read captures, and the people that are read by them.
 
 ``--from-unit``, ``--from-up`` and ``--from-fps`` say what a capture is in, ``--to-…`` what is
-written. A word is for both people, or ``a=`` and ``b=`` before it make it one person's.
+written. A word is for both people, or ``a=`` and ``b=`` before it make it one person's. Of captures
+of several formats each takes the options that its format needs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -76,6 +77,7 @@ class ReadOptions:
     form : format; None to infer it from the suffix
     preset : of BVH files
     unit, up, fps, joints : words, each for both people or after ``a=`` or ``b=``
+    mixed : whether the captures of the command are of several formats
     """
 
     form: str | None = None
@@ -84,6 +86,7 @@ class ReadOptions:
     up: Sequence[str] = ()
     fps: Sequence[str] = ()
     joints: Sequence[str] = field(default=())
+    mixed: bool = False
 
     @property
     def describes_files(self) -> bool:
@@ -103,7 +106,40 @@ class ReadOptions:
             raise KeyError(f"no format {form!r}; there are {', '.join(DEFAULT_SETTINGS)}")
         return form
 
-    def settings(self, person: str) -> dict[str, Any]:
+    def of_captures(self, files: Sequence[Path]) -> "ReadOptions":
+        """Return the options of all captures of a command.
+
+        Raises
+        ------
+        CommandError
+            If an option applies to none of them.
+        ValueError, KeyError
+            If a file is of no format.
+        """
+        forms = sorted({self.format_of(file) for file in files})
+        options = replace(self, mixed=len(forms) > 1)
+        known = {name for form in forms for name in options.names(form)}
+        for name in ("preset", "unit", "up", "fps"):
+            if getattr(self, name) and name not in known:
+                option = "--preset" if name == "preset" else f"--from-{name}"
+                text = ", ".join(map(str, files))
+                raise CommandError(
+                    f"{text}: captures of format {' or '.join(forms)} take no {option}"
+                    if forms
+                    else f"clips of a store take no {option}"
+                )
+        return options
+
+    def names(self, form: str) -> set[str]:
+        """Return the names of settings that an option may give captures of a format.
+
+        Of several formats a table takes none: it states its unit, axis and rate itself, and they
+        shall not be those of the files beside it.
+        """
+        known = DEFAULT_SETTINGS[form] if self.mixed else (f.name for f in fields(FORMATS[form]))
+        return set(known)
+
+    def settings(self, form: str, person: str) -> dict[str, Any]:
         """Return the settings of a format that describe one person's capture.
 
         Raises
@@ -119,7 +155,8 @@ class ReadOptions:
         found: dict[str, Any] = {"preset": self.preset, "up": words["up"]}
         found["unit"] = None if words["unit"] is None else parse_unit(words["unit"], "--from-unit")
         found["fps"] = None if words["fps"] is None else _number(words["fps"], "--from-fps")
-        return {name: value for name, value in found.items() if value is not None}
+        known = self.names(form)
+        return {name: found[name] for name in found if name in known and found[name] is not None}
 
 
 def parse_unit(word: str, option: str) -> float:
@@ -192,37 +229,28 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     Raises
     ------
     FormatError, ValueError, KeyError, CommandError
-        If a file cannot be read, an option does not apply, a unit or axis can neither be read nor
-        inferred, or gives a person of impossible stature or posture.
+        If a file cannot be read, a unit or axis can neither be read nor inferred, or gives a person
+        of impossible stature or posture.
     """
-    form = options.format_of(sources[0].file)
-    settings = [checked_settings(form, source, options) for source in sources]
+    forms = [options.format_of(source.file) for source in sources]
+    settings = [
+        options.settings(form, source.label) for form, source in zip(forms, sources, strict=True)
+    ]
     inferred = [
         infer_settings(source.file, form, given)
-        for source, given in zip(sources, settings, strict=True)
+        for source, form, given in zip(sources, forms, settings, strict=True)
     ]
     found = _complete([source.file for source in sources], inferred)
     used = [{**given, **more} for given, more in zip(settings, found, strict=True)]
     people = [
         read_partner(source.file, form, of_file, person=source.person, clip=clip)
-        for source, of_file in zip(sources, used, strict=True)
+        for source, form, of_file in zip(sources, forms, used, strict=True)
     ]
-    if states_unit_or_axis(FORMATS[form]):
+    if any(states_unit_or_axis(FORMATS[form]) for form in forms):
         check_plausible([source.file for source in sources], people)
     for line in _inference_lines(sources, inferred, found):
         typer.echo(printable(line))
     return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
-
-
-def checked_settings(form: str, source: Source, options: ReadOptions) -> dict[str, Any]:
-    """Return the settings of one person's capture; refuse those that its format does not take."""
-    settings = options.settings(source.label)
-    known = {setting.name for setting in fields(FORMATS[form])}
-    for name in settings:
-        if name not in known:
-            option = "--preset" if name == "preset" else f"--from-{name}"
-            raise CommandError(f"{source.file}: captures of format {form} take no {option}")
-    return settings
 
 
 def _complete(files: Sequence[Path], inferred: Sequence[Inferred]) -> list[dict[str, Any]]:

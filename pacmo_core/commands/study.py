@@ -3,18 +3,16 @@
 import hashlib
 import json
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-import uvicorn
 from rich.console import Console
 from rich.table import Table
 
 from pacmo_core.commands.study_clips import CUTOFF_HZ, sample_items
-from pacmo_core.commands.study_limits import RateLimiter, bounded_protocol, max_connections
-from pacmo_core.commands.study_server import StudySettings, create_app
 from pacmo_core.commands.study_store import GENERATED, REAL, Answer, Study, write_study
 from pacmo_core.metrics.survey import Share, fit_mixed, share
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
@@ -73,23 +71,16 @@ def serve(  # noqa: PLR0913  # typer reads the options off the signature
     On the web, run it behind an HTTPS proxy on this machine that sets X-Forwarded-For. The address
     in this header is trusted from the proxy only; it serves to limit the rate of requests.
     """
+    # Imported by this command alone: the packages of a server are an extra.
+    server = import_module("pacmo_core.commands.study_server")
     with reading_errors_in_one_line():
         opened = Study(study)
-        settings = StudySettings(per_person, people, per_address or max(1, people // _ADDRESSES))
-        page = create_app(opened, settings, RateLimiter(rate, burst))
+        sizes = server.StudySettings(
+            per_person, people, per_address or max(1, people // _ADDRESSES)
+        )
+        page = server.create_app(opened, sizes, server.RateLimiter(rate, burst))
     typer.echo(f"http://{host}:{port}", err=True)
-    # No access log: addresses are personal data.
-    uvicorn.run(
-        page,
-        host=host,
-        port=port,
-        log_level="warning",
-        access_log=False,
-        server_header=False,
-        forwarded_allow_ips="127.0.0.1",
-        http=bounded_protocol(max_connections()),
-        ws="none",
-    )
+    server.run_server(page, host, port)
     opened.close()
     typer.echo(f"stopped; the answers are in {study}", err=True)
 

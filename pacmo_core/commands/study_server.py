@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+import uvicorn
 from fastapi import APIRouter, FastAPI, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse
@@ -21,7 +22,9 @@ from pacmo_core.commands.study_limits import (
     Guard,
     ParticipantLimiter,
     RateLimiter,
+    bounded_protocol,
     client_of,
+    max_connections,
 )
 from pacmo_core.commands.study_store import Study
 from pacmo_core.figures.history import render_study
@@ -148,3 +151,19 @@ def _endpoints(study: Study, settings: StudySettings, random: np.random.Generato
 
 def _not_found() -> Response:
     return JSONResponse({"error": "no such participant or place"}, 404)
+
+
+def run_server(page: FastAPI, host: str, port: int) -> None:
+    """Serve the page until stopped."""
+    # No access log: addresses are personal data.
+    uvicorn.run(
+        page,
+        host=host,
+        port=port,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        forwarded_allow_ips="127.0.0.1",
+        http=bounded_protocol(max_connections()),
+        ws="none",
+    )

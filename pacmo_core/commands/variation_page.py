@@ -1,13 +1,14 @@
 """The page that ``pacmo augment`` writes: the source beside its variation, and what changed."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.commands.captures import TwoPersonCapture, WrittenCapture, is_parquet
+from pacmo_core.commands.view import scene_of_people
 from pacmo_core.data.names import file_stem
 from pacmo_core.figures.variations import limits_table
 from pacmo_core.figures.viewer import Scene, render_viewer
@@ -41,7 +42,7 @@ def write_variation_page(
     """
     in_folder = not is_parquet(out) and out.suffix.lower() != ".bvh"
     page = out / f"{file_stem(duo.name)}.html" if in_folder else out.with_suffix(".html")
-    scenes = [*_scenes("source", duo.people), *_scenes("variation", written.people)]
+    scenes = [_scene("source", duo.people), _scene("variation", written.people)]
     table = limits_table(figures, asdict(limits), exceeded_limits(figures, limits))
     shown = _shown_frames(duo.people[0])
     n_frames = len(duo.people[0].times)
@@ -51,17 +52,11 @@ def write_variation_page(
     return page
 
 
-def _scenes(label: str, people: tuple[PersonMotion, PersonMotion]) -> list[Scene]:
-    """Return both people as one scene, or as one each where their skeletons differ."""
+def _scene(label: str, people: tuple[PersonMotion, PersonMotion]) -> Scene:
     frames = _shown_frames(people[0])
     times = people[0].times[frames] - people[0].times[0]
-    a, b = (person.motion[frames] for person in people)
-    if people[0].skeleton == people[1].skeleton:
-        return [Scene(label, people[0].skeleton, times, (a, b))]
-    return [
-        Scene(f"{label}, person {name}", person.skeleton, times, (motion,))
-        for name, person, motion in zip("ab", people, (a, b), strict=True)
-    ]
+    shown = [replace(person, times=times, motion=person.motion[frames]) for person in people]
+    return scene_of_people(label, shown)
 
 
 def _shown_frames(person: PersonMotion) -> list[int]:

@@ -22,9 +22,9 @@ from pacmo_core.commands.augment import (
     solver_errors_in_one_line,
 )
 from pacmo_core.commands.captures import (
+    Fidelity,
     TwoPersonCapture,
     check_output,
-    constant_bones_line,
     is_parquet,
     read_two_people,
     two_sources,
@@ -104,9 +104,9 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         random = torch.Generator().manual_seed(seed)
         variations = list(_variations(model, duo, factors_of_people, samples, random))
-        written, max_error = _write(duo, variations, places)
-        if max_error:
-            typer.echo(constant_bones_line(max_error))
+        written, fidelity = _write(duo, variations, places)
+        if fidelity.max_error:
+            typer.echo(fidelity.line())
         typer.echo(
             f"{len(variations)} x {len(duo.people[0].times)} frames in "
             f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
@@ -176,25 +176,25 @@ def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
 
 def _write(
     duo: TwoPersonCapture, variations: list[tuple[Interaction, Scales]], places: list[Path]
-) -> tuple[list[Path], float]:
+) -> tuple[list[Path], Fidelity]:
     """Write all samples, to one Parquet file or each to its own output.
 
     Returns
     -------
-    The files, and the largest error of a joint in them, in metres.
+    The files, and how well they hold the motions.
     """
     if is_parquet(places[0]):
         with write_motions(places[0], duo.people[0].skeleton) as writer:
             for number, (pair, _) in enumerate(variations):
                 writer.add(f"{duo.name}~{number:04d}", pair)
-        return places, 0.0
+        return places, Fidelity()
     files: list[Path] = []
-    max_error = 0.0
+    fidelity = Fidelity()
     for number, ((pair, (scales_a, scales_b)), out) in enumerate(
         zip(variations, places, strict=True)
     ):
         moved = duo.moved((pair.person_a, pair.person_b))
         written = write_two_people(moved, (scales_a, scales_b), str(number), out)
         files += written.files
-        max_error = max(max_error, written.max_error)
-    return files, max_error
+        fidelity += written.fidelity
+    return files, fidelity

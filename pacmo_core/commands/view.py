@@ -1,17 +1,15 @@
 """``pacmo view``: clips of the store or captures of any format, played in a page."""
 
 import webbrowser
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pacmo_core.commands.captures import (
-    check_same_skeleton,
-    names_clips,
-    on_one_clock,
-    two_sources,
-)
+from pacmo_core.commands.captures import names_clips, on_one_clock, two_sources
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -20,18 +18,33 @@ from pacmo_core.commands.reading import (
     Preset,
     ReadOptions,
     Source,
-    checked_settings,
     read_people,
 )
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
-from pacmo_core.formats.registry import ONE_PERSON_FORMATS, holds_one_person
+from pacmo_core.formats.registry import ONE_PERSON_FORMATS, PersonMotion, holds_one_person
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import motion_file, read_motion
 from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 
 CLIPS_FOLDER = Path("data/clips")
+
+
+def read_scenes(words: Sequence[str], options: ReadOptions) -> list[Scene]:
+    """Read the clips that the arguments of the command line name (see ``read_scene``).
+
+    Raises
+    ------
+    CommandError
+        If an option applies to none of them, or as ``read_scene``.
+    FormatError, StoreError, KeyError, ValueError
+        As ``read_scene``.
+    """
+    files = [Path(part) for word in words for part in word.split("+")]
+    captures = [file for file in files if file.is_file() and not names_clips(file, "")]
+    of_captures = options.of_captures(captures)
+    return [read_scene(word, of_captures) for word in words]
 
 
 def read_scene(word: str, options: ReadOptions) -> Scene:
@@ -95,24 +108,52 @@ def _file_of(folder: Path, name: str) -> Path:
 def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
     if any(names_clips(file, "") for file in files):
         raise CommandError(f"{files[0]}: name the clip, {files[0]}:NAME")
-    form = options.format_of(files[0])
-    pairs = form in ONE_PERSON_FORMATS
+    pairs = all(options.format_of(file) in ONE_PERSON_FORMATS for file in files)
     if len(files) > (2 if pairs else 1):
         raise CommandError(f"{files[0]}: wanted {'at most two files' if pairs else 'one file'}")
     label = " + ".join(file.stem for file in files)
-    alone = len(files) == 1 and (pairs or _holds_one_person(files[0], form, options))
+    alone = len(files) == 1 and (pairs or _holds_one_person(files[0], options))
     sources = [Source(files[0], "a", None)] if alone else two_sources(files)
     people = [person.motion for person in read_people(sources, options, "")]
     if len(people) == 2:
         people = list(on_one_clock(people[0], people[1], label))
-        check_same_skeleton(files[-1], people[0], people[1])
-    first = people[0]
-    return Scene(label, first.skeleton, first.times, tuple(person.motion for person in people))
+    return scene_of_people(label, people)
 
 
-def _holds_one_person(file: Path, form: str, options: ReadOptions) -> bool:
-    settings = checked_settings(form, Source(file, "a", None), options)
-    return holds_one_person(file, form, settings)
+def _holds_one_person(file: Path, options: ReadOptions) -> bool:
+    form = options.format_of(file)
+    return holds_one_person(file, form, options.settings(form, "a"))
+
+
+def scene_of_people(label: str, people: Sequence[PersonMotion]) -> Scene:
+    """Show one or two people of the same times, whose skeletons may differ."""
+    first, last = people[0], people[-1]
+    other = last.skeleton if last.skeleton != first.skeleton else None
+    motions = tuple(person.motion for person in people)
+    return Scene(label, first.skeleton, first.times, motions, other)
+
+
+def _distinct_labels(scenes: Sequence[Scene], words: Sequence[str]) -> list[Scene]:
+    """Name scenes of equal labels by their folders too, and by their number if that is equal."""
+    counts = Counter(scene.label for scene in scenes)
+    folders = [Path(word.split("+")[0].partition(":")[0]).parent.name for word in words]
+    named = [
+        f"{folder}/{scene.label}" if counts[scene.label] > 1 and folder else scene.label
+        for scene, folder in zip(scenes, folders, strict=True)
+    ]
+    again = Counter(named)
+    return [
+        replace(scene, label=f"{label} ({number})" if again[label] > 1 else label)
+        for number, (scene, label) in enumerate(zip(scenes, named, strict=True), start=1)
+    ]
+
+
+def _with_labels(scenes: Sequence[Scene], words: Sequence[str], labels: list[str]) -> list[Scene]:
+    if not labels:
+        return _distinct_labels(scenes, words)
+    if len(labels) != len(scenes):
+        raise CommandError(f"wanted a --label for each of {len(scenes)} clips; got {len(labels)}")
+    return [replace(scene, label=label) for scene, label in zip(scenes, labels, strict=True)]
 
 
 Clips = Annotated[
@@ -123,6 +164,9 @@ Contact = Annotated[
     float,
     typer.Option(min=0, help="distance in metres below which joints are marked as in contact"),
 ]
+Labels = Annotated[
+    list[str], typer.Option("--label", help="name of a clip on the page, one for each in order")
+]
 Open = Annotated[bool, typer.Option("--open/--no-open", help="open it in the browser")]
 
 
@@ -131,6 +175,7 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
     out: Out = Path("view.html"),
     contact: Contact = 0.1,
     open_it: Open = True,
+    label: Labels = [],  # noqa: B006  # typer copies it
     form: FormatName = None,
     preset: Preset = None,
     from_unit: FromUnit = [],  # noqa: B006  # typer copies it
@@ -145,6 +190,8 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo view walk_A.bvh+walk_B.bvh
 
+    pacmo view x_A.bvh+x_B.bvh new/x_A.bvh+new/x_B.bvh --preset pair --label before --label after
+
     A CLIP is the name of a clip in data/clips, FOLDER:NAME or FILE.parquet:NAME elsewhere, the FILE
     of a capture, or FILE+FILE if each person has a file. Up to six clips play at the same time,
     whatever their frame rates. The page is one file and needs neither network nor server.
@@ -153,7 +200,7 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
     with reading_errors_in_one_line():
         if len(clips) > MAX_CLIPS:
             raise CommandError(f"wanted at most {MAX_CLIPS} clips side by side; got {len(clips)}")
-        scenes = [read_scene(word, options) for word in clips]
+        scenes = _with_labels(read_scenes(clips, options), clips, label)
         write_text(out, render_viewer(scenes, contact=contact))
     typer.echo(f"{out}: {len(scenes)} {'clip' if len(scenes) == 1 else 'clips'}")
     if open_it:

@@ -24,7 +24,7 @@ from pacmo_core.data.skeleton import Skeleton, bare_names
 
 Array = NDArray[np.float64]
 
-COLOURS = ("#d1663b", "#3c78a8")
+COLOURS = ("#0072b2", "#d55e00")  # the viewer's: person a blue, person b vermilion
 FLOOR, SHADOW = "#f4f1ec", "#d9d3c8"
 ELEVATION = 0.24  # radians by which the camera looks down
 

@@ -114,13 +114,13 @@
   }
 
   // Joints as spheres, bones as rods.
-  function bare(clip) {
-    const limbs = clip.parents.flatMap((parent, child) => (parent < 0 ? [] : [[parent, child, 0.011, 0.011]]));
-    return { limbs, trunk: [], balls: clip.joints.map((_, j) => [[j], 0.023]) };
+  function bare({ parents, joints }) {
+    const limbs = parents.flatMap((parent, child) => (parent < 0 ? [] : [[parent, child, 0.011, 0.011]]));
+    return { limbs, trunk: [], balls: joints.map((_, j) => [[j], 0.023]) };
   }
 
-  function dressed(clip) {
-    const { limbs, trunk, head, head_radius: radius } = clip.body;
+  function dressed({ body }) {
+    const { limbs, trunk, head, head_radius: radius } = body;
     return { limbs, trunk, balls: head.length ? [[head, radius]] : [] };
   }
 

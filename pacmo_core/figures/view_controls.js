@@ -15,7 +15,8 @@
   function fill(player) {
     const { metric, joint, scrub } = player.parts, alone = player.clips.every((clip) => clip.motions.length < 2);
     for (const [name, { label, of }] of Object.entries(Pacmo.METRICS)) if (of !== "pair" || !alone) metric.add(new Option(label, name));
-    player.clips[0].joints.forEach((name) => joint.add(new Option(name, name)));
+    const joints = player.clips.flatMap((clip) => clip.bodies.flatMap((body) => body.joints));
+    new Set(joints).forEach((name) => joint.add(new Option(name, name)));
     joint.value = player.clips[0].joints[player.clips[0].root];
     scrub.max = player.length;
     const first = { loop: true, contacts: true, follow: player.clips.some(roams) };
@@ -80,7 +81,7 @@
     else player.picks = [...player.picks, found].slice(-2);
     if (player.picks.length === 2) player.set("distances", true);
     if (found) {
-      player.parts.joint.value = player.clips[0].joints[found.joint];
+      player.parts.joint.value = player.clips[0].bodies[found.person]?.joints[found.joint] ?? player.parts.joint.value;
       player.choose();
     }
     player.ask();

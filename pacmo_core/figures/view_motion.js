@@ -17,7 +17,9 @@ const Pacmo = { players: [] };
       Object.assign(this, packed);
       this.times = new Float64Array(bytes(packed.times));
       this.motions = packed.motions.map((text) => unpack(text, packed.origin, packed.step));
-      this.poses = this.motions.map(() => new Float32Array(3 * this.joints.length));
+      // The skeleton of each person: joints, parents, root, body.
+      this.bodies = this.motions.map((_, person) => (person && packed.other) || this);
+      this.poses = this.bodies.map(({ joints }) => new Float32Array(3 * joints.length));
       this.length = this.times.at(-1);
       this.found = new Map(); // series that were asked for
     }
@@ -44,9 +46,11 @@ const Pacmo = { players: [] };
     }
 
     place(person, joint, frame) {
-      const at = 3 * (frame * this.joints.length + joint);
+      const at = 3 * (frame * this.bodies[person].joints.length + joint);
       return this.motions[person].subarray(at, at + 3);
     }
+
+    rootAt(person, frame) { return this.place(person, this.bodies[person].root, frame); }
 
     // The mean of all roots, averaged over half a second before and after: the target of the camera.
     middleAt(time) {
@@ -70,7 +74,7 @@ const Pacmo = { players: [] };
   function smoothed(clip) {
     const sums = [[0, 0]]; // of x and z up to each frame
     clip.times.forEach((_, frame) => {
-      const roots = clip.motions.map((_, person) => clip.place(person, clip.root, frame));
+      const roots = clip.motions.map((_, person) => clip.rootAt(person, frame));
       sums.push([0, 2].map((axis, k) => sums.at(-1)[k] + roots.reduce((s, root) => s + root[axis], 0) / roots.length));
     });
     return Array.from(clip.times, (time) => {
@@ -104,23 +108,29 @@ const Pacmo = { players: [] };
 
   // The largest relative change of a bone from its median length.
   function stretch(clip, person) {
-    const bones = clip.parents.flatMap((parent, child) => (parent < 0 ? [] : [[parent, child]]));
+    const bones = clip.bodies[person].parents.flatMap((parent, child) => (parent < 0 ? [] : [[parent, child]]));
     const length = ([p, c], frame) => apart(clip.place(person, p, frame), clip.place(person, c, frame));
     const usual = bones.map((bone) => Array.from(clip.times, (_, frame) => length(bone, frame)).sort((a, b) => a - b)[clip.times.length >> 1]);
     return (frame) => Math.max(...bones.map((bone, k) => (usual[k] > 0.01 ? 100 * Math.abs(length(bone, frame) / usual[k] - 1) : 0)));
   }
 
-  const pose = (clip, person, frame) => clip.motions[person].subarray(3 * frame * clip.joints.length, 3 * (frame + 1) * clip.joints.length);
+  const pose = (clip, person, frame) => {
+    const size = clip.poses[person].length;
+    return clip.motions[person].subarray(frame * size, (frame + 1) * size);
+  };
+
+  // The joint of the second person that has the name of a joint of the first; -1 if there is none.
+  const namesake = (clip, joint) => clip.bodies[1].joints.indexOf(clip.joints[joint]);
 
   // of: pair (one series per clip) or person (one per person); joint: of the selected joint.
   const METRICS = {
     closest: { label: "distance between the bodies", unit: "m", of: "pair", measure: (clip) => (frame) => closest(pose(clip, 0, frame), pose(clip, 1, frame)).distance },
-    roots: { label: "distance of the roots", unit: "m", of: "pair", measure: (clip) => (frame) => apart(clip.place(0, clip.root, frame), clip.place(1, clip.root, frame)) },
-    same: { label: "distance of the same joint of both", unit: "m", of: "pair", joint: true, measure: (clip, _, joint) => (frame) => apart(clip.place(0, joint, frame), clip.place(1, joint, frame)) },
+    roots: { label: "distance of the roots", unit: "m", of: "pair", measure: (clip) => (frame) => apart(clip.rootAt(0, frame), clip.rootAt(1, frame)) },
+    same: { label: "distance of the same joint of both", unit: "m", of: "pair", joint: true, measure: (clip, _, joint) => (frame) => apart(clip.place(0, joint, frame), clip.place(1, namesake(clip, joint), frame)) },
     speed: { label: "speed of the joint", unit: "m/s", of: "person", joint: true, measure: speed },
     height: { label: "height of the joint", unit: "m", of: "person", joint: true, measure: (clip, person, joint) => (frame) => clip.place(person, joint, frame)[1] - clip.view.ground },
     stretch: { label: "change of bone length, the most", unit: "%", of: "person", measure: stretch },
   };
 
-  Object.assign(Pacmo, { Clip, METRICS, apart, closest });
+  Object.assign(Pacmo, { Clip, METRICS, apart, closest, namesake });
 })();

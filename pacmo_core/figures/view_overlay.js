@@ -15,7 +15,8 @@
   const joint = (pose, j) => [pose[3 * j], pose[3 * j + 1], pose[3 * j + 2]];
 
   function seenJoints(stage, cell) {
-    return stage.clip.poses.map((pose) => stage.clip.joints.map((_, j) => projected(stage.camera, cell, joint(pose, j))));
+    const { clip, camera } = stage;
+    return clip.poses.map((pose, person) => clip.bodies[person].joints.map((_, j) => projected(camera, cell, joint(pose, j))));
   }
 
   function nearest(stage, cell, x, y) {
@@ -55,8 +56,8 @@
       if (distances) this.distances(stage, picks);
       for (const { person, joint: j } of [...picks, ...(hovered ? [hovered] : [])]) this.mark(person, j);
       const told = [...picks, ...(hovered ? [hovered] : [])];
-      if (names) stage.clip.joints.forEach((_, j) => this.places.forEach((_, person) => told.push({ person, joint: j })));
-      for (const { person, joint: j } of told) this.tell(this.places[person]?.[j], stage.clip.joints[j], this.colour.people[person]);
+      if (names) this.places.forEach((places, person) => places.forEach((_, j) => told.push({ person, joint: j })));
+      for (const { person, joint: j } of told) this.tell(this.places[person]?.[j], stage.clip.bodies[person]?.joints[j], this.colour.people[person]);
       ctx.restore();
     }
 
@@ -64,8 +65,7 @@
     contacts({ clip }) {
       if (clip.poses.length < 2) return;
       const [first, second] = clip.poses, { ctx, colour } = this;
-      clip.joints.forEach((_, i) => clip.joints.forEach((_, j) => {
-        const [a, b] = [this.places[0][i], this.places[1][j]];
+      this.places[0].forEach((a, i) => this.places[1].forEach((b, j) => {
         if (!a || !b || Pacmo.apart(joint(first, i), joint(second, j)) > clip.contact) return;
         const x = (a.x + b.x) / 2, y = (a.y + b.y) / 2, glow = ctx.createRadialGradient(x, y, 1, x, y, 20);
         glow.addColorStop(0, `${colour.lit}d0`);

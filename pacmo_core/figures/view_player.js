@@ -173,8 +173,8 @@
 
     drawCell(stage, box, height) {
       const area = [box.x, height - box.y - box.height, box.width, box.height];
-      const joints = stage.clip.joints.map((_, j) => j).filter((j) => this.picks.some((pick) => pick.joint === j));
-      const marked = stage.clip.motions.map(() => (joints.length ? joints : hands(stage.clip.joints)));
+      const picked = this.picks.map(({ joint }) => joint).sort((a, b) => a - b);
+      const marked = stage.clip.bodies.map(({ joints }) => (picked.length ? [...new Set(picked)] : hands(joints)));
       stage.show(this.time, { solid: !this.on.bare, trails: this.on.trails, marked });
       stage.see({ ...this.look, follows: this.on.follow }, this.time, box.width / box.height);
       this.renderer.setViewport(...area);

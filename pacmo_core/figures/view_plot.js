@@ -15,9 +15,12 @@
   function linesOf(clips, metric, jointName) {
     const facts = Pacmo.METRICS[metric];
     return clips.flatMap((clip, k) => {
-      const joint = facts.joint ? Math.max(0, clip.joints.indexOf(jointName)) : clip.root;
-      if (facts.of === "pair") return clip.motions.length > 1 ? [{ clip, k, person: null, values: clip.series(metric, 0, joint) }] : [];
-      return clip.motions.map((_, person) => ({ clip, k, person, values: clip.series(metric, person, joint) }));
+      const joints = clip.bodies.map((body) => (facts.joint ? body.joints.indexOf(jointName) : body.root));
+      if (facts.of === "pair") {
+        const shown = clip.motions.length > 1 && (!facts.joint || (joints[0] >= 0 && Pacmo.namesake(clip, joints[0]) >= 0));
+        return shown ? [{ clip, k, person: null, values: clip.series(metric, 0, joints[0]) }] : [];
+      }
+      return joints.flatMap((joint, person) => (joint < 0 ? [] : [{ clip, k, person, values: clip.series(metric, person, joint) }]));
     });
   }
 

@@ -45,15 +45,15 @@
       this.scene = new THREE.Scene();
       this.camera = new THREE.PerspectiveCamera(FIELD, 1, 0.05, 200);
       this.materials = clip.motions.map(() => new THREE.MeshStandardMaterial({ roughness: 0.62, metalness: 0 }));
-      this.people = { solid: this.dress(Pacmo.dressed(clip)), bare: this.dress(Pacmo.bare(clip)) };
+      this.people = { solid: this.dress(Pacmo.dressed), bare: this.dress(Pacmo.bare) };
       this.trails = this.materials.map(() => this.makeTrail());
       this.light();
       this.lay();
     }
 
-    dress(body) {
-      return this.materials.map((material) => {
-        const person = new Pacmo.Person(body, material);
+    dress(shape) {
+      return this.materials.map((material, k) => {
+        const person = new Pacmo.Person(shape(this.clip.bodies[k]), material);
         this.scene.add(person.mesh);
         return person;
       });
@@ -153,7 +153,7 @@
 
     // Dots every thirtieth of a second: larger gaps mean higher speed.
     drawTrail(dots, person, now, joints) {
-      const { clip } = this, width = clip.joints.length, matrix = new THREE.Matrix4(), time = Math.min(now, clip.length);
+      const { clip } = this, width = clip.bodies[person].joints.length, matrix = new THREE.Matrix4(), time = Math.min(now, clip.length);
       dots.count = 0;
       const last = Math.floor(time / DOT_S);
       for (let tick = Math.max(0, last - Math.floor(TRAIL_S / DOT_S)); tick <= last; tick += 1) {

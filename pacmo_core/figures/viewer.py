@@ -39,6 +39,7 @@ class Scene:
     skeleton : of all people
     times : (T,) float64, seconds, increasing
     people : one or two of (T, J, 3) float32, metres, y up, finite
+    other : skeleton of the second person, if it is another one
 
     Raises
     ------
@@ -50,12 +51,23 @@ class Scene:
     skeleton: Skeleton
     times: NDArray[np.float64]
     people: tuple[Motion, ...]
+    other: Skeleton | None = None
 
     def __post_init__(self) -> None:
-        wanted = (len(self.times), len(self.skeleton.joints), 3)
+        wanted = [(len(self.times), len(body.joints), 3) for body in self.skeletons]
         shapes = [motion.shape for motion in self.people]
-        if len(shapes) not in (1, 2) or any(shape != wanted for shape in shapes):
+        if len(shapes) not in (1, 2) or shapes != wanted:
             raise ValueError(f"scene {self.label!r}: wanted one or two of {wanted}; got {shapes}")
+
+    @property
+    def skeletons(self) -> list[Skeleton]:
+        """The skeleton of each person."""
+        return [self.skeleton, self.other or self.skeleton][: len(self.people)]
+
+    @property
+    def roots(self) -> list[Motion]:
+        """(T, 3) metres of each person."""
+        return [m[:, body.root] for m, body in zip(self.people, self.skeletons, strict=True)]
 
     @staticmethod
     def of(label: str, interaction: Interaction) -> "Scene":
@@ -101,15 +113,22 @@ def _pack_scene(scene: Scene, contact: float) -> dict[str, Any]:
     step = max(float((high - low).max()) / 2 / _MAX_STEP, 1e-6)
     return {
         "label": scene.label,
-        "joints": scene.skeleton.joints,
-        "parents": scene.skeleton.parents,
-        "root": scene.skeleton.root,
-        "body": asdict(make_body_shape(scene.skeleton)),
+        **_pack_skeleton(scene.skeleton),
+        **({"other": _pack_skeleton(scene.other)} if scene.other else {}),
         "contact": contact,
         "times": base64.b64encode((scene.times - scene.times[0]).astype("<f8").tobytes()).decode(),
         "origin": origin.tolist(),
         "step": step,
         "motions": [pack_motion(motion, origin, step) for motion in scene.people],
+    }
+
+
+def _pack_skeleton(skeleton: Skeleton) -> dict[str, Any]:
+    return {
+        "joints": skeleton.joints,
+        "parents": skeleton.parents,
+        "root": skeleton.root,
+        "body": asdict(make_body_shape(skeleton)),
     }
 
 
@@ -149,7 +168,7 @@ def _radius_of_view(offsets: NDArray[np.float64]) -> float:
 
 def _camera_path(scene: Scene) -> NDArray[np.float64]:
     """Return ``(T, 2)`` metres on the ground: the mean of all roots, averaged over a second."""
-    roots = np.stack([motion[:, scene.skeleton.root] for motion in scene.people])[..., [0, 2]]
+    roots = np.stack(scene.roots)[..., [0, 2]]
     sums = np.concatenate([np.zeros((1, 2)), roots.mean(axis=0, dtype=np.float64).cumsum(axis=0)])
     first = np.searchsorted(scene.times, scene.times - _SMOOTHING_SECONDS)
     last = np.searchsorted(scene.times, scene.times + _SMOOTHING_SECONDS, side="right")
@@ -161,16 +180,16 @@ def _yaw(scene: Scene) -> float:
     """Return the yaw of the camera in radians about +y: two people side by side, the first left."""
     if len(scene.people) < 2:
         return 0.0
-    offset = (scene.people[1] - scene.people[0]).mean(axis=(0, 1))
+    first, second = (motion.mean(axis=(0, 1), dtype=np.float64) for motion in scene.people)
+    offset = second - first
     return round(float(np.arctan2(-offset[2], offset[0])), 4)
 
 
 def _same_world(first: Scene, second: Scene) -> bool:
-    positions = [
-        [motion[0, scene.skeleton.root] for motion in scene.people] for scene in (first, second)
-    ]
     return any(
-        np.linalg.norm(p - q) < _SAME_WORLD_DISTANCE for p in positions[0] for q in positions[1]
+        np.linalg.norm(p[0] - q[0]) < _SAME_WORLD_DISTANCE
+        for p in first.roots
+        for q in second.roots
     )
 
 

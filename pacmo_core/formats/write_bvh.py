@@ -28,6 +28,8 @@ from pacmo_core.formats.rotations import GIMBAL_LOCK, axis_rotations, euler_angl
 # The rotation order: gimbal lock, where the middle angle is a right angle, lies where people look
 # straight up or down.
 ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
+# Length of an End Site relative to the bone before it: short, as no joint of the motion is there.
+END_SITE_SHARE = 0.1
 
 
 def format_bvh(
@@ -35,7 +37,8 @@ def format_bvh(
 ) -> str:
     """Write a motion as the nearest one of constant bones (see ``fit_bones``).
 
-    Every leaf of the hierarchy has an End Site of zero length at the joint.
+    Every leaf of the hierarchy has an End Site that continues its bone a little: other programs
+    reject or invent a bone of length zero.
 
     Parameters
     ----------
@@ -101,8 +104,16 @@ def _hierarchy_lines(
     for child in children:
         yield from _hierarchy_lines(fitted, skeleton, child, depth + 1)
     if not children:
-        yield from (f"{tab}  End Site", f"{tab}  {{", f"{tab}    OFFSET 0 0 0", f"{tab}  }}")
+        end = " ".join(f"{value:.6f}" for value in _end_offset(fitted.offsets, joint))
+        yield from (f"{tab}  End Site", f"{tab}  {{", f"{tab}    OFFSET {end}", f"{tab}  }}")
     yield f"{tab}}}"
+
+
+def _end_offset(offsets: NDArray[np.float64], joint: int) -> NDArray[np.float64]:
+    """``(3,)``: from a leaf to its End Site, along its bone; along y if that has no length."""
+    lengths = np.linalg.norm(offsets, axis=-1)
+    bone = offsets[joint] if lengths[joint] else np.array([0.0, lengths.max() or 1.0, 0.0])
+    return END_SITE_SHARE * bone
 
 
 Array = NDArray[np.float64]

@@ -109,7 +109,7 @@ class AnimatedPerson:
 
     Parameters
     ----------
-    name : prefix of the joint names
+    name : prefix of the joint names, as in ``a_head``; the armature is ``person_a``
     fitted : the motion, of constant bones
     skin : the mesh
     colour : red, green, blue, linear, 0 to 1
@@ -153,10 +153,10 @@ def gltf_document(
         "animations": [{"name": "motion", "channels": [], "samplers": []}],
     }
     for number, person in enumerate(people):
-        first = number * (width + 1)
+        first = number * (width + 2)
         document["nodes"] += _joint_nodes(person, skeleton, first)
-        document["nodes"].append({"name": person.name, "mesh": number, "skin": number})
-        document["scenes"][0]["nodes"] += [first + skeleton.root, first + width]
+        document["nodes"] += _person_nodes(person, skeleton, first, number)
+        document["scenes"][0]["nodes"] += [first + width, first + width + 1]
         document["meshes"].append(_mesh(person, buffer, number))
         document["materials"].append(_material(person))
         document["skins"].append(_skin(person, skeleton, buffer, first))
@@ -187,6 +187,20 @@ def _joint_nodes(person: AnimatedPerson, skeleton: Skeleton, first: int) -> list
         }
         nodes.append(node | ({"children": children} if children else {}))
     return nodes
+
+
+def _person_nodes(
+    person: AnimatedPerson, skeleton: Skeleton, first: int, number: int
+) -> list[dict[str, Any]]:
+    """Describe the node above the joints, which Blender makes an armature of, and the mesh.
+
+    The roots of two people in the scene itself would become one armature. A skinned mesh stays in
+    the scene: transforms of a node above it do not apply.
+    """
+    return [
+        {"name": f"person_{person.name}", "children": [first + skeleton.root]},
+        {"name": person.name, "mesh": number, "skin": number},
+    ]
 
 
 def _mesh(person: AnimatedPerson, buffer: BinaryBuffer, material: int) -> dict[str, Any]:
@@ -226,7 +240,7 @@ def _skin(
     return {
         "joints": list(range(first, first + len(skeleton.joints))),
         "inverseBindMatrices": buffer.add(inverse_bind),
-        "skeleton": first + skeleton.root,
+        "skeleton": first + len(skeleton.joints),
     }
 
 

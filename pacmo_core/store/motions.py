@@ -177,6 +177,22 @@ def read_motion(path: Path, name: str) -> Interaction:
     return MotionReader(path).read(name)
 
 
+def read_names(path: Path) -> list[str]:
+    """Read the names of all clips of a file, in order, without their motions.
+
+    Raises
+    ------
+    StoreError
+        If the file is not one of this store.
+    """
+    file = open_parquet(path)
+    skeleton_of(file.schema_arrow, path)
+    with parquet_errors(path):
+        names = file.read(columns=["clip"])
+    check_values(names, ["clip"], path)
+    return [str(name) for name in names["clip"].unique().to_pylist()]
+
+
 def read_skeleton(path: Path) -> Skeleton:
     """Read the skeleton of a file of motions."""
     return skeleton_of(open_parquet(path).schema_arrow, path)

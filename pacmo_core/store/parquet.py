@@ -5,6 +5,8 @@ version, other columns or types, and missing values. Any order of the columns an
 are accepted, as other programs write them.
 """
 
+import errno
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,7 +44,9 @@ def open_parquet(path: Path) -> pq.ParquetFile:
     StoreError
         If it is not a file, not Parquet, or cut short; the message names the file.
     """
-    if path.exists() and (fault := file_fault(path, max_bytes=None)):
+    if not path.exists():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    if fault := file_fault(path, max_bytes=None):
         raise StoreError(f"{path}: {fault}")
     with parquet_errors(path):
         file = pq.ParquetFile(path)

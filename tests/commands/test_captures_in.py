@@ -1,6 +1,7 @@
 """Captures of other rigs, units, axes and rates in every command. Truth: the same clip as it is."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +12,17 @@ from typer.testing import CliRunner, Result
 from pacmo_core.api import save, synthesise, train
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.reading import ReadOptions, parse_unit, words_of
+from pacmo_core.commands.view import read_scenes
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.data.skeleton import NTU25, Skeleton
+from pacmo_core.data.skeleton import INTERHUMAN22, NTU25, Skeleton
 from pacmo_core.formats.bvh import read_bvh
+from pacmo_core.formats.joint_names import name_joints, parse_joints
 from pacmo_core.formats.resample import from_y_up, resample
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.motions import stream_motions, write_motions
 from tests.formats.rigged import mixamo, people
+from tests.skeleton_prior.examples import START
 
 TIPS = ["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"]
 CLIP = people().frames(0, 30)
@@ -86,8 +90,12 @@ def test_react_writes_in_the_unit_and_axes_asked_for(
     pair: list[Path], weights: Path, tmp_path: Path
 ) -> None:
     words = ["react", pair[0], "--weights", weights, "--out"]
-    for name, more in (("m", []), ("cm", ["--to-unit", "cm", "--to-up", "z"])):
-        assert pacmo(*words, tmp_path / f"{name}.bvh", *more).exit_code == 0
+    said = [
+        pacmo(*words, tmp_path / f"{name}.bvh", *more).stdout
+        for name, more in (("m", []), ("cm", ["--to-unit", "cm", "--to-up", "z"]))
+    ]
+    moved = [re.findall(r"move joints by ([\d.]+) mm", text) for text in said]
+    assert float(moved[1][0]) == pytest.approx(float(moved[0][0]), abs=0.2)
     plain, other = (read_bvh(tmp_path / f"{name}_0_B.bvh").positions() for name in ("m", "cm"))
     x, y, z = np.moveaxis(100 * plain, -1, 0)
     np.testing.assert_allclose(other, np.stack([x, -z, y], axis=-1), atol=0.5)
@@ -109,6 +117,29 @@ def test_two_people_of_two_rigs_units_and_axes_meet(pair: list[Path], tmp_path: 
     # As one file says of itself, so it is written.
     source, result = (read_bvh(f).positions() for f in (other, tmp_path / "out" / "kinect.bvh"))
     np.testing.assert_allclose(result[:, 0], source[:, 0], atol=3)
+
+
+def test_two_people_of_two_formats_meet_and_each_takes_the_options_of_its_own(
+    pair: list[Path], tmp_path: Path
+) -> None:
+    skeleton, (_, motion) = mixamo(CLIP)
+    person_b = name_joints(skeleton, INTERHUMAN22, parse_joints([])).apply(motion)
+    other = tmp_path / "b.npy"
+    np.save(other, from_y_up(person_b, "z").reshape(len(motion), -1))
+    (scene,) = read_scenes([f"{pair[0]}+{other}"], ReadOptions(unit=["cm"], preset="pair"))
+    assert scene.other == INTERHUMAN22
+    assert np.ptp(scene.people[0][0, :, 1]) == pytest.approx(1.6, abs=0.4)
+    np.testing.assert_allclose(scene.people[1], person_b, atol=1e-5)
+    words = ["augment", pair[0], other, "--b-scale", "left_forearm=1.1", "--from-unit", "cm"]
+    said = pacmo(*words, "--out", tmp_path / "out")
+    assert said.exit_code == 0, said.output
+    # As the BVH file was; metres where the file is of another format.
+    sizes = [np.ptp(read_bvh(file).positions()[0, :, 1])
+             for file in sorted((tmp_path / "out").glob("*.bvh"))]  # fmt: skip
+    assert sizes == pytest.approx([160, 1.6], rel=0.25)
+    export = ["export", f"{pair[0]}+{other}", "--out", tmp_path / "x.npz"]
+    refused(pacmo(*export), "two skeletons")
+    refused(pacmo("view", pair[0], other, "--from-unit", "ell"), "--from-unit", "ell")
 
 
 @pytest.mark.parametrize("command", ["view", "react", "augment", "vary", "export"])
@@ -145,7 +176,7 @@ def prior(folder: Path) -> Path:
 
     clip = CLIP.without(TIPS)
     limbs = find_limbs(clip.skeleton, clip.person_a)
-    model = build_skeleton_prior(PriorConfig(clip.skeleton, limbs, "kinematic", 16, 3, 30.0, 0.0))
+    model = build_skeleton_prior(PriorConfig(clip.skeleton, limbs, "kinematic", 16, 3, 30.0, START))
     initialise_weights(model, torch.Generator().manual_seed(0))
     facts = {"model": "kinematic", "config": model_config(model)}
     write_weights(folder / "prior", facts, model_state(model))
@@ -200,7 +231,7 @@ def test_people_of_two_rates_meet_at_the_lower(pair: list[Path], tmp_path: Path)
         np.testing.assert_allclose(other["person_b"], same["person_b"], atol=1e-2)
     # A rate that is stated for one.
     told = ["--from-fps", "b=30", "--out", tmp_path / "x.npz"]
-    refused(pacmo("export", both[1], *told), "117 frames; the other person has 30")
+    refused(pacmo("export", both[1], *told), "30 frames of one, 117 of the other")
 
 
 def test_an_option_that_a_format_does_not_take_is_refused(tmp_path: Path) -> None:
@@ -211,8 +242,8 @@ def test_an_option_that_a_format_does_not_take_is_refused(tmp_path: Path) -> Non
 
 def test_words_are_for_both_people_or_for_one() -> None:
     options = ReadOptions(unit=["cm", "b=0.5"], up=["a=z"])
-    assert options.settings("a") == {"unit": 0.01, "up": "z"}
-    assert options.settings("b") == {"unit": 0.5}
+    assert options.settings("bvh", "a") == {"unit": 0.01, "up": "z"}
+    assert options.settings("bvh", "b") == {"unit": 0.5}
     assert words_of(["mixamo", "a=left_hand=X", "b=n.json", "neck=Y"], "a") == [
         "mixamo", "left_hand=X", "neck=Y",
     ]  # fmt: skip
@@ -220,7 +251,7 @@ def test_words_are_for_both_people_or_for_one() -> None:
         1, 0.01, 0.001, 0.0254, 2,
     ]  # fmt: skip
     with pytest.raises(CommandError, match="one value a person"):
-        ReadOptions(unit=["1", "2"]).settings("a")
+        ReadOptions(unit=["1", "2"]).settings("bvh", "a")
 
 
 @pytest.mark.parametrize(

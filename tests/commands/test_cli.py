@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pacmo_core.commands.cli import app
+from pacmo_core.commands.cli import COMMANDS, app
 from pacmo_core.project.workspace import CommandError, errors_in_one_line
 
 
@@ -101,3 +101,35 @@ def test_no_traceback_reaches_a_person_without_a_network(tmp_path: Path) -> None
     assert run.returncode == 1
     assert run.stderr.startswith("pacmo: cannot reach 127.0.0.1")
     assert run.stderr.count("\n") == 1
+
+
+WITHOUT_EXTRAS = """
+import sys
+from pacmo_core.commands import cli
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("dvc", "dvclive", "prefect", "fastapi", "starlette", "uvicorn",
+                                  "networkx", "sqlalchemy", "psutil"):
+            raise ModuleNotFoundError(name, name=name)
+sys.meta_path.insert(0, Missing())
+cli.main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [[name, "--help"] for name in COMMANDS] + [
+    ["study", command, "--help"] for command in ("make", "serve", "report")
+], ids=" ".join)  # fmt: skip
+def test_help_needs_no_extra(words: list[str]) -> None:
+    command = [sys.executable, "-c", WITHOUT_EXTRAS, *words]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("Usage: pacmo")
+
+
+@pytest.mark.slow
+def test_a_command_whose_extra_is_missing_names_it(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", WITHOUT_EXTRAS, "study", "serve", str(tmp_path / "x")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert "pip install 'pacmo[pipeline]'" in run.stderr and run.stderr.count("\n") == 1

@@ -1,13 +1,17 @@
 """What is trusted: the rows that were written; the files of the experiments."""
 
 import shutil
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
 
 from pacmo_core.commands.cli import app
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.project.experiments import compose_params
+from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, write_rows
+from tests.figures.samples import interaction
 
 ROWS = [
     QuarantineRecord("one", "one.bvh", "ab", 12, "no second person"),
@@ -43,6 +47,40 @@ def test_clips_are_listed_with_their_side_in_a_fold_that_is_named(tmp_path):
     )
     assert "waving" in plain.stdout and "validation" not in plain.stdout
     assert "validation" in sided.stdout and "1 of 1" in sided.stdout
+
+
+def test_a_name_is_never_cut_whatever_the_width(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    name = "a recording with a long name " * 6 + "[bold]#0003"
+    write_rows(tmp_path / "clips.parquet", ClipRecord, [replace(CLIP, clip=name)])
+    said = pacmo("clips", tmp_path).stdout.splitlines()
+    assert said[1].startswith(f"{name}  waving")
+    write_rows(tmp_path / "quarantine.parquet", QuarantineRecord, [replace(ROWS[0], file=name)])
+    assert name in pacmo("quarantine", tmp_path).stdout
+
+
+def test_clips_that_have_reactions_name_the_models(tmp_path):
+    rows = [CLIP, replace(CLIP, clip="two")]
+    write_rows(tmp_path / "clips/clips.parquet", ClipRecord, rows)
+    for place in ("1/pacmo/1", "2/pacmo/1", "1/gru/1"):
+        with write_motions(tmp_path / "reactions" / place / "motions.parquet", SBU15) as writer:
+            writer.add("one#a#0", interaction(1))
+            writer.add("one#b#0", interaction(2))
+    head, one, two, _ = pacmo("clips", tmp_path / "clips").stdout.splitlines()
+    assert head.split()[-1] == "reactions"
+    assert one.endswith("gru pacmo")
+    assert not two.endswith("pacmo")
+    elsewhere = pacmo("clips", tmp_path / "clips", "--reactions", tmp_path / "none").stdout
+    assert "reactions" not in elsewhere
+    assert "1 of 2" in pacmo("clips", tmp_path / "clips", "--matching", "pacmo").stdout
+
+
+def test_before_the_first_run_the_line_says_what_makes_the_table(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for command, table in (("clips", "data/clips/clips"), ("quarantine", "sequences/quarantine")):
+        said = pacmo(command)
+        assert said.exit_code == 1
+        assert f"{table}.parquet: ./run makes" in said.stderr and said.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("content", [None, b"nonsense"])

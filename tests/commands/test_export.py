@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from pacmo_core.commands.reading import ReadOptions
 from pacmo_core.commands.view import read_scene
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
+from pacmo_core.figures.stills import COLOURS
+from pacmo_core.figures.viewer import read_asset
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
@@ -73,15 +76,32 @@ def test_the_command_says_how_far_constant_bones_moved_the_joints(tmp_path: Path
         assert f"by {far.mean():.1f} mm on average, {far.max():.1f} at most" in said
 
 
+def gltf(file: Path) -> dict:
+    content = file.read_bytes()
+    if file.suffix == ".glb":
+        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    return json.loads(content)
+
+
+def test_each_person_of_a_gltf_is_below_a_node_with_a_name(tmp_path: Path) -> None:
+    assert export("one", "--out", "x.glb").exit_code == 0
+    document = gltf(tmp_path / "x.glb")
+    nodes = document["nodes"]
+    scene = [nodes[index] for index in document["scenes"][0]["nodes"]]
+    roots = {node["name"]: node["children"] for node in scene if "children" in node}
+    assert set(roots) == {"person_a", "person_b"}
+    for person, (child,) in roots.items():
+        assert nodes[child]["name"] == f"{person[-1]}_{NTU25.joints[NTU25.root]}"
+    tops = [nodes[skin["skeleton"]]["name"] for skin in document["skins"]]
+    assert tops == ["person_a", "person_b"]
+
+
 @pytest.mark.parametrize("ending", [".glb", ".gltf"])
 def test_a_gltf_has_two_skins_and_one_animation_of_the_rate_asked_for(
     tmp_path: Path, ending: str
 ) -> None:
     assert export("one", "--out", f"x{ending}", "--to-fps", 60).exit_code == 0
-    content = (tmp_path / f"x{ending}").read_bytes()
-    if ending == ".glb":
-        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
-    document = json.loads(content)
+    document = gltf(tmp_path / f"x{ending}")
     assert len(document["skins"]) == 2
     (animation,) = document["animations"]
     clock = document["accessors"][animation["samplers"][0]["input"]]
@@ -140,11 +160,66 @@ def test_a_gif_has_25_frames_a_second_if_nothing_else_is_asked(tmp_path: Path) -
         assert (found.n_frames, found.info["duration"]) == (26, 40)
 
 
+PLACED = [
+    ("x.npz", []),
+    ("x.csv", ["--to-up", "z", "--to-unit", 0.01]),
+    ("x.bvh", ["--to-unit", 0.01]),
+]
+
+
+@pytest.mark.parametrize(("name", "words"), PLACED)
+def test_ground_and_centre_move_both_people_alike(
+    tmp_path: Path, name: str, words: list[object]
+) -> None:
+    assert export("one", "--out", name, "--ground", "--centre", *words).exit_code == 0
+    files = "x_A.bvh+x_B.bvh" if name == "x.bvh" else name
+    told = ReadOptions(unit=["cm"], up=["y"]) if name == "x.bvh" else ReadOptions()
+    scene = read_scene(files, told)
+    order = [scene.skeleton.joints.index(joint) for joint in NTU25.joints]
+    people = np.stack(scene.people)[:, :, order]
+    assert people[..., 1].min() == pytest.approx(0, abs=1e-5)
+    roots = people[:, :, NTU25.root].mean(axis=(0, 1))
+    np.testing.assert_allclose(roots[[0, 2]], 0, atol=1e-5)
+    moved = people - np.stack([CLIP.person_a, CLIP.person_b])
+    np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0, 0], moved.shape), atol=1e-4)
+
+
+def test_a_film_shows_the_people_in_the_colours_of_the_viewer(tmp_path: Path) -> None:
+    css = read_asset("player.css")
+    viewer = [re.search(rf"--person-{person}: (#\w+)", css) for person in "ab"]
+    assert [found[1] for found in viewer if found] == list(COLOURS)
+    # Person a walks on the left of person b.
+    with write_motions(tmp_path / "two.parquet", NTU25) as writer:
+        right = CLIP.person_a + np.array([4, 0, 0], np.float32)
+        writer.add("one", Interaction(NTU25, CLIP.times, CLIP.person_a, right))
+    assert export("two.parquet:one", "--out", "x.gif", "--to-fps", 5).exit_code == 0
+    with Image.open(tmp_path / "x.gif") as found:
+        picture = np.asarray(found.convert("RGB")).astype(int)
+    blue = picture[..., 2] - picture[..., 0] > 60
+    orange = picture[..., 0] - picture[..., 2] > 60
+    assert np.nonzero(blue)[1].mean() < np.nonzero(orange)[1].mean()
+
+
+def test_ground_and_centre_are_told_apart(tmp_path: Path) -> None:
+    assert export("one", "--out", "g.npz", "--ground").exit_code == 0
+    assert export("one", "--out", "c.npz", "--centre").exit_code == 0
+    with np.load("g.npz") as ground, np.load("c.npz") as centre:
+        np.testing.assert_array_equal(ground["person_a"][..., [0, 2]], CLIP.person_a[..., [0, 2]])
+        np.testing.assert_array_equal(centre["person_a"][..., 1], CLIP.person_a[..., 1])
+
+
+@pytest.mark.parametrize("name", ["x.bvh", "x.glb", "x.csv", "x.npz"])
+def test_the_command_says_the_frames_and_their_rate(tmp_path: Path, name: str) -> None:
+    assert "31 frames at 30 frames a second" in export("one", "--out", name).stdout
+    assert "16 frames at 15 frames" in export("one", "--out", name, "--to-fps", 15).stdout
+
+
 def test_what_a_format_cannot_hold_is_refused_before_any_work(tmp_path: Path) -> None:
     before = sorted(tmp_path.iterdir())
     refused(export("one", "--out", "x.fbx"), "x.fbx", ".glb")
     refused(export("one", "--out", "x.glb", "--to-up", "z"), "always metres, y up")
     refused(export("one", "--out", "x.gif", "--to-unit", 0.01), "always metres, y up")
+    refused(export("one", "--out", "x.gif", "--ground"), "a film has no origin", "--ground")
     refused(export("one", "--out", "x.gif", "--to-fps", 30), "33.333")
     refused(export("one", "--out", "x.bvh", "--to-up", "x"), "up must be")
     refused(export("one", "--out", "x.csv", "--to-unit", 0), "unit must be")

@@ -14,12 +14,14 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.registry import select_person
+from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.project.workspace import CommandError, one_line
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import QuarantineRecord, write_rows
 from tests.commands.test_react import weights  # noqa: F401  # a fixture
 from tests.reaction.problems import delayed_mirror
 
+ROOT = Path(__file__).parents[2]
 CLIP = delayed_mirror(1, np.arange(40) / 15)
 NAMES = ["/tmp/x", "../../x", "..", ".", "a/../../b", "x" * 400, "a\0b", "\x1b[31m", "é" * 200]
 
@@ -56,7 +58,7 @@ def test_a_name_is_one_part_of_a_path(name: str) -> None:
 def test_reactions_to_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, name: str) -> None:
     out = tmp_path / "one" / "two" / "out"
     samples = CLIP.person_b[None]
-    files = write_reactions(
+    files, _ = write_reactions(
         Reactions(name, SBU15, CLIP.times, CLIP.person_a, samples), out, OutputSpace()
     )
     assert {file.resolve().parent for file in files} == {out.resolve()}
@@ -152,6 +154,22 @@ def test_a_pipe_as_an_argument_is_refused(
         refused(result, "wanted a file; got a named pipe")
     result = pacmo("react", pipe, "--weights", pipe, "--out", out)
     refused(result, "wanted a file; got a named pipe")
+
+
+def test_a_folder_as_weights_and_a_text_as_parameters_are_one_line(tmp_path: Path) -> None:
+    for person, motion in (("A", CLIP.person_a), ("B", CLIP.person_b)):
+        (tmp_path / f"x_{person}.bvh").write_text(format_bvh(motion, 15, SBU15))
+    files = [tmp_path / "x_A.bvh", tmp_path / "x_B.bvh"]
+    words = ("--from-unit", 1, "--from-up", "y", "--out", tmp_path / "out")
+    refused(pacmo("react", files[0], "--weights", tmp_path, *words), "wanted a file; got a folder")
+    refused(pacmo("vary", *files, "--weights", tmp_path, *words), "wanted a file; got a folder")
+    scale = ("--b-scale", "uniform=0.9")
+    for params, reason in (
+        (ROOT / "README.md", "README.md: not YAML"),
+        (tmp_path, "give --params"),
+    ):
+        refused(pacmo("augment", *files, *scale, "--params", params, *words), reason)
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_cells_of_a_list_are_text_and_escaped(tmp_path: Path) -> None:

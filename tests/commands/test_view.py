@@ -11,12 +11,14 @@ from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.skeleton import SBU15
+from pacmo_core.data.skeleton import NTU25, SBU15
 from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.formats.write_ntu import format_ntu
+from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import VariationRecord, write_variations
 from tests.commands.test_augment import standing
-from tests.figures.samples import unpack_motion
+from tests.figures.samples import interaction, unpack_motion
 from tests.formats.moving import moving
 from tests.formats.real_files import real_folder
 
@@ -109,6 +111,67 @@ def test_two_captures_of_one_person_are_a_pair_and_one_stands_alone(tmp_path: Pa
     root = SBU15.root
     joint = alone["joints"].index(SBU15.joints[root])
     np.testing.assert_allclose(motions(alone)[0][:, joint], REAL.person_b[:, root], atol=1e-3)
+
+
+def test_two_people_of_different_skeletons_are_a_pair(tmp_path: Path) -> None:
+    other = moving(NTU25, 3, len(REAL.times))
+    (tmp_path / "x.bvh").write_text(format_bvh(REAL.person_a, 15, SBU15))
+    (tmp_path / "y.bvh").write_text(format_bvh(other, 15, NTU25))
+    said = view("x.bvh+y.bvh", "--from-unit", 1, "--from-up", "y")
+    assert said.exit_code == 0, said.output
+    (facts,) = packed(tmp_path / "view.html")
+    assert set(facts["joints"]) == set(SBU15.joints)
+    assert set(facts["other"]["joints"]) == set(NTU25.joints)
+    origin = np.array(facts["origin"])
+    shape = (-1, len(NTU25.joints), 3)
+    found = unpack_motion(facts["motions"][1], origin, facts["step"]).reshape(shape)
+    order = [facts["other"]["joints"].index(joint) for joint in NTU25.joints]
+    np.testing.assert_allclose(found[:, order], other, atol=5e-3)
+    (tmp_path / "z.bvh").write_text(format_bvh(other[:-1], 15, NTU25))
+    short = view("x.bvh+z.bvh", "--from-unit", 1, "--from-up", "y")
+    refused(short, "x + z", f"{len(other)} frames of one, {len(other) - 1} of the other")
+
+
+def test_options_apply_to_captures_that_need_them_beside_others(tmp_path: Path) -> None:
+    for person, motion in (("A", REAL.person_a), ("B", REAL.person_b)):
+        (tmp_path / f"x_{person}.bvh").write_text(
+            format_bvh((100 * motion).astype(np.float32), 15, SBU15)
+        )
+    table = JointTable(SBU15, REAL.times, (REAL.person_a, REAL.person_b), "y", 1.0)
+    (tmp_path / "x.npz").write_bytes(TABLE_WRITERS[".npz"](table))
+    words = ["x_A.bvh+x_B.bvh", "x.npz", "one", "--from-unit", 0.01, "--from-up", "y"]
+    said = view(*words)
+    assert said.exit_code == 0, said.output
+    for facts in packed(tmp_path / "view.html"):
+        origin = np.array(facts["origin"])
+        np.testing.assert_allclose(motions(facts)[0].mean(), REAL.person_a.mean(), atol=5e-3)
+        assert np.abs(origin).max() < 10
+    far = np.array([0, 0, 5], np.float32)  # before the camera
+    seen = interaction(3, NTU25, 20, 30)
+    seen = Interaction(NTU25, seen.times, seen.person_a + far, seen.person_b + far)
+    (tmp_path / "x.skeleton").write_bytes(format_ntu(seen, (1, 2)))
+    assert view("x.skeleton", *words, "--preset", "pair").exit_code == 0
+    # An option that no capture takes is still wrong.
+    refused(view("x.skeleton", "--preset", "pair"), "x.skeleton", "ntu take no --preset")
+    mixed = view("x.skeleton", "x.npz", "--preset", "pair")
+    refused(mixed, "x.skeleton, x.npz", "ntu or table take no --preset")
+    refused(view("one", "--from-up", "y"), "take no --from-up")
+
+
+def test_clips_have_names_of_their_own_and_those_that_are_asked_for(tmp_path: Path) -> None:
+    for folder in ("new", "."):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        for person, motion in (("A", REAL.person_a), ("B", REAL.person_b)):
+            (tmp_path / folder / f"x_{person}.bvh").write_text(format_bvh(motion, 15, SBU15))
+    words = ["x_A.bvh+x_B.bvh", "new/x_A.bvh+new/x_B.bvh", "--from-unit", 1, "--from-up", "y"]
+    labels = lambda: [facts["label"] for facts in packed(tmp_path / "view.html")]  # noqa: E731
+    assert view(*words).exit_code == 0
+    assert labels() == ["x_A + x_B", "new/x_A + x_B"]
+    assert view("one", "one").exit_code == 0
+    assert labels() == ["one (1)", "one (2)"]
+    assert view(*words, "--label", "source", "--label", "<b>variation").exit_code == 0
+    assert labels() == ["source", "<b>variation"]
+    refused(view(*words, "--label", "source"), "a --label for each of 2 clips; got 1")
 
 
 def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from pacmo_core.data.interaction import Interaction, min_joint_distance
-from pacmo_core.data.skeleton import NTU25, Skeleton
+from pacmo_core.data.skeleton import NTU25, SBU15, Skeleton
 from pacmo_core.figures.viewer import Scene, render_viewer
 from pacmo_core.store.motions import read_motion, write_motions
 from tests.figures.samples import interaction
@@ -245,3 +245,35 @@ def test_as_many_as_six_clips_are_shown_and_not_more(clip: Interaction) -> None:
     for count in (0, 7):
         with pytest.raises(ValueError, match="1 to 6"):
             render_viewer([scene] * count, contact=0.1)
+
+
+def test_two_people_of_different_skeletons_stand_where_they_are(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    a, b = interaction(3, NTU25, 40, FPS), interaction(4, SBU15, 40, FPS)
+    scene = Scene("two", NTU25, a.times, (a.person_a, b.person_b), SBU15)
+    page = render_viewer([scene], contact=0.1)
+    for tab in opened(page, tmp_path_factory.mktemp("two")):
+        shown(tab, a.times[17])
+        for person, motion in enumerate(scene.people):
+            poses = f"Array.from({PLAYER}.clips[0].poses[{person}])"
+            np.testing.assert_allclose(tab.run(poses), motion[17].reshape(-1), atol=1e-3)
+        names = tab.run(f"[...{PLAYER}.parts.joint.options].map(o => o.value)")
+        assert names == list(dict.fromkeys(NTU25.joints + SBU15.joints))
+        shared = (set(NTU25.joints) & set(SBU15.joints)).pop()
+        alone = (set(SBU15.joints) - set(NTU25.joints)).pop()
+        for metric, joint, count in (
+            ("closest", shared, 1), ("roots", shared, 1), ("same", shared, 1), ("same", alone, 0),
+            ("height", shared, 2), ("height", alone, 1), ("speed", alone, 1), ("stretch", alone, 2),
+        ):  # fmt: skip
+            tab.run(
+                f"{PLAYER}.parts.metric.value = '{metric}'; {PLAYER}.parts.joint.value = '{joint}';"
+                f"{PLAYER}.choose()"
+            )
+            lines = tab.run(f"{PLAYER}.plot.lines.map(l => Array.from(l.values))")
+            assert len(lines) == count, (metric, joint)
+            assert np.isfinite(np.array(lines, float)).all()
+        for switch in ("names", "distances", "trails", "bare", "contacts"):
+            tab.run(f"{PLAYER}.set('{switch}', true); {PLAYER}.ask()")
+        tab.wait_until(f"!{PLAYER}.asked")
+        assert tab.complaints == []

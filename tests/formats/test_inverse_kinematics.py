@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from pacmo_core.formats.inverse_kinematics import (
     aim_bones,
+    contact_targets,
     fit_rest_directions,
     forward_kinematics,
     inverse_kinematics,
@@ -134,3 +135,14 @@ def test_rest_directions_of_a_fork_are_those_of_the_motion() -> None:
     )
     angles = fitted[1:] @ fitted[1:].T
     np.testing.assert_allclose(angles, held[1:] @ held[1:].T, atol=1e-6)
+
+
+def test_joints_at_the_limit_of_contact_are_aimed_nearer_and_others_stay() -> None:
+    a, b = np.zeros((3, 2, 3), np.float32), np.zeros((3, 1, 3), np.float32)
+    a[:, 1, 1] = 5  # far from everything
+    b[:, 0, 0] = [0.1, 0.106, 0.2]
+    aim_a, aim_b = contact_targets(a, b)
+    shift = 0.003 * np.exp([0, -1, -np.inf])
+    np.testing.assert_allclose(aim_a[:, 0], np.outer(shift, [1, 0, 0]), atol=1e-7)
+    np.testing.assert_allclose(b[:, 0] - aim_b[:, 0], np.outer(shift, [1, 0, 0]), atol=1e-7)
+    np.testing.assert_array_equal(aim_a[:, 1], a[:, 1])

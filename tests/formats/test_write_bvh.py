@@ -47,7 +47,21 @@ def test_the_tree_the_rate_and_the_end_sites_are_as_the_reader_expects(tmp_path:
         if parent >= 0:
             assert parents[SBU15.joints[joint]] == SBU15.joints[parent]
     assert bvh.frame_time == pytest.approx(1 / 120, rel=1e-6)
-    assert not bvh.offsets[list(bvh.end_sites)].any()
+
+
+def test_an_end_site_continues_its_bone_and_has_a_length(tmp_path: Path) -> None:
+    file = tmp_path / "out.bvh"
+    motion = moving(SBU15, 0)
+    motion[:, SBU15.joints.index("left_foot")] = motion[:, SBU15.joints.index("left_knee")]
+    file.write_text(format_bvh(motion, 120, SBU15))
+    bvh = read_bvh(file)
+    assert len(bvh.end_sites) == 5
+    for end in bvh.end_sites:
+        joint = bvh.parents[end]
+        along, bone = bvh.offsets[end], bvh.offsets[joint]
+        assert np.linalg.norm(along) > 0.01
+        if bone.any():
+            np.testing.assert_allclose(along, 0.1 * bone, atol=2e-6)
 
 
 def test_bones_that_vary_get_their_median_length_and_joints_stay_near() -> None:

@@ -1,0 +1,132 @@
+"""Truth: the files themselves, read again, against the same command's Parquet, which is exact.
+
+What the commands print of BVH files is measured on the files, whatever command and format.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from pacmo_core.commands.cli import app
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import SBU15, Skeleton
+from pacmo_core.formats.base import RawSequence
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.registry import DEFAULT_SETTINGS
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
+from pacmo_core.store.motions import stream_motions, write_motions
+from tests.commands.test_augment import CLIP
+from tests.commands.test_react import weights as reaction_weights
+from tests.commands.test_vary import weights as prior_weights
+
+__all__ = ["prior_weights", "reaction_weights"]  # fixtures
+
+PARAMS = Path("params.yaml").absolute()
+CONTACT = 0.1
+# Side by side, so near that some joints touch; noise, so that bones vary and BVH is not exact.
+NOISE = np.random.default_rng(0).normal(scale=0.01, size=(2, *CLIP.person_a.shape))
+OFFSET = (CLIP.person_a - CLIP.person_b).mean(axis=(0, 1)) + np.array([0.05, 0, 0.02])
+PAIR = Interaction(
+    SBU15,
+    CLIP.times,
+    (CLIP.person_a + NOISE[0]).astype(np.float32),
+    (CLIP.person_b + OFFSET + NOISE[1]).astype(np.float32),
+)
+
+
+def capture(form: str, folder: Path) -> list[object]:
+    """Write the pair in a format; return the words that name it."""
+    if form == "bvh":
+        for person, motion in (("A", PAIR.person_a), ("B", PAIR.person_b)):
+            (folder / f"x_{person}.bvh").write_text(format_bvh(motion, 15, SBU15))
+        return [folder / "x_A.bvh", folder / "x_B.bvh", "--from-unit", 1, "--from-up", "y"]
+    if form == "clips":
+        with write_motions(folder / "clips.parquet", SBU15) as writer:
+            writer.add("one", PAIR)
+        return [folder / "clips.parquet", "--clip", "one"]
+    table = JointTable(SBU15, PAIR.times, (PAIR.person_a, PAIR.person_b), "y", 1.0)
+    (folder / f"x{form}").write_bytes(TABLE_WRITERS[form](table))
+    return [folder / f"x{form}"]
+
+
+def run(*words: object) -> str:
+    said = CliRunner().invoke(app, [*map(str, words)])
+    assert said.exit_code == 0, said.output
+    return " ".join(said.output.split())
+
+
+def read(folder: Path, skeleton: Skeleton) -> tuple[Motion, Motion]:
+    files = tuple(sorted(folder.glob("*.bvh")))
+    reader = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], "unit": 1, "up": "y"})
+    found = reader.read(RawSequence("x", files)).interaction
+    order = [found.skeleton.joints.index(joint) for joint in skeleton.joints]
+    return found.person_a[:, order], found.person_b[:, order]
+
+
+def distances(pair: tuple[Motion, Motion]) -> np.ndarray:
+    return np.linalg.norm(pair[0][:, :, None] - pair[1][:, None], axis=-1)
+
+
+def check(said: str, wanted: tuple[Motion, Motion], found: tuple[Motion, Motion]) -> None:
+    far = max(np.linalg.norm(f - w, axis=-1).max() for f, w in zip(found, wanted, strict=True))
+    printed = re.search(r"move joints by ([\d.]+) mm at most(?:; ([\d.]+) % of contacts)?", said)
+    assert printed, said
+    assert float(printed[1]) == pytest.approx(1e3 * far, abs=0.06)
+    touch = distances(wanted) < CONTACT
+    assert touch.any() == (printed[2] is not None)
+    if touch.any():
+        held = (distances(found) < CONTACT)[touch].mean()
+        assert float(printed[2]) == pytest.approx(100 * held, abs=0.06)
+
+
+@pytest.mark.parametrize("form", ["bvh", "clips", ".npz", ".csv", ".parquet"])
+def test_augment_prints_what_is_in_the_files(form: str, tmp_path: Path) -> None:
+    words = ["augment", *capture(form, tmp_path), "--b-scale", "left_forearm=1.3", "--params",
+             PARAMS]  # fmt: skip
+    run(*words, "--out", tmp_path / "exact.parquet")
+    ((_, exact),) = stream_motions(tmp_path / "exact.parquet")
+    said = run(*words, "--out", tmp_path / "files")
+    found = read(tmp_path / "files", exact.skeleton)
+    check(said, (exact.person_a, exact.person_b), found)
+    printed = re.search(r"contacts kept ([\d.]+) %", said)
+    assert printed
+    source = (PAIR.person_a, PAIR.person_b)
+    source = read(tmp_path, exact.skeleton) if form == "bvh" else source
+    kept, of_exact = (
+        (distances(pair) < CONTACT)[distances(source) < CONTACT].mean()
+        for pair in (found, (exact.person_a, exact.person_b))
+    )
+    assert form == "bvh" or abs(kept - of_exact) > 0.005
+    # The command compares after the scene has the size of the source: about one forearm's part.
+    assert float(printed[1]) == pytest.approx(100 * kept, abs=0.3)
+
+
+@pytest.mark.parametrize("form", ["bvh", "clips", ".npz"])
+def test_vary_prints_what_is_in_the_files(
+    form: str,
+    prior_weights: Path,
+    tmp_path: Path,
+) -> None:
+    words = ["vary", *capture(form, tmp_path), "--weights", prior_weights, "--b-scale",
+             "uniform=0.8"]  # fmt: skip
+    run(*words, "--out", tmp_path / "exact.parquet")
+    ((_, exact),) = stream_motions(tmp_path / "exact.parquet")
+    said = run(*words, "--out", tmp_path / "files")
+    check(said, (exact.person_a, exact.person_b), read(tmp_path / "files", exact.skeleton))
+
+
+@pytest.mark.parametrize("form", ["clips", ".npz"])
+def test_react_prints_what_is_in_the_files(
+    form: str,
+    reaction_weights: Path,
+    tmp_path: Path,
+) -> None:
+    words = ["react", *capture(form, tmp_path), "--person", "a", "--weights", reaction_weights]
+    run(*words, "--out", tmp_path / "exact.parquet")
+    ((_, exact),) = stream_motions(tmp_path / "exact.parquet")
+    said = run(*words, "--out", tmp_path / "files")
+    check(said, (exact.person_a, exact.person_b), read(tmp_path / "files", exact.skeleton))
