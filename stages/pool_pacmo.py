@@ -9,6 +9,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pacmo_core.metrics.bootstrap import (
     BySeed,
     Estimate,
@@ -58,11 +60,12 @@ def augmentation_effect(
 
 
 def round_estimates(metrics: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Round to six significant digits."""
+    """Round to six significant digits; leave out the bounds of what has no interval."""
     return {
         name: {
             part: value if isinstance(value, bool) else float(f"{value:.6g}")
             for part, value in vars(result).items()
+            if not np.isnan(value)
         }
         for name, result in metrics.items()
     }

@@ -2,7 +2,8 @@
 
 The bootstrap resamples what is independent, not clips: a pair of people with all its clips; where
 people are unknown, or all the same, a recording (cluster bootstrap; Davison and Hinkley 1997,
-section 3.8). With fewer than ten of these an interval is rough, and mostly too narrow. All rows and
+section 3.8). With fewer than ten of these an interval is rough, and mostly too narrow; with fewer
+than four there is none. All rows and
 metrics share the same replicates, so two rows can be compared replicate by replicate.
 
 Within a fold a replicate is the metric on that resample, averaged over as many seeds as
@@ -27,7 +28,7 @@ Codes = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Interval:
-    """A metric on all samples, and the bounds of its interval."""
+    """A metric on all samples, and the bounds of its interval; NaN where it has none."""
 
     mean: float
     low: float
@@ -41,7 +42,7 @@ class Estimate:
     Parameters
     ----------
     plain : on all samples
-    resampled : (B,), one for each replicate
+    resampled : (B,), one for each replicate; none if there are too few units to resample
     """
 
     plain: float
@@ -76,9 +77,15 @@ def interval(estimate: Estimate, confidence: float, *, minimum: float = -np.inf)
     estimate : the metric and its replicates
     confidence : in (0, 1)
     minimum : the smallest possible value of the metric, at which the interval is cut
+
+    Returns
+    -------
+    Interval; its bounds are NaN if the estimate has no replicates
     """
     if not 0 < confidence < 1:
         raise ValueError(f"confidence must lie in (0, 1); got {confidence}")
+    if not len(estimate.resampled):
+        return Interval(estimate.plain, np.nan, np.nan)
     spread = estimate.resampled - estimate.resampled.mean()
     high, low = np.quantile(spread, [(1 - confidence) / 2, (1 + confidence) / 2])
     mean = estimate.plain
@@ -102,39 +109,55 @@ def interval_of_repeats(values: Array) -> Interval:
     return Interval(float(values.mean()), float(values.min()), float(values.max()))
 
 
+# With fewer independent units an interval cannot be estimated, and there is none.
+MIN_UNITS = 4
+
+
 def bootstrap_units(
-    groups: Codes, units: Codes, n_replicates: int, generator: np.random.Generator
+    sets: Codes,
+    n_replicates: int,
+    generator: np.random.Generator,
+    *,
+    least_units: int = 2,
+    least_clips: int = 1,
 ) -> Array:
-    """Resample units with replacement within each group (say, test and training clips).
+    """Resample units with replacement, once for all sets of clips that are taken from them.
+
+    Sets that share units share what is drawn, so that the mean of a metric over several sets has
+    the spread of that metric, and not that of as many independent samples.
 
     Parameters
     ----------
-    groups : (G,) int, the group of each clip
-    units : (G,) int, the unit of each clip: clips of one unit of a group are resampled together
+    sets : (K, U) int, the number of clips that each set has of each unit
     n_replicates : B
+    least_units, least_clips : different units, and clips, that each set has in each replicate;
+        replicates with less are drawn again
 
     Returns
     -------
-    (B, G) count of each clip in each replicate; at least two different units of each group
+    (B, U) count of each unit in each replicate
 
     Raises
     ------
     ValueError
-        If a group has a single unit.
+        If a set has clips of fewer than ``least_units`` units, or there are fewer than four.
     """
-    counts = np.zeros((n_replicates, len(groups)))
-    for group in np.unique(groups):
-        members = np.flatnonzero(groups == group)
-        names, of_clip = np.unique(units[members], return_inverse=True)
-        if len(names) < 2:
-            raise ValueError(f"a bootstrap needs at least 2 units; group {group} has one")
-        probability = np.full(len(names), 1 / len(names))
-        for replicate in counts:
-            drawn = np.zeros(len(names), dtype=np.intp)
-            # A replicate of a single unit has no spread; from 8 units on it never happens.
-            while np.count_nonzero(drawn) < 2:
-                drawn = generator.multinomial(len(names), probability)
-            replicate[members] = drawn[of_clip]
+    n_units = sets.shape[1]
+    smallest = int((sets > 0).sum(axis=1).min())
+    if n_units < MIN_UNITS or smallest < least_units:
+        raise ValueError(
+            f"a bootstrap needs {MIN_UNITS} units, and {least_units} in each set; "
+            f"got {n_units}, and {smallest} in a set"
+        )
+    probability = np.full(n_units, 1 / n_units)
+    counts = np.zeros((n_replicates, n_units))
+    for replicate in counts:
+        drawn = np.zeros(n_units, dtype=np.intp)
+        while (
+            ((sets > 0) @ (drawn > 0).astype(np.intp) < least_units) | (sets @ drawn < least_clips)
+        ).any():
+            drawn = generator.multinomial(n_units, probability)
+        replicate[:] = drawn
     return counts
 
 
@@ -168,7 +191,8 @@ def pool_folds(folds: Sequence[BySeed], random_seed: int) -> Estimate:
 
     Parameters
     ----------
-    folds : of each fold, the metric by seed; all with the same number of replicates
+    folds : of each fold, the metric by seed; all with the same number of replicates, or with none
+        where a fold has too few units: the pooled metric has none then
     random_seed : for the replicates of seeds; the same for all metrics and rows that are compared
 
     Raises
@@ -177,11 +201,13 @@ def pool_folds(folds: Sequence[BySeed], random_seed: int) -> Estimate:
         If there is nothing to pool, or the numbers of replicates differ.
     """
     lengths = {len(estimate.resampled) for fold in folds for estimate in fold.values()}
-    if len(lengths) != 1 or not all(folds):
+    if len(lengths - {0}) > 1 or not lengths or not all(folds):
         raise ValueError(
             f"wanted estimates of one number of replicates in every fold; got {lengths}"
         )
     plain = np.mean([np.mean([e.plain for e in fold.values()]) for fold in folds])
+    if 0 in lengths:
+        return Estimate(float(plain), np.zeros(0))
     replicates = [_resample_seeds(fold, (random_seed, k)) for k, fold in enumerate(folds)]
     return Estimate(float(plain), np.mean(replicates, axis=0))
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.metrics.bootstrap import Array, bootstrap_units
+from pacmo_core.metrics.bootstrap import MIN_UNITS, Array, bootstrap_units
 from pacmo_core.metrics.controls import second_samples
 from pacmo_core.metrics.diversity import n_candidates
 from pacmo_core.metrics.f2id import split_into_parts
@@ -21,7 +21,8 @@ from pacmo_core.metrics.plausibility import BodyJoints
 from pacmo_core.metrics.reactions import Reactions, stack_motions
 
 Codes = NDArray[np.intp]
-MIN_UNITS_OF_HALVES = 4  # with two in each half, both can be resampled
+MIN_UNITS_OF_HALVES = 2 * MIN_UNITS  # for replicates of the halves
+SECOND_CLIPS = 4  # in each replicate of a second sample, which is divided into quarters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +63,31 @@ class EvaluationSettings:
     random_seed: int
 
 
+@dataclass(frozen=True)
+class _UnitsOf:
+    """The units of a set of reactions.
+
+    Parameters
+    ----------
+    n_units : U, of all reactions
+    of_column : (C,) int, the unit of the clip of each column
+    """
+
+    n_units: int
+    of_column: Codes
+
+    @classmethod
+    def columns(cls, reactions: Reactions, clips: Sequence[str]) -> "_UnitsOf":
+        """Return the units of reactions, and that of each column's clip."""
+        names, codes = np.unique(reactions.units, return_inverse=True)
+        unit_of = dict(zip(reactions.clips, codes, strict=True))
+        return cls(len(names), np.array([unit_of[clip] for clip in clips], dtype=np.intp))
+
+    def sizes(self, selected: NDArray[np.bool_]) -> Codes:
+        """Count the selected columns of each unit, (U,)."""
+        return np.bincount(self.of_column[selected], minlength=self.n_units)
+
+
 class EvaluationContext:
     """Real reactions, second samples of real motion, and bootstrap replicates shared by all rows.
 
@@ -96,54 +122,86 @@ class EvaluationContext:
                 train.clips, len(real), settings.second_samples, second_sets
             )
         ]
-        unit_of = {
-            (number, clip): unit
-            for number, part in enumerate([real, *self.second_sets])
-            for clip, unit in zip(part.clips, part.units, strict=True)
-        }
-        names = sorted(unit_of)
+        groups = enumerate([real, *self.second_sets])
+        names = sorted({(number, clip) for number, part in groups for clip in part.clips})
         self._column = {name: i for i, name in enumerate(names)}
         self.groups = np.array([group for group, _ in names], dtype=np.intp)
-        self._units = np.unique([unit_of[name] for name in names], return_inverse=True)[1]
-        samples = bootstrap_units(self.groups, self._units, settings.bootstrap, replicates)
-        # (1 + bootstrap, G): the first row has every clip once and gives the plain value.
-        self.counts = np.concatenate([np.ones((1, len(names))), samples])
+        self._tested = _UnitsOf.columns(real, [clip for group, clip in names if group == 0])
+        self._trained = _UnitsOf.columns(train, [clip for group, clip in names if group > 0])
+        divisions = self._divisions(halves)
+        # (1 + B, G): the first row has every clip once and gives the plain value; B is 0 where
+        # there are too few units.
+        self.counts = np.concatenate(
+            [np.ones((1, len(names))), self._replicates(divisions, replicates)]
+        )
         self.partners = self.codes(real)
         # (repeats, 2, n_samples) in [0, 1): indices of the paper's protocol, real and generated.
         self._paper = paper.random((settings.repeats, 2, settings.n_samples))
         self._parts = parts
-        self.halves = self._halves(halves)
+        self.halves = self._halves(divisions)
 
-    def _halves(self, generator: np.random.Generator) -> list[tuple[Array, Array]]:
-        """Divide the tested units into halves at random; count clips in replicates of each half.
+    def _divisions(self, generator: np.random.Generator) -> NDArray[np.bool_]:
+        """Divide the tested units into halves at random.
 
         Returns
         -------
-        ``second_samples`` pairs of (1 + bootstrap, G); the halves of a pair share no unit and are
-        resampled each for itself. None if there are fewer than four units
+        (K, U) whether a unit is in the first half; none if there are fewer than four units
         """
-        tested = np.flatnonzero(self.groups == 0)
-        units = np.unique(self._units[tested])
-        if len(units) < MIN_UNITS_OF_HALVES:
-            return []
+        n_divisions = self.settings.second_samples if self.n_units >= MIN_UNITS else 0
+        result = np.zeros((n_divisions, self.n_units), dtype=np.bool_)
+        for division in result:
+            division[generator.permutation(self.n_units)[: self.n_units // 2]] = True
+        return result
+
+    def _replicates(self, divisions: NDArray[np.bool_], generator: np.random.Generator) -> Array:
+        """Count clips in replicates, (B, G); tested units and training units are drawn once each.
+
+        A second sample counts its clips by the draw of the training units, so that second samples
+        with common clips share them in every replicate.
+        """
+        numbers = range(1, 1 + len(self.second_sets))
+        second_sets = np.array(
+            [self._trained.sizes(self.groups[self.groups > 0] == number) for number in numbers]
+        )
+        fewest = min(self.n_units, *(second_sets > 0).sum(axis=1))
+        if fewest < MIN_UNITS:
+            return np.zeros((0, len(self.groups)))
+        n = self.settings.bootstrap
+        whole = np.ones((1, self.n_units), dtype=np.intp)
+        if self.n_units >= MIN_UNITS_OF_HALVES:
+            # Neither half of a division is empty in any replicate.
+            both = np.concatenate([divisions, ~divisions]).astype(np.intp)
+            tested = bootstrap_units(both, n, generator, least_units=1)
+        else:
+            tested = bootstrap_units(whole, n, generator)
+        trained = bootstrap_units(second_sets, n, generator, least_clips=SECOND_CLIPS)
+        # Columns are sorted by group, the tested clips first.
+        return np.concatenate(
+            [tested[:, self._tested.of_column], trained[:, self._trained.of_column]], axis=1
+        )
+
+    def _halves(self, divisions: NDArray[np.bool_]) -> list[tuple[Array, Array]]:
+        """Count the clips of each half in every replicate.
+
+        Returns
+        -------
+        pairs of (1 + bootstrap, G), or of (1, G) where the units are too few for replicates of
+        halves; the halves of a pair share no unit, and together have the tested clips of ``counts``
+        """
+        counts = self.counts if self.n_units >= MIN_UNITS_OF_HALVES else self.counts[:1]
+        tested = self.groups == 0
         result = []
-        for _ in range(self.settings.second_samples):
-            first = generator.permutation(units)[: len(units) // 2]
-            half = np.isin(self._units[tested], first).astype(np.intp)
-            counts = np.zeros_like(self.counts)
-            counts[0, tested] = 1
-            counts[1:, tested] = bootstrap_units(
-                half, self._units[tested], self.settings.bootstrap, generator
-            )
-            in_first = np.zeros(len(self.groups))
-            in_first[tested[half == 1]] = 1
-            result.append((counts * in_first, counts * (1 - in_first)))
+        for division in divisions:
+            in_first, in_second = np.zeros((2, len(self.groups)))
+            in_first[tested] = division[self._tested.of_column]
+            in_second[tested] = ~division[self._tested.of_column]
+            result.append((counts * in_first, counts * in_second))
         return result
 
     @property
     def n_units(self) -> int:
         """Number of tested units, which the bootstrap resamples."""
-        return len(np.unique(self._units[self.groups == 0]))
+        return self._tested.n_units
 
     @cached_property
     def part_counts(self) -> Array:

@@ -47,24 +47,32 @@ def test_repeats_are_reported_by_mean_and_extremes():
     assert interval_of_repeats(np.array([1.0, 4.0, 1.0])) == Interval(2.0, 1.0, 4.0)
 
 
-def test_each_group_of_clips_is_drawn_for_itself_and_never_down_to_one():
-    groups = np.array([0, 0, 1, 1, 1, 1])
-    counts = bootstrap_units(groups, np.arange(6), 500, np.random.default_rng(0))
-    np.testing.assert_array_equal(counts[:, :2], 1)  # two clips: no other draw has both
-    np.testing.assert_array_equal(counts[:, 2:].sum(axis=1), 4)
-    assert (np.count_nonzero(counts[:, 2:], axis=1) >= 2).all()
-    np.testing.assert_allclose(counts.mean(axis=0), 1, atol=0.1)
-    with pytest.raises(ValueError, match="group 1"):
-        bootstrap_units(np.array([0, 0, 1]), np.arange(3), 5, np.random.default_rng(0))
+def test_units_are_drawn_once_for_all_sets_and_leave_none_with_too_few():
+    sets = np.array([[1, 1, 0, 0, 0, 0, 0, 0], [0, 0, 2, 2, 2, 2, 2, 2]])
+    counts = bootstrap_units(sets, 500, np.random.default_rng(0), least_units=2, least_clips=3)
+    np.testing.assert_array_equal(counts.sum(axis=1), 8)
+    assert ((counts > 0).astype(int) @ (sets > 0).T >= 2).all()
+    assert (counts @ sets.T >= 3).all()
+    free = bootstrap_units(np.ones((1, 8), dtype=int), 4000, np.random.default_rng(0))
+    np.testing.assert_allclose(free.mean(axis=0), 1, atol=0.1)
+    # Of a multinomial distribution with 8 trials.
+    np.testing.assert_allclose(free.var(axis=0), 7 / 8, atol=0.1)
 
 
-def test_clips_of_one_unit_are_drawn_together():
-    units = np.array([5, 5, 5, 2, 2, 9])
-    counts = bootstrap_units(np.zeros(6, dtype=np.intp), units, 300, np.random.default_rng(0))
-    for unit in (5, 2, 9):
-        assert (np.ptp(counts[:, units == unit], axis=1) == 0).all()
-    np.testing.assert_array_equal(counts[:, [0, 3, 5]].sum(axis=1), 3)
-    np.testing.assert_allclose(counts.mean(axis=0), 1, atol=0.1)
+@pytest.mark.parametrize("n_units", [1, 2, 3])
+def test_few_units_are_not_resampled(n_units):
+    with pytest.raises(ValueError, match=f"needs 4 units, and 2 in each set; got {n_units}"):
+        bootstrap_units(np.ones((1, n_units), dtype=int), 5, np.random.default_rng(0))
+
+
+def test_a_set_of_one_unit_is_not_resampled():
+    with pytest.raises(ValueError, match="and 1 in a set"):
+        bootstrap_units(np.eye(1, 9, dtype=int), 5, np.random.default_rng(0))
+
+
+def test_an_estimate_without_replicates_has_no_interval():
+    found = interval(Estimate(2.0, np.zeros(0)), 0.95, minimum=0.0)
+    assert found.mean == 2 and np.isnan([found.low, found.high]).all()
 
 
 def test_the_unit_is_the_pair_of_people_and_the_recording_where_there_are_none_or_one():
@@ -101,7 +109,7 @@ def test_pair_means_are_those_of_a_loop_over_pairs_of_different_clips():
 def test_the_bootstrap_of_a_pair_mean_is_not_biased():
     rng = np.random.default_rng(2)
     values, clips = rng.exponential(size=(40, 40)), np.arange(40) // 2
-    counts = bootstrap_units(np.zeros(20, dtype=np.intp), np.arange(20), 4000, rng)
+    counts = bootstrap_units(np.ones((1, 20), dtype=np.intp), 4000, rng)
     draws = pair_means(values + values.T, clips, clips, counts)
     plain = pair_means(values + values.T, clips, clips, np.ones((1, 20)))[0]
     assert draws.mean() == pytest.approx(plain, abs=4 * draws.std() / np.sqrt(4000))
@@ -126,7 +134,8 @@ def test_intervals_of_f2id_hold_its_mean_at_that_number_of_clips_about_as_often_
     held = []
     for _ in range(60):
         x, y = draw()
-        counts = bootstrap_units(np.repeat([0, 1], n_clips), np.arange(2 * n_clips), 100, rng)
+        one = np.ones((1, n_clips), dtype=np.intp)
+        counts = np.concatenate([bootstrap_units(one, 100, rng) for _ in range(2)], axis=1)
         others = clips if paired else clips + n_clips
         draws = np.array([weighted_f2id(x, y, c[clips], c[others]) for c in counts])
         found = interval(Estimate(weighted_f2id(x, y, once, once), draws), 0.9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.metrics.bootstrap import interval
-from pacmo_core.metrics.context import EvaluationSettings
+from pacmo_core.metrics.context import EvaluationContext, EvaluationSettings
 from pacmo_core.metrics.controls import permute_partners
 from pacmo_core.metrics.displacement import ape, ave
 from pacmo_core.metrics.evaluate import Evaluation
@@ -57,7 +57,7 @@ def blurred(real, size, rng):
 @pytest.fixture(scope="module")
 def sets():
     rng = np.random.default_rng(0)
-    real, train = reactions(12, "test", rng), reactions(40, "train", rng)
+    real, train = reactions(16, "test", rng), reactions(40, "train", rng)
     return real, train, {"near": blurred(real, 0.1, rng), "far": blurred(real, 2.0, rng)}
 
 
@@ -95,8 +95,8 @@ def test_plain_values_are_those_of_the_metrics_called_alone(sets, measured):
     real, _, rows = sets
     found, row = values(measured["far"]), rows["far"]
     x, y = (stack_motions(part.motions, part.times, 6) for part in (real, row))
-    clips = np.arange(24) // 2
-    flat = [a.reshape(24, 1, -1) for a in (x, y)]
+    clips = np.arange(32) // 2
+    flat = [a.reshape(32, 1, -1) for a in (x, y)]
     expected = {
         "f2id": f2id(real.features, row.features, WEIGHTS),
         "mmd_a": mmd_a(x, y, clips, clips, bandwidth=median_bandwidth(x)),
@@ -114,8 +114,8 @@ def test_diversity_is_the_mean_over_all_pairs_of_different_clips(sets, measured)
     features = rows["near"].features
     squared = [
         (WEIGHTS * (features[i] - features[j]) ** 2).sum()
-        for i in range(24)
-        for j in range(24)
+        for i in range(32)
+        for j in range(32)
         if real.clips[i] != real.clips[j]
     ]
     found = values(measured["near"])
@@ -151,7 +151,7 @@ def test_excess_is_the_distance_to_other_people_less_that_of_the_real_pairs(sets
 
 def test_a_copy_of_training_motion_gains_nothing_in_excess(sets):
     real, train, _ = sets
-    copied = replace(real, features=train.features[:24])
+    copied = replace(real, features=train.features[:32])
     others = replace(train, features=train.features + 5.0)
     found = [table_of(real, part).measure(copied) for part in (train, others)]
     assert values(found[0])["f2id_excess"] == values(found[1])["f2id_excess"]
@@ -160,7 +160,7 @@ def test_a_copy_of_training_motion_gains_nothing_in_excess(sets):
 def test_the_floor_is_the_distance_to_second_draws_of_training_motion(sets, measured):
     real, train, _ = sets
     seconds = table_of(real, train).context.second_sets
-    assert [len(second) for second in seconds] == [24, 24]
+    assert [len(second) for second in seconds] == [32, 32]
     expected = np.mean([f2id(real.features, second.features, WEIGHTS) for second in seconds])
     assert values(measured["real"])["f2id"] == pytest.approx(expected)
 
@@ -172,6 +172,70 @@ def test_too_few_people_for_halves_have_no_excess(sets):
     found = table_of(few, train).measure(rows["far"])
     assert "f2id_excess" not in found.estimates
     assert found.absent["f2id_excess"].startswith("fewer than four")
+    for name, estimate in found.estimates.items():
+        repeats = name.endswith("_published")
+        assert len(estimate.resampled) == (3 if repeats else 0), name
+        assert repeats or np.isnan(interval(estimate, 0.9).low)
+
+
+def test_halves_of_four_units_have_a_value_and_no_replicates(sets):
+    real, train, rows = sets
+    few = replace(real, units=[f"unit{int(name[4:]) % 4}" for name in real.clips])
+    found = table_of(few, train).measure(rows["far"]).estimates
+    for name in ("f2id_excess", "f2id_distances"):
+        assert found[name].plain > 0 and len(found[name].resampled) == 0
+    assert len(found["f2id"].resampled) == 40
+
+
+def test_halves_and_second_samples_share_what_is_drawn(sets):
+    real, train, _ = sets
+    context = table_of(real, train, replace(SETTINGS, second_samples=5, bootstrap=400)).context
+    tested = context.groups == 0
+    for first, second in context.halves:
+        np.testing.assert_array_equal(first + second, context.counts * tested)
+        assert (first.sum(axis=1) > 0).all() and (second.sum(axis=1) > 0).all()
+    unit_of = dict(zip(train.clips, train.units, strict=True))
+    columns = {}
+    for number, second in enumerate(context.second_sets, start=1):
+        for clip in {*second.clips}:
+            (code,) = {*context.codes(second.take([second.clips.index(clip)]), number)}
+            columns.setdefault(unit_of[clip], []).append(code)
+    assert max(map(len, columns.values())) > 5
+    for codes in columns.values():
+        assert (np.ptp(context.counts[:, codes], axis=1) == 0).all()
+
+
+def test_the_spread_of_a_mean_over_halves_is_that_of_the_plain_bootstrap():
+    rng = np.random.default_rng(5)
+    real, train = reactions(48, "test", rng), reactions(60, "train", rng)
+    settings = replace(SETTINGS, second_samples=5, bootstrap=2000)
+    context = EvaluationContext(real=real, train=train, weights=WEIGHTS, settings=settings)
+    names, units = np.unique(real.units, return_inverse=True)
+    of_clip = rng.normal(size=len(names))[units]  # a value of each unit of two clips
+
+    def means(counts):
+        weights = counts[1:, context.partners]
+        return weights @ of_clip / weights.sum(axis=1)
+
+    halves = np.mean([means(half) for pair in context.halves for half in pair], axis=0)
+    # Five independent bootstraps would have 1/√5 = 0.45 of the spread.
+    assert halves.std() == pytest.approx(
+        means(context.counts * (context.groups == 0)).std(), rel=0.1
+    )
+
+
+def test_the_spread_of_a_mean_over_second_samples_is_that_of_one_if_all_are_the_same():
+    rng = np.random.default_rng(6)
+    real, train = reactions(40, "test", rng), reactions(41, "train", rng)
+    settings = replace(SETTINGS, second_samples=5, bootstrap=1000)
+    context = EvaluationContext(real=real, train=train, weights=WEIGHTS, settings=settings)
+    value = dict(zip(train.clips, rng.normal(size=41).repeat(2), strict=True))
+    spreads = []
+    for number, second in enumerate(context.second_sets, start=1):
+        weights = context.counts[1:, context.codes(second, number)]
+        of_set = np.array([value[clip] for clip in second.clips])
+        spreads.append(weights @ of_set / weights.sum(axis=1))
+    assert np.mean(spreads, axis=0).std() == pytest.approx(np.std(spreads, axis=1).mean(), rel=0.1)
 
 
 def test_the_energy_score_and_the_dispersion_are_those_of_the_samples(sets):
@@ -249,10 +313,10 @@ def test_fewer_training_than_test_clips_give_one_second_draw_of_what_there_is(se
 def test_a_table_of_mistaken_rows_is_refused(sets):
     real, train, rows = sets
     table = table_of(real, train)
-    with pytest.raises(ValueError, match="wanted 24 reactions"):
+    with pytest.raises(ValueError, match="wanted 32 reactions"):
         table.measure(rows["far"].take(np.arange(5)))
     with pytest.raises(ValueError, match="clips must be"):
-        table.measure(train.take(np.arange(24)))
+        table.measure(train.take(np.arange(32)))
     with pytest.raises(ValueError, match="share no clip"):
         table_of(real, real)
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from pacmo_core.promotion import Gate, check_gate
 from pacmo_core.store.scores import Score, write_scores
 from stages import pool_pacmo
 
@@ -96,3 +97,26 @@ def test_the_gain_by_variations_is_pooled_by_fold_over_equal_seeds(pooled):
     assert found["each"] == {"f2id": pytest.approx([-0.05, -0.1])}
     assert found["folds"]["f2id"]["mean"] == pytest.approx(-0.075)
     assert found["clips"]["f2id"]["mean"] == pytest.approx(0.075 - 0.25)
+
+
+def test_a_fold_with_too_few_units_leaves_means_without_intervals(tmp_path, monkeypatch):
+    (tmp_path / "params.yaml").write_text("pool_pacmo: {confidence: 0.95, random_seed: 1}\n")
+    monkeypatch.chdir(tmp_path)
+    facts = {"autoencoder_sha256": "a", "matcher_sha256": "m", "unit": "clip", "n": N, "absent": {}}
+    for fold, length in ((1, 1), (2, 101)):
+        scores = [
+            Score(row, 1, metric, np.full(3 if metric == "f2id_halves" else length, value))
+            for row in ("real", "real_pairs", "wrong_partner", "pacmo", "pacmo_augmented")
+            for metric, value in (("f2id", fold), ("f2id_halves", 1.0), ("mmd_pair", fold))
+        ]
+        write_scores(tmp_path / f"scores/{fold}.parquet", scores, facts)
+    pool_pacmo.main(tmp_path / "scores", tmp_path / "pacmo.json")
+    found = json.loads((tmp_path / "pacmo.json").read_text())
+    assert found["rows"]["pacmo"]["f2id"] == {"mean": 1.5}
+    assert found["rows"]["pacmo"]["f2id_halves"] == {"mean": 1.0, "low": 1.0, "high": 1.0}
+    assert found["differences"]["pacmo_minus_pacmo_augmented"]["f2id"] == {"mean": 0.0}
+    assert found["sensitivity"]["any_action"]["mmd_pair"] == {"mean": 0.0, "sensitive": False}
+    assert found["augmentation"]["clips"]["f2id"] == {"mean": 0.0}
+    gate = Gate(row="pacmo", metrics=("f2id",), max_noise_floor_ratio=2.0)
+    reasons = check_gate(found["rows"], found["rows"], gate)
+    assert reasons[0] == "F²ID of pacmo is no finite interval: {'mean': 1.5}"
