@@ -4,7 +4,7 @@ Better and worse mean that the interval of the paired difference excludes zero; 
 decides is said to be undecided. No sentence depends on which model it is about.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from pacmo_core.figures.tables import (
     Cell,
     Rows,
     finite_value,
+    has_interval,
     metric_verdict,
 )
 from pacmo_core.figures.variations import measure_label
@@ -37,6 +38,8 @@ COMPARED = tuple(name for name in (*MAIN_COLUMNS, *PARTNER_COLUMNS) if improveme
 MATCHING = "matching"
 CLOSENESS = "f2id"
 FLOOR = "f2id_floor"
+WITHOUT_FINISH = "_without_finish"  # ending of the row of a finished model's reactions before it
+FEW_UNITS = "too few units"  # the verdict on a difference without an interval
 
 
 @dataclass(frozen=True)
@@ -53,21 +56,24 @@ class Finding:
     text: str
 
 
-def reaction_findings(pooled: Mapping[str, Any]) -> list[Finding]:
+def reaction_findings(pooled: Mapping[str, Any], finished: Collection[str] = ()) -> list[Finding]:
     """Return a sentence for each of the headline models.
 
     Parameters
     ----------
     pooled : ``rows``, ``differences`` and ``sensitivity``, as ``pool_pacmo`` writes them
+    finished : the models whose reactions are finished
     """
     return [
-        Finding(_label(model), f"{'; '.join(_clauses(pooled, model)).removeprefix('it ')}.")
+        Finding(
+            _label(model), f"{'; '.join(_clauses(pooled, model, finished)).removeprefix('it ')}."
+        )
         for model in HEADLINE_MODELS
         if model in pooled["rows"]
     ]
 
 
-def _clauses(pooled: Mapping[str, Any], model: str) -> Iterator[str]:
+def _clauses(pooled: Mapping[str, Any], model: str, finished: Collection[str]) -> Iterator[str]:
     """Yield the clauses of a model's sentence; the first begins with "it"."""
     rows: Rows = pooled["rows"]
     baselines = [name for name in BASELINES if name in rows and name != model]
@@ -76,23 +82,59 @@ def _clauses(pooled: Mapping[str, Any], model: str) -> Iterator[str]:
         yield comparison_clause(_label(baseline), verdicts)
     if not baselines:
         yield "it has no baseline in this run"
+    yield from _finish_clause(model, baselines, finished)
     yield from _closeness(rows[model])
     seen = pooled["sensitivity"].get(f"{model}_any_action")
     if seen is not None:
         yield _dependence(seen.get(MATCHING, {}))
 
 
+def _finish_clause(
+    model: str, baselines: Sequence[str], finished: Collection[str]
+) -> Iterator[str]:
+    """State which of the compared models are finished, if not all or none are."""
+    groups = {
+        wanted: [_label(name) for name in baselines if (name in finished) == wanted]
+        for wanted in (True, False)
+    }
+    differing = " and ".join(groups[model not in finished])
+    if differing:
+        own, other = ("finished", "not") if model in finished else ("not finished", "finished")
+        yield f"its reactions are {own}, those of {differing} are {other}"
+
+
+def finish_note(rows: Collection[str], finished: Collection[str]) -> str:
+    """Return which rows are finished; empty if none is.
+
+    Parameters
+    ----------
+    rows : names of the rows of a table
+    finished : the models whose reactions are finished
+    """
+    labels = [_label(name) for name in ROWS if name in rows and name in finished]
+    if not labels:
+        return ""
+    text = (
+        f"Finished, with bones of exact length, feet planted and predicted contacts closed, are "
+        f"the reactions of: {'; '.join(labels)}. Those of all other rows are as generated or "
+        "copied, so a part of a difference from these may be due to the finish."
+    )
+    without = [f"{name}{WITHOUT_FINISH}" for name in finished]
+    shown = "; ".join(_label(name) for name in without if name in rows)
+    return f"{text} What the finish changes is seen beside: {shown}." if shown else text
+
+
 def compare(differences: Rows, first: str, second: str) -> dict[str, str]:
     """Return by metric whether the first model is better, worse or neither (open).
 
-    Metrics whose difference was not measured are left out.
+    Without an interval it is ``FEW_UNITS``. Metrics whose difference was not measured are left out.
     """
     cells = differences.get(f"{first}{BETWEEN}{second}")
     swap = cells is None
     cells = differences.get(f"{second}{BETWEEN}{first}", {}) if cells is None else cells
-    opposite = {BETTER: WORSE, WORSE: BETTER, OPEN: OPEN}
+    opposite = {BETTER: WORSE, WORSE: BETTER, OPEN: OPEN, FEW_UNITS: FEW_UNITS}
     verdicts = {
-        name: metric_verdict(name, cells[name])
+        name: metric_verdict(name, cells[name]) if has_interval(cells[name]) else FEW_UNITS
         for name in COMPARED
         if finite_value(cells.get(name, {}), "mean") is not None
     }
@@ -103,6 +145,19 @@ def comparison_clause(baseline: str, verdicts: Mapping[str, str]) -> str:
     """Return a clause that compares a model with a baseline by its verdicts."""
     if not verdicts:
         return f"it was not compared with {baseline}"
+    decided = {name: verdict for name, verdict in verdicts.items() if verdict != FEW_UNITS}
+    without = count(len(verdicts) - len(decided), "metric")
+    if not decided:
+        return (
+            f"whether it beats {baseline} is not decided: too few units are tested for an "
+            f"interval of {without}"
+        )
+    text = _decided_clause(baseline, decided)
+    few = f", and too few units are tested for an interval of {without}"
+    return text if len(decided) == len(verdicts) else text + few
+
+
+def _decided_clause(baseline: str, verdicts: Mapping[str, str]) -> str:
     total = count(len(verdicts), "metric")
     better, worse = (
         [_in_list(name) for name, verdict in verdicts.items() if verdict == wanted]
@@ -131,7 +186,9 @@ def _dependence(cell: Cell) -> str:
     """State whether reactions fit their own partner better than another."""
     low, high = finite_value(cell, "low"), finite_value(cell, "high")
     if low is None or high is None:
-        return "whether its reactions depend on the partner was not measured"
+        measured = finite_value(cell, "mean") is not None
+        why = "is not decided: too few units are tested" if measured else "was not measured"
+        return f"whether its reactions depend on the partner {why}"
     if low > 0:
         return "its reactions fit their own partner better than another one"
     if high < 0:
@@ -181,6 +238,7 @@ def prior_findings(scores: Scores, dataset: str) -> list[Finding]:
     cells = [
         (block, models)
         for block in METRIC_ROWS
+        if block.is_compared
         for split in SPLITS
         if len(models := _complete(scores.get(block.task, {}).get(split, {}), block)) > 1
     ]
@@ -211,8 +269,8 @@ def _prior_sentence(
     if not any(lowest):
         return f"{text}."
     if not has_intervals:
-        return f"{text}, each of one training only, so that no difference is certain."
-    return f"{text}; in {sum(certain)} its interval over trainings lies below all others."
+        return f"{text}, each of one motion and one seed only, so that no difference is certain."
+    return f"{text}; in {sum(certain)} its interval over motions and seeds lies below all others."
 
 
 def _complete(models: Mapping[str, Any], block: MetricRow) -> dict[str, Any]:

@@ -107,6 +107,11 @@ def finite_value(cell: Cell, key: str) -> float | None:
     return float(value)
 
 
+def has_interval(cell: Cell) -> bool:
+    """Return whether a cell has both bounds; few units have a mean alone."""
+    return all(finite_value(cell, key) is not None for key in ("low", "high"))
+
+
 def make_entry(cell: Cell, mark: str) -> Entry:
     """Format a cell: the mean and its interval, or a dash and the reason."""
     mean, low, high = (finite_value(cell, key) for key in ("mean", "low", "high"))
@@ -134,6 +139,8 @@ def _marks(rows: Rows, column: str) -> dict[str, str]:
     if len(lowest) > 1:  # none is better than the others
         return dict.fromkeys(lowest, "level") if len(lowest) < len(means) else {}
     (best,) = lowest
+    if not has_interval(cells[best]):  # nothing shows that it is better
+        return {}
     level = {name: "level" for name in means if name != best and _overlap(cells[name], cells[best])}
     return {best: "best"} | level
 
@@ -186,9 +193,21 @@ def sensitivity_table(sensitivity: Rows, labels: Mapping[str, str]) -> Table:
 
 
 def insensitive_metrics(cells: Mapping[str, Cell]) -> list[str]:
-    """Return the labels of the metrics that do not separate true pairs from wrong ones."""
+    """Return the labels of the metrics that do not separate true pairs from wrong ones.
+
+    Without an interval it is not known.
+    """
     return [
-        METRICS[name].label for name in LABELLED if name in cells and not cells[name]["sensitive"]
+        METRICS[name].label
+        for name in LABELLED
+        if name in cells and has_interval(cells[name]) and not cells[name]["sensitive"]
+    ]
+
+
+def undecided_metrics(cells: Mapping[str, Cell]) -> list[str]:
+    """Return the labels of the metrics that have no interval."""
+    return [
+        METRICS[name].label for name in LABELLED if name in cells and not has_interval(cells[name])
     ]
 
 

@@ -22,6 +22,7 @@ from pacmo_core.figures.findings import (
     Finding,
     comparison_note,
     count,
+    finish_note,
     prior_findings,
     reaction_findings,
     variation_findings,
@@ -89,6 +90,7 @@ def main(paths: argparse.Namespace) -> None:
     params = read_params("report", Params)
     experiment = read_params("experiment", str)
     runs = read_params("runs", Runs)
+    finished = read_params("react.finish", list[str])
     ingest, pooled, priors = map(read_json, (paths.ingest, paths.pooled, paths.prior_pooled))
     augment = read_json(paths.augment)
     splits = {fold: read_json(paths.split_reports / f"{fold}.json") for fold in runs.folds}
@@ -96,12 +98,17 @@ def main(paths: argparse.Namespace) -> None:
     page = Report(
         title=experiment,
         summary=summary(ingest, pooled),
-        findings=findings(pooled, augment, priors),
+        findings=findings((pooled, finished), augment, priors),
         findings_note=comparison_note(pooled["confidence"], pooled),
         facts=provenance(experiment, runs, pooled) | hashes(paths.clips, reactions),
         data=summarise(ingest, splits, paths.sequences),
         tables=main_tables(pooled),
-        notes=(*NOTES, units_note(pooled), halves_note(pooled["rows"])),
+        notes=(
+            *NOTES,
+            units_note(pooled),
+            halves_note(pooled["rows"]),
+            finish_note(pooled["rows"], finished),
+        ),
         sections=(
             *reaction_sections(pooled, ingest["dataset"]),
             *variation_sections(augment),
@@ -126,12 +133,12 @@ def main(paths: argparse.Namespace) -> None:
 
 
 def findings(
-    pooled: dict[str, Any], augment: dict[str, Any], priors: dict[str, Any]
+    reactions: tuple[dict[str, Any], list[str]], augment: dict[str, Any], priors: dict[str, Any]
 ) -> tuple[Finding, ...]:
     """Return the sentences with which the page opens: reactions, variations, skeleton priors."""
     scores = {task: priors[task] for task in PRIOR_TASKS}
     return (
-        *reaction_findings(pooled),
+        *reaction_findings(*reactions),
         *variation_findings(augment),
         *(
             finding

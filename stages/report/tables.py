@@ -12,7 +12,9 @@ from pacmo_core.figures.tables import (
     difference_table,
     insensitive_metrics,
     sensitivity_table,
+    undecided_metrics,
 )
+from pacmo_core.metrics.bootstrap import MIN_UNITS
 from pacmo_core.metrics.catalogue import (
     CONTACT_COLUMNS,
     FURTHER_COLUMNS,
@@ -24,6 +26,7 @@ from pacmo_core.metrics.catalogue import (
     SAME_ACTION_ROWS,
     UNTRAINED,
 )
+from pacmo_core.metrics.context import MIN_UNITS_OF_HALVES
 from pacmo_core.models import model_names
 
 Pooled = dict[str, Any]
@@ -34,7 +37,7 @@ COMPARED_COLUMNS = (
     *("contacts_met", "false_contacts", "f2id", "matching", "ape", "energy_score", "dispersion"),
 )
 
-MIN_UNITS = 10  # below which an interval is called rough
+ROUGH_UNITS = 10  # below which an interval is called rough
 NO_ORACLE = "recorded captures have no known distribution of reactions"
 COMPARISONS = {
     "any_action": "Real, over all actions",
@@ -104,12 +107,18 @@ def action_columns(pooled: Pooled) -> list[str]:
 def units_note(pooled: Pooled) -> str:
     """Return a note on what the intervals resample, and how many of these are tested."""
     units, numbers = {*pooled["unit"].values()}, [n["test_units"] for n in pooled["n"].values()]
-    few = min(numbers) < MIN_UNITS
+    few = min(numbers) < ROUGH_UNITS
     return (
         f"Intervals resample each {' or '.join(sorted(units))} with all its clips "
         f"({' + '.join(map(str, numbers))} tested), and seeds where there are several; they are "
         "pooled over folds."
-        + (f" With fewer than {MIN_UNITS} they are rough, and mostly too narrow." if few else "")
+        + (
+            f" With fewer than {ROUGH_UNITS} they are rough, and mostly too narrow; with fewer "
+            f"than {MIN_UNITS} in a fold, or {MIN_UNITS_OF_HALVES} where their halves are compared "
+            "(F²ID excess and F²ID of distances), there is no interval and no verdict."
+            if few
+            else ""
+        )
     )
 
 
@@ -172,15 +181,23 @@ def sensitivity_notes(sensitivity: dict[str, Any]) -> tuple[str, ...]:
         "Marked: the metric separates true pairs from permuted ones: its interval excludes zero."
     ]
     for name, where in REAL_COMPARISONS.items():
-        insensitive = insensitive_metrics(sensitivity[name]) if name in sensitivity else None
-        if insensitive is None:
+        if name not in sensitivity:
             notes.append(f"Not measured {where}: no action is tested in two clips.")
-        elif insensitive:
+            continue
+        insensitive, undecided = (
+            select(sensitivity[name]) for select in (insensitive_metrics, undecided_metrics)
+        )
+        if undecided:
+            notes.append(
+                f"Not decided {where}, as too few units are tested for an interval: "
+                f"{'; '.join(undecided)}."
+            )
+        if insensitive:
             notes.append(
                 f"These do not depend on the partner {where}, and the gate does not use them: "
                 f"{'; '.join(insensitive)}."
             )
-        else:
+        elif not undecided:
             notes.append(f"All of these depend on the partner {where}.")
     return tuple(notes)
 

@@ -11,6 +11,7 @@ from pacmo_core.figures.findings import (
     COMPARED,
     comparison_clause,
     comparison_note,
+    finish_note,
     prior_findings,
     reaction_findings,
     variation_findings,
@@ -179,7 +180,9 @@ def prior_scores(**means: float) -> dict[str, Any]:
 def test_a_skeleton_prior_is_the_lowest_only_if_it_is() -> None:
     found = prior_findings(prior_scores(kinematic=1.0, f_cnn=2.0), "default")
     assert [f.subject for f in found] == ["Skeleton prior “Ours”", "Skeleton prior “F-CNN”"]
-    assert "in 1 of 1 comparison on default; in 1 its interval" in found[0].text
+    assert (
+        "in 1 of 1 comparison on default; in 1 its interval over motions and seeds" in found[0].text
+    )
     assert found[1].text == "has the lowest value of all models in 0 of 1 comparison on default."
 
 
@@ -195,8 +198,55 @@ def test_equal_skeleton_priors_are_not_the_lowest() -> None:
 
 def test_one_training_makes_no_difference_certain() -> None:
     first, _ = prior_findings(prior_scores(kinematic=-1.0, f_cnn=-2.0), "default")
-    assert "each of one training only, so that no difference is certain" in first.text
+    assert "each of one motion and one seed only, so that no difference is certain" in first.text
 
 
 def test_a_single_skeleton_prior_has_nothing_to_be_compared_with() -> None:
     assert prior_findings(prior_scores(kinematic=1.0), "default") == []
+
+
+def test_bone_lengths_that_are_exact_by_construction_are_no_comparison() -> None:
+    scores = prior_scores(kinematic=1.0, f_cnn=2.0)
+    for model, mean in (("kinematic", 0.0), ("f_cnn", 1.0)):
+        for part in ("E_b_first", "E_b_second"):
+            scores["retargeting"]["random"][model][part] = dict(cell(mean, 0.1))
+    for finding in prior_findings(scores, "default"):
+        assert "of 1 comparison on default" in finding.text
+
+
+def test_a_difference_without_interval_has_too_few_units_for_a_verdict() -> None:
+    scores = pooled(pacmo_minus_gru=everywhere(BETTER), pacmo_minus_regression=everywhere(BETTER))
+    few = {
+        name: {"mean": c["mean"]} for name, c in scores["differences"]["pacmo_minus_gru"].items()
+    }
+    scores["differences"]["pacmo_minus_gru"] = few
+    scores["differences"]["pacmo_minus_regression"]["f2id_excess"] = {"mean": -1.0}
+    scores["sensitivity"] = {"pacmo_any_action": {"matching": {"mean": 0.5, "sensitive": False}}}
+    text = sentence(reaction_findings(scores), "PaCMO")
+    assert (
+        f"whether it beats GRU is not decided: too few units are tested for an interval of {N} "
+        "metrics"
+    ) in text
+    assert f"is better than Regression in {N - 1} of {N - 1} metrics" in text
+    assert "and too few units are tested for an interval of 1 metric;" in text
+    assert "whether its reactions depend on the partner is not decided" in text
+
+
+def test_a_finished_model_that_is_compared_with_unfinished_ones_says_so() -> None:
+    found = reaction_findings(pooled(), ["pacmo", "pacmo_augmented"])
+    ours = "its reactions are finished, those of Regression and GRU are not"
+    assert ours in sentence(found, "PaCMO") and ours in sentence(found, "PaCMO, augmented")
+    assert "finished" not in sentence(found, "PaCMO, as in the paper")
+    scores = pooled()
+    scores["rows"]["no_critic"] = {}
+    other = "its reactions are not finished, those of PaCMO without critic are finished"
+    assert other in sentence(reaction_findings(scores, ["no_critic"]), "GRU")
+
+
+def test_the_note_lists_the_finished_rows() -> None:
+    rows = ["real", "gru", "pacmo", "pacmo_without_finish"]
+    text = finish_note(rows, ["pacmo", "no_critic"])
+    assert "are the reactions of: PaCMO. Those" in text
+    assert text.endswith("is seen beside: PaCMO without finish.")
+    assert "What the finish" not in finish_note(rows[:3], ["pacmo"])
+    assert finish_note(rows, []) == ""

@@ -5,9 +5,11 @@ import pytest
 from pacmo_core.figures.tables import (
     Cell,
     difference_table,
+    insensitive_metrics,
     markdown_table,
     metrics_table,
     sensitivity_table,
+    undecided_metrics,
 )
 from tests.figures.samples import cell
 
@@ -100,3 +102,12 @@ def test_a_metric_of_one_action_is_headed_by_the_action():
     shown = metrics_table(rows)
     assert [metric.label for metric in shown.metrics] == ["hug"]
     assert [line.entries[0].mark for line in shown.lines] == ["best", ""]
+
+
+def test_nothing_is_marked_or_called_insensitive_without_an_interval() -> None:
+    found = metrics_table({"gru": {"ape": {"mean": 2.0}}, "pacmo": {"ape": {"mean": 1.0}}})
+    assert [line.entries[0].mark for line in found.lines] == ["", ""]
+    assert [line.entries[0].interval for line in found.lines] == ["", ""]
+    cells = {"f2id": {"mean": 1.0, "sensitive": False}, "ape": {**cell(0), "sensitive": False}}
+    assert insensitive_metrics(cells) == ["APE"]
+    assert undecided_metrics(cells) == ["F²ID"]
