@@ -9,17 +9,22 @@ of the experiment's format stay. What is no regular file (a pipe, a link to noth
 inbox) is never opened: only its reason goes to the quarantine.
 
 All moves are first written to a plan. Every file is copied, and only then are they removed from the
-inbox. The plan of a killed run is carried out again from its start: each step may be repeated.
+inbox. The plan of a killed run is carried out again from its start: each step may be repeated. A
+capture of which a file is gone by then stays as it is; one whose path the system refuses is
+quarantined instead.
 """
 
+import errno
 import filecmp
+import hashlib
 import json
 import logging
 import os
 import shutil
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 
@@ -27,7 +32,7 @@ from pacmo_core.data.limits import MAX_FOLDER_BYTES, printable, walk_files
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.registry import open_format
-from pacmo_core.ingestion import read_sequences
+from pacmo_core.ingestion import Capture, read_sequences
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.processes import end_on_signal
 from pacmo_core.project.records import record_run, utc_now
@@ -64,6 +69,7 @@ class Move:
     to : target folder, in which the relative paths are the same
     reason : of the quarantine; empty if the capture is accepted
     line : of the file, where the error is; 0 if it has none
+    is_numbered : the files are named ``file-0`` and so on, as the system refused their paths
     """
 
     name: str
@@ -71,22 +77,37 @@ class Move:
     to: str
     reason: str = ""
     line: int = 0
+    is_numbered: bool = False
 
 
-def move_captures(inbox: Path, moves: Sequence[Move], plan: Path) -> None:
-    """Write the plan and carry it out.
+# Errors of one path. Others (a full disk, a folder that may not be written) are of the machine:
+# they end the run, which the next one continues.
+REFUSALS = frozenset(
+    {errno.ENAMETOOLONG, errno.EILSEQ, errno.EINVAL, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
+)
+
+
+def move_captures(inbox: Path, moves: Sequence[Move], plan: Path) -> list[Move]:
+    """Write the plan and carry it out; return the moves that were made.
 
     Raises
     ------
     FileExistsError
         If a file of other content exists at a target: nothing is overwritten.
     """
+    _write_plan(plan, moves)
+    return finish_moves(inbox, plan)
+
+
+def _write_plan(plan: Path, moves: Sequence[Move]) -> None:
     write_text(plan, json.dumps([asdict(move) for move in moves], indent=1) + "\n")
-    finish_moves(inbox, plan)
 
 
 def finish_moves(inbox: Path, plan: Path) -> list[Move]:
-    """Carry out the plan, if there is one, from its start; return its moves.
+    """Carry out the plan, if there is one, from its start; return the moves that were made.
+
+    A capture of which a file is gone is not moved. One whose path the system refuses goes to the
+    quarantine: the plan is changed first, so that a killed run continues with the change.
 
     Raises
     ------
@@ -99,49 +120,97 @@ def finish_moves(inbox: Path, plan: Path) -> list[Move]:
         return []
     facts = json.loads(plan.read_text(encoding="utf-8"))
     moves = [Move(**{**move, "files": tuple(move["files"])}) for move in facts]
-    for move in moves:
-        for file, target in zip(move.files, _targets(move), strict=True):
-            _copy(inbox / file, target, is_checked=not move.reason)
-        if move.reason:
-            facts = {key: asdict(move)[key] for key in ("name", "line", "reason", "files")}
-            write_text(Path(move.to) / REASON_FILE, json.dumps(facts) + "\n")
-    for file in {file for move in moves for file in move.files}:
+    made = []
+    for number, move in enumerate(moves):
+        try:
+            is_made = _copy_files(inbox, move)
+        except OSError as error:
+            if error.errno not in REFUSALS or move.is_numbered:
+                raise
+            moves[number] = _quarantined(move, error, {other.to for other in moves})
+            _write_plan(plan, moves)
+            is_made = _copy_files(inbox, moves[number])
+        if is_made:
+            made.append(moves[number])
+    for file in {file for move in made for file in move.files}:
         (inbox / file).unlink(missing_ok=True)
         _remove_empty((inbox / file).parent, inbox)
     plan.unlink()
-    return moves
+    return made
+
+
+def _quarantined(move: Move, error: OSError, planned: set[str]) -> Move:
+    """Return the move to the quarantine, under short names, of what the system refused."""
+    to = _quarantine_folder(move.name, planned).as_posix()
+    return replace(move, to=to, reason=move.reason or one_line(error), is_numbered=True)
+
+
+def _copy_files(inbox: Path, move: Move) -> bool:
+    """Copy a capture's files, with its reason; if one is gone, undo that and return False."""
+    copied = []
+    try:
+        for file, target in zip(move.files, _targets(move), strict=True):
+            if _copy(inbox / file, target, is_checked=not move.reason):
+                copied.append((inbox / file, target))
+        if move.reason:
+            facts = {key: asdict(move)[key] for key in ("name", "line", "reason", "files")}
+            write_text(Path(move.to) / REASON_FILE, json.dumps(facts) + "\n")
+    except OSError as error:
+        _undo(move, copied)
+        if not isinstance(error, FileNotFoundError) or _are_there(inbox, move.files):
+            raise
+        log_event(f"gone from the inbox: {printable(move.name)}", logging.WARNING)
+        return False
+    return True
+
+
+def _undo(move: Move, copied: list[tuple[Path, Path]]) -> None:
+    for source, target in copied:
+        if os.path.lexists(source):  # or the copy is the only one
+            target.unlink()
+    for target in _targets(move):
+        _remove_empty(target.parent, Path(move.to))
+
+
+def _are_there(inbox: Path, files: Sequence[str]) -> bool:
+    return all(os.path.lexists(inbox / file) for file in files)
 
 
 def _targets(move: Move) -> list[Path]:
     """Return where the files go: under their paths, in quarantine under a number if too long."""
-    names = [
-        f"file-{number}" if move.reason and len(os.fsencode(file)) > MAX_QUARANTINED_PATH else file
-        for number, file in enumerate(move.files)
-    ]
-    return [Path(move.to) / name for name in names]
+    return [Path(move.to) / _target_name(move, *numbered) for numbered in enumerate(move.files)]
 
 
-def _copy(source: Path, target: Path, *, is_checked: bool) -> None:
+def _target_name(move: Move, number: int, file: str) -> str:
+    is_long = bool(move.reason) and len(os.fsencode(file)) > MAX_QUARANTINED_PATH
+    return f"file-{number}" if is_long or move.is_numbered else file
+
+
+def _copy(source: Path, target: Path, *, is_checked: bool) -> bool:
+    """Copy a file; return False if nothing was to be copied."""
     if not source.exists() and target.exists():
-        return  # moved by an earlier run that was killed while it removed files
+        return False  # moved by an earlier run that was killed while it removed files
     if not is_checked and (source.is_symlink() or not source.is_file()):
-        return
+        return False
     if target.exists():
         if not filecmp.cmp(source, target, shallow=False):  # a pipe is not opened
             raise FileExistsError(f"{target} exists, with other content than {source}")
-        return
+        return False
     with atomic_file(target) as partial:
         shutil.copyfile(source, partial)
+    return True
 
 
 def _remove_empty(folder: Path, root: Path) -> None:
-    while folder != root and folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
-        folder = folder.parent
+    with suppress(OSError):  # it is not empty
+        while folder != root:
+            folder.rmdir()
+            folder = folder.parent
 
 
 SEQUENCES = Path("data/sequences")
-MAX_FOLDER = 150  # characters of a capture's name in that of its folder in quarantine
+MAX_FOLDER = 150  # bytes of a capture's name in that of its folder in quarantine
+N_HASH = 8  # hexadecimal digits that stand for the rest of a longer name
 MAX_QUARANTINED_PATH = 1000  # bytes
 SETTLE_S = 5.0  # a file that is still being copied changes within this
 
@@ -155,11 +224,13 @@ class IntakeResult:
     accepted : names of the captures that moved to the experiment's
     quarantined : reason by name
     waiting : files that still change, or are no capture of the format
+    gone : names of the captures that were removed from the inbox meanwhile
     """
 
     accepted: tuple[str, ...]
     quarantined: dict[str, str]
     waiting: tuple[str, ...]
+    gone: tuple[str, ...] = ()
 
 
 def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
@@ -189,8 +260,8 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
     ready = sorted(
         (s for s in sequences if all(file in settled for file in s.files)), key=lambda s: s.name
     )
-    moves = _check_captures(ready, params, raw) if ready else []
-    move_captures(INBOX, moves, INTAKE_PLAN)
+    planned = _check_captures(ready, params, raw) if ready else []
+    moves = move_captures(INBOX, planned, INTAKE_PLAN)
     for move in moves:
         verdict = "quarantined" if move.reason else "accepted"
         log_event(f"{verdict}: {move.name}", reason=move.reason, line=move.line)
@@ -198,7 +269,17 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
         tuple(move.name for move in moves if not move.reason),
         {move.name: move.reason for move in moves if move.reason},
         tuple(printable(path.relative_to(INBOX).as_posix()) for path in _left_in_inbox()),
+        _names_of_gone(ready, moves),
     )
+
+
+def _names_of_gone(ready: list[RawSequence], moves: list[Move]) -> tuple[str, ...]:
+    made = {move.files for move in moves}
+    return tuple(printable(s.name) for s in ready if _files_in_inbox(s) not in made)
+
+
+def _files_in_inbox(sequence: RawSequence) -> tuple[str, ...]:
+    return tuple(file.relative_to(INBOX).as_posix() for file in sequence.files)
 
 
 def _finish_earlier_moves() -> None:
@@ -208,7 +289,7 @@ def _finish_earlier_moves() -> None:
     """
     try:
         moves = finish_moves(INBOX, INTAKE_PLAN)
-    except (FileExistsError, FileNotFoundError, ValueError, TypeError, KeyError) as error:
+    except (FileExistsError, ValueError, TypeError, KeyError) as error:
         log_event(f"set aside {INTAKE_PLAN}: {one_line(error)}", logging.WARNING)
         INTAKE_PLAN.replace(INTAKE_PLAN.with_suffix(".broken"))
         return
@@ -222,26 +303,65 @@ def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list
     existing = {s.name: s.files[0] for s in open_format(params.format, params.settings).find(raw)}
     moves: list[Move] = []
     for sequence, outcome in zip(ready, read_sequences(settings, ready), strict=True):
+        line = 0
         if isinstance(outcome, QuarantineRecord):
             reason, line = outcome.reason, outcome.line
         else:
-            facts, interaction = outcome
-            reason = _skeleton_mismatch(interaction.skeleton)
-            reason = reason or _name_conflict(sequence, existing, raw)
-            reason = reason or _conflict(sequence, facts.sha256, known, params)
-            line = 0
-        files = tuple(file.relative_to(INBOX).as_posix() for file in sequence.files)
+            reason = _reason_against(sequence, outcome, (existing, known), params)
+        files = _files_in_inbox(sequence)
+        if not _are_there(INBOX, files):
+            log_event(f"gone from the inbox: {printable(sequence.name)}", logging.WARNING)
+            continue
         to = _quarantine_folder(sequence.name, {move.to for move in moves}) if reason else raw
         moves.append(Move(sequence.name, files, to.as_posix(), printable(reason), line))
     return moves
 
 
+def _reason_against(
+    sequence: RawSequence,
+    capture: Capture,
+    others: tuple[dict[str, Path], dict[str, str]],
+    params: Params,
+) -> str:
+    """Return why a readable capture is not taken; empty if it is."""
+    existing, known = others
+    facts, interaction = capture
+    try:
+        return (
+            _skeleton_mismatch(interaction.skeleton)
+            or _name_conflict(sequence, existing, Path(params.raw))
+            or _conflict(sequence, facts.sha256, known, params)
+        )
+    except FileNotFoundError as error:  # removed from the inbox meanwhile
+        return one_line(error)
+    except OSError as error:
+        if error.errno not in REFUSALS:
+            raise
+        return one_line(error)
+
+
 def _quarantine_folder(name: str, planned: set[str]) -> Path:
     """Return a folder that neither exists nor is planned: each capture has its own reason."""
-    short = name.replace("/", "_")[:MAX_FOLDER]
+    short = shorten_name(name.replace("/", "_"), MAX_FOLDER)
     folder = QUARANTINE / f"{short}.{utc_now().replace(':', '')}"
     numbered = (folder.with_name(f"{folder.name}.{number}") for number in count(2))
     return next(f for f in chain([folder], numbered) if not (f.exists() or f.as_posix() in planned))
+
+
+def shorten_name(name: str, max_bytes: int) -> str:
+    """Cut a file name that is longer between two characters, and add a hash of what was cut.
+
+    Parameters
+    ----------
+    name : file name without folders
+    max_bytes : of the result; the systems' limit of 255 is of bytes too, not of characters
+    """
+    encoded = os.fsencode(name)
+    if len(encoded) <= max_bytes:
+        return name
+    n_kept = max_bytes - 1 - N_HASH
+    kept = encoded[:n_kept].decode("utf-8", errors="ignore")
+    return f"{kept}-{hashlib.sha256(encoded[n_kept:]).hexdigest()[:N_HASH]}"
 
 
 def _name_conflict(sequence: RawSequence, existing: dict[str, Path], raw: Path) -> str:
@@ -297,13 +417,17 @@ def _settled(settle_s: float) -> set[Path]:
     first = {path: _signature(path) for path in _inbox_files()}
     if first:
         time.sleep(settle_s)
-    settled = {p for p, old in first.items() if os.path.lexists(p) and _signature(p) == old}
+    settled = {p for p, old in first.items() if old is not None and _signature(p) == old}
     # A file that may not be read could not be copied either: it stays.
     return {p for p in settled if not p.is_file() or os.access(p, os.R_OK)}
 
 
-def _signature(path: Path) -> tuple[int, int]:
-    facts = path.lstat()
+def _signature(path: Path) -> tuple[int, int] | None:
+    """Return size and time of change; None if the file is gone."""
+    try:
+        facts = path.lstat()
+    except FileNotFoundError:
+        return None
     return facts.st_size, facts.st_mtime_ns
 
 

@@ -308,7 +308,7 @@ def _stream(weights: Path, options: dict[str, Any]) -> None:
     model = load_reaction_model(weights)
     live, skeleton = ReactionStream(model, **options), model.skeleton
     typer.echo(f"joints: {' '.join(skeleton.joints)}", err=True)
-    typer.echo(trained_on_line(weights, synthetic_capture=False), err=True)
+    typer.echo(trained_on_line(weights, synthetic_capture=None), err=True)
     lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
     for line in react_to_lines(lines, live, len(skeleton.joints)):
         sys.stdout.write(f"{line}\n")

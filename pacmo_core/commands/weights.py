@@ -11,8 +11,8 @@ _CLIPS = "clips.parquet"  # beside stored motions
 _SCRIPTS = "scripts.json"  # beside the raw captures of the embedded default
 
 
-def is_synthetic(file: Path, clip: str) -> bool:
-    """Whether a capture is known to be generated: its record, or the folder of its file, says so.
+def is_synthetic(file: Path, clip: str) -> bool | None:
+    """Whether a capture is generated: its record or folder says so; None if neither does.
 
     Parameters
     ----------
@@ -22,19 +22,26 @@ def is_synthetic(file: Path, clip: str) -> bool:
     if (file.parent / _SCRIPTS).is_file():
         return True
     name = clip.partition("#")[0]
-    # A file without records beside it is taken for recorded.
     with suppress(StoreError, OSError):
         records = read_rows(file.parent / _CLIPS, ClipRecord)
-        return any(record.synthetic for record in records if record.clip == name)
-    return False
+        return next((record.synthetic for record in records if record.clip == name), None)
+    return None
 
 
-def trained_on_line(weights: Path, *, synthetic_capture: bool) -> str:
-    """Say what weights were trained on, and what that means for the capture they are given."""
+def trained_on_line(weights: Path, *, synthetic_capture: bool | None) -> str:
+    """Say what weights were trained on, and what that means for the capture they are given.
+
+    Parameters
+    ----------
+    weights : file of weights
+    synthetic_capture : whether the capture is generated; None if nothing says
+    """
     trained_on = read_trained_on(weights)
     if trained_on is None:
         return f"{weights} does not state what it was trained on"
     text = f"{weights} was trained on {trained_on}"
-    if trained_on.is_synthetic and not synthetic_capture:
-        return f"{text}; this capture is recorded: the figures of the report do not apply to it"
-    return text
+    if not trained_on.is_synthetic or synthetic_capture:
+        return text
+    if synthetic_capture is None:
+        return f"{text}; how such weights do on recorded motion is not known"
+    return f"{text}; this capture is recorded: the figures of the report do not apply to it"

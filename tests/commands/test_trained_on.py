@@ -42,6 +42,9 @@ def test_training_clips_are_summarised_and_stated_by_the_weights(
     assert f"was trained on {text}" in line
     assert ("this capture is recorded" in line) == (len(records) == 3 and records[1] is FACTS)
     assert "recorded:" not in trained_on_line(tmp_path / "w", synthetic_capture=True)
+    unknown = trained_on_line(tmp_path / "w", synthetic_capture=None)
+    assert "capture is recorded" not in unknown
+    assert ("on recorded motion is not known" in unknown) == facts.is_synthetic
 
 
 @pytest.mark.parametrize(
@@ -67,8 +70,9 @@ def test_a_capture_is_synthetic_if_its_record_or_its_folder_says_so(tmp_path: Pa
     motions = tmp_path / "motions.parquet"
     assert is_synthetic(motions, "made")
     assert is_synthetic(motions, "made#b#0")
-    assert not is_synthetic(motions, "real")
-    assert not is_synthetic(tmp_path / "x.bvh", "")
+    assert is_synthetic(motions, "real") is False
+    assert is_synthetic(motions, "unlisted") is None
+    assert is_synthetic(tmp_path / "x.bvh", "") is None
     (tmp_path / "scripts.json").write_text("{}")
     assert is_synthetic(tmp_path / "x.skeleton", "")
 
@@ -94,6 +98,8 @@ def test_react_names_what_its_weights_were_trained_on(tmp_path: Path) -> None:
         return done.stdout
 
     assert "does not state what it was trained on" in said("silent")
+    assert "all synthetic; how such weights do on recorded motion is not known" in said("stated")
+    write_rows(folder / "clips.parquet", ClipRecord, [replace(RECORDED, clip="one")])
     assert "4 clips of toy, all synthetic; this capture is recorded" in said("stated")
     write_rows(folder / "clips.parquet", ClipRecord, [replace(FACTS, clip="one")])
     assert "all synthetic\n" in said("stated")

@@ -1,5 +1,6 @@
 """What is trusted: the names and files that the test made; what lies where afterwards."""
 
+import errno
 import json
 import os
 import shutil
@@ -9,8 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from flows.inbox import IntakeResult, take_captures
+from flows import inbox
+from flows.inbox import MAX_FOLDER, IntakeResult, shorten_name, take_captures
 from pacmo_core.project.lock import remove_partial_files
 from pacmo_core.project.stages import read_status, upstream_and_stale
 from pacmo_core.project.status import project_status, status_lines
@@ -120,6 +124,139 @@ def test_long_names_that_begin_alike_are_quarantined_apart():
     put("n" * 250 + "b", 2)
     assert len(night().quarantined) == len(reasons()) == 2
     assert len(list(Path("data/quarantine").rglob(NAME))) == 2
+
+
+CJK = "動作" * 40  # 80 characters of three bytes: a name of 240
+
+
+@pytest.mark.parametrize("path", [CJK, f"{CJK}/{CJK}"])
+def test_a_long_name_of_wide_characters_is_quarantined_with_its_reason(path):
+    put(path).write_text("1,2")
+    (reason,) = night().quarantined.values()
+    assert [facts["reason"] for facts in reasons()] == [reason]
+    (kept,) = Path("data/quarantine").rglob(NAME)
+    assert kept.read_text() == "1,2"
+
+
+@given(st.text(min_size=1, max_size=200), st.text(max_size=100), st.text(max_size=100))
+def test_a_shortened_name_is_a_start_of_whole_characters_and_distinct(start, one, other):
+    names = [shorten_name(start + end, MAX_FOLDER) for end in (one, other)]
+    for name, end in zip(names, (one, other), strict=True):
+        assert len(name.encode()) <= MAX_FOLDER
+        assert (start + end).startswith(name if name == start + end else name[:-9])
+    assert (names[0] == names[1]) == (one == other)
+
+
+@pytest.mark.parametrize("is_usable", [True, False])
+def test_what_the_system_refuses_is_set_aside_and_a_killed_run_goes_on_so(monkeypatch, is_usable):
+    copied = shutil.copyfile
+
+    def refuse(source, target):
+        if "odd" in Path(target).parts:
+            raise OSError(errno.ENAMETOOLONG, "File name too long", str(target))
+        return copied(source, target)
+
+    monkeypatch.setattr(inbox.shutil, "copyfile", refuse)
+    content = capture(1) if is_usable else "1,2"
+    put("odd").write_text(content)
+    (INBOX / "odd").rename(INBOX / "set")
+    put("set/odd").write_text(content)
+    (INBOX / "set" / NAME).unlink()
+    result = night()
+    (reason,) = result.quarantined.values()
+    assert ("File name too long" in reason) == is_usable
+    (facts,) = reasons()
+    assert facts["reason"] == reason and facts["files"] == [f"set/odd/{NAME}"]
+    (kept,) = Path("data/quarantine").rglob("file-0")
+    assert kept.read_text() == content and not list(RAW.rglob("odd/*"))
+
+
+def test_an_error_of_the_machine_ends_the_night_and_the_next_one_continues(monkeypatch):
+    def fail(source, target):
+        raise OSError(errno.ENOSPC, "No space left on device", str(target))
+
+    put("a", 1)
+    with monkeypatch.context() as patch:
+        patch.setattr(inbox.shutil, "copyfile", fail)
+        for _ in range(2):
+            with pytest.raises(OSError, match="No space left"):
+                take_captures(settle_s=0.0)
+    assert reasons() == []
+    night()
+    assert (RAW / "a" / NAME).read_text() == capture(1)
+
+
+def _gone_before_the_copy(monkeypatch, file):
+    copied = shutil.copyfile
+
+    def remove_first(source, target):
+        if source == file:
+            file.unlink()
+        return copied(source, target)
+
+    monkeypatch.setattr(inbox.shutil, "copyfile", remove_first)
+
+
+def _gone_before_the_plan(monkeypatch, file):
+    planned = inbox.move_captures
+
+    def remove_first(*arguments):
+        file.unlink(missing_ok=True)
+        return planned(*arguments)
+
+    monkeypatch.setattr(inbox, "move_captures", remove_first)
+
+
+def _gone_before_the_reading(monkeypatch, file):
+    read = inbox.read_sequences
+
+    def remove_first(*arguments):
+        file.unlink(missing_ok=True)
+        return read(*arguments)
+
+    monkeypatch.setattr(inbox, "read_sequences", remove_first)
+
+
+def _gone_after_the_reading(monkeypatch, file):
+    read = inbox.read_sequences
+
+    def remove_after(*arguments):
+        outcomes = list(read(*arguments))
+        file.unlink(missing_ok=True)
+        return outcomes
+
+    (RAW / "gone").mkdir()
+    (RAW / "gone" / NAME).write_text(capture(1))
+    monkeypatch.setattr(inbox, "read_sequences", remove_after)
+
+
+def _gone_before_it_is_settled(monkeypatch, file):
+    walked = inbox.walk_files
+
+    def remove_after(*arguments):
+        files = list(walked(*arguments))
+        file.unlink(missing_ok=True)
+        return files
+
+    monkeypatch.setattr(inbox, "walk_files", remove_after)
+
+
+@pytest.mark.parametrize(
+    "remove",
+    [
+        _gone_before_it_is_settled,
+        _gone_before_the_reading,
+        _gone_after_the_reading,
+        _gone_before_the_plan,
+        _gone_before_the_copy,
+    ],
+)
+def test_a_file_that_disappears_stops_no_night(remove, monkeypatch):
+    remove(monkeypatch, put("gone", 1))
+    result = night()
+    assert result.gone == (() if remove is _gone_before_it_is_settled else ("gone",))
+    assert result.quarantined == {} and reasons() == []
+    assert (RAW / "gone").exists() == (remove is _gone_after_the_reading)
 
 
 def test_a_path_that_is_too_long_is_quarantined_with_its_content():
