@@ -62,8 +62,8 @@ def check_gate(
 
     A metric is worse beyond its tolerance where the mean of the candidate is outside the interval
     of the current model, on the bad side. A metric that should be close to that of real motion is
-    compared by its distance to the row ``real`` of the same table. A metric that is no interval of
-    finite numbers is a reason: no comparison with it has a meaning. So is one that the current
+    compared by its distance to the row ``real`` of the same table. A metric that is no finite
+    number, or whose interval is none, is a reason: no comparison with it has a meaning. So is one that the current
     model has and the candidate lacks; captures without contact, or of few people, lack some
     metrics in both.
 
@@ -108,7 +108,7 @@ def _unusable(
             if interval is None:
                 if name in required:
                     yield f"{label} of {row} is missing"
-            elif not _is_interval(interval):
+            elif not _is_estimate(interval):
                 yield f"{whose}{label} of {row} is no finite interval: {_format_parts(interval)}"
 
 
@@ -123,8 +123,8 @@ def _degradations(
         return []
     reasons = []
     for name in gate.metrics:
-        if name not in current.get(gate.row, {}):
-            continue  # a metric added since then has nothing to compare with
+        if not _is_interval(current.get(gate.row, {}).get(name)):
+            continue  # a metric added since then, or of too few units
         if name not in candidate[gate.row]:
             reasons.append(
                 f"{METRICS[name].label} is missing; current "
@@ -317,6 +317,13 @@ def _is_text(value: object) -> bool:
 def is_count(value: object) -> TypeGuard[int]:
     """Whether a value is a whole number that a table can hold."""
     return type(value) is int and 0 <= value < 1 << 63
+
+
+def _is_estimate(value: object) -> bool:
+    """Whether a value is a finite mean alone, of too few units for an interval, or an interval."""
+    if isinstance(value, Mapping) and set(INTERVAL) & set(value) == {"mean"}:
+        return _is_interval(dict.fromkeys(INTERVAL, value["mean"]))
+    return _is_interval(value)
 
 
 def _is_interval(value: object) -> bool:

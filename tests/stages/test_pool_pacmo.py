@@ -118,5 +118,8 @@ def test_a_fold_with_too_few_units_leaves_means_without_intervals(tmp_path, monk
     assert found["sensitivity"]["any_action"]["mmd_pair"] == {"mean": 0.0, "sensitive": False}
     assert found["augmentation"]["clips"]["f2id"] == {"mean": 0.0}
     gate = Gate(row="pacmo", metrics=("f2id",), max_noise_floor_ratio=2.0)
-    reasons = check_gate(found["rows"], found["rows"], gate)
-    assert reasons[0] == "F²ID of pacmo is no finite interval: {'mean': 1.5}"
+    found["rows"]["pacmo"]["f2id_floor"] = {"mean": 1.0}
+    assert check_gate(found["rows"], found["rows"], gate) == []  # nothing to compare
+    found["rows"]["pacmo"]["f2id_floor"] = {"mean": 0.1}
+    (reason,) = check_gate(found["rows"], found["rows"], gate)
+    assert "above 2 times its noise floor" in reason
