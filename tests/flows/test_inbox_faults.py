@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from flows import inbox
@@ -138,6 +138,19 @@ def test_a_long_name_of_wide_characters_is_quarantined_with_its_reason(path):
     assert kept.read_text() == "1,2"
 
 
+def test_a_plan_with_a_folder_of_too_many_bytes_is_carried_out_under_short_names():
+    put("odd").write_text("1,2")
+    move = {"name": f"{CJK}/{CJK}", "files": [f"odd/{NAME}"], "reason": "short", "line": 0}
+    INTAKE_PLAN.parent.mkdir(exist_ok=True)
+    INTAKE_PLAN.write_text(json.dumps([{**move, "to": f"data/quarantine/{CJK}.20261124T0000000"}]))
+    night()
+    assert [facts["reason"] for facts in reasons()] == ["short"]
+    (kept,) = Path("data/quarantine").rglob("file-0")
+    assert kept.read_text() == "1,2" and len(kept.parent.name.encode()) < 255
+
+
+@example(CJK, "a", "b")
+@example("n" * 200, "a", "b")
 @given(st.text(min_size=1, max_size=200), st.text(max_size=100), st.text(max_size=100))
 def test_a_shortened_name_is_a_start_of_whole_characters_and_distinct(start, one, other):
     names = [shorten_name(start + end, MAX_FOLDER) for end in (one, other)]
@@ -148,7 +161,7 @@ def test_a_shortened_name_is_a_start_of_whole_characters_and_distinct(start, one
 
 
 @pytest.mark.parametrize("is_usable", [True, False])
-def test_what_the_system_refuses_is_set_aside_and_a_killed_run_goes_on_so(monkeypatch, is_usable):
+def test_what_the_system_refuses_is_set_aside_under_short_names(monkeypatch, is_usable):
     copied = shutil.copyfile
 
     def refuse(source, target):
