@@ -63,9 +63,9 @@ def check_gate(
     A metric is worse beyond its tolerance where the mean of the candidate is outside the interval
     of the current model, on the bad side. A metric that should be close to that of real motion is
     compared by its distance to the row ``real`` of the same table. A metric that is no finite
-    number, or whose interval is none, is a reason: no comparison with it has a meaning. So is one that the current
-    model has and the candidate lacks; captures without contact, or of few people, lack some
-    metrics in both.
+    number, or whose interval is none, is a reason: no comparison with it has a meaning. So is one
+    that the current model has and the candidate lacks; captures without contact, or of few people,
+    lack some metrics in both.
 
     Parameters
     ----------
