@@ -1,6 +1,6 @@
 """``pacmo augment``: retarget two people's motion to other bodies by InteractionMesh."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,9 +13,15 @@ from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
+from pacmo_core.augmentation.bodies import (
+    PROFILES,
+    UNIFORM,
+    Body,
+    measure_body,
+    profile_scales,
+    segment_scales,
+)
 from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
-from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.augmentation.run import report_measurements
 from pacmo_core.commands.captures import (
     Fidelity,
@@ -25,6 +31,7 @@ from pacmo_core.commands.captures import (
     read_two_people,
     write_two_people,
 )
+from pacmo_core.commands.nearest import nearest_first
 from pacmo_core.commands.reading import (
     PEOPLE,
     FormatName,
@@ -66,6 +73,8 @@ def read_solver_section(params: Path) -> SolverSection:
     CommandError
         If there is no such file or section, or a value is invalid.
     """
+    if params.is_dir():
+        raise CommandError(f"{params}: a folder; wanted a file, such as {params / PARAMS.name}")
     if not params.is_file():
         raise CommandError(f"no {params}: give --params, such as a params.yaml")
     try:
@@ -101,6 +110,7 @@ Params = Annotated[
 ]
 
 Scales = NDArray[np.float64]
+SCALES = 0.3, 3.0  # of a segment: beyond them no body of a person results
 
 
 def augment(  # noqa: PLR0913  # typer reads the options off the signature
@@ -138,10 +148,14 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     files = (first,) if second is None else (first, second)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         solving = read_solver_section(params or _present_params())
+        factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
+        profiles = _profiles(profile)
+        if not any(factors_of_people) and not profiles:
+            raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
         duo = read_two_people(files, options, clip)
         check_output(duo, out)
-        factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
-        scales = _requested_scales(duo, factors_of_people, _profiles(profile))
+        scales = _requested_scales(duo, factors_of_people, profiles)
+        typer.echo(_first_line(duo, (a_scale, b_scale), profiles))
         label = "_".join([*(f"{p}-{w}" for p, words in zip(PEOPLE, (a_scale, b_scale), strict=True)
                             for w in words), *profile]).replace("=", "-")  # fmt: skip
         solution = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
@@ -152,8 +166,12 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         for line in _report_lines(figures, solving.limits, written.fidelity):
             typer.echo(line)
         page = write_variation_page(duo, written, figures, solving.limits, out)
+        is_within = not exceeded_limits(figures, solving.limits)
+        within = "; all measurements are within the limits for training" if is_within else ""
         paths = ", ".join(map(str, written.files))
-        typer.echo(f"{len(solution.points[0])} frames in {paths}; beside the source in {page}")
+        typer.echo(
+            f"{len(solution.points[0])} frames in {paths}; beside the source in {page}{within}"
+        )
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -165,7 +183,8 @@ def parse_factors(words: list[str]) -> dict[str, float]:
             factors[name] = float(value)
         except ValueError as fault:
             raise CommandError(f"wanted SEGMENT=SCALE, such as uniform=0.8; got {word}") from fault
-        check_scale(f"{name}: scales", factors[name])
+        if not SCALES[0] <= factors[name] <= SCALES[1]:
+            raise CommandError(f"{name}: wanted a scale of {SCALES[0]} to {SCALES[1]}; got {value}")
     return factors
 
 
@@ -175,6 +194,8 @@ def _profiles(words: list[str]) -> dict[str, str]:
     for (person, name), word in zip(pairs, words, strict=True):
         if person not in PEOPLE or not name:
             raise CommandError(f"wanted PERSON=NAME, such as b=child; got {word}")
+        if name not in PROFILES:
+            raise CommandError(f"no profile {name!r}; there are {nearest_first(name, PROFILES)}")
     return dict(pairs)
 
 
@@ -182,14 +203,40 @@ def _requested_scales(
     duo: TwoPersonCapture, factors_of_people: list[dict[str, float]], profiles: dict[str, str]
 ) -> tuple[Scales, Scales]:
     """Return the bone scales of person a and of person b."""
-    if not any(factors_of_people) and not profiles:
-        raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
     result = []
     for person, name, factors in zip(duo.people, PEOPLE, factors_of_people, strict=True):
         body = measure_body(person.motion, person.skeleton)
-        scales = segment_scales(body, factors)
+        scales = known_segment_scales(body, factors)
         result.append(scales * profile_scales(body, profiles[name]) if name in profiles else scales)
     return result[0], result[1]
+
+
+def known_segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
+    """Return the bone scales ``(E,)`` for factors of segments.
+
+    Raises
+    ------
+    ValueError
+        If there is no such segment: with the nearest first.
+    """
+    names = sorted({UNIFORM, *(segment.name for segment in body.segments)})
+    for name in factors:
+        if name not in names:
+            raise ValueError(f"no segment {name}; there are {nearest_first(name, names)}")
+    return segment_scales(body, factors)
+
+
+def _first_line(
+    duo: TwoPersonCapture, scales: tuple[list[str], list[str]], profiles: Mapping[str, str]
+) -> str:
+    """Say what is about to be done: it takes a while."""
+    changes = [
+        f"person {person} to {', '.join([*words, *filter(None, [profiles.get(person)])])}"
+        for person, words in zip(PEOPLE, scales, strict=True)
+        if words or person in profiles
+    ]
+    n_frames = len(duo.people[0].times)
+    return f"solving {n_frames} frames of two people, {' and '.join(changes)} ..."
 
 
 def _split_people(duo: TwoPersonCapture, points: Scales) -> tuple[Motion, Motion]:

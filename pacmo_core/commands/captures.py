@@ -9,6 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from pacmo_core.commands.nearest import nearest_names
 from pacmo_core.commands.reading import PEOPLE, ReadOptions, Source, read_people
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import printable
@@ -34,7 +35,7 @@ from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import write_text
-from pacmo_core.store.motions import read_motion, write_motions
+from pacmo_core.store.motions import read_motion, read_names, write_motions
 
 MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
 
@@ -86,7 +87,7 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
     if names_clips(first, clip):
         if len(files) > 1 or not clip or options.describes_files:
             raise CommandError(f"{first}: wanted one file, --clip, and no option of other formats")
-        pair = read_motion(first, clip)
+        pair = read_clip(first, clip)
         people = [select_person(pair, person, clip) for person in PEOPLE]
         return _make_capture(clip, files, ({}, {}), people)
     for file in files:
@@ -103,6 +104,37 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
     capture = _make_capture(clip or first.stem, files, settings, [a, b])
     resampled = a is not read[0].motion or b is not read[1].motion
     return replace(capture, keeps_hierarchy=not resampled)
+
+
+def read_clip(file: Path, name: str) -> Interaction:
+    """Read a clip of a Parquet file.
+
+    Raises
+    ------
+    CommandError
+        If there is none of that name: with the nearest names.
+    StoreError
+        If the file is damaged.
+    """
+    try:
+        return read_motion(file, name)
+    except KeyError as fault:
+        near = nearest_names(name, read_names(file))
+        hint = f"; the nearest: {', '.join(near)}" if near else ""
+        raise CommandError(f"{file}: no clip {name}{hint} (pacmo clips lists them)") from fault
+
+
+def check_two_people(a: PersonMotion, b: PersonMotion, files: Sequence[Path]) -> None:
+    """Refuse one person's motion where two people's are wanted.
+
+    Parameters
+    ----------
+    files : from which both were read
+    """
+    if a.skeleton == b.skeleton and np.array_equal(a.motion, b.motion):
+        text = " and ".join(str(file) for file in files)
+        got = "the same motion twice" if len(files) == 2 else "one person"
+        raise CommandError(f"{text}: wanted the motions of two people; got {got}")
 
 
 def two_sources(files: Sequence[Path]) -> list[Source]:
@@ -341,10 +373,7 @@ def _make_capture(
     people: list[PersonMotion],
 ) -> TwoPersonCapture:
     a, b = (_without_zero_bones(person) for person in people)
-    text = " and ".join(str(file) for file in files)
-    if a.skeleton == b.skeleton and np.array_equal(a.motion, b.motion):
-        got = "the same motion twice" if len(files) == 2 else "one person"
-        raise CommandError(f"{text}: wanted the motions of two people; got {got}")
+    check_two_people(a, b, files)
     return TwoPersonCapture(name, files, settings, (a, b))
 
 

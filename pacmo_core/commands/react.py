@@ -12,7 +12,7 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.captures import Fidelity, is_parquet, names_clips, read_back
+from pacmo_core.commands.captures import Fidelity, is_parquet, names_clips, read_back, read_clip
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -27,7 +27,7 @@ from pacmo_core.commands.reading import (
     read_people,
     to_model_joints,
 )
-from pacmo_core.commands.weights import is_synthetic, trained_on_line
+from pacmo_core.commands.weights import check_weights, is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
@@ -43,7 +43,7 @@ from pacmo_core.reaction.inference import finish_reactions, react_all, sample_ti
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import PartnerMotion, sample_poses
 from pacmo_core.store.files import write_text
-from pacmo_core.store.motions import read_motion, write_motions
+from pacmo_core.store.motions import write_motions
 
 
 def react_to_lines(lines: Iterable[str], live: ReactionStream, n_joints: int) -> Iterator[str]:
@@ -240,7 +240,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     options = ReadOptions(form, preset, from_unit, from_up, from_fps, joints)
     torch.set_num_threads(1)
     with reading_errors_in_one_line():
-        check_samples(samples)
+        check_request(samples, options, weights)
         random = torch.Generator().manual_seed(seed)
         if stream:
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
@@ -273,7 +273,7 @@ def _capture(source: Source, options: ReadOptions, clip: str) -> PersonMotion:
     if names_clips(source.file, clip):
         if not clip or options.describes_files:
             raise CommandError(f"{source.file}: wanted --clip, and no option of other formats")
-        return select_person(read_motion(source.file, clip), source.person, clip)
+        return select_person(read_clip(source.file, clip), source.person, clip)
     (person,) = read_people([source], options.of_captures([source.file]), clip)
     return person.motion
 
@@ -294,6 +294,13 @@ def check_samples(samples: int) -> None:
     """Refuse more samples than one command generates."""
     if samples > MAX_SAMPLES:
         raise CommandError(f"--samples must be 1 to {MAX_SAMPLES}; got {samples}")
+
+
+def check_request(samples: int, options: ReadOptions, weights: Path) -> None:
+    """Check what takes no time, before weights and captures are read."""
+    check_samples(samples)
+    options.check()
+    check_weights(weights)
 
 
 def check_total(samples: int, frames: int, joints: int) -> None:

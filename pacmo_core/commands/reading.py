@@ -12,10 +12,12 @@ from typing import Annotated, Any
 
 import typer
 
+from pacmo_core.commands.nearest import nearest_first
 from pacmo_core.data.limits import printable
 from pacmo_core.data.posture import UNITS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import MAX_DISTANCE
+from pacmo_core.formats.bvh_pairs import PRESETS
 from pacmo_core.formats.inference import (
     UNIT_NAMES,
     Inferred,
@@ -23,7 +25,7 @@ from pacmo_core.formats.inference import (
     infer_settings,
     states_unit_or_axis,
 )
-from pacmo_core.formats.joint_names import name_joints, parse_joints
+from pacmo_core.formats.joint_names import FILE_SUFFIXES, name_joints, parse_joints
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     FORMATS,
@@ -31,6 +33,7 @@ from pacmo_core.formats.registry import (
     format_of,
     read_partner,
 )
+from pacmo_core.formats.rigs import RIGS
 from pacmo_core.project.workspace import CommandError
 
 PEOPLE = ("a", "b")
@@ -106,6 +109,21 @@ class ReadOptions:
             raise KeyError(f"no format {form!r}; there are {', '.join(DEFAULT_SETTINGS)}")
         return form
 
+    def check(self) -> None:
+        """Check names that need no file, so before a model or a capture is read.
+
+        Raises
+        ------
+        CommandError
+            If there is no such preset of BVH files, or of joints.
+        """
+        if self.preset and self.preset not in PRESETS:
+            wanted = nearest_first(self.preset, PRESETS)
+            raise CommandError(f"--preset: wanted one of {wanted}; got {self.preset!r}")
+        for person in PEOPLE:
+            for word in words_of(self.joints, person):
+                _check_joints_word(word)
+
     def of_captures(self, files: Sequence[Path]) -> "ReadOptions":
         """Return the options of all captures of a command.
 
@@ -147,6 +165,7 @@ class ReadOptions:
         CommandError
             If a word is not what its option takes.
         """
+        self.check()
         words = {
             "unit": _last(self.unit, person, "--from-unit"),
             "up": _last(self.up, person, "--from-up"),
@@ -182,6 +201,16 @@ def words_of(words: Sequence[str], person: str) -> list[str]:
     """Select the words that are for a person: those for both, and those after ``a=`` or ``b=``."""
     split = [word.partition("=") if word[:2] in ("a=", "b=") else ("", "", word) for word in words]
     return [word for who, _, word in split if who in ("", person)]
+
+
+def _check_joints_word(word: str) -> None:
+    is_file = Path(word).suffix.lower() in FILE_SUFFIXES
+    if word not in RIGS and "=" not in word and not is_file:
+        files = ", ".join(FILE_SUFFIXES)
+        raise CommandError(
+            f"--joints: no preset of joints {word!r}; wanted {nearest_first(word, RIGS)}; "
+            f"a file {files}; or MODEL_JOINT=JOINT"
+        )
 
 
 def _last(words: Sequence[str], person: str, option: str) -> str | None:
@@ -233,6 +262,7 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
         of impossible stature or posture.
     """
     forms = [options.format_of(source.file) for source in sources]
+    _check_clip(sources, clip)
     settings = [
         options.settings(form, source.label) for form, source in zip(forms, sources, strict=True)
     ]
@@ -251,6 +281,15 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     for line in _inference_lines(sources, inferred, found):
         typer.echo(printable(line))
     return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
+
+
+def _check_clip(sources: Sequence[Source], clip: str) -> None:
+    """Refuse the name of a clip for files that hold one capture."""
+    single = [source.file for source in sources if source.file.suffix.lower() != ".mat"]
+    if clip and single:
+        raise CommandError(
+            f"{single[0]}: holds one capture; --clip is for .mat and .parquet files; got {clip}"
+        )
 
 
 def _complete(files: Sequence[Path], inferred: Sequence[Inferred]) -> list[dict[str, Any]]:

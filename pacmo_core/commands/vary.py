@@ -10,7 +10,7 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.augmentation.bodies import measure_body, segment_scales
+from pacmo_core.augmentation.bodies import measure_body
 from pacmo_core.commands.augment import (
     AScale,
     BScale,
@@ -18,6 +18,7 @@ from pacmo_core.commands.augment import (
     First,
     Out,
     Second,
+    known_segment_scales,
     parse_factors,
     solver_errors_in_one_line,
 )
@@ -30,7 +31,7 @@ from pacmo_core.commands.captures import (
     two_sources,
     write_two_people,
 )
-from pacmo_core.commands.react import check_samples, check_total
+from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -94,14 +95,14 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     files = (first,) if second is None else (first, second)
     torch.set_num_threads(1)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
-        check_samples(samples)
+        factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
+        check_request(samples, options, weights)
         model = load_skeleton_prior(weights)
         synthetic = is_synthetic(first, clip)
         typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
         duo = _select_joints(read_two_people(files, options, clip), model.config.skeleton, options)
         check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
         places = _output_files(duo, samples, out)
-        factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         random = torch.Generator().manual_seed(seed)
         variations = list(_variations(model, duo, factors_of_people, samples, random))
         written, fidelity = _write(duo, variations, places)
@@ -155,7 +156,7 @@ def _requested_scales(
 ) -> Scales:
     return np.stack(
         [
-            segment_scales(measure_body(person.motion, person.skeleton), factors)
+            known_segment_scales(measure_body(person.motion, person.skeleton), factors)
             for person, factors in zip(people, factors_of_people, strict=True)
         ]
     )

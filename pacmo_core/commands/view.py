@@ -9,7 +9,13 @@ from typing import Annotated
 
 import typer
 
-from pacmo_core.commands.captures import names_clips, on_one_clock, two_sources
+from pacmo_core.commands.captures import (
+    check_two_people,
+    names_clips,
+    on_one_clock,
+    read_clip,
+    two_sources,
+)
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -25,7 +31,7 @@ from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import ONE_PERSON_FORMATS, PersonMotion, holds_one_person
 from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
 from pacmo_core.store.files import write_text
-from pacmo_core.store.motions import motion_file, read_motion
+from pacmo_core.store.motions import motion_file
 from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 
 CLIPS_FOLDER = Path("data/clips")
@@ -81,7 +87,7 @@ def _read_stored(store: Path, name: str) -> Scene:
     """Read a clip of the store; the colour of a person does not depend on who reacts."""
     if not name:
         raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
-    clip = read_motion(_file_of(store, name) if store.is_dir() else store, name)
+    clip = read_clip(_file_of(store, name) if store.is_dir() else store, name)
     # The folder distinguishes reactions to the same partner, such as pacmo/1.
     folder = "/".join(store.parts[-2:]) if is_reaction(name) and store.is_dir() else ""
     label = f"{folder} · {name}" if folder else name
@@ -117,6 +123,7 @@ def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
     people = [person.motion for person in read_people(sources, options, "")]
     if len(people) == 2:
         people = list(on_one_clock(people[0], people[1], label))
+        check_two_people(people[0], people[1], files)
     return scene_of_people(label, people)
 
 

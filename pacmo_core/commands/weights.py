@@ -3,12 +3,25 @@
 from contextlib import suppress
 from pathlib import Path
 
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.tables import ClipRecord, read_rows
 from pacmo_core.store.weights import read_trained_on
 
 _CLIPS = "clips.parquet"  # beside stored motions
 _SCRIPTS = "scripts.json"  # beside the raw captures of the embedded default
+
+
+def check_weights(weights: Path) -> None:
+    """Refuse weights that do not exist, and say where weights come from.
+
+    Raises
+    ------
+    CommandError
+        If there is no such file.
+    """
+    if not weights.exists():
+        raise CommandError(f"no {weights}: ./run trains those in models/; --weights names others")
 
 
 def is_synthetic(file: Path, clip: str) -> bool | None:

@@ -76,9 +76,9 @@ def compose_params(name: str) -> str:
     Raises
     ------
     ExperimentError
-        If there is no such experiment, it sets a key that the default does not have, it is based
-        on itself, it trains skeleton priors on a dataset that it does not make, or its captures
-        are not on this machine.
+        If there is no such experiment, its file is not a mapping in YAML, it sets a key that the
+        default does not have, it is based on itself, it trains skeleton priors on a dataset that it
+        does not make, or its captures are not on this machine.
     """
     if name == DEFAULT:
         return default_params()
@@ -123,11 +123,11 @@ def remove_unused_outputs() -> list[Path]:
     Raises
     ------
     ExperimentError
-        If there is no ``params.yaml``, or it has no folds and seeds.
+        If there is no ``params.yaml``, it is not YAML, or it has no folds and seeds.
     """
     if not PARAMS.exists():
         raise ExperimentError(f"no {PARAMS}: pacmo use {DEFAULT} makes one")
-    params = YAML(typ="safe").load(PARAMS)
+    params = _load_mapping(YAML(typ="safe"), PARAMS)
     runs, augmented = params.get("runs"), params.get("augmented", {})
     keys = ("folds", "seeds")
     if not isinstance(runs, dict) or not all(isinstance(runs.get(key), list) for key in keys):
@@ -195,10 +195,20 @@ def _load(yaml: YAML, name: str, derived: tuple[str, ...]) -> Any:
         raise ExperimentError(f"{FOLDER}/{name}.yaml: circular base: {chain}")
     if name == DEFAULT:
         return yaml.load(default_params())
-    overlay = yaml.load(FOLDER / f"{name}.yaml")
+    overlay = _load_mapping(yaml, FOLDER / f"{name}.yaml")
     params = _load(yaml, overlay.pop(BASE, DEFAULT), (*derived, name))
     _override(params, overlay, where=name)
     return params
+
+
+def _load_mapping(yaml: YAML, file: Path) -> Any:
+    try:
+        content = yaml.load(file)
+    except YAMLError as fault:
+        raise ExperimentError(f"{file}: not YAML: {' '.join(str(fault).split())}") from fault
+    if not isinstance(content, dict):
+        raise ExperimentError(f"{file}: wanted a mapping of parameters")
+    return content
 
 
 def _override(params: Any, overlay: Any, where: str) -> None:

@@ -218,7 +218,7 @@ def test_what_cannot_be_done_is_one_line_that_names_file_and_segment(
     out = tmp_path / "out"
     there = [*files, *UNIT, "--out", out]
     refused(pacmo(*there, "--b-scale", "left_tail=1.2"), "duo_A.bvh", "left_tail", "left_forearm")
-    refused(pacmo(*there, "--b-scale", "left_forearm=0"), "left_forearm", "positive", "0.0")
+    refused(pacmo(*there, "--b-scale", "left_forearm=0"), "left_forearm", "0.3 to 3", "got 0")
     refused(pacmo(*there, "--b-scale", "left_forearm=long"), "SEGMENT=SCALE", "left_forearm=long")
     refused(pacmo(*there, "--profile", "c=child"), "PERSON=NAME", "c=child")
     refused(pacmo(*there, "--profile", "b=giant"), "no profile 'giant'", "long_arms")
@@ -299,3 +299,74 @@ def test_real_captures_of_sbu_are_varied(tmp_path: Path) -> None:
     assert said.exit_code == 0, said.output
     ((_, pair),) = stream_motions(out)
     assert pair.skeleton.joints == SBU15.joints
+
+
+@pytest.mark.parametrize("scale", ["0.29", "3.1", "nan", "-1"])
+def test_a_scale_of_no_body_is_refused_before_a_file_is_read(tmp_path: Path, scale: str) -> None:
+    words = ["no_A.bvh", "no_B.bvh", "--b-scale", f"uniform={scale}", "--out", tmp_path / "out"]
+    refused(pacmo(*words), f"uniform: wanted a scale of 0.3 to 3.0; got {scale}")
+
+
+def test_the_nearest_of_the_known_names_comes_first(files: list[Path], tmp_path: Path) -> None:
+    there = [*files, "--out", tmp_path / "out"]
+    said = pacmo(*there, *UNIT, "--b-scale", "left_forarm=1.2")
+    refused(said, "no segment left_forarm; there are left_forearm, ")
+    refused(
+        pacmo(*there, *UNIT, "--profile", "b=long_arm"), "no profile 'long_arm'; there are long"
+    )
+    scale = ["--b-scale", "uniform=0.9"]
+    wrong = pacmo(*there, *scale, "--preset", "skeleton_prior")
+    refused(wrong, "--preset: wanted one of skeleton_priors, ", "got 'skeleton_prior'")
+
+
+def test_a_clip_of_another_name_is_answered_with_the_nearest(stored: Path, tmp_path: Path) -> None:
+    with write_motions(stored, SBU15) as writer:
+        for name in ("hug01#0000", "push01#0000", "push01#0001"):
+            writer.add(name, CLIP)
+    words = ["--b-scale", "uniform=0.9", "--out", tmp_path / "o.parquet", "--clip"]
+    refused(
+        pacmo(stored, *words, "push01"), "no clip push01; the nearest: push01#0000, push01#0001"
+    )
+    refused(pacmo(stored, *words, "puhs01#0000"), "no clip puhs01#0000; the nearest: push01#0000")
+
+
+def test_the_name_of_a_clip_is_refused_where_a_file_holds_one_capture(
+    files: list[Path], tmp_path: Path
+) -> None:
+    words = ["--b-scale", "uniform=0.9", "--out", tmp_path / "out", "--clip", "x"]
+    refused(pacmo(*files, *UNIT, *words), "duo_A.bvh: holds one capture; --clip is for .mat")
+    table = JointTable(SBU15, CLIP.times, (CLIP.person_a, CLIP.person_b), "y", 1.0)
+    (tmp_path / "one.npz").write_bytes(TABLE_WRITERS[".npz"](table))
+    refused(pacmo(tmp_path / "one.npz", *words), "one.npz: holds one capture", "got x")
+
+
+def test_the_command_says_what_it_does_and_whether_the_limits_hold(
+    stored: Path, tmp_path: Path
+) -> None:
+    params = YAML(typ="safe").load(PARAMS)
+    limits = params["augment"]["limits"]
+    lower = {"contacts_kept", "contacts_kept_with_slack"}
+    params["augment"]["limits"] = {name: 0.0 if name in lower else 1e6 for name in limits}
+    (tmp_path / "loose.yaml").write_text(json.dumps(params))
+    words = ["augment", stored, "--clip", "one", "--b-scale", "left_forearm=1.2"]
+    words += ["--profile", "a=long_arms", "--out", tmp_path / "o.parquet", "--params"]
+    lines = [
+        CliRunner().invoke(app, [*map(str, words), str(tmp_path / name)]).output.splitlines()
+        for name in ("loose.yaml", "strict.yaml")
+        if (tmp_path / "strict.yaml").write_text(
+            json.dumps({"augment": params["augment"] | {"limits": limits | {"seam_ratio": 1e-9}}})
+        )
+    ]
+    for said in lines:
+        assert said[0] == (
+            "solving 20 frames of two people, person a to long_arms and person b to "
+            "left_forearm=1.2 ..."
+        )
+    assert lines[0][-1].endswith("; all measurements are within the limits for training")
+    assert "within the limits" not in lines[1][-1]
+
+
+def test_a_folder_of_settings_is_called_a_folder(stored: Path, tmp_path: Path) -> None:
+    words = ["augment", str(stored), "--clip", "one", "--a-scale", "uniform=0.9", "--out", "o.bvh"]
+    said = CliRunner().invoke(app, [*words, "--params", str(tmp_path)])
+    refused(said, f"{tmp_path}: a folder; wanted a file, such as {tmp_path / 'params.yaml'}")

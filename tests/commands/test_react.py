@@ -227,3 +227,17 @@ def test_a_live_partner_is_answered_frame_by_frame(weights: Path, form: str) -> 
         assert live.wait() == 1
     assert said.splitlines()[0].startswith("joints: head neck")
     assert "line 7: wanted a time and 45 numbers" in said
+
+
+def test_weights_that_are_not_there_are_said_to_come_from_training(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = pacmo(stored, "--clip", "one", "--out", tmp_path / "o.parquet")
+    refused(said, "no models/", "/weights.safetensors: ./run trains those in models/; --weights")
+
+
+def test_the_names_of_joints_are_checked_before_the_weights(stored: Path, tmp_path: Path) -> None:
+    words = ["--clip", "one", "--out", tmp_path / "o.parquet", "--weights", tmp_path / "none"]
+    said = pacmo(stored, *words, "--joints", "a=mixmo")
+    refused(said, "no preset of joints 'mixmo'; wanted mixamo, ")

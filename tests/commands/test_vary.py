@@ -116,3 +116,17 @@ def test_a_table_is_varied_like_a_clip_of_the_store(
     ((_, made),) = stream_motions(tmp_path / "table.parquet")
     ((_, wanted),) = stream_motions(tmp_path / "clip.parquet")
     np.testing.assert_allclose(made.person_b, wanted.person_b, atol=1e-5)
+
+
+def test_weights_that_are_not_there_are_said_to_come_from_training(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = pacmo(stored, "--clip", "one", "--out", tmp_path / "o.parquet")
+    refused(said, "no models/", "/weights.safetensors: ./run trains those in models/; --weights")
+
+
+def test_the_names_of_joints_are_checked_before_the_weights(stored: Path, tmp_path: Path) -> None:
+    words = ["--clip", "one", "--out", tmp_path / "o.parquet", "--weights", tmp_path / "none"]
+    said = pacmo(stored, *words, "--joints", "a=mixmo")
+    refused(said, "no preset of joints 'mixmo'; wanted mixamo, ")

@@ -227,3 +227,23 @@ def test_interactions_of_two_rates_are_taken(tmp_path: Path) -> None:
     with write_motions(tmp_path / "fast" / "motions.parquet", SBU15) as writer:
         writer.add("one", fast)
     assert view("one", "fast:one").exit_code == 0
+
+
+@pytest.mark.parametrize("command", [["view", "--no-open"], ["export"]])
+def test_one_person_is_not_shown_as_two(tmp_path: Path, command: list[str]) -> None:
+    for name in ("x.bvh", "copy.bvh"):
+        (tmp_path / name).write_text(format_bvh(REAL.person_a, 15, SBU15))
+    for pair in ("x.bvh+x.bvh", "x.bvh+copy.bvh"):
+        words = [*command, pair, "--from-unit", "1", "--from-up", "y", "--out", "out.html"]
+        words[-1] = "out.bvh" if command == ["export"] else "out.html"
+        said = CliRunner().invoke(app, words)
+        refused(said, "x.bvh", "wanted the motions of two people; got the same motion twice")
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_clips_that_begin_with_an_unknown_name_are_listed(tmp_path: Path) -> None:
+    with write_motions(tmp_path / "data/clips/motions.parquet", SBU15) as writer:
+        for number in range(2):
+            writer.add(f"push01#{number:04d}", REAL)
+    refused(view("push01"), "no clip push01; the nearest: push01#0000, push01#0001")
+    assert view("push01#0000").exit_code == 0

@@ -115,6 +115,23 @@ def test_an_unknown_experiment_is_answered_with_what_there_is():
         compose_params("smal")
 
 
+@pytest.mark.parametrize("text", ["experiment: small\ntrain: {width: [1\n", "", "- 1\n"])
+def test_a_file_that_is_no_mapping_is_named_and_another_experiment_can_be_used(project, text):
+    use_experiment("small")
+    (project / "experiments" / "small.yaml").write_text(text)
+    with pytest.raises(ExperimentError, match=r"experiments/small.yaml: (not YAML|wanted a map)"):
+        use_experiment("small")
+    assert load(Path("params.yaml").read_text())["experiment"] == "small"
+    use_experiment("default")
+    assert load(Path("params.yaml").read_text()) == load(DEFAULT)
+
+
+def test_parameters_that_are_not_yaml_are_named(project):
+    (project / "params.yaml").write_text("runs: [1\n")
+    with pytest.raises(ExperimentError, match=r"params.yaml: not YAML: "):
+        remove_unused_outputs()
+
+
 def test_edited_parameters_are_saved_and_named(project):
     use_experiment("default")
     assert use_experiment("small") is None
