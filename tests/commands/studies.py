@@ -37,7 +37,9 @@ def _scene(random_seed: int, kind: str) -> Scene:
 
 
 @contextmanager
-def served(path: Path, port: int = 0, *options: str) -> Iterator[tuple[str, subprocess.Popen]]:
+def served(
+    path: Path, port: int = 0, *options: str
+) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """Serve a study as the command does; hand out its address and the process."""
     port = port or free_port()
     # Not by the whole command, which loads what reactions need.
@@ -60,7 +62,7 @@ def served(path: Path, port: int = 0, *options: str) -> Iterator[tuple[str, subp
             process.kill()
 
 
-def wait_for(address: str, process: subprocess.Popen) -> None:
+def wait_for(address: str, process: subprocess.Popen[bytes]) -> None:
     until = time.monotonic() + PATIENCE_S
     while time.monotonic() < until and process.poll() is None:
         try:
