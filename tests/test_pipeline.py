@@ -69,7 +69,7 @@ def test_there_is_then_nothing_to_do(twins):
 
 
 @pytest.mark.slow
-def test_the_metrics_hold_every_row_with_intervals(twins):
+def test_the_metrics_hold_every_row(twins):
     metrics = json.loads((twins[0] / "reports" / "details.json").read_text())
     assert metrics["data"]["usable"] == 40
     assert metrics["pacmo"]["rows"].keys() >= {
@@ -78,13 +78,14 @@ def test_the_metrics_hold_every_row_with_intervals(twins):
     }
     gained = metrics["pacmo"]["augmentation"]
     assert len(gained["each"]["f2id"]) == 1  # a fold
-    assert set(gained["clips"]["f2id"]) == {"mean", "low", "high"}
+    assert "mean" in gained["clips"]["f2id"]
     assert gained["folds"] == {}  # one fold has no interval
     assert "Does augmentation improve PaCMO?" in (twins[0] / "reports" / "report.html").read_text()
     for row in metrics["pacmo"]["rows"].values():
         for name in ("f2id", "mmd_a", "mmd_s", "diversity", "matching", "ape", "energy_score"):
-            assert set(row[name]) == {"mean", "low", "high"}
-            assert row[name]["low"] <= row[name]["mean"] <= row[name]["high"]
+            cell = row[name]  # with fewer than four pairs of people there is no interval
+            assert set(cell) in ({"mean"}, {"mean", "low", "high"})
+            assert cell.get("low", cell["mean"]) <= cell["mean"] <= cell.get("high", cell["mean"])
 
 
 @pytest.mark.slow
@@ -135,6 +136,7 @@ def test_a_further_seed_trains_only_its_own_models(twins):
         *("train_reaction@pacmo-1-2", "train_reaction@pacmo_paper-1-2"),
         *("react@gru-1-2", "react@regression-1-2", "react@pacmo-1-2", "react@pacmo_paper-1-2"),
         *("train_pacmo_variant@no_critic-1-2", "react_variant@no_critic-1-2"),
+        "react_without_finish@pacmo-1-2",
         *("evaluate_pacmo@1", "pool_pacmo", "report"),
     }
     models = twins[1] / "models" / "1" / "gru"

@@ -148,7 +148,7 @@ def test_a_pipe_as_an_argument_is_refused(
     options = ("--clip", "x") if suffix == "parquet" else ()
     options += ("--from-unit", 1, "--from-up", "y") if suffix == "bvh" else ()
     out = tmp_path / "out.parquet"
-    for words in (("react", "--weights", weights), ("augment",)):
+    for words in (("react", "--weights", weights), ("augment", "--b-scale", "uniform=1.1")):
         second = (pipe,) if words[0] == "augment" and suffix == "bvh" else ()
         result = pacmo(words[0], pipe, *second, *words[1:], *options, "--out", out)
         refused(result, "wanted a file; got a named pipe")
@@ -166,7 +166,7 @@ def test_a_folder_as_weights_and_a_text_as_parameters_are_one_line(tmp_path: Pat
     scale = ("--b-scale", "uniform=0.9")
     for params, reason in (
         (ROOT / "README.md", "README.md: not YAML"),
-        (tmp_path, "give --params"),
+        (tmp_path, "a folder; wanted a file"),
     ):
         refused(pacmo("augment", *files, *scale, "--params", params, *words), reason)
     assert not (tmp_path / "out").exists()

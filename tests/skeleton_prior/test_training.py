@@ -32,7 +32,7 @@ def test_the_start_is_kept_where_training_lowers_no_validation_error():
     """Training on one set of bodies, validated on what the start itself makes of others."""
     chosen = settings(n_epochs=4, validate_every=1, learning_rate=0.5)
     loop = training.build_training(examples(1, 4), chosen, validation=examples(1, 4))
-    validation = loop.trainer.validate()
+    validation = loop.trainer.validate()["validation"]
     trained = loop.finish()
     later = [terms["validation"] for terms in loop.curve]
     assert min(later) > validation  # with so high a learning rate
