@@ -351,7 +351,9 @@ def _attempt_start(
             points[..., v] += result.displacement
             heights[..., v] += result.displacement[:, floor.joints, 1]
     others = solver.rows.differences(points)[:, len(scales) :]
-    trunks = trunk_scales(scene, scales)[: solver.rows.n_body_rows - len(scales)]
+    trunks = np.zeros((0, n_bodies))
+    if attempt.pair_penalty:
+        trunks = trunk_scales(scene, scales, window.settings.max_spine_bend)
     pairs = np.ones((others.shape[1] - len(trunks), n_bodies))
     min_growth = MIN_GROWTH_RMS**2 * len(window.stiffness)
     return AdmmStart(

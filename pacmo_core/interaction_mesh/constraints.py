@@ -132,22 +132,17 @@ def build_rows(scene: Scene, settings: Settings, attempt: Attempt, stiffness: Ar
 def trunk_rows(scene: Scene, penalties: Array, max_bend: float) -> Rows:
     """Keep pelvis and chest rigid, and the joints of the spine within their range.
 
-    A row connects the outer ends of two bones that meet. Its length is that of the triangle whose
-    angle at the joint is the source's, give or take ``max_bend`` degrees at joints of the spine. It
-    allows rotations, of which the terms of the energy are linear approximations: without it a
-    trunk that the other body compresses kinks at one joint.
+    A row connects the outer ends of two bones that meet. In a rigid part its length is the
+    source's; at a joint of the spine it is at least that at which the joint bends by ``max_bend``
+    degrees more than in the source. It allows rotations, of which the terms of the energy are
+    linear approximations: without it a trunk that the other body compresses kinks at one joint.
 
     Parameters
     ----------
     penalties : (T, E), of the bones
     """
     pairs, is_rigid = trunk_bends(scene)
-    first, second = (np.linalg.norm(side, axis=-1) for side in _sides(scene, pairs))
-    cosine = np.einsum("tsc,tsc->ts", *_sides(scene, pairs)) / (first * second)
-    angle, bend = np.arccos(cosine.clip(-1, 1)), np.where(is_rigid, 0, np.radians(max_bend))
-    lower, upper = (
-        _third_side(first, second, (angle + change).clip(0, np.pi)) for change in (-bend, bend)
-    )
+    lower = _trunk_lengths(scene, np.ones(len(scene.bones)), max_bend)
     ends = np.stack(_outer_ends(scene, pairs), axis=-1)
     shape = (*lower.shape, 4)
     return Rows(
@@ -155,32 +150,47 @@ def trunk_rows(scene: Scene, penalties: Array, max_bend: float) -> Rows:
         coefficients=np.broadcast_to([-1.0, 1.0, 0.0, 0.0], shape),
         penalties=penalties[:, pairs].min(axis=-1),
         lower=lower,
-        upper=upper,
+        upper=np.where(is_rigid, lower, np.inf),
         elasticity=np.ones(len(pairs)),
         n_body_rows=len(pairs),
     )
 
 
-def trunk_scales(scene: Scene, scales: Array) -> Array:
+def trunk_scales(scene: Scene, scales: Array, max_bend: float) -> Array:
     """Return the factor on the bounds of every row of ``trunk_rows``, (S, V).
 
-    The mean over frames of the distance of the outer ends, with each bone scaled along its own
-    direction.
+    Of a rigid part the mean over frames; of the spine the least, with which the bound can be met
+    in every frame where the two bones grow differently.
 
     Parameters
     ----------
     scales : (E, V)
     """
-    pairs, _ = trunk_bends(scene)
-    first, second = _sides(scene, pairs)
-    before = np.linalg.norm(second - first, axis=-1).mean(axis=0)
-    after = [
-        np.linalg.norm(second * body[pairs[:, 1], None] - first * body[pairs[:, 0], None], axis=-1)
-        for body in scales.T
-    ]
+    _, is_rigid = trunk_bends(scene)
     tiny = np.finfo(np.float32).tiny
-    ratio: Array = np.stack(after, axis=-1).mean(axis=0) / before.clip(min=tiny)[:, None]
-    return ratio
+    before = _trunk_lengths(scene, np.ones(len(scales)), max_bend).clip(min=tiny)
+    ratios = [_trunk_lengths(scene, body, max_bend) / before for body in scales.T]
+    factors = [np.where(is_rigid, ratio.mean(axis=0), ratio.min(axis=0)) for ratio in ratios]
+    stacked: Array = np.stack(factors, axis=-1)
+    return stacked
+
+
+def _trunk_lengths(scene: Scene, scales: Array, max_bend: float) -> Array:
+    """Return the shortest allowed distance of the outer ends of each pair of bones, (T, S).
+
+    Parameters
+    ----------
+    scales : (E,)
+    """
+    pairs, is_rigid = trunk_bends(scene)
+    sides = _sides(scene, pairs)
+    lengths = [np.linalg.norm(side, axis=-1) for side in sides]
+    angle = np.arccos((np.einsum("tsc,tsc->ts", *sides) / (lengths[0] * lengths[1])).clip(-1, 1))
+    angle -= np.where(is_rigid, 0, np.radians(max_bend))
+    first, second = (length * scales[bones] for length, bones in zip(lengths, pairs.T, strict=True))
+    squared = first**2 + second**2 - 2 * first * second * np.cos(angle.clip(min=0))
+    shortest: Array = np.sqrt(squared.clip(min=0))
+    return shortest
 
 
 def _is_chain(scene: Scene, pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -199,13 +209,6 @@ def _outer_ends(scene: Scene, pairs: NDArray[np.intp]) -> tuple[NDArray[np.intp]
     begins, ends = scene.bones.T
     first = np.where(_is_chain(scene, pairs), begins[pairs[:, 0]], ends[pairs[:, 0]])
     return first, ends[pairs[:, 1]]
-
-
-def _third_side(first: Array, second: Array, angle: Array) -> Array:
-    """Return the third side of a triangle, from two sides and the angle between them."""
-    squared = first**2 + second**2 - 2 * first * second * np.cos(angle)
-    side: Array = np.sqrt(squared.clip(min=0))
-    return side
 
 
 def separation_rows(scene: Scene, settings: Settings, penalty: float) -> Rows:

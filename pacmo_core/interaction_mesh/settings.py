@@ -147,8 +147,8 @@ class Settings:
     separation_stiffness, contact_stiffness : of the elastic bounds between the bodies, to be
         compared with ``weights.contact``; pairs that cannot be kept give way by the forces on them
         over this stiffness
-    max_spine_bend : degrees by which a joint of the spine may bend more, or less, than in the
-        source; pelvis and chest are rigid
+    max_spine_bend : degrees by which a joint of the spine may bend more than in the source; pelvis
+        and chest are rigid
     n_pairs : largest number of pairs of bones that are separated in each frame, and of pairs of
         joints that are kept in contact
     near_distance : metres; a pair of joints closer than this in the source counts as near in the

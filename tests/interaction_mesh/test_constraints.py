@@ -50,6 +50,7 @@ def test_the_rows_of_a_trunk_hold_angles_within_their_range() -> None:
     rows = trunk_rows(source, np.ones((5, len(source.bones))), max_bend=20)
     vectors, distances = source.bone_vectors, _distances(source, rows)
     assert (rows.lower <= distances + 1e-9).all() and (distances <= rows.upper + 1e-9).all()
+    assert np.isinf(rows.upper[:, ~is_rigid]).all()
     np.testing.assert_allclose(rows.lower[:, is_rigid], distances[:, is_rigid], atol=1e-9)
     np.testing.assert_allclose(rows.upper[:, is_rigid], distances[:, is_rigid], atol=1e-9)
     (first, second), row = pairs[~is_rigid][0], np.flatnonzero(~is_rigid)[0]
@@ -65,8 +66,8 @@ def test_the_rows_of_a_trunk_hold_angles_within_their_range() -> None:
 def test_a_trunk_whose_bones_all_grow_alike_grows_alike() -> None:
     source = scene(2, 5, skeletons=(SPINE, SPINE))
     scales = np.full((len(source.bones), 2), [0.7, 1.2])
-    expected = np.broadcast_to([0.7, 1.2], trunk_scales(source, scales).shape)
-    np.testing.assert_allclose(trunk_scales(source, scales), expected)
+    expected = np.broadcast_to([0.7, 1.2], trunk_scales(source, scales, 20).shape)
+    np.testing.assert_allclose(trunk_scales(source, scales, 20), expected)
 
 
 def test_a_chest_keeps_its_shape_where_the_other_body_pulls_at_it() -> None:
@@ -84,3 +85,15 @@ def test_a_chest_keeps_its_shape_where_the_other_body_pulls_at_it() -> None:
         width = np.linalg.norm(points[:, left] - points[:, right], axis=-1)
         errors.append(np.abs(width / (0.6 * before) - 1).max())
     assert errors[1] < 0.005 and errors[0] > 3 * errors[1]
+
+
+def test_a_spine_of_bones_that_grow_differently_can_meet_its_bounds_in_every_frame() -> None:
+    source = scene(7, 40, skeletons=(SPINE, SPINE))
+    pairs, is_rigid = trunk_bends(source)
+    scales = np.ones((len(source.bones), 1))
+    scales[::2] = 0.6
+    rows = trunk_rows(source, np.ones((40, len(source.bones))), max_bend=20)
+    lower = rows.lower * trunk_scales(source, scales, 20)[:, 0]
+    lengths = np.linalg.norm(source.bone_vectors, axis=-1) * scales[:, 0]
+    longest = lengths[:, pairs].sum(axis=-1)  # of a straight spine
+    assert (lower[:, ~is_rigid] <= longest[:, ~is_rigid] + 1e-9).all()
