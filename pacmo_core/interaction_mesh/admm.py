@@ -150,7 +150,7 @@ class AdmmSolver:
     gather, scatter : A, and A^T P, of each ``BLOCKS_PER_STEP`` blocks
     source : (K, 2, R, 3, 1) float32 metres, a
     lower, upper : (K, 2, R, 1) float32 metres, bounds on the lengths
-    elasticity : (R, 1) float32, fraction of the way from v to its projection
+    elasticity : (K, 2, R, 1) float32, fraction of the way from v to its projection
     floor : the heights
     floor_source, floor_penalties : (K, 2, F, 1) float32
     relaxation : 1 to 2
@@ -278,7 +278,7 @@ class AdmmSolver:
         np.minimum(lengths, self.upper[blocks] * state.scales, out=lengths)
         np.divide(lengths, projection, out=projection)
         np.subtract(projection, np.float32(1), out=projection)
-        np.multiply(projection, self.elasticity, out=projection)
+        np.multiply(projection, self.elasticity[blocks], out=projection)
         np.add(projection, np.float32(1), out=projection)
         # The reflection of v at its proximal point, 2 s v - v = z - u.
         np.multiply(projection, np.float32(2), out=factors)
@@ -339,9 +339,9 @@ def build_solver(
     n_points = factorisation.lag_one.shape[1]
     points, coefficients = pair_frames(rows.points), pair_frames(rows.coefficients)
     penalties = pair_frames(rows.penalties)
-    lower, upper, floor_penalties = (
+    lower, upper, elasticity, floor_penalties = (
         pair_frames(values)[..., None].astype(np.float32)
-        for values in (rows.lower, rows.upper, floor.penalties)
+        for values in (rows.lower, rows.upper, rows.elasticity, floor.penalties)
     )
     # A frame that only pads the last block is above the floor as well.
     floor_source = pair_frames(floor.heights, repeat=True)[..., None].astype(np.float32)
@@ -359,7 +359,7 @@ def build_solver(
         source=pair_frames(source[..., AXIS_ORDER])[..., None].astype(np.float32),
         lower=lower,
         upper=upper,
-        elasticity=rows.elasticity.astype(np.float32)[:, None],
+        elasticity=elasticity,
         floor=floor,
         floor_source=floor_source,
         floor_penalties=floor_penalties,

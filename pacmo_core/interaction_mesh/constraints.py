@@ -21,6 +21,9 @@ from pacmo_core.interaction_mesh.settings import Attempt, Settings
 FLOOR_REACH = 0.4
 # Metres above the floor at which its penalty has fallen to 1/e.
 FLOOR_PENALTY_RANGE = 0.25
+# Metres between two bodies' bones, or beyond the contact distance, at which the penalty of a pair has
+# fallen to 1/e.
+PAIR_PENALTY_RANGE = 0.2
 # Contacts are closed to this fraction of the contact distance, to be within it.
 CONTACT_MARGIN = 0.95
 # Slope with which the bound of a pair grows with its distance in the source beyond that. A bound
@@ -38,7 +41,7 @@ class Rows:
     coefficients : (T, R, 4)
     penalties : (T, R), of ADMM
     lower, upper : (T, R) metres, bounds on the length; of bones, their length in the source
-    elasticity : (R,), 0 to 1, fraction of the way to its bounds that the local step takes a row
+    elasticity : (T, R), 0 to 1, fraction of the way to its bounds that the local step takes a row
     n_body_rows : the first rows are bones and trunks, those after them are between the bodies
     """
 
@@ -103,7 +106,7 @@ def bone_rows(scene: Scene, penalties: Array) -> Rows:
         penalties=penalties,
         lower=lengths,
         upper=lengths,
-        elasticity=np.ones(n_bones),
+        elasticity=np.ones(penalties.shape),
         n_body_rows=n_bones,
     )
 
@@ -124,7 +127,7 @@ def build_rows(scene: Scene, settings: Settings, attempt: Attempt, stiffness: Ar
         penalties=np.concatenate([part.penalties for part in rows], axis=1),
         lower=np.concatenate([part.lower for part in rows], axis=1),
         upper=np.concatenate([part.upper for part in rows], axis=1),
-        elasticity=np.concatenate([part.elasticity for part in rows]),
+        elasticity=np.concatenate([part.elasticity for part in rows], axis=1),
         n_body_rows=sum(part.n_body_rows for part in rows),
     )
 
@@ -151,7 +154,7 @@ def trunk_rows(scene: Scene, penalties: Array, max_bend: float) -> Rows:
         penalties=penalties[:, pairs].min(axis=-1),
         lower=lower,
         upper=np.where(is_rigid, lower, np.inf),
-        elasticity=np.ones(len(pairs)),
+        elasticity=np.ones(lower.shape),
         n_body_rows=len(pairs),
     )
 
@@ -225,13 +228,14 @@ def separation_rows(scene: Scene, settings: Settings, penalty: float) -> Rows:
     fractions = [np.take_along_axis(f, order, axis=1) for f in (first, second)]
     distance = np.take_along_axis(distances, order, axis=1)
     points, coefficients = segment_differences(scene, bones, fractions[0], fractions[1])
+    penalties = _pair_penalties(penalty, distance - reach[order])
     return Rows(
         points=points,
         coefficients=coefficients,
-        penalties=np.full(distance.shape, penalty),
+        penalties=penalties,
         lower=np.minimum(distance, reach[order]),
         upper=np.full(distance.shape, np.inf),
-        elasticity=np.full(distance.shape[1], _elasticity(settings.separation_stiffness, penalty)),
+        elasticity=_elasticity(settings.separation_stiffness, penalties),
         n_body_rows=0,
     )
 
@@ -245,20 +249,30 @@ def contact_rows(scene: Scene, settings: Settings, penalty: float) -> Rows:
     distance = np.take_along_axis(distances, order, axis=1)
     ends = np.stack([order // n_b, n_a + order % n_b], axis=-1)
     limit = CONTACT_MARGIN * settings.contact_distance
+    penalties = _pair_penalties(penalty, distance - settings.contact_distance)
     return Rows(
         points=np.concatenate([ends, ends], axis=-1),
         coefficients=np.broadcast_to([-1.0, 1.0, 0.0, 0.0], (*distance.shape, 4)),
-        penalties=np.full(distance.shape, penalty),
+        penalties=penalties,
         lower=np.zeros(distance.shape),
         upper=limit + RELEASE * (distance - settings.contact_distance).clip(min=0),
-        elasticity=np.full(distance.shape[1], _elasticity(settings.contact_stiffness, penalty)),
+        elasticity=_elasticity(settings.contact_stiffness, penalties),
         n_body_rows=0,
     )
 
 
-def _elasticity(stiffness: float, penalty: float) -> float:
+def _pair_penalties(penalty: float, gaps: Array) -> Array:
+    """Return the penalties of pairs, which fall with what is between them in the source.
+
+    A penalty on a pair that is far from its bound would only slow the convergence of both bodies.
+    """
+    penalties: Array = penalty * np.exp(-((gaps.clip(min=0) / PAIR_PENALTY_RANGE) ** 4))
+    return penalties
+
+
+def _elasticity(stiffness: float, penalties: Array) -> Array:
     """Return how far the proximal point of an elastic bound is on the way to its projection."""
-    return stiffness / (stiffness + penalty)
+    return stiffness / (stiffness + penalties)
 
 
 def build_floor(scene: Scene, penalty: float) -> Floor:
