@@ -103,7 +103,7 @@ def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Mo
 
     Parameters
     ----------
-    model : that generated them, and whose map of contacts is applied
+    model : that generated them, and whose model of contacts is applied
     partner : PartnerMotion
     reactions : (S, T_out, J, 3) float32, metres, in the world
 
@@ -112,11 +112,11 @@ def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Mo
     (S, T_out, J, 3) float32, metres
     """
     poses = sample_poses(Spline(partner.times, partner.motion), partner.out_times)
-    contact_map = model.contact_map.cpu().numpy().astype(np.float64)
+    contact_model = model.contact_model.cpu().numpy().astype(np.float64)
     # Another number of threads rounds differently.
     with threadpool_limits(1, user_api="blas"):
         finished = [
-            finish(reaction, poses, partner.out_times, model.skeleton, contact_map)
+            finish(reaction, poses, partner.out_times, model.skeleton, contact_model)
             for reaction in reactions
         ]
     return np.stack(finished)
