@@ -176,7 +176,7 @@ _ROWS = (
     _skeleton_prior("m_gcn", "M-GCN", "baselines"),
 )
 # What is fitted to a trained model of reactions: the contacts that its finish closes.
-_CONTACTS = "pacmo_core.reaction.contact_training:fit_contacts"
+_CONTACTS = "pacmo_core.reaction.inference:fit_contacts"
 # Of constructors and of torch on a configuration or tensors that are not the model's.
 _FAULTS = (
     *(KeyError, TypeError, ValueError, AttributeError, IndexError),

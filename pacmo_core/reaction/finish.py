@@ -37,8 +37,7 @@ from pacmo_core.reaction.bones import (
     set_legs,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.ground import find_floor
-from pacmo_core.reaction.stance import Mask, find_stance, stance_phases
+from pacmo_core.reaction.stance import Mask, find_floor, find_stance, stance_phases
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.reaction.ground import ANKLE_SHARE, find_floor, leg_length
+from pacmo_core.reaction.stance import ANKLE_SHARE, find_floor, leg_length
 from tests.strategies import make_interaction
 
 FOOT = NTU25.indices(["left_ankle", "left_foot"])
