@@ -21,6 +21,7 @@ Weights are per frame and D^2 is in seconds, so the result depends little on the
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ from pacmo_core.reaction.bones import (
     set_legs,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.stance import Mask, find_floor, find_stance, stance_phases
+from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, stance_phases
 
 Array = NDArray[np.float64]
 
@@ -47,9 +48,6 @@ HINGE_WEIGHT, LIMB_WEIGHT = 0.4, 0.1
 ACCELERATION_WEIGHT = 1e-4  # s^4
 BONE_WEIGHT, STANCE_WEIGHT, FLOOR_WEIGHT, CONTACT_WEIGHT = 100.0, 400.0, 100.0, 30.0
 N_ITERATIONS = 20
-# Metres over the ground that a foot in stance may glide: to plant one that goes farther would bend
-# the body over it.
-MAX_GLIDE = 0.8
 # Metres between the heights at which the two stand, beyond which they are not on one floor: more
 # than a generator errs, and less than a chair.
 FLOOR_TOLERANCE = 0.25
@@ -131,12 +129,13 @@ def find_targets(
     floor = rest_heights(reaction, partner, stance, fps, skeleton)
     lengths = median_lengths(reaction, skeleton)
     length_of = lengths_by_joint(lengths, skeleton)
-    for foot, standing in zip(feet(skeleton), stance, strict=True):
-        joints = list(foot)
-        for phase in stance_phases(standing):
+    for number, (foot, standing) in enumerate(zip(feet(skeleton), stance, strict=True)):
+        joints, share = list(foot), 1 / (1 + number % 2)
+        places = [
+            footholds(motion[:, foot[0]], phase, fps, share) for phase in stance_phases(standing)
+        ]
+        for phase in chain.from_iterable(places):
             path = motion[phase][:, joints]
-            if np.ptp(path[:, 0, [0, 2]], axis=0).max() > MAX_GLIDE:
-                continue
             place = path.mean(axis=0)
             # A foot may roll, but is on the floor for half of the time that it stands.
             above = path[..., 1] - np.median(path[..., 1] - floor[phase][:, joints], axis=0)

@@ -31,6 +31,9 @@ SMOOTHING = 0.08  # seconds, standard deviation of the filter on the ankles' pat
 MOVING_COST = 0.15  # metres per second: a slower foot stands
 FLIGHT_COST = 0.6  # metres per second, if no foot stands: then the slower of two faster ones stands
 CHANGE_COST = 0.05  # metres
+# Metres that a foot may glide until it takes a step, and the time of the step: one place for a
+# longer glide would lean the body over it.
+MAX_GLIDE, STEP_SECONDS = 0.5, 0.2
 # Height of an ankle over the leg's length: .039 over .491 of the stature (Winter 2009, fig. 4.1).
 ANKLE_SHARE = 0.08
 HEIGHT_SPREAD = 0.01  # metres, standard deviation of the height at which a foot is seen to stand
@@ -140,6 +143,32 @@ def _standing_joints(motion: Array, stance: Mask, skeleton: Skeleton) -> tuple[A
             places += list(motion[phase][:, list(foot)].mean(axis=0))
             levels += range(len(foot))
     return np.array(places), np.array(levels)
+
+
+def footholds(path: Array, phase: slice, fps: float, share: float) -> list[slice]:
+    """Divide the frames in which a foot stands where it glides too far for one place.
+
+    Parameters
+    ----------
+    path : (T, 3) metres, of the ankle
+    phase : frames in which it stands
+    fps : frames per second
+    share : of ``MAX_GLIDE``, for the first place: feet that glide together then step in turn
+
+    Returns
+    -------
+    the frames of each place, with ``STEP_SECONDS`` from one to the next
+    """
+    smooth = gaussian_filter1d(path[:, [0, 2]], SMOOTHING * fps, axis=0, mode="nearest")
+    half = max(1, round(STEP_SECONDS * fps / 2))
+    found, start, frame, most = [], phase.start, phase.start, share * MAX_GLIDE
+    while frame < phase.stop:
+        if np.linalg.norm(smooth[frame] - smooth[start]) > most:
+            found.append(slice(start, max(frame - half, start + 1)))
+            start, most = min(frame + half, phase.stop - 1), MAX_GLIDE
+            frame = start
+        frame += 1
+    return [*found, slice(start, phase.stop)]
 
 
 def _displacement(paths: Array, fps: float) -> Array:

@@ -188,9 +188,12 @@ def test_a_frame_is_finished_with_the_lengths_of_the_first_and_above_the_floor()
     assert found[FEET, 1].min() >= partner[0, FEET, 1].min() - 1e-6
 
 
-def test_a_foot_that_slides_far_is_not_planted(monkeypatch):
-    partner, reaction, times = standing()
-    reaction[:, :, 0] += 0.5 * (times / times[-1])[:, None].astype(np.float32)
-    monkeypatch.setattr(finish_module, "MAX_GLIDE", 0.4)
+def test_feet_that_glide_far_step_in_turn_beneath_the_body():
+    partner, reaction, times = standing(120)
+    reaction[:, :, 0] += 2.0 * (times / times[-1])[:, None].astype(np.float32)
     found = finish(reaction, partner, times, SBU15, NONE)
-    assert np.abs(found - reaction).max() < 0.01
+    hips = found[:, SBU15.indices(["left_hip", "right_hip"]), 0].mean(axis=1)
+    assert np.abs(found[:, FEET, 0].mean(axis=1) - hips).max() < 0.35
+    speed = np.abs(np.gradient(found[:, FEET, 0], times, axis=0))
+    # The body moves at half a metre a second: mostly one foot rests.
+    assert np.mean(speed.min(axis=1) < 0.1) > 0.7
