@@ -51,6 +51,7 @@ N_ITERATIONS = 20
 # Metres between the heights at which the two stand, beyond which they are not on one floor: more
 # than a generator errs, and less than a chair.
 FLOOR_TOLERANCE = 0.25
+MAX_FLOAT = 0.2  # metres over the floor, up to which a body that no foot carries is set on it
 FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from going through it
 STENCIL = (1.0, -2.0, 1.0)  # of the second difference
 # Longer motions are solved in parts that overlap.
@@ -66,6 +67,7 @@ class Targets:
     lengths : (E,) metres, of the bones
     anchor : (T, J, 3) metres, where feet in stance stand; zeros elsewhere
     stands : (T, J) 1 for the joints of feet in stance, else 0
+    rests : (T, J) 1 for the joints of feet that carry the body, moving or not, else 0
     floor : (T, J) metres, height below which a joint must not be; -inf for all but feet
     contacts : Contacts
     """
@@ -73,6 +75,7 @@ class Targets:
     lengths: Array
     anchor: Array
     stands: Array
+    rests: Array
     floor: Array
     contacts: Contacts
 
@@ -83,7 +86,12 @@ class Targets:
         within = Contacts(*(values[rows] for values in vars(contacts).values()))
         shifted = Contacts(**{**vars(within), "frame": within.frame - first})
         return Targets(
-            self.lengths, self.anchor[part], self.stands[part], self.floor[part], shifted
+            self.lengths,
+            self.anchor[part],
+            self.stands[part],
+            self.rests[part],
+            self.floor[part],
+            shifted,
         )
 
 
@@ -146,7 +154,28 @@ def find_targets(
                 parent = skeleton.parents[joint]
                 _set_length(anchor[phase], parent, joint, length_of[joint])
     contacts = predict_contacts(reaction, partner, fps, skeleton, contact_model)
-    return Targets(lengths, anchor, stands, floor, contacts)
+    rests = _support(motion, anchor, stands, floor, skeleton)
+    return Targets(lengths, anchor, stands, rests, floor, contacts)
+
+
+def _support(
+    motion: Array, anchor: Array, stands: Array, floor: Array, skeleton: Skeleton
+) -> Array:
+    """Let the lower foot carry a body that stands on none and does not jump; ``rests``, (T, J).
+
+    Sets the heights of ``anchor`` in place.
+    """
+    rests = stands.copy()
+    if not feet(skeleton):
+        return rests
+    ankles = np.array([foot[0] for foot in feet(skeleton)])
+    above = motion[:, ankles, 1] - floor[:, ankles]
+    floats = ~stands[:, ankles].any(axis=1) & (above.min(axis=1) < MAX_FLOAT)
+    for number, foot in enumerate(feet(skeleton)):
+        frames = np.ix_(floats & (above.argmin(axis=1) == number), list(foot))
+        rests[frames] = 1
+        anchor[..., 1][frames] = floor[frames]
+    return rests
 
 
 def rest_heights(
@@ -246,13 +275,14 @@ class Solver:
         smooth = ACCELERATION_WEIGHT * fps**4
         position = np.tile(position_weights(skeleton), (shape[0], 1))
         horizontal = position + pull + STANCE_WEIGHT * targets.stands
-        vertical = position + pull + FLOOR_WEIGHT * self.on_floor + STANCE_WEIGHT * targets.stands
+        vertical = position + pull + FLOOR_WEIGHT * self.on_floor + STANCE_WEIGHT * targets.rests
         self.factors = [
             cholesky_banded(_banded(weights, smooth, skeleton), lower=True, check_finite=False)
             for weights in (horizontal, vertical)
         ]
         self.constant = position[..., None] * motion + smooth * _fourth_difference(motion)
-        self.constant += STANCE_WEIGHT * targets.stands[..., None] * targets.anchor
+        held = np.stack([targets.stands, targets.rests, targets.stands], axis=-1)
+        self.constant += STANCE_WEIGHT * held * targets.anchor
 
     def solve(self) -> Array:
         """Return the motion ``(T, J, 3)``; its bones are nearly, not exactly, of their lengths."""

@@ -197,3 +197,15 @@ def test_feet_that_glide_far_step_in_turn_beneath_the_body():
     speed = np.abs(np.gradient(found[:, FEET, 0], times, axis=0))
     # The body moves at half a metre a second: mostly one foot rests.
     assert np.mean(speed.min(axis=1) < 0.1) > 0.6
+
+
+def test_a_body_that_floats_along_is_set_on_the_floor():
+    partner, reaction, times = standing()
+    reaction[:, :, 0] += 4.0 * times[:, None].astype(np.float32)  # too fast for feet that stand
+    reaction[:, :, 1] += 0.1
+    found = finish(reaction, partner, times, SBU15, NONE)
+    above = found[:, FEET, 1].min(axis=1) - partner[0, FEET, 1].min()
+    assert np.abs(above).max() < 0.02
+    reaction[:, :, 1] += 0.4  # a jump is left
+    found = finish(reaction, partner, times, SBU15, NONE)
+    assert (found[:, FEET, 1].min(axis=1) > partner[0, FEET, 1].min() + 0.3).all()
