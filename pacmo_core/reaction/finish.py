@@ -51,6 +51,7 @@ N_ITERATIONS = 20
 # Metres between the heights at which the two stand, beyond which they are not on one floor: more
 # than a generator errs, and less than a chair.
 FLOOR_TOLERANCE = 0.25
+MAX_ROLL = 0.04  # metres over the floor, up to which a joint of a foot that stands may rise
 MAX_FLOAT = 0.2  # metres over the floor, up to which a body that no foot carries is set on it
 FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from going through it
 STENCIL = (1.0, -2.0, 1.0)  # of the second difference
@@ -148,7 +149,8 @@ def find_targets(
             # A foot may roll, but is on the floor for half of the time that it stands.
             above = path[..., 1] - np.median(path[..., 1] - floor[phase][:, joints], axis=0)
             anchor[phase, joints] = place
-            anchor[phase, joints, 1] = np.maximum(above, floor[phase][:, joints])
+            lowest = floor[phase][:, joints]
+            anchor[phase, joints, 1] = np.clip(above, lowest, lowest + MAX_ROLL)
             stands[phase, joints] = 1
             for joint in joints[1:]:
                 parent = skeleton.parents[joint]
