@@ -83,7 +83,11 @@ class Model:
             extra["actions"] = data.train_actions
             extra["validation_actions"] = data.validation_actions
         build = cast("Callable[..., TrainingLoop[Any]]", _import(self.training))
-        return build(data.train, settings, validation=data.validation, device=device, **extra)
+        loop = build(data.train, settings, validation=data.validation, device=device, **extra)
+        if self.kind == "reaction":
+            fit = cast("Callable[..., None]", _import(_CONTACTS))
+            loop.complete = lambda trained: fit(trained, data)
+        return loop
 
     def read(self, config: Mapping[str, Any], state: Mapping[str, Tensor]) -> nn.Module:
         """Rebuild a trained model from its configuration and weights."""
@@ -171,6 +175,8 @@ _ROWS = (
     _skeleton_prior("m_cnn", "M-CNN", "baselines"),
     _skeleton_prior("m_gcn", "M-GCN", "baselines"),
 )
+# What is fitted to a trained model of reactions: the contacts that its finish closes.
+_CONTACTS = "pacmo_core.reaction.inference:fit_contacts"
 # Of constructors and of torch on a configuration or tensors that are not the model's.
 _FAULTS = (
     *(KeyError, TypeError, ValueError, AttributeError, IndexError),

@@ -136,7 +136,8 @@ def test_a_further_seed_trains_only_its_own_models(twins):
         *("train_reaction@pacmo-1-2", "train_reaction@pacmo_paper-1-2"),
         *("react@gru-1-2", "react@regression-1-2", "react@pacmo-1-2", "react@pacmo_paper-1-2"),
         *("train_pacmo_variant@no_critic-1-2", "react_variant@no_critic-1-2"),
-        "react_without_finish@pacmo-1-2",
+        *("react_without_finish@gru-1-2", "react_without_finish@regression-1-2"),
+        *("react_without_finish@pacmo-1-2", "react_without_finish@pacmo_paper-1-2"),
         *("evaluate_pacmo@1", "pool_pacmo", "report"),
     }
     models = twins[1] / "models" / "1" / "gru"

@@ -31,7 +31,6 @@ from pacmo_core.commands.captures import (
     read_two_people,
     write_two_people,
 )
-from pacmo_core.commands.nearest import nearest_first
 from pacmo_core.commands.reading import (
     PEOPLE,
     FormatName,
@@ -43,6 +42,7 @@ from pacmo_core.commands.reading import (
 )
 from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.names import nearest_first
 from pacmo_core.figures.variations import limit_text, measurement_summary
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget

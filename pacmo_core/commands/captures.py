@@ -9,11 +9,10 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.nearest import nearest_names
 from pacmo_core.commands.reading import PEOPLE, ReadOptions, Source, read_people
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import printable
-from pacmo_core.data.names import file_stem
+from pacmo_core.data.names import file_stem, nearest_names
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs

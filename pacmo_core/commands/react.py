@@ -27,7 +27,13 @@ from pacmo_core.commands.reading import (
     read_people,
     to_model_joints,
 )
-from pacmo_core.commands.weights import check_weights, is_synthetic, trained_on_line
+from pacmo_core.commands.weights import (
+    TRAINED_HERE,
+    check_weights,
+    default_weights,
+    is_synthetic,
+    trained_on_line,
+)
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
@@ -164,13 +170,15 @@ def _write_bvh(
     return files, fidelity
 
 
-WEIGHTS = Path("models/1/pacmo/1/weights.safetensors")
 MIN_FRAMES = 4  # of a cubic spline
 MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused, in parts
 
 PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
-Weights = Annotated[Path, typer.Option(help="a trained model")]
+Weights = Annotated[
+    Path | None,
+    typer.Option(help=f"a trained model; default: {TRAINED_HERE} if it exists, else the package's"),
+]
 ToFps = Annotated[
     float | None, typer.Option(help="frame rate of the reaction; default: that of the partner")
 ]
@@ -195,7 +203,7 @@ Live = Annotated[bool, typer.Option("--stream", help="react to frames on standar
 def react(  # noqa: PLR0913  # typer reads the options off the signature
     partner: PartnerFile = None,
     out: Out = None,
-    weights: Weights = WEIGHTS,
+    weights: Weights = None,
     samples: Samples = 1,
     seed: Seed = 0,
     person: PersonName = None,
@@ -240,18 +248,18 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     options = ReadOptions(form, preset, from_unit, from_up, from_fps, joints)
     torch.set_num_threads(1)
     with reading_errors_in_one_line():
-        check_request(samples, options, weights)
+        chosen = check_request(samples, options, weights)
         random = torch.Generator().manual_seed(seed)
         if stream:
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
-            _stream(weights, live)
+            _stream(chosen, live)
             return
         if partner is None or out is None:
             raise CommandError("give a PARTNER and --out, or --stream")
         space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
         check_reactions_output(out, space)
-        model = load_reaction_model(weights)
-        typer.echo(trained_on_line(weights, synthetic_capture=is_synthetic(partner, clip)))
+        model = load_reaction_model(chosen)
+        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(partner, clip)))
         source = Source(partner, person or "a", person)
         capture = to_model_joints(_capture(source, options, clip), model.skeleton, source, options)
         name = clip or partner.stem
@@ -296,11 +304,13 @@ def check_samples(samples: int) -> None:
         raise CommandError(f"--samples must be 1 to {MAX_SAMPLES}; got {samples}")
 
 
-def check_request(samples: int, options: ReadOptions, weights: Path) -> None:
-    """Check what takes no time, before weights and captures are read."""
+def check_request(samples: int, options: ReadOptions, weights: Path | None) -> Path:
+    """Check what takes no time, before captures are read; return the weights that are used."""
     check_samples(samples)
     options.check()
-    check_weights(weights)
+    chosen = weights or default_weights()
+    check_weights(chosen)
+    return chosen
 
 
 def check_total(samples: int, frames: int, joints: int) -> None:

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pacmo_core.commands.nearest import nearest_first
 from pacmo_core.data.limits import printable
+from pacmo_core.data.names import nearest_first
 from pacmo_core.data.posture import UNITS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import MAX_DISTANCE

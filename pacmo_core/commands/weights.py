@@ -1,15 +1,43 @@
-"""What weights were trained on, said beside what a command generates with them."""
+"""Weights that commands use: which, what they were trained on, and those in the package.
 
+Usage: python -m pacmo_core.commands.weights MODEL METRICS.json
+
+copies the weights of a finished run into the package, with a card of what they are: MODEL is the
+folder of a trained model, METRICS.json is ``reports/metrics.json`` of the same run.
+"""
+
+import argparse
+import json
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+from pacmo_core.models import load_reaction_model
 from pacmo_core.project.workspace import CommandError
-from pacmo_core.store.files import StoreError
+from pacmo_core.store.files import StoreError, file_hash, write_text
 from pacmo_core.store.tables import ClipRecord, read_rows
-from pacmo_core.store.weights import read_trained_on
+from pacmo_core.store.weights import read_trained_on, read_weights, write_weights
+
+# Of the model of reactions that is used if none is named: that of a run here, else the package's.
+TRAINED_HERE = Path("models/1/pacmo/1/weights.safetensors")
+PACKAGED = Path(__file__).parents[1] / "reaction" / "starting_weights.safetensors"
+CARD = PACKAGED.with_suffix(".json")
+MAX_BYTES = 4_000_000  # of the packaged weights
+LICENCE = "Apache-2.0"
+LIMITS = (
+    "Trained on synthetic motion of ten scripted actions alone: the scores are those of new "
+    "synthetic people, and do not apply to recorded motion, where hands often do not meet.",
+    "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
+    "Punches and kicks arrive late, early or short; samples vary less than real reactions do.",
+)
 
 _CLIPS = "clips.parquet"  # beside stored motions
 _SCRIPTS = "scripts.json"  # beside the raw captures of the embedded default
+
+
+def default_weights() -> Path:
+    """Return the weights of a model of reactions that are used if none are named."""
+    return TRAINED_HERE if TRAINED_HERE.exists() else PACKAGED
 
 
 def check_weights(weights: Path) -> None:
@@ -49,12 +77,77 @@ def trained_on_line(weights: Path, *, synthetic_capture: bool | None) -> str:
     weights : file of weights
     synthetic_capture : whether the capture is generated; None if nothing says
     """
+    name = "the model in the package" if weights == PACKAGED else str(weights)
     trained_on = read_trained_on(weights)
     if trained_on is None:
-        return f"{weights} does not state what it was trained on"
-    text = f"{weights} was trained on {trained_on}"
+        return f"{name} does not state what it was trained on"
+    text = f"{name} was trained on {trained_on}"
     if not trained_on.is_synthetic or synthetic_capture:
         return text
     if synthetic_capture is None:
         return f"{text}; how such weights do on recorded motion is not known"
     return f"{text}; this capture is recorded: the figures of the report do not apply to it"
+
+
+def package_weights(model: Path, metrics: Path, target: Path = PACKAGED) -> None:
+    """Copy the weights of a finished run, and write their card beside the copy.
+
+    Parameters
+    ----------
+    model : folder with ``weights.safetensors``
+    metrics : ``reports/metrics.json`` of the run
+    target : of the copy; the card has its name, with the suffix ``.json``
+
+    Raises
+    ------
+    CommandError
+        If the weights are too large for the package, or the run has no scores of their model.
+    StoreError, OSError
+        If a file cannot be read or written.
+    """
+    source = model / "weights.safetensors"
+    facts, tensors = read_weights(source)
+    size = source.stat().st_size
+    if size > MAX_BYTES:
+        raise CommandError(
+            f"{source}: wanted at most {MAX_BYTES} bytes for the package; got {size}"
+        )
+    rows = json.loads(metrics.read_text("utf-8")).get("pacmo", {})
+    name = facts["model"]
+    if name not in rows:
+        raise CommandError(f"{metrics}: wanted scores of {name}; got those of {', '.join(rows)}")
+    write_weights(target, facts, tensors)
+    target.chmod(0o644)  # whoever installs the package reads it
+    card = json.dumps(_card(target, name, rows), indent=2, allow_nan=False)
+    write_text(target.with_suffix(".json"), f"{card}\n")
+
+
+def _card(weights: Path, name: str, rows: dict[str, Any]) -> dict[str, Any]:
+    model, trained_on = load_reaction_model(weights), read_trained_on(weights)
+    compared = ("real", "oracle", "nearest_neighbour", "regression", name)
+    return {
+        "model": name,
+        "trained_on": None if trained_on is None else trained_on.to_dict(),
+        "licence": LICENCE,
+        "sha256": file_hash(weights),
+        "joints": list(model.skeleton.joints),
+        "scores": {row: rows[row] for row in compared if row in rows},
+        "limits": list(LIMITS),
+        "made_by": "python -m pacmo_core.commands.weights MODEL METRICS.json",
+    }
+
+
+def main() -> None:
+    """Copy the weights that the command line names into the package."""
+    parser = argparse.ArgumentParser(description="Copy weights into the package, with their card.")
+    parser.add_argument("model", type=Path, help="folder of a trained model")
+    parser.add_argument("metrics", type=Path, help="reports/metrics.json of the same run")
+    paths = parser.parse_args()
+    try:
+        package_weights(paths.model, paths.metrics)
+    except (CommandError, StoreError, OSError, ValueError) as fault:
+        parser.exit(1, f"{fault}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -11,6 +11,7 @@
 clip by clip is sorted by name.
 """
 
+import difflib
 import hashlib
 import re
 from collections.abc import Iterable
@@ -20,6 +21,7 @@ from typing import Literal
 Direction = Literal["a", "b"]
 DIRECTIONS: tuple[Direction, Direction] = ("a", "b")
 MAX_STEM = 150  # bytes of a file's name without suffixes; file systems take 255
+MAX_NEAREST = 3  # names in a message
 MAX_SAMPLES = 10  # numbers of one digit sort as they count
 
 _SEPARATOR = "#"
@@ -133,3 +135,17 @@ def file_stem(name: str) -> str:
 def sort_clips(clips: Iterable[str]) -> list[str]:
     """Sort clips so that their variations' names ascend: ``one#0001~x`` before ``one~x``."""
     return sorted(clips, key=lambda clip: variation_name(clip, ""))
+
+
+def nearest_names(name: str, known: Iterable[str]) -> list[str]:
+    """Return the names that begin with a name, else those that resemble it; at most three."""
+    names = sorted(known)
+    longer = [other for other in names if other.startswith(name)]
+    return longer[:MAX_NEAREST] or difflib.get_close_matches(name, names, n=MAX_NEAREST)
+
+
+def nearest_first(name: str, known: Iterable[str]) -> str:
+    """List the known names for a message, those that resemble a name first."""
+    names = list(known)
+    near = nearest_names(name, names)
+    return ", ".join([*near, *(other for other in names if other not in near)])

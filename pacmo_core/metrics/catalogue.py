@@ -251,8 +251,11 @@ ROWS = {
     "no_augmentation": ("PaCMO without data augmentation", ""),
     "pacmo_augmented": ("PaCMO, augmented", "trained on clips and their variations"),
     "pacmo_paper": ("PaCMO, as in the paper", "adversarial training alone"),
+    "pacmo_paper_without_finish": ("PaCMO, as in the paper, without finish", ""),
     "regression": ("Regression", "the same operator, trained to predict one reaction"),
+    "regression_without_finish": ("Regression without finish", "as the model generates them"),
     "gru": ("GRU", "baseline"),
+    "gru_without_finish": ("GRU without finish", "as the model generates them"),
     "wrong_partner": ("Wrong partner", "real reactions, permuted among partners"),
     "real_pairs": ("Real pairs", "the tested pairs"),
     "pacmo_permuted": ("PaCMO, wrong partner", "its reactions, permuted among partners"),
@@ -274,7 +277,8 @@ VARIANTS = (
 UNTRAINED = ("mean", "nearest_neighbour")
 MODELS = (
     *(*UNTRAINED, "pacmo", "pacmo_without_finish", *VARIANTS),
-    *("pacmo_augmented", "pacmo_paper", "regression", "gru"),
+    *("pacmo_augmented", "pacmo_paper", "pacmo_paper_without_finish"),
+    *("regression", "regression_without_finish", "gru", "gru_without_finish"),
 )
 # Models of which the report's first sentences speak.
 HEADLINE_MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")

@@ -23,7 +23,7 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.operators.spline import Spline
 from pacmo_core.operators.uno import u_shape_config
-from pacmo_core.reaction.contacts import identity_map
+from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
@@ -77,7 +77,13 @@ class Gru(nn.Module):
     Parameters
     ----------
     config : GruConfig
+
+    Attributes
+    ----------
+    contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
     """
+
+    contact_model: Tensor
 
     def __init__(self, config: GruConfig) -> None:
         super().__init__()
@@ -92,16 +98,13 @@ class Gru(nn.Module):
             nn.Linear(hidden, channels),
         )
         self.normalisation = Normalisation(channels=channels)
+        contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
+        self.register_buffer("contact_model", contact_model)
 
     @property
     def skeleton(self) -> Skeleton:
         """Skeleton of both people."""
         return self.config.skeleton
-
-    @property
-    def contact_map(self) -> Tensor:
-        """The map that leaves distances between the two people as they are; see ``contacts``."""
-        return torch.from_numpy(identity_map(self.skeleton))
 
     def forward(self, partner: Tensor) -> Tensor:
         """Predict reactions frame by frame: ``(B, T, 3 J)`` metres to the same."""

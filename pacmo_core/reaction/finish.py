@@ -21,16 +21,24 @@ Weights are per frame and D^2 is in seconds, so the result depends little on the
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from pacmo_core.data.interaction import Motion, bone_lengths
+from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.bones import (
+    lengths_by_joint,
+    median_lengths,
+    resized,
+    set_bone_lengths,
+    set_legs,
+)
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.stance import Mask, find_stance, stance_phases
+from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, stance_phases
 
 Array = NDArray[np.float64]
 
@@ -38,13 +46,13 @@ Array = NDArray[np.float64]
 # and ends of limbs are lighter: they follow what the hand or the foot must do.
 HINGE_WEIGHT, LIMB_WEIGHT = 0.4, 0.1
 ACCELERATION_WEIGHT = 1e-4  # s^4
-BONE_WEIGHT, STANCE_WEIGHT, FLOOR_WEIGHT, CONTACT_WEIGHT = 100.0, 100.0, 100.0, 30.0
+BONE_WEIGHT, STANCE_WEIGHT, FLOOR_WEIGHT, CONTACT_WEIGHT = 100.0, 400.0, 100.0, 30.0
 N_ITERATIONS = 20
-# Metres over the ground that a foot in stance may glide: to plant one that goes farther would bend
-# the body over it.
-MAX_GLIDE = 0.8
-FLOOR_QUANTILE = 0.05  # of a foot's heights, where no foot stands
-FLOOR_TOLERANCE = 0.1  # metres between the heights at which the feet of the two people rest
+# Metres between the heights at which the two stand, beyond which they are not on one floor: more
+# than a generator errs, and less than a chair.
+FLOOR_TOLERANCE = 0.25
+MAX_ROLL = 0.04  # metres over the floor, up to which a joint of a foot that stands may rise
+MAX_FLOAT = 0.2  # metres over the floor, up to which a body that no foot carries is set on it
 FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from going through it
 STENCIL = (1.0, -2.0, 1.0)  # of the second difference
 # Longer motions are solved in parts that overlap.
@@ -60,6 +68,7 @@ class Targets:
     lengths : (E,) metres, of the bones
     anchor : (T, J, 3) metres, where feet in stance stand; zeros elsewhere
     stands : (T, J) 1 for the joints of feet in stance, else 0
+    rests : (T, J) 1 for the joints of feet that carry the body, moving or not, else 0
     floor : (T, J) metres, height below which a joint must not be; -inf for all but feet
     contacts : Contacts
     """
@@ -67,6 +76,7 @@ class Targets:
     lengths: Array
     anchor: Array
     stands: Array
+    rests: Array
     floor: Array
     contacts: Contacts
 
@@ -77,7 +87,12 @@ class Targets:
         within = Contacts(*(values[rows] for values in vars(contacts).values()))
         shifted = Contacts(**{**vars(within), "frame": within.frame - first})
         return Targets(
-            self.lengths, self.anchor[part], self.stands[part], self.floor[part], shifted
+            self.lengths,
+            self.anchor[part],
+            self.stands[part],
+            self.rests[part],
+            self.floor[part],
+            shifted,
         )
 
 
@@ -86,7 +101,7 @@ def finish(
     partner: Motion,
     times: NDArray[np.float64],
     skeleton: Skeleton,
-    contact_map: Array,
+    contact_model: Array,
 ) -> Motion:
     """Return the reaction with exact bones, planted feet and closed contacts.
 
@@ -95,99 +110,119 @@ def finish(
     reaction, partner : (T, J, 3) float32, metres, in the world, y up
     times : (T,) float64, seconds
     skeleton : of both people
-    contact_map : (2 G, 21) of ``contacts.learn_contact_map``
+    contact_model : of ``contacts.learn_contacts``
 
     Returns
     -------
     (T, J, 3) float32, metres
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
-    targets = find_targets(reaction, partner, fps, skeleton, contact_map)
+    targets = find_targets(reaction, partner, fps, skeleton, contact_model)
     motion = reaction.astype(np.float64)
     result = np.zeros_like(motion)
     for first, end, share in _parts(len(motion)):
         part = Solver(motion[first:end], targets.frames(first, end), fps, skeleton).solve()
         result[first:end] += share[:, None, None] * part
-    return set_bone_lengths(result, targets.lengths, skeleton).astype(np.float32)
+    exact = set_bone_lengths(result, targets.lengths, skeleton)
+    set_legs(exact, result, targets.floor, targets.lengths, skeleton)
+    return exact.astype(np.float32)
 
 
 def find_targets(
-    reaction: Motion, partner: Motion, fps: float, skeleton: Skeleton, contact_map: Array
+    reaction: Motion, partner: Motion, fps: float, skeleton: Skeleton, contact_model: Array
 ) -> Targets:
     """Find bone lengths, stances, the floor and contacts of a generated reaction."""
     motion = reaction.astype(np.float64)
     anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
-    floor = np.full(motion.shape[:2], -np.inf)
     stance = find_stance(reaction, fps, skeleton)
-    heights = zip(
-        foot_heights(reaction, stance, skeleton),
-        foot_heights(partner, find_stance(partner, fps, skeleton), skeleton),
-        strict=True,
-    )
-    for (joints, own), (_, other) in heights:
-        # Both stand on one floor, but for a camera that is tilted.
-        floor[:, joints] = other if abs(other - own) < FLOOR_TOLERANCE else own
-    for foot, standing in zip(feet(skeleton), stance, strict=True):
-        joints = list(foot)
-        for phase in stance_phases(standing):
-            if np.ptp(motion[phase, foot[0]][:, [0, 2]], axis=0).max() > MAX_GLIDE:
-                continue
-            anchor[phase, joints] = motion[phase, joints].mean(axis=0)
-            stands[phase, joints] = 1
+    floor = rest_heights(reaction, partner, stance, fps, skeleton)
     lengths = median_lengths(reaction, skeleton)
-    contacts = predict_contacts(reaction, partner, skeleton, contact_map)
-    return Targets(lengths, anchor, stands, floor, contacts)
+    length_of = lengths_by_joint(lengths, skeleton)
+    for number, (foot, standing) in enumerate(zip(feet(skeleton), stance, strict=True)):
+        joints, share = list(foot), 1 / (1 + number % 2)
+        places = [
+            footholds(motion[:, foot[0]], phase, fps, share) for phase in stance_phases(standing)
+        ]
+        for phase in chain.from_iterable(places):
+            path = motion[phase][:, joints]
+            place = path.mean(axis=0)
+            # A foot may roll, but is on the floor for half of the time that it stands.
+            above = path[..., 1] - np.median(path[..., 1] - floor[phase][:, joints], axis=0)
+            anchor[phase, joints] = place
+            lowest = floor[phase][:, joints]
+            anchor[phase, joints, 1] = np.clip(above, lowest, lowest + MAX_ROLL)
+            stands[phase, joints] = 1
+            for joint in joints[1:]:
+                parent = skeleton.parents[joint]
+                _set_length(anchor[phase], parent, joint, length_of[joint])
+    contacts = predict_contacts(reaction, partner, fps, skeleton, contact_model)
+    rests = _support(motion, anchor, stands, floor, skeleton)
+    return Targets(lengths, anchor, stands, rests, floor, contacts)
 
 
-def foot_heights(motion: Motion, stance: Mask, skeleton: Skeleton) -> list[tuple[list[int], float]]:
-    """Return the height at which joints of the feet rest, both ankles' and so on, metres.
+def _support(
+    motion: Array, anchor: Array, stands: Array, floor: Array, skeleton: Skeleton
+) -> Array:
+    """Let the lower foot carry a body that stands on none and does not jump; ``rests``, (T, J).
+
+    Sets the heights of ``anchor`` in place.
+    """
+    rests = stands.copy()
+    if not feet(skeleton):
+        return rests
+    ankles = np.array([foot[0] for foot in feet(skeleton)])
+    above = motion[:, ankles, 1] - floor[:, ankles]
+    floats = ~stands[:, ankles].any(axis=1) & (above.min(axis=1) < MAX_FLOAT)
+    for number, foot in enumerate(feet(skeleton)):
+        frames = np.ix_(floats & (above.argmin(axis=1) == number), list(foot))
+        rests[frames] = 1
+        anchor[..., 1][frames] = floor[frames]
+    return rests
+
+
+def rest_heights(
+    reaction: Motion, partner: Motion, stance: Mask, fps: float, skeleton: Skeleton
+) -> Array:
+    """``(T, J)`` metres: the heights at which the joints of the feet rest; -inf for all others.
+
+    Both people stand on one floor, that of the partner, unless the reaction's own is far from it.
 
     Parameters
     ----------
-    motion : (T, J, 3) metres
-    stance : (F, T) of ``find_stance``
-    skeleton : of the motion
+    reaction, partner : (T, J, 3) metres
+    stance : (F, T) of the reaction
+    fps : frames per second
+    skeleton : of both
     """
-    legs, levels = feet(skeleton), []
-    for level in range(max(map(len, legs), default=0)):
-        numbers = [number for number, foot in enumerate(legs) if len(foot) > level]
-        joints = [legs[number][level] for number in numbers]
-        heights = motion[:, joints, 1]
-        still = heights[stance[numbers].T]
-        rest = np.median(still) if len(still) else np.quantile(heights, FLOOR_QUANTILE)
-        levels.append((joints, float(rest)))
-    return levels
+    heights = np.full(reaction.shape[:2], -np.inf)
+    if not feet(skeleton):
+        return heights
+    own = find_floor(reaction, stance, skeleton)
+    floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton)
+    place = np.array([own.origin[0], 0, own.origin[1]])
+    if abs(floor.at(place) - own.height) > FLOOR_TOLERANCE:
+        floor = own
+    for foot in feet(skeleton):
+        for joint, rest in zip(foot, floor.of(own.leg), strict=False):
+            heights[:, joint] = floor.at(reaction[:, joint].astype(np.float64)) + rest
+    return heights
 
 
-def median_lengths(motion: Motion, skeleton: Skeleton) -> Array:
-    """``(E,)`` metres: the median over time of each bone's length."""
-    lengths: Array = np.median(bone_lengths(motion, skeleton), axis=0).astype(np.float64)
-    return lengths
-
-
-def set_bone_lengths(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
-    """Set the bones' lengths from the root outwards, in their directions.
-
-    Parameters
-    ----------
-    motion : (..., J, 3) metres
-    lengths : (E,) metres
-    skeleton : of the motion
-    """
-    result = motion.copy()
-    length_of = dict(zip(skeleton.bones[:, 1].tolist(), lengths.tolist(), strict=True))
-    for joint in skeleton.order[1:]:
-        parent = skeleton.parents[joint]
-        bone = _resized(motion[..., joint, :] - motion[..., parent, :], np.array(length_of[joint]))
-        result[..., joint, :] = result[..., parent, :] + bone
-    return result
+def _set_length(motion: Array, parent: int, joint: int, length: float) -> None:
+    """Move a joint over the ground, in its direction from its parent, to a distance of it."""
+    bone = motion[:, joint] - motion[:, parent]
+    flat = np.linalg.norm(bone[:, [0, 2]], axis=-1)
+    wanted = np.sqrt(np.maximum(length**2 - bone[:, 1] ** 2, 0))
+    scale = wanted / np.maximum(flat, 1e-9)
+    motion[:, joint, 0] = motion[:, parent, 0] + scale * bone[:, 0]
+    motion[:, joint, 2] = motion[:, parent, 2] + scale * bone[:, 2]
 
 
 class FrameFinish:
     """The part of a finish that needs no later frames: exact bones, and no feet below the floor.
 
-    The bones keep the lengths that they have in the first frames; a body whose foot is below the
-    floor is lifted. Planted feet and contacts need the frames that follow: whether a foot begins to
+    The bones keep the lengths that they have in the first frames; a foot below the floor is
+    raised to it. Planted feet and contacts need the frames that follow: whether a foot begins to
     stand, and where, and whether a hand approaches, is known only then.
 
     Parameters
@@ -200,22 +235,21 @@ class FrameFinish:
     def __init__(self, first: Motion, partner: Motion, skeleton: Skeleton) -> None:
         self.skeleton = skeleton
         self.lengths = [median_lengths(motion, skeleton) for motion in first]
-        heights = foot_heights(partner[None], np.ones((len(feet(skeleton)), 1), bool), skeleton)
-        self.floor = np.full(len(skeleton.joints), -np.inf)
-        for joints, height in heights:
-            self.floor[joints] = height
+        both_stand = np.ones((len(feet(skeleton)), 1), bool)
+        floors = [
+            rest_heights(motion[-1:], partner[None], both_stand, 1.0, skeleton)[0]
+            for motion in first
+        ]
+        self.floor = np.array(floors)
 
     def __call__(self, poses: Motion) -> Motion:
         """Finish the poses ``(S, J, 3)`` of one frame."""
-        result = np.stack(
-            [
-                set_bone_lengths(pose.astype(np.float64), lengths, self.skeleton)
-                for pose, lengths in zip(poses, self.lengths, strict=True)
-            ]
-        )
-        below = (self.floor - result[..., 1]).max(axis=1).clip(min=0)
-        result[..., 1] += below[:, None]
-        return result.astype(np.float32)
+        given, result = poses.astype(np.float64), []
+        for pose, lengths, floor in zip(given, self.lengths, self.floor, strict=True):
+            exact = set_bone_lengths(pose, lengths, self.skeleton)
+            set_legs(exact, exact.copy(), floor, lengths, self.skeleton)
+            result.append(exact)
+        return np.stack(result).astype(np.float32)
 
 
 class Solver:
@@ -243,15 +277,14 @@ class Solver:
         smooth = ACCELERATION_WEIGHT * fps**4
         position = np.tile(position_weights(skeleton), (shape[0], 1))
         horizontal = position + pull + STANCE_WEIGHT * targets.stands
-        vertical = position + pull + FLOOR_WEIGHT * self.on_floor
+        vertical = position + pull + FLOOR_WEIGHT * self.on_floor + STANCE_WEIGHT * targets.rests
         self.factors = [
             cholesky_banded(_banded(weights, smooth, skeleton), lower=True, check_finite=False)
             for weights in (horizontal, vertical)
         ]
         self.constant = position[..., None] * motion + smooth * _fourth_difference(motion)
-        self.constant[..., [0, 2]] += (
-            STANCE_WEIGHT * targets.stands[..., None] * targets.anchor[..., [0, 2]]
-        )
+        held = np.stack([targets.stands, targets.rests, targets.stands], axis=-1)
+        self.constant += STANCE_WEIGHT * held * targets.anchor
 
     def solve(self) -> Array:
         """Return the motion ``(T, J, 3)``; its bones are nearly, not exactly, of their lengths."""
@@ -259,7 +292,7 @@ class Solver:
         for _ in range(N_ITERATIONS):
             right = self.constant.copy()
             bones = self.incidence @ x + multiplier
-            projected = _resized(bones, self.targets.lengths)
+            projected = resized(bones, self.targets.lengths)
             multiplier = bones - projected
             wanted = BONE_WEIGHT * (projected - multiplier)
             right += self.incidence.T @ wanted
@@ -343,11 +376,3 @@ def _parts(n_frames: int) -> Iterator[tuple[int, int, Array]]:
         if end == n_frames:
             return
         first = end - OVERLAP_FRAMES
-
-
-def _resized(vectors: Array, lengths: Array) -> Array:
-    """Scale vectors ``(..., E, 3)`` to lengths ``(E,)``; those of no length point down."""
-    norms = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    directions = np.where(norms > 1e-9, vectors / np.maximum(norms, 1e-9), [0.0, -1.0, 0.0])
-    result: Array = directions * lengths[..., None]
-    return result

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
-from pacmo_core.reaction.contacts import identity_map
+from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
 
@@ -63,11 +63,11 @@ class Generator(nn.Module):
 
     Attributes
     ----------
-    contact_map : (2 G, 21) metres, of ``contacts.learn_contact_map``; the identity until learnt
+    contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
     """
 
     points: Tensor
-    contact_map: Tensor
+    contact_model: Tensor
 
     def __init__(self, config: GeneratorConfig) -> None:
         super().__init__()
@@ -78,8 +78,8 @@ class Generator(nn.Module):
         self.actions = (
             ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None
         )
-        contact_map = torch.from_numpy(identity_map(config.skeleton)).float()
-        self.register_buffer("contact_map", contact_map)
+        contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
+        self.register_buffer("contact_model", contact_model)
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
 
     @property

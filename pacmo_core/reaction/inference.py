@@ -9,24 +9,29 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from pacmo_core.data.interaction import Motion
+from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
-from pacmo_core.reaction.data import Condition
+from pacmo_core.reaction.contacts import Pairs, find_pairs, learn_contacts
+from pacmo_core.reaction.data import Condition, expand_directions
 from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
     WindowQuery,
+    is_deterministic,
     sample_poses,
     window_queries,
 )
+from pacmo_core.training.loop import TrainingData
 
 # Bounds of memory: motions that go through the layers together, and times through the head.
 MAX_MOTIONS_PER_BATCH = 64
 MAX_TIMES_PER_BATCH = 4096
+# Of the reactions to which contacts are fitted: clips, evenly among those there are, and samples.
+MAX_FITTED_CLIPS, N_FITTED_SAMPLES, FITTING_SEED = 200, 2, 1
 
 
 def react(
@@ -103,7 +108,7 @@ def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Mo
 
     Parameters
     ----------
-    model : that generated them, and whose map of contacts is applied
+    model : that generated them, and whose model of contacts is applied
     partner : PartnerMotion
     reactions : (S, T_out, J, 3) float32, metres, in the world
 
@@ -112,14 +117,58 @@ def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Mo
     (S, T_out, J, 3) float32, metres
     """
     poses = sample_poses(Spline(partner.times, partner.motion), partner.out_times)
-    contact_map = model.contact_map.cpu().numpy().astype(np.float64)
+    contact_model = model.contact_model.cpu().numpy().astype(np.float64)
     # Another number of threads rounds differently.
     with threadpool_limits(1, user_api="blas"):
         finished = [
-            finish(reaction, poses, partner.out_times, model.skeleton, contact_map)
+            finish(reaction, poses, partner.out_times, model.skeleton, contact_model)
             for reaction in reactions
         ]
     return np.stack(finished)
+
+
+def fit_contacts(model: ReactionModel, data: TrainingData[Interaction]) -> None:
+    """Learn ``model.contact_model`` in place, on validation clips; without any, on training clips.
+
+    Reactions to training partners are nearer to the captured ones than those to others, and would
+    teach that a hand that stops short has not arrived.
+
+    Parameters
+    ----------
+    model : trained
+    data : clips, with labels if the model is conditioned on them
+    """
+    clips, labels = (
+        (data.validation, data.validation_actions)
+        if data.validation
+        else (data.train, data.train_actions)
+    )
+    labelled = list(zip(clips, labels or [""] * len(clips), strict=True))
+    known = () if isinstance(model, Gru) else model.config.actions
+    usable = [(clip, label if known else "") for clip, label in labelled]
+    usable = [pair for pair in usable if not known or pair[1] in known]
+    chosen = np.unique(np.linspace(0, len(usable) - 1, MAX_FITTED_CLIPS).round().astype(int))
+    learnt = learn_contacts(
+        _contact_pairs(model, [usable[i] for i in chosen if usable]), model.skeleton
+    )
+    model.contact_model.copy_(torch.from_numpy(learnt))
+
+
+def _contact_pairs(
+    model: ReactionModel, labelled: Sequence[tuple[Interaction, str]]
+) -> Iterator[tuple[Pairs, Pairs]]:
+    """Yield the pairs of joints of generated and of captured reactions."""
+    random = torch.Generator().manual_seed(FITTING_SEED)
+    n_samples = 1 if is_deterministic(model) else N_FITTED_SAMPLES
+    for clip, label in labelled:
+        for directed in expand_directions([clip], both=True):
+            times = directed.times
+            partner = PartnerMotion(directed.person_a, times, times, label)
+            (reactions,) = react_all(model, [partner], n_samples=n_samples, random=random)
+            fps = float(1 / np.median(np.diff(times)))
+            captured = find_pairs(directed.person_b, directed.person_a, fps, model.skeleton)
+            for reaction in reactions:
+                yield find_pairs(reaction, directed.person_a, fps, model.skeleton), captured
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:

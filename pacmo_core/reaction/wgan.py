@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.operators.uno import u_shape_config
-from pacmo_core.reaction.contacts import learn_contact_map
 from pacmo_core.reaction.critic import Critic, CriticInputs, end_effectors
 from pacmo_core.reaction.data import (
     MotionPairs,
@@ -24,7 +23,7 @@ from pacmo_core.reaction.data import (
     expand_directions,
     sample_motion_pairs,
 )
-from pacmo_core.reaction.energy_score import mean_energy_scores, sample_reactions
+from pacmo_core.reaction.energy_score import mean_energy_scores
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from pacmo_core.reaction.inputs import ActionEmbedding, action_indices
 from pacmo_core.reaction.losses import LossAndTerms, WganBatch, WganLosses
@@ -133,13 +132,9 @@ class WganTrainer:
 
         ``validation`` is the score that is minimised in training, of whole spread; the others are
         its parts. Epochs before ``validate_from`` are not scored: the score soon changes by chance
-        only, while the critic still improves what a score on few clips does not measure. Where
-        weights may be selected, their map of contacts is learnt on the training pairs.
+        only, while the critic still improves what a score on few clips does not measure.
         """
-        if not self.selects_weights:
-            return {}
-        self._learn_contact_map()
-        if self.validation_pairs is None:
+        if self.validation_pairs is None or not self.selects_weights:
             return {}
         scores = mean_energy_scores(
             self.ema_generator,
@@ -173,22 +168,6 @@ class WganTrainer:
         load_adam_state(self.adam_generator, select_prefix(state, "adam_generator"))
         load_adam_state(self.adam_critic, select_prefix(state, "adam_critic"))
         self.random.set_state(state["random/state"])
-
-    @torch.no_grad()
-    def _learn_contact_map(self) -> None:
-        model, random = self.ema_generator, torch.Generator().manual_seed(self.settings.random_seed)
-        batches = torch.split(torch.arange(len(self.pairs)), self.settings.batch_size)
-        pairs = [self.pairs[rows.to(self.pairs.partner.device)] for rows in batches]
-        noise = [model.sample_noise(len(batch), random) for batch in pairs]
-        reactions = [
-            sample_reactions(model, coefficients.to(batch.partner.device), batch)[0]
-            for coefficients, batch in zip(noise, pairs, strict=True)
-        ]
-        partner, captured = _as_frames(self.pairs.partner), _as_frames(self.pairs.reaction)
-        learnt = learn_contact_map(
-            [(partner, _as_frames(torch.cat(reactions)))], [(partner, captured)], model.skeleton
-        )
-        model.contact_map.copy_(torch.from_numpy(learnt))
 
     def _update_critic(self) -> dict[str, float]:
         batch = self._sample_batch(for_critic=True)
@@ -226,12 +205,6 @@ class WganTrainer:
             parameter.grad = gradient
         adam.step()
         return values
-
-
-def _as_frames(motions: Tensor) -> Motion:
-    """From ``(B, N, 3 J)`` to ``(B N, J, 3)``."""
-    frames: Motion = motions.reshape(-1, motions.shape[-1] // 3, 3).cpu().numpy()
-    return frames
 
 
 def _build_adam(network: nn.Module, settings: AdamSettings) -> torch.optim.Adam:

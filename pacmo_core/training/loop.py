@@ -5,7 +5,7 @@ restores the weights with the lowest score (early stopping without stopping earl
 an epoch is the ``Trainer``'s: ``SupervisedTrainer`` and ``reaction.wgan.WganTrainer``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -109,6 +109,8 @@ class TrainingLoop(Generic[Model]):
         self.trainer, self.n_epochs, self.validate_every = trainer, n_epochs, validate_every
         self.validate_untrained = validate_untrained
         self.curve: list[dict[str, float]] = []
+        # Adds to the trained model what is fitted to what it generates.
+        self.complete: Callable[[Model], None] = _leave
         self._best_weights: dict[str, Tensor] = {}
         self._best_epoch, self._best_score = 0, 0.0
 
@@ -129,6 +131,7 @@ class TrainingLoop(Generic[Model]):
             yield terms
         if self._best_weights:
             self.model.load_state_dict(self._best_weights)
+        self.complete(self.model)
 
     def finish(self) -> Model:
         """Train to the end and return the model."""
@@ -167,3 +170,7 @@ class TrainingLoop(Generic[Model]):
             self._best_weights = {name: value.clone() for name, value in weights.items()}
             self._best_epoch, self._best_score = epoch, terms[VALIDATION]
         return terms
+
+
+def _leave(model: nn.Module) -> None:
+    """Leave a model as it was trained."""

@@ -34,7 +34,7 @@ Pooled = dict[str, Any]
 # What reports/metrics.json and `dvc metrics` show; reports/details.json has everything.
 COMPARED_ROWS = (
     *("real", "oracle", "wrong_partner", *UNTRAINED, *model_names("reaction")),
-    "pacmo_without_finish",
+    *("pacmo_without_finish", "regression_without_finish", "gru_without_finish"),
 )
 COMPARED_COLUMNS = (
     *("contacts_met", "false_contacts", "f2id", "matching", "ape", "energy_score", "dispersion"),

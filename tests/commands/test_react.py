@@ -233,7 +233,15 @@ def test_weights_that_are_not_there_are_said_to_come_from_training(
     stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = pacmo(stored, "--clip", "one", "--out", tmp_path / "o.parquet")
+    words = (
+        "--clip",
+        "one",
+        "--out",
+        tmp_path / "o.parquet",
+        "--weights",
+        "models/weights.safetensors",
+    )
+    said = pacmo(stored, *words)
     refused(said, "no models/", "/weights.safetensors: ./run trains those in models/; --weights")
 
 

@@ -6,19 +6,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.data.interaction import bone_lengths
-from pacmo_core.data.skeleton import SBU15, Skeleton
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.data.transforms import Frame
 from pacmo_core.reaction import finish as finish_module
-from pacmo_core.reaction.contacts import GRID, identity_map
-from pacmo_core.reaction.finish import FrameFinish, finish, set_bone_lengths
+from pacmo_core.reaction.contacts import end_effector_groups, no_contacts
+from pacmo_core.reaction.finish import FrameFinish, finish
 from tests.reaction.problems import REST, delayed_mirror
 from tests.strategies import make_interaction
 
 HAND, FOOT = SBU15.joints.index("left_hand"), SBU15.joints.index("left_foot")
 LIMB = SBU15.indices(["left_shoulder", "left_elbow", "left_hand"])
 FEET = SBU15.indices(["left_foot", "right_foot"])
-IDENTITY = identity_map(SBU15)
-HALVES = np.minimum(IDENTITY, np.where(GRID < 0.3, 0.2 * GRID, 2 * GRID - 0.54))
+NONE = no_contacts(SBU15)
+
+
+def closing_hands() -> np.ndarray:
+    """Return a model of contacts that closes hands within 25 cm of each other to 4 cm."""
+    groups = end_effector_groups(SBU15)
+    hands, model = groups[SBU15.end_effectors.index(HAND)], no_contacts(SBU15)
+    model[hands * (groups.max() + 1) + hands] = [10, -40, 0, 0.04]
+    return model
+
+
+CLOSING = closing_hands()
 
 
 def standing(n_frames: int = 60, fps: float = 30.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -58,7 +68,7 @@ def test_bones_keep_their_median_lengths_whatever_the_motion(seed, n_frames):
         for _ in range(2)
     )
     times = np.arange(n_frames) / 30
-    found = bone_lengths(finish(reaction, partner, times, SBU15, IDENTITY), SBU15)
+    found = bone_lengths(finish(reaction, partner, times, SBU15, NONE), SBU15)
     expected = np.median(bone_lengths(reaction, SBU15), axis=0)
     # Positions of float32 a metre away are rounded by 1e-7 m.
     np.testing.assert_allclose(found, np.tile(expected, (n_frames, 1)), rtol=1e-6, atol=3e-7)
@@ -66,12 +76,12 @@ def test_bones_keep_their_median_lengths_whatever_the_motion(seed, n_frames):
 
 def test_a_motion_that_needs_no_finish_hardly_moves():
     partner, reaction, times = standing()
-    assert np.abs(finish(reaction, partner, times, SBU15, IDENTITY) - reaction).max() < 1e-3
+    assert np.abs(finish(reaction, partner, times, SBU15, NONE) - reaction).max() < 1e-3
 
 
 def test_a_finished_motion_hardly_moves_when_it_is_finished_again():
     clip = delayed_mirror(3, np.arange(60) / 30)
-    arguments = (clip.person_a, clip.times, SBU15, IDENTITY)
+    arguments = (clip.person_a, clip.times, SBU15, NONE)
     once = finish(clip.person_b, *arguments)
     twice = finish(once, *arguments)
     first, second = (
@@ -86,8 +96,8 @@ def test_a_predicted_contact_is_closed_to_the_mapped_distance():
     before = gap(partner, reaction)
     nearest = before.argmin()
     assert 0.1 < before[nearest] < 0.2
-    after = gap(partner, finish(reaction, partner, times, SBU15, HALVES))
-    assert after[nearest] == pytest.approx(np.interp(before[nearest], GRID, HALVES[1]), abs=0.015)
+    after = gap(partner, finish(reaction, partner, times, SBU15, CLOSING))
+    assert after[nearest] == pytest.approx(0.04, abs=0.015)
 
 
 def test_no_contact_is_made_where_none_is_predicted():
@@ -95,14 +105,14 @@ def test_no_contact_is_made_where_none_is_predicted():
     reaction[:, :, 2] += 0.6
     before = gap(partner, reaction)
     assert before.min() > 0.45
-    after = gap(partner, finish(reaction, partner, times, SBU15, HALVES))
+    after = gap(partner, finish(reaction, partner, times, SBU15, CLOSING))
     np.testing.assert_allclose(after, before, atol=2e-3)
 
 
 def test_the_partner_is_not_touched_and_neither_is_the_reaction_given():
     partner, reaction, times = standing()
     given = partner.copy(), reaction.copy()
-    finish(reaction, partner, times, SBU15, HALVES)
+    finish(reaction, partner, times, SBU15, CLOSING)
     np.testing.assert_array_equal(partner, given[0])
     np.testing.assert_array_equal(reaction, given[1])
 
@@ -110,7 +120,7 @@ def test_the_partner_is_not_touched_and_neither_is_the_reaction_given():
 def test_a_foot_that_glides_is_planted():
     partner, reaction, times = standing()
     reaction[:, :, 0] += 0.03 * np.sin(2 * np.pi * times / times[-1])[:, None].astype(np.float32)
-    found = finish(reaction, partner, times, SBU15, IDENTITY)
+    found = finish(reaction, partner, times, SBU15, NONE)
     before, after = (np.ptp(motion[:, FEET, 0], axis=0).max() for motion in (reaction, found))
     assert before > 0.059
     assert after < 0.01
@@ -119,7 +129,7 @@ def test_a_foot_that_glides_is_planted():
 def test_feet_are_not_below_the_floor_on_which_the_partner_stands():
     partner, reaction, times = standing()
     reaction[:, :, 1] -= 0.05 * np.sin(np.pi * times / times[-1])[:, None].astype(np.float32) ** 2
-    found = finish(reaction, partner, times, SBU15, IDENTITY)
+    found = finish(reaction, partner, times, SBU15, NONE)
     assert found[:, FEET, 1].min() > partner[:, FEET, 1].min() - 0.005
 
 
@@ -132,9 +142,9 @@ def test_finishing_commutes_with_turning_and_moving_both(yaw, x, z):
         clip.person_b[:1, FOOT] + 0.5 * (clip.person_b - clip.person_b[:1])[:, FOOT]
     )
     frame = Frame(np.array([x, 0.3, z]), yaw)
-    here = finish(clip.person_b, clip.person_a, clip.times, SBU15, HALVES)
+    here = finish(clip.person_b, clip.person_a, clip.times, SBU15, CLOSING)
     moved = [frame.to_world(motion) for motion in (clip.person_b, clip.person_a)]
-    there = finish(*moved, clip.times, SBU15, HALVES)
+    there = finish(*moved, clip.times, SBU15, CLOSING)
     np.testing.assert_allclose(there, frame.to_world(here), atol=1e-3)
 
 
@@ -143,7 +153,7 @@ def test_the_result_hardly_depends_on_the_frame_rate():
     found = []
     for (partner, reaction), fps in ((fast, 60.0), (slow, 30.0)):
         reaction[:, :, 2] += 0.15
-        found.append(finish(reaction, partner, np.arange(len(reaction)) / fps, SBU15, HALVES))
+        found.append(finish(reaction, partner, np.arange(len(reaction)) / fps, SBU15, CLOSING))
     difference = np.linalg.norm(found[0][::2] - found[1], axis=-1)
     assert difference.mean() < 0.002
     assert difference.max() < 0.02
@@ -151,7 +161,7 @@ def test_the_result_hardly_depends_on_the_frame_rate():
 
 def test_a_long_motion_in_parts_is_that_in_one_solve(monkeypatch):
     clip = delayed_mirror(6, np.arange(300) / 30)
-    arguments = (clip.person_b, clip.person_a, clip.times, SBU15, HALVES)
+    arguments = (clip.person_b, clip.person_a, clip.times, SBU15, CLOSING)
     whole = finish(*arguments)
     monkeypatch.setattr(finish_module, "PART_FRAMES", 120)
     monkeypatch.setattr(finish_module, "OVERLAP_FRAMES", 40)
@@ -160,18 +170,10 @@ def test_a_long_motion_in_parts_is_that_in_one_solve(monkeypatch):
 
 def test_a_skeleton_without_named_limbs_is_finished_too():
     clip = make_interaction(np.random.default_rng(0))
-    contact_map = identity_map(clip.skeleton)
-    found = finish(clip.person_b, clip.person_a, clip.times, clip.skeleton, contact_map)
+    contact_model = no_contacts(clip.skeleton)
+    found = finish(clip.person_b, clip.person_a, clip.times, clip.skeleton, contact_model)
     lengths = bone_lengths(found, clip.skeleton)
     np.testing.assert_allclose(lengths, lengths[:1].repeat(len(lengths), axis=0), rtol=1e-5)
-
-
-def test_bones_of_no_length_point_down():
-    skeleton = Skeleton("two", ("root", "tip"), (-1, 0))
-    motion = np.zeros((3, 2, 3))
-    np.testing.assert_allclose(
-        set_bone_lengths(motion, np.array([0.2]), skeleton)[:, 1], [[0, -0.2, 0]] * 3
-    )
 
 
 def test_a_frame_is_finished_with_the_lengths_of_the_first_and_above_the_floor():
@@ -186,9 +188,24 @@ def test_a_frame_is_finished_with_the_lengths_of_the_first_and_above_the_floor()
     assert found[FEET, 1].min() >= partner[0, FEET, 1].min() - 1e-6
 
 
-def test_a_foot_that_slides_far_is_not_planted(monkeypatch):
+def test_feet_that_glide_far_step_in_turn_beneath_the_body():
+    partner, reaction, times = standing(120)
+    reaction[:, :, 0] += 2.0 * (times / times[-1])[:, None].astype(np.float32)
+    found = finish(reaction, partner, times, SBU15, NONE)
+    hips = found[:, SBU15.indices(["left_hip", "right_hip"]), 0].mean(axis=1)
+    assert np.abs(found[:, FEET, 0].mean(axis=1) - hips).max() < 0.35
+    speed = np.abs(np.gradient(found[:, FEET, 0], times, axis=0))
+    # The body moves at half a metre a second: mostly one foot rests.
+    assert np.mean(speed.min(axis=1) < 0.1) > 0.6
+
+
+def test_a_body_that_floats_along_is_set_on_the_floor():
     partner, reaction, times = standing()
-    reaction[:, :, 0] += 0.5 * (times / times[-1])[:, None].astype(np.float32)
-    monkeypatch.setattr(finish_module, "MAX_GLIDE", 0.4)
-    found = finish(reaction, partner, times, SBU15, IDENTITY)
-    assert np.abs(found - reaction).max() < 0.01
+    reaction[:, :, 0] += 4.0 * times[:, None].astype(np.float32)  # too fast for feet that stand
+    reaction[:, :, 1] += 0.1
+    found = finish(reaction, partner, times, SBU15, NONE)
+    above = found[:, FEET, 1].min(axis=1) - partner[0, FEET, 1].min()
+    assert np.abs(above).max() < 0.02
+    reaction[:, :, 1] += 0.4  # a jump is left
+    found = finish(reaction, partner, times, SBU15, NONE)
+    assert (found[:, FEET, 1].min(axis=1) > partner[0, FEET, 1].min() + 0.3).all()

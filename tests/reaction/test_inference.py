@@ -8,11 +8,14 @@ import torch
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.transforms import Frame
-from pacmo_core.reaction import baselines, wgan
+from pacmo_core.models import MODELS
+from pacmo_core.reaction import baselines, inference, wgan
+from pacmo_core.reaction.contacts import find_pairs, no_contacts
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import react, react_all
 from pacmo_core.reaction.windows import PartnerMotion
-from tests.reaction.problems import GRU, PACMO_LONG, clips, delayed_mirror
+from pacmo_core.training.loop import TrainingData
+from tests.reaction.problems import GRU, PACMO_LONG, REGRESSION, clips, delayed_mirror
 
 COMMON = np.linspace(0, 2, 21)
 
@@ -109,3 +112,27 @@ def test_a_wrong_body_and_instants_outside_the_motion_are_refused(trained: Gener
         reacted(trained, partner.without(["head"]))
     with pytest.raises(ValueError, match=r"\[0, 2\]"):
         reacted(trained, partner, np.array([0.0, 2.5]))
+
+
+@pytest.mark.parametrize(("name", "settings"), [("regression", REGRESSION), ("gru", GRU)])
+def test_a_trained_model_learns_its_contacts_on_the_validation_clips(
+    monkeypatch: pytest.MonkeyPatch, name: str, settings: object
+) -> None:
+    marker, seen = no_contacts(clips(1)[0].skeleton) + 1, []
+
+    def learn(pairs, skeleton):
+        seen.extend(captured.distance for _, captured in pairs)
+        return marker
+
+    monkeypatch.setattr(inference, "learn_contacts", learn)
+    held_out = clips(2, first_seed=90)
+    model = MODELS[name].build_training(TrainingData(clips(4), held_out), settings).finish()
+    np.testing.assert_allclose(model.contact_model.numpy(), marker)
+    expected = [
+        find_pairs(clip.person_b, clip.person_a, 1 / np.median(np.diff(clip.times)), clip.skeleton)
+        for held in held_out
+        for clip in (held, held.swapped())
+    ]
+    assert len(seen) == len(expected)
+    for found, pairs in zip(seen, expected, strict=True):
+        np.testing.assert_allclose(found, pairs.distance)

@@ -1,0 +1,77 @@
+"""Truth: bodies of known size that stand on a known plane."""
+
+import numpy as np
+import pytest
+
+from pacmo_core.data.skeleton import NTU25
+from pacmo_core.reaction.stance import ANKLE_SHARE, find_floor, leg_length
+from tests.strategies import make_interaction
+
+FOOT = NTU25.indices(["left_ankle", "left_foot"])
+ANKLES = NTU25.indices(["left_ankle", "right_ankle"])
+LEG = 0.8
+
+
+def standing(
+    leg: float, place: tuple[float, float] = (0.0, 0.0), slope: tuple[float, float] = (0.0, 0.0)
+) -> np.ndarray:
+    """Return a body in proportion to its legs, whose ankles are over the plane by their share."""
+    pose = np.zeros((len(NTU25.joints), 3))
+    pose[:, 1] = 1.6
+    for side, x in (("left", 0.1), ("right", -0.1)):
+        hip, knee, ankle, foot = NTU25.indices(
+            [f"{side}_{name}" for name in ("hip", "knee", "ankle", "foot")]
+        )
+        pose[[hip, knee, ankle], 1] = np.array([1, 0.5, 0]) + ANKLE_SHARE
+        pose[foot] = [0, 0.02, 0.12]
+        pose[[hip, knee, ankle, foot], 0] = x / leg
+    pose = leg * pose + [place[0], 0, place[1]]
+    pose[:, 1] += pose[:, 0] * slope[0] + pose[:, 2] * slope[1]
+    return np.tile(pose, (20, 1, 1)).astype(np.float32)
+
+
+def found(motion: np.ndarray):
+    return find_floor(motion, np.ones((2, len(motion)), dtype=bool), NTU25)
+
+
+@pytest.mark.parametrize("child", [0.4, 0.6])
+def test_the_feet_of_a_child_rest_lower_than_those_of_an_adult(child):
+    assert leg_length(standing(LEG), NTU25) == pytest.approx(LEG, abs=1e-5)
+    floor, own = found(standing(LEG)), standing(child)
+    expected = own[0, FOOT, 1]
+    np.testing.assert_allclose(floor.height + floor.of(child), expected, atol=1e-5)
+    assert expected[0] < standing(LEG)[0, FOOT[0], 1] - 0.01
+
+
+def test_the_plane_of_a_tilted_camera_is_that_under_somebody_who_walks_about():
+    slope = (0.02, -0.03)
+    places = [(0.0, 0.0), (1.0, 0.2), (0.3, 1.0), (1.2, 1.4)]
+    motion = np.concatenate([standing(LEG, place, slope) for place in places])
+    stance = np.zeros((2, len(motion)), dtype=bool)
+    stance[0, np.arange(len(motion)) // 20 % 2 == 0] = True
+    stance[1] = ~stance[0]
+    floor = find_floor(motion, stance, NTU25)
+    there = standing(LEG, (2.0, 1.0), slope)[0, ANKLES]
+    before = floor.height - there[:, 1].mean()
+    error = floor.at(there.astype(np.float64)) + floor.rest[0] - there[:, 1]
+    assert np.abs(error).max() < 0.25 * abs(before)
+
+
+def test_somebody_who_stays_in_one_place_is_on_a_level_floor():
+    floor = found(standing(LEG, (1.0, 2.0)))
+    assert np.abs(floor.slope).max() < 1e-6
+    assert floor.height == pytest.approx(0, abs=1e-6)
+
+
+def test_feet_that_never_stand_are_on_the_floor_where_they_are_lowest():
+    motion = standing(LEG)
+    motion[:, :, 1] += np.abs(np.linspace(-1, 1, len(motion)))[:, None].astype(np.float32)
+    floor = find_floor(motion, np.zeros((2, len(motion)), dtype=bool), NTU25)
+    assert floor.height == pytest.approx(0.053, abs=0.01)
+
+
+def test_a_skeleton_of_random_bones_has_finite_numbers():
+    clip = make_interaction(np.random.default_rng(0))
+    motion = np.resize(clip.person_a, (12, len(NTU25.joints), 3))
+    floor = find_floor(motion, np.zeros((2, 12), dtype=bool), NTU25)
+    assert np.isfinite([floor.height, *floor.slope, *floor.rest]).all()
