@@ -57,7 +57,10 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         seed = int(torch.randint(2**62, (), generator=self.random))
         step_random = torch.Generator().manual_seed(seed)
         batch = self._batch(rows, step_random)
-        result = self.model.reconstruct(batch.template, batch.scales, batch.variation, step_random)
+        as_used = torch.rand(len(rows), generator=step_random) < settings.used_share
+        result = self.model.reconstruct(
+            batch.template, batch.scales, batch.variation, as_used, step_random
+        )
         config, scale = self.model.config, self.model.displacement_scale
         terms = loss_terms(result, batch.variation, batch.template, config.skeleton, scale)
         return total_loss(terms, settings.loss_weights, self.kl_warmup)
