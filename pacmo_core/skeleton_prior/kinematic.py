@@ -26,7 +26,8 @@ from pacmo_core.skeleton_prior.vae import CharacterInputs, CharacterVae, Skeleto
 
 # Elements of the latent of a window.
 LATENT = 16
-N_BLOCKS = 2
+# Keyframes between the taps of the blocks' convolutions over time.
+DILATIONS = (1, 3, 9)
 # The encoder has so many times fewer channels than the decoder: it yields few numbers a window.
 ENCODER_DIVISOR = 4
 # Scales the network's output, which is of order 1, to the change of a joint per unit scale change.
@@ -36,17 +37,16 @@ OUTPUT_GAIN = 0.3
 class TemporalBlock(nn.Module):
     """Residual block: a convolution of each channel over time, then a mix of the channels."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, dilation: int) -> None:
         super().__init__()
-        padding = TEMPORAL_KERNEL // 2
-        self.temporal = nn.Conv1d(
-            width, width, TEMPORAL_KERNEL, padding=padding, padding_mode="replicate", groups=width
-        )
+        self.padding = (dilation * (TEMPORAL_KERNEL // 2),) * 2
+        self.temporal = nn.Conv1d(width, width, TEMPORAL_KERNEL, dilation=dilation, groups=width)
         self.mix = nn.Linear(width, width)
 
     def forward(self, x: Tensor) -> Tensor:
         """Map ``(B, T, C)`` to the same shape."""
-        mixed: Tensor = self.mix(nn.functional.silu(self.temporal(x.mT).mT))
+        padded = nn.functional.pad(x.mT, self.padding, mode="replicate")
+        mixed: Tensor = self.mix(nn.functional.silu(self.temporal(padded).mT))
         return x + mixed
 
 
@@ -56,7 +56,7 @@ class TemporalNetwork(nn.Sequential):
     def __init__(self, n_features: int, width: int) -> None:
         super().__init__(
             nn.Linear(n_features, width),
-            *(TemporalBlock(width) for _ in range(N_BLOCKS)),
+            *(TemporalBlock(width, d) for d in DILATIONS),
             nn.SiLU(),
         )
 
@@ -90,7 +90,6 @@ class KinematicVae(CharacterVae):
         self.output_layer = self.kinematics = KinematicOutput(skeleton, limbs)
         self.features = FrameFeatures(skeleton, limbs)
         features, outputs = self.features.size, 3 * len(skeleton.joints)
-        self.norm = nn.BatchNorm1d(features, affine=False)  # features have different units
         self.encoder = TemporalNetwork(features + outputs, hidden // ENCODER_DIVISOR)
         self.posterior = nn.Linear(hidden // ENCODER_DIVISOR, 2 * LATENT)
         self.decoder = TemporalNetwork(features + LATENT, hidden)
@@ -124,8 +123,7 @@ class KinematicVae(CharacterVae):
             motion = self.output_layer(output, inputs.template, inputs.scales)
             axes = self.features.axes(inputs.template)
             features = self.features(motion, inputs, axes)
-            normalised = self.norm(features.flatten(0, 1)).view_as(features)
-        return Condition(output, motion, axes, normalised)
+        return Condition(output, motion, axes, features)
 
     def _encode(
         self, motion: Tensor, inputs: CharacterInputs, condition: Condition
@@ -155,7 +153,7 @@ class KinematicVae(CharacterVae):
             self.kinematics,
             self.start,
             (inputs.template, inputs.scales),
-            (inputs.partner_template, inputs.partner),
+            (inputs.squared_distances, inputs.partner - inputs.partner_template),
             partner_yields=inputs.partner_yields,
         )
 

@@ -73,6 +73,8 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         # Sampled whether or not they are used, so that every model has the same sequence.
         angles = torch.rand(len(rows), generator=random) * 2 * math.pi
         swapped = torch.rand(len(rows), generator=random) < 0.5
+        mirrored = torch.rand(len(rows), generator=random) < settings.mirror_probability
+        batch = batch.mirrored(mirrored.to(batch.template.device), self.model.config.skeleton)
         if settings.random_rotation:
             batch = batch.rotated(angles.to(batch.template.device))
         if settings.swap_characters and self.model.symmetric:

@@ -7,6 +7,7 @@ the first (VAE2) and the second character (VAE3).
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor, nn
@@ -14,6 +15,7 @@ from torch import Tensor, nn
 from pacmo_core.skeleton_prior.data import ExampleDataset
 from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.skeleton_prior.skeleton_vae import DiagonalGaussian, SkeletonVae
+from pacmo_core.skeleton_prior.start import squared_distances
 
 # Metres: smallest root mean square of displacements that motions are normalised by.
 MIN_DISPLACEMENT_SCALE = 1e-4
@@ -36,6 +38,11 @@ class CharacterInputs:
     def displacements(self, motion: Tensor) -> Tensor:
         """Normalise a motion's displacements from the template, (B, 3, T, J)."""
         return channels_first((motion - self.template) / self.displacement_scale)
+
+    @cached_property
+    def squared_distances(self) -> Tensor:
+        """``(B, T, J, J)``: between the joints of both templates, square metres."""
+        return squared_distances(self.template, self.partner_template)
 
     @property
     def scale_change(self) -> Tensor:
