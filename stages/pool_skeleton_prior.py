@@ -53,7 +53,7 @@ def main(priors_folder: Path, pooled_file: Path) -> None:
         files = [priors_folder / "scores" / dataset / f"{fold}.json" for fold in folds]
         scores = join_folds([read_json(file) for file in files])
         data_facts.setdefault(dataset, {})[split] = {
-            name: scores[name] for name in ("extractor", "train", "tested")
+            name: scores[name] for name in ("extractor", "train", "tested", "bodies")
         }
         for task in TASKS:
             pooled = {
@@ -83,6 +83,7 @@ def join_folds(folds: list[dict[str, Any]]) -> dict[str, Any]:
         "extractor": folds[0]["extractor"],
         "train": round(sum(fold["train"] for fold in folds) / len(folds)),
         "tested": sum(fold["tested"] for fold in folds),
+        "bodies": folds[0]["bodies"],
         "models": {},
     }
     for fold in folds:

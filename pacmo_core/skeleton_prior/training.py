@@ -40,7 +40,8 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         settings: SkeletonPriorSettings,
         random: torch.Generator,
     ) -> None:
-        self.examples, self.prior_settings, self.kl_warmup = examples, settings, 0.0
+        self.examples, self.validation = examples, validation
+        self.prior_settings, self.kl_warmup = settings, 0.0
         held_out = None if validation is None else lambda: mean_position_error(model, validation)
         super().__init__(model, len(examples), self._loss, held_out, settings, random)
 
@@ -50,6 +51,14 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         self.kl_warmup = min(1.0, (number + 1) / self.prior_settings.kl_warmup_epochs)
         terms = super().train_epoch(number)
         self.model.eval()
+        return terms
+
+    def validate(self) -> dict[str, Tensor]:
+        """Return the error on validation data, and the KL divergence of an element of a latent."""
+        terms = super().validate()
+        if terms and self.validation is not None:
+            with torch.no_grad():
+                terms["kl_first"], terms["kl_second"] = mean_kl(self.model, self.validation)
         return terms
 
     def _loss(self, rows: Tensor) -> Tensor:
@@ -91,6 +100,21 @@ def mean_position_error(model: SkeletonPrior, examples: ExampleDataset) -> Tenso
         positions = model.joint_positions(outputs, batch.template, batch.scales)
         errors.append((positions - batch.variation).norm(dim=-1).mean(dim=(1, 2, 3)))
     return torch.cat(errors).mean()
+
+
+def mean_kl(model: SkeletonPrior, examples: ExampleDataset) -> Tensor:
+    """Compute both posteriors' KL divergence (2,) from the prior, nats an element of the latent.
+
+    Zero where the latents hold nothing: the posterior has collapsed.
+    """
+    rows = []
+    for batch in examples.full_length_batches(model.config.frame_stride, VALIDATION_BATCH_SIZE):
+        first, second = batch.variation.unbind(dim=2)
+        given = model.first_inputs(batch.template, batch.scales)
+        after = model.second_inputs(batch.template, batch.scales, first)
+        posteriors = model.first.encode(first, given), model.second.encode(second, after)
+        rows.append(torch.stack([posterior.kl_divergence() for posterior in posteriors]))
+    return torch.stack(rows).mean(dim=0)
 
 
 def build_training(

@@ -51,7 +51,13 @@ def test_every_source_is_held_out_in_one_fold():
 def test_folds_are_pooled_over_their_motions():
     def scores(source, error, train):
         task = {source: {"E_r": error}, "all": {"E_r": error}}
-        return {"extractor": "x", "train": train, "tested": 4, "models": {"m": {"1": {"t": task}}}}
+        return {
+            "extractor": "x",
+            "bodies": {},
+            "train": train,
+            "tested": 4,
+            "models": {"m": {"1": {"t": task}}},
+        }
 
     runs = PriorRuns(["a"], ["x_fold1", "x_fold2", "y"], [], [])
     assert folds_of_groups(runs) == {("a", "x"): ["x_fold1", "x_fold2"], ("a", "y"): ["y"]}
