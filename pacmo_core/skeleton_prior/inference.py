@@ -17,6 +17,7 @@ from pacmo_core.skeleton_prior.data import (
     scales_by_joint,
     stack_characters,
 )
+from pacmo_core.skeleton_prior.planting import find_supports
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
 BATCH_SIZE = 32
@@ -70,7 +71,10 @@ def _retarget_batch(
             template = stack_characters(source, frame, b_first=b_first)
             joint_scales = scales_by_joint(scales[rows], source.skeleton)
             joint_scales = joint_scales.flip(1) if b_first else joint_scales
-            motions = retarget_positions(model, template, joint_scales, random, stride=stride)
+            supports = find_supports(source)[:, ::-1] if b_first else find_supports(source)
+            motions = retarget_positions(
+                model, template, joint_scales, random, stride=stride, supports=supports
+            )
             positions[rows] = (motions.flip(2) if b_first else motions).numpy()
     return [
         replace(
@@ -105,6 +109,7 @@ def retarget_positions(
     random: torch.Generator | None,
     *,
     stride: int,
+    supports: NDArray[np.bool_],
 ) -> Tensor:
     """Retarget one template to V pairs of skeletons, at the template's frame rate.
 
@@ -113,6 +118,7 @@ def retarget_positions(
     template : (T, 2, J, 3), metres, the first character first
     scales : (V, 2, J)
     stride : frames between keyframes
+    supports : (T, 2, J), whether a joint supports its body, which then does not slide there
 
     Returns
     -------
@@ -125,7 +131,17 @@ def retarget_positions(
         keyframes = templates[:, list(keyframe_indices(n_frames, stride))]
         latents = model.sample_latents(keyframes, scales, random)
         outputs = model.decode(keyframes, scales, latents)
-        first, second = (interpolate_keyframes(output, n_frames, stride) for output in outputs)
+        first, second = (
+            character.planted(
+                interpolate_keyframes(output, n_frames, stride),
+                templates[:, :, role],
+                scales[:, role],
+                supports[:, role],
+            )
+            for role, (character, output) in enumerate(
+                zip((model.first, model.second), outputs, strict=True)
+            )
+        )
         return model.joint_positions((first, second), templates, scales).cpu()
 
 

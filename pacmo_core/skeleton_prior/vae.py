@@ -9,7 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.skeleton_prior.data import ExampleDataset
@@ -110,6 +112,13 @@ class CharacterVae(nn.Module, ABC):
         """Encode a motion, and decode a latent that ``sample`` takes from the posterior."""
         posterior = self.encode(motion, inputs)
         return self.motion(sample(posterior), inputs), posterior
+
+    def planted(
+        self, output: Tensor, template: Tensor, scales: Tensor, is_support: NDArray[np.bool_]
+    ) -> Tensor:
+        """Correct a decoder's output (B, T, J, 3) so that what supports stands still: here not."""
+        del template, scales, is_support
+        return output
 
     def motion(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
         """Decode latents to joint positions ``(B, T, J, 3)``, metres."""
