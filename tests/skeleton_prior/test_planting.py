@@ -38,3 +38,20 @@ def test_supporting_ankles_do_not_slide_on_another_body():
     ((varied,),) = retarget(start, source, scales, samples=1, random=None)
     slid = np.ptp(varied.person_b[:, ankle][:, [0, 2]], axis=0)
     assert (slid < 1e-4).all()
+
+
+def test_no_limb_end_sinks_below_the_sources_lowest_joint():
+    source = interaction(n_frames=31)
+    start = build_start(
+        PriorConfig(SMALL, find_limbs(SMALL, source.person_b), "kinematic", 16, 3, 30.0, START)
+    )
+    output = torch.zeros(1, 31, len(SMALL.joints), 3)
+    template = torch.from_numpy(source.person_b)[None]
+    ankle = SMALL.joints.index("left_ankle")
+    output[:, :, ankle, 1] = -5.0
+    scales, never = torch.ones(1, len(SMALL.joints)), np.zeros((31, len(SMALL.joints)), dtype=bool)
+    lifted = start.first.planted(output, template, scales, never)
+    others = [joint for joint in range(len(SMALL.joints)) if joint != ankle]
+    assert torch.equal(lifted[:, :, others], output[:, :, others])
+    expected = template[..., 1].min() - template[:, :, ankle, 1]
+    torch.testing.assert_close(lifted[:, :, ankle, 1], expected, atol=1e-5, rtol=0)
