@@ -61,7 +61,7 @@ class FrameFeatures(nn.Module):
             total = weights.sum(dim=-1, keepdim=True)
             means = weights @ torch.cat([partner, partner_change], dim=-1)
             own = total * torch.cat([template, own_change], dim=-1)
-            vectors += ((means - own) / (total + NO_PARTNER)).split(3, dim=-1)
+            vectors += ((means - own) / (total + NO_PARTNER)).chunk(2, dim=-1)
             sums.append(total / (total + 1))
         local = torch.cat(vectors, dim=2) @ axes.mT
         scales = torch.stack([inputs.scales, inputs.partner_scales], dim=1).log().flatten(1)
