@@ -139,7 +139,7 @@ class KinematicVae(CharacterVae):
     def _decode(self, latent: Tensor, inputs: CharacterInputs, condition: Condition) -> Tensor:
         expanded = latent[:, None].expand(-1, condition.features.shape[1], -1)
         decoded = self.decoder(torch.cat([condition.features, expanded], dim=-1))
-        change = self.head(decoded).unflatten(-1, (-1, 3)) @ condition.axes
+        change: Tensor = self.head(decoded).unflatten(-1, (-1, 3)) @ condition.axes
         return condition.output + change * (OUTPUT_GAIN * inputs.scale_change)
 
     def planted(
