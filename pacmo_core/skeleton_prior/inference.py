@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.interaction_mesh import Scene, Support
+from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.skeleton_prior.data import (
     canonical_frame,
     interpolate_keyframes,
@@ -17,10 +19,11 @@ from pacmo_core.skeleton_prior.data import (
     scales_by_joint,
     stack_characters,
 )
-from pacmo_core.skeleton_prior.planting import find_supports
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
 BATCH_SIZE = 32
+# What the solver takes for support by default (``augment.solver.support``).
+SUPPORT = Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.25)
 
 
 def retarget(
@@ -84,6 +87,12 @@ def _retarget_batch(
         )
         for both in frame.to_world(positions)
     ]
+
+
+def find_supports(source: Interaction) -> NDArray[np.bool_]:
+    """Find which joints support person a and person b in each frame, (T, 2, J)."""
+    scene = Scene((source.person_a, source.person_b), (source.skeleton,) * 2, source.fps)
+    return ground_supports(scene, SUPPORT).reshape(len(source.times), 2, -1)
 
 
 def generate_skeletons(

@@ -5,19 +5,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pacmo_core.data.interaction import Interaction
-from pacmo_core.interaction_mesh import Scene, Support
-from pacmo_core.interaction_mesh.mesh import ground_supports
-
-# What the solver takes for support by default (``augment.solver.support``).
-SUPPORT = Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.25)
-
-
-def find_supports(source: Interaction) -> NDArray[np.bool_]:
-    """Find which joints support person a and person b in each frame, (T, 2, J)."""
-    scene = Scene((source.person_a, source.person_b), (source.skeleton,) * 2, source.fps)
-    return ground_supports(scene, SUPPORT).reshape(len(source.times), 2, -1)
-
 
 def planting_corrections(displacements: Tensor, is_support: NDArray[np.bool_]) -> Tensor:
     """Compute what makes displacements constant while a limb end supports.

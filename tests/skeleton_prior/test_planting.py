@@ -3,9 +3,9 @@
 import numpy as np
 import torch
 
-from pacmo_core.skeleton_prior.inference import retarget
+from pacmo_core.skeleton_prior.inference import find_supports, retarget
 from pacmo_core.skeleton_prior.kinematics import find_limbs
-from pacmo_core.skeleton_prior.planting import find_supports, planting_corrections
+from pacmo_core.skeleton_prior.planting import planting_corrections
 from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.skeleton_prior.training import build_start
 from tests.skeleton_prior.examples import SMALL, START, generator, interaction
