@@ -122,7 +122,8 @@ def step(model: SkeletonPrior, template: Tensor, scales: Tensor, random: torch.G
     """Compute the gradient of the loss."""
     model.zero_grad()
     variation = 1.01 * template
-    result = model.reconstruct(template, scales, variation, random)
+    as_used = torch.arange(N_BODIES) % 2 == 0
+    result = model.reconstruct(template, scales, variation, as_used, random)
     terms = loss_terms(result, variation, template, model.config.skeleton, model.displacement_scale)
     weights = LossWeights(**SECTION["loss_weights"])
     total_loss(terms, weights, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own

@@ -25,13 +25,13 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import variation_name
 from pacmo_core.interaction_mesh import Scene, Settings, prepare
 from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
-from pacmo_core.metrics import retargeting
+from pacmo_core.metrics import motion_features, retargeting
+from pacmo_core.metrics.motion_features import FeatureExtractor, FeatureExtractorSettings
+from pacmo_core.metrics.naturalness import naturalness
 from pacmo_core.metrics.plausibility import BodyJoints, find_body_joints
 from pacmo_core.metrics.retargeting import Pair, RetargetingLimits, sample_diversity
 from pacmo_core.models import load_skeleton_prior
-from pacmo_core.skeleton_prior import features
 from pacmo_core.skeleton_prior.data import Example, canonical_frame, is_b_first
-from pacmo_core.skeleton_prior.features import FeatureExtractor, FeatureExtractorSettings
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.training import build_start
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
@@ -51,6 +51,10 @@ from stages.common.params import PriorRuns, read_params, read_prior_runs, run_st
 # ``retarget`` of a row: from a source and scales (V, 2, E) to the samples on each body.
 Retargeter = Callable[..., Iterator[list[Interaction]]]
 
+# Samples of each body for the energy score.
+SCORED_SAMPLES = 4
+# Sampled bodies that are compared with those trained on.
+N_BODIES = 1000
 # The supplement's B is the first character, its A the second, which depends on the first.
 CHARACTERS = ("first", "second")
 
@@ -64,11 +68,13 @@ class PriorEvaluator:
     extractor : of the features of the Fréchet distance
     body : joints that the metrics use
     limits : distances and speeds that define contact, stance and penetration
+    solver : settings with which the solver measures motions
     """
 
     extractor: FeatureExtractor
     body: BodyJoints
     limits: RetargetingLimits
+    solver: Settings
 
     def retargeted(
         self, motions: Sequence[Interaction], ground_truths: Sequence[Example]
@@ -228,10 +234,25 @@ def solve_bodies(
 
 
 def evaluate_retargeting(
-    row: Retargeter, evaluator: PriorEvaluator, test: Sequence[Example]
+    row: Retargeter, evaluator: PriorEvaluator, test: Sequence[Example], random: torch.Generator
 ) -> dict[str, float]:
-    """Evaluate the most likely motions of one source on the test variations' bodies."""
-    return evaluator.retargeted(predict(row, test, None), test)
+    """Evaluate the most likely motions of one source on the test variations' bodies.
+
+    ``energy_score`` is that of samples, ``energy_score_mean`` that of the likeliest motion alone.
+    """
+    likeliest = predict(row, test, None)
+    scales, scores = np.stack([example.scales for example in test]), []
+    drawn = row(test[0].template, scales, samples=SCORED_SAMPLES, random=random)
+    for samples, mean, example in zip(drawn, likeliest, test, strict=True):
+        truth = oriented(example.variation, example)
+        several = np.stack([oriented(sample, example) for sample in samples])
+        one = oriented(mean, example)[None]
+        scores.append([retargeting.energy_score(motions, truth) for motions in (several, one)])
+    several_score, one_score = np.mean(scores, axis=0)
+    return evaluator.retargeted(likeliest, test) | {
+        "energy_score": float(several_score),
+        "energy_score_mean": float(one_score),
+    }
 
 
 def evaluate_generation(
@@ -251,11 +272,17 @@ def evaluate_generation(
     real, sampled = splits
     motions = predict(row, sampled, random)
     one = sampled[0]
+    scales = np.stack([example.scales for example in sampled])
+    solved = [example.variation for example in sampled]
+    measured = naturalness(one.template, evaluator.solver, scales, motions)
+    of_solver = naturalness(one.template, evaluator.solver, scales, solved)
     (samples,) = row(one.template, one.scales[None], samples=n_samples, random=random)
     return {
         **evaluator.generated(motions, sampled),
         **evaluator.distance(motions, sampled, sampled, "FID"),
         **evaluator.distance(motions, sampled, real, "FID_test"),
+        **measured,
+        **{f"solver_{name}": value for name, value in of_solver.items()},
         "diversity": sample_diversity(np.stack([oriented(motion, one) for motion in samples])),
     }
 
@@ -303,7 +330,7 @@ def main(paths: argparse.Namespace) -> None:
         [example for _, example in stream_examples(paths.dataset, paths.splits, split)]
         for split in ("train", "test")
     )
-    evaluator = make_evaluator(train + test, params)
+    evaluator = make_evaluator(train + test, params, solver)
     selected = sample_test_examples(test, params.max_variations, params.random_seed)
     one = load_skeleton_prior(paths.models / runs.models[0] / str(runs.seeds[0]) / WEIGHTS)
     sampled = sample_body_examples(one, selected, params.generated_skeletons, solver)
@@ -314,11 +341,24 @@ def main(paths: argparse.Namespace) -> None:
         scores.setdefault(name, {})[seed] = result
         if seed == runs.seeds[0] and name != TEMPLATE:  # which is the source
             samples |= samples_of(row, name, sampled)
-    facts = {"extractor": features.fingerprint(evaluator.extractor), "tested": len(selected)}
+    facts = {
+        "extractor": motion_features.fingerprint(evaluator.extractor),
+        "tested": len(selected),
+        "bodies": compare_bodies(one, train),
+    }
     write_json(paths.scores, facts | {"train": len(train), "models": scores})
     with write_motions(paths.samples, test[0].template.skeleton) as writer:
         for name, motion in sorted((solver_samples(sampled) | samples).items()):
             writer.add(name, motion)
+
+
+def compare_bodies(model: SkeletonPrior, train: Sequence[Example]) -> dict[str, float]:
+    """Compare sampled bodies with those trained on: precision and coverage."""
+    random = torch.Generator().manual_seed(0)
+    generated = generate_skeletons(model, N_BODIES, random=random)[:, 1]
+    real = [e.scales[1 if is_b_first(e.scales) else 0] for e in train]
+    precision, coverage = retargeting.precision_and_coverage(np.stack(real), generated)
+    return {"precision": precision, "coverage": coverage}
 
 
 def rows(
@@ -334,13 +374,15 @@ def rows(
             yield name, seed, partial(retarget, model)
 
 
-def make_evaluator(real: list[Example], params: Params) -> PriorEvaluator:
+def make_evaluator(real: list[Example], params: Params, solver: Settings) -> PriorEvaluator:
     """Train the extractor on both characters of the real variations."""
     motions = [example.variation for example in real]
     interaction = [m for role in (0, 1) for m in characters(motions, real, role)]
     skeleton = real[0].template.skeleton
-    fitted = features.build_extractor_training(interaction, skeleton, params.extractor).finish()
-    return PriorEvaluator(fitted, find_body_joints(skeleton), params.limits)
+    fitted = motion_features.build_extractor_training(
+        interaction, skeleton, params.extractor
+    ).finish()
+    return PriorEvaluator(fitted, find_body_joints(skeleton), params.limits, solver)
 
 
 def sample_test_examples(test: list[Example], most: int, random_seed: int) -> list[Example]:
@@ -370,7 +412,7 @@ def evaluate_row(
             select_source(sampled, source),
         )
         random = torch.Generator().manual_seed(params.generated_skeletons.random_seed)
-        result["retargeting"][source] = evaluate_retargeting(row, evaluator, test_of_source)
+        result["retargeting"][source] = evaluate_retargeting(row, evaluator, test_of_source, random)
         result["generation"][source] = evaluate_generation(
             row,
             evaluator,

@@ -3,7 +3,8 @@
 Usage: python -m stages.pool_skeleton_prior PRIORS POOLED.json
 
 PRIORS holds scores/DATASET/SPLIT.json of the datasets and splits of params.yaml; if it names none,
-there is no such folder, and the file of pooled scores has no rows.
+there is no such folder, and the file of pooled scores has no rows. Folds of a split, of which each
+tests other motions, are pooled.
 
 An interval of one motion is Student's over seeds. That of all motions is over motions and seeds:
 the squared standard errors of the mean over the motions and over the seeds are added, and the
@@ -21,7 +22,13 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from stages.common.files import ALL_SOURCES, START, read_json, write_json
-from stages.common.params import read_params, read_prior_runs, run_stage
+from stages.common.params import (
+    PriorRuns,
+    parse_split_name,
+    read_params,
+    read_prior_runs,
+    run_stage,
+)
 
 TASKS = ("retargeting", "generation")
 # Errors of which ``gain`` is given: metrics whose mean is compared.
@@ -42,10 +49,11 @@ def main(priors_folder: Path, pooled_file: Path) -> None:
     rows: dict[str, Any] = {task: {} for task in TASKS}
     data_facts: dict[str, Any] = {}
     gains: dict[str, Any] = {}
-    for dataset, split in read_prior_runs().groups():
-        scores = read_json(priors_folder / "scores" / dataset / f"{split}.json")
+    for (dataset, split), folds in folds_of_groups(read_prior_runs()).items():
+        files = [priors_folder / "scores" / dataset / f"{fold}.json" for fold in folds]
+        scores = join_folds([read_json(file) for file in files])
         data_facts.setdefault(dataset, {})[split] = {
-            name: scores[name] for name in ("extractor", "train", "tested")
+            name: scores[name] for name in ("extractor", "train", "tested", "bodies")
         }
         for task in TASKS:
             pooled = {
@@ -59,6 +67,32 @@ def main(priors_folder: Path, pooled_file: Path) -> None:
             gain = gain_over_start(scores["models"], params.confidence)
             gains.setdefault(dataset, {})[split] = gain
     write_json(pooled_file, {**rows, "gain": gains, "data_facts": data_facts})
+
+
+def folds_of_groups(runs: PriorRuns) -> dict[tuple[str, str], list[str]]:
+    """List the folds of each dataset and split; a split without folds is its own."""
+    folds: dict[tuple[str, str], list[str]] = {}
+    for dataset, name in runs.groups():
+        folds.setdefault((dataset, parse_split_name(name).pooled), []).append(name)
+    return folds
+
+
+def join_folds(folds: list[dict[str, Any]]) -> dict[str, Any]:
+    """Join scores of folds, of which each tests other sources; ``train`` is their mean."""
+    joined: dict[str, Any] = {
+        "extractor": folds[0]["extractor"],
+        "train": round(sum(fold["train"] for fold in folds) / len(folds)),
+        "tested": sum(fold["tested"] for fold in folds),
+        "bodies": folds[0]["bodies"],
+        "models": {},
+    }
+    for fold in folds:
+        for model, seeds in fold["models"].items():
+            for seed, tasks in seeds.items():
+                for task, sources in tasks.items():
+                    scores = joined["models"].setdefault(model, {}).setdefault(seed, {})
+                    scores.setdefault(task, {}).update(sources)
+    return joined
 
 
 def over_units(seeds: list[Sources], confidence: float) -> dict[str, Any]:

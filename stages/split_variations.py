@@ -7,11 +7,12 @@ VARIATIONS holds a folder a dataset. SPLITS will hold DATASET/SPLIT.parquet.
 
 import argparse
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from pacmo_core.data.names import sort_clips
 from pacmo_core.data.variation_splits import (
     SPLITS,
     SplitSettings,
@@ -36,6 +37,7 @@ class Params:
     """The ``split_variations`` section of ``params.yaml``."""
 
     held_out: tuple[str, ...]  # patterns of the sources that splits across interactions test
+    n_folds: int  # into which sources are divided where splits are named by fold
     test_share: float  # of variations, in the random split
     validation_share: float  # of those left, where scales do not choose them
     random_seed: int
@@ -68,22 +70,28 @@ def main(paths: argparse.Namespace) -> None:
 
 def assign(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
     """Assign a dataset's variations."""
-    kind, samples = parse_split_name(name)
-    sources = {fact.source for fact in facts.values()}
+    split = parse_split_name(name)
+    sources = sort_clips({fact.source for fact in facts.values()})
     settings = SplitSettings(
-        held_out=frozenset(
-            source
-            for source in sources
-            if any(fnmatchcase(source, pattern) for pattern in params.held_out)
-        ),
+        held_out=held_out_sources(sources, split.fold, params),
         test_share=params.test_share,
         validation_share=params.validation_share,
         random_seed=params.random_seed,
     )
-    splits = assign_splits(kind, list(facts.values()), settings)
-    if samples is not None:
-        splits = limit_training_samples(splits, samples, random_seed=params.random_seed)
+    splits = assign_splits(split.kind, list(facts.values()), settings)
+    if split.samples is not None:
+        splits = limit_training_samples(splits, split.samples, random_seed=params.random_seed)
     return dict(zip(facts, splits, strict=True))
+
+
+def held_out_sources(sources: Sequence[str], fold: int | None, params: Params) -> frozenset[str]:
+    """Select the sources of a fold, every ``n_folds``-th; without one those that patterns match."""
+    if fold is None:
+        patterns = params.held_out
+        return frozenset(s for s in sources if any(fnmatchcase(s, p) for p in patterns))
+    if not 1 <= fold <= params.n_folds:
+        raise ValueError(f"fold must be 1 to n_folds, {params.n_folds}; got {fold}")
+    return frozenset(sources[fold - 1 :: params.n_folds])
 
 
 def arguments() -> argparse.Namespace:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 SPLITS = ("train", "validation", "test", "dropped")
 # Deviations from scale 1: near up to the first, far beyond the second; scales are 0.05 apart.
 NEAR, FAR = 0.075, 0.125
+# Training sources from which on whole ones are set aside for validation.
+MIN_SOURCES = 4
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class SplitSettings:
     ----------
     held_out : the sources that the cross-interaction splits test
     test_share : of variations, in the random split
-    validation_share : of the training variations, in splits that do not select validation by scale
+    validation_share : of the training variations, in splits that do not select validation by scale;
+        across interactions, of the training sources if there are enough
     random_seed : int
     """
 
@@ -123,8 +126,16 @@ def _cross_scale(variations: Sequence[VariationScales], settings: SplitSettings)
 
 
 def _cross_interaction(variations: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
-    splits = ["test" if v.source in settings.held_out else "train" for v in variations]
-    return _add_validation(splits, settings)
+    """Hold sources out; of enough training sources, validate on whole ones, as the test does."""
+    sources = sorted({v.source for v in variations} - settings.held_out)
+    if len(sources) < MIN_SOURCES or not settings.validation_share:
+        splits = ["test" if v.source in settings.held_out else "train" for v in variations]
+        return _add_validation(splits, settings)
+    order = np.random.default_rng(settings.random_seed + 1).permutation(len(sources))
+    n_validation = max(1, round(settings.validation_share * len(sources)))
+    validation = {sources[i] for i in order[:n_validation]}
+    split_of = dict.fromkeys(settings.held_out, "test") | dict.fromkeys(validation, "validation")
+    return [split_of.get(v.source, "train") for v in variations]
 
 
 def _cross_scale_interaction(

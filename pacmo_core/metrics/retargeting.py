@@ -110,6 +110,33 @@ def sample_diversity(samples: NDArray[np.float32]) -> float:
     return float(np.mean(distances))
 
 
+def energy_score(samples: NDArray[np.float32], truth: Pair) -> float:
+    """Return the energy score of samples (S, T, 2, J, 3), metres; lower is better.
+
+    The mean distance of joints from the truth, less half that between two different samples
+    (Gneiting and Raftery 2007, section 4.3): the error of one motion, rewarded for its spread.
+    """
+    errors = np.linalg.norm(samples - truth, axis=-1).mean()
+    return float(errors) - sample_diversity(samples) / 2
+
+
+def precision_and_coverage(real: Array, generated: Array, k: int = 5) -> tuple[float, float]:
+    """Return which share of generated points lies among real ones, and of real ones is met.
+
+    A point is met by another within the distance of its ``k``-th nearest neighbour among the real
+    ones (Naeem et al. 2020). Equal real points count once.
+
+    Parameters
+    ----------
+    real, generated : (n, D), (m, D)
+    """
+    real = np.unique(real.round(6), axis=0)
+    own = np.linalg.norm(real[:, None] - real[None], axis=-1)
+    radius = np.sort(own, axis=1)[:, min(k, len(real) - 1)]
+    is_met = np.linalg.norm(real[:, None] - generated[None], axis=-1) <= radius[:, None]
+    return float(is_met.any(axis=0).mean()), float(is_met.any(axis=1).mean())
+
+
 def frechet_distance(real: Array, generated: Array) -> float:
     """Return FID: the Fréchet distance of Gaussians fitted to features (n, D) and (m, D)."""
     return f2id(real[:, :, None], generated[:, :, None], np.ones(1))

@@ -61,6 +61,19 @@ class ExampleBatch:
             torch.where(rows[:, None, None], self.scales.flip(1), self.scales),
         )
 
+    def mirrored(self, rows: Tensor, skeleton: Skeleton) -> "ExampleBatch":
+        """Mirror left and right where rows (B,) bool is set."""
+        joints = torch.arange(self.scales.shape[-1])
+        for left, right in skeleton.left_right:
+            joints[left], joints[right] = right, left
+        flip = self.template.new_tensor([-1.0, 1.0, 1.0])
+        chosen = rows[:, None, None, None, None]
+        return ExampleBatch(
+            torch.where(chosen, self.template[..., joints, :] * flip, self.template),
+            torch.where(chosen, self.variation[..., joints, :] * flip, self.variation),
+            torch.where(rows[:, None, None], self.scales[..., joints], self.scales),
+        )
+
     def rotated(self, angles: Tensor) -> "ExampleBatch":
         """Rotate each example about the vertical by angles (B,), radians."""
         rotations = _rotations_about_y(angles)[:, None, None]

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.interaction_mesh import Scene, Support
+from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.skeleton_prior.data import (
     canonical_frame,
     interpolate_keyframes,
@@ -20,6 +22,8 @@ from pacmo_core.skeleton_prior.data import (
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
 BATCH_SIZE = 32
+# What the solver takes for support by default (``augment.solver.support``).
+SUPPORT = Support(max_height=0.2, height_tolerance=0.03, max_speed=0.2, fade_time=0.25)
 
 
 def retarget(
@@ -70,7 +74,10 @@ def _retarget_batch(
             template = stack_characters(source, frame, b_first=b_first)
             joint_scales = scales_by_joint(scales[rows], source.skeleton)
             joint_scales = joint_scales.flip(1) if b_first else joint_scales
-            motions = retarget_positions(model, template, joint_scales, random, stride=stride)
+            supports = find_supports(source)[:, ::-1] if b_first else find_supports(source)
+            motions = retarget_positions(
+                model, template, joint_scales, random, stride=stride, supports=supports
+            )
             positions[rows] = (motions.flip(2) if b_first else motions).numpy()
     return [
         replace(
@@ -80,6 +87,12 @@ def _retarget_batch(
         )
         for both in frame.to_world(positions)
     ]
+
+
+def find_supports(source: Interaction) -> NDArray[np.bool_]:
+    """Find which joints support person a and person b in each frame, (T, 2, J)."""
+    scene = Scene((source.person_a, source.person_b), (source.skeleton,) * 2, source.fps)
+    return ground_supports(scene, SUPPORT).reshape(len(source.times), 2, -1)
 
 
 def generate_skeletons(
@@ -105,6 +118,7 @@ def retarget_positions(
     random: torch.Generator | None,
     *,
     stride: int,
+    supports: NDArray[np.bool_],
 ) -> Tensor:
     """Retarget one template to V pairs of skeletons, at the template's frame rate.
 
@@ -113,6 +127,7 @@ def retarget_positions(
     template : (T, 2, J, 3), metres, the first character first
     scales : (V, 2, J)
     stride : frames between keyframes
+    supports : (T, 2, J), whether a joint supports its body, which then does not slide there
 
     Returns
     -------
@@ -125,7 +140,17 @@ def retarget_positions(
         keyframes = templates[:, list(keyframe_indices(n_frames, stride))]
         latents = model.sample_latents(keyframes, scales, random)
         outputs = model.decode(keyframes, scales, latents)
-        first, second = (interpolate_keyframes(output, n_frames, stride) for output in outputs)
+        first, second = (
+            character.planted(
+                interpolate_keyframes(output, n_frames, stride),
+                templates[:, :, role],
+                scales[:, role],
+                supports[:, role],
+            )
+            for role, (character, output) in enumerate(
+                zip((model.first, model.second), outputs, strict=True)
+            )
+        )
         return model.joint_positions((first, second), templates, scales).cpu()
 
 

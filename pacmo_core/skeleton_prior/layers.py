@@ -212,7 +212,7 @@ def initialise_weights(module: nn.Module, random: torch.Generator) -> None:
         own = list(layer.parameters(recurse=False))
         if not own or isinstance(layer, CONSTANT_INITIALISED):
             continue
-        if not isinstance(layer, (nn.Linear, nn.Conv2d, nn.ConvTranspose2d)):
+        if not isinstance(layer, (nn.Linear, nn.Conv1d, nn.Conv2d, nn.ConvTranspose2d)):
             raise TypeError(f"no initialisation for layers of class {type(layer).__name__}")
         bound = 1 / math.sqrt(math.prod(layer.weight.shape[1:]))
         bound = 0.0 if isinstance(layer, ZeroInitLinear) else bound

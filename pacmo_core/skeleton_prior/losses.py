@@ -7,11 +7,13 @@ from torch import Tensor
 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.settings import LossWeights
-from pacmo_core.skeleton_prior.start import contact_weights
+from pacmo_core.skeleton_prior.start import contact_weights, squared_distances
 from pacmo_core.skeleton_prior.vae import Reconstruction
 
 # Metres: distance at which the weight of a pair of joints has fallen to 1/e.
 CONTACT_DISTANCE = 0.15
+# Errors below this share of the displacements count quadratically, larger ones linearly, as in E_r.
+QUADRATIC_BELOW = 0.1
 
 
 def loss_terms(
@@ -55,8 +57,12 @@ def total_loss(terms: Mapping[str, Tensor], weights: LossWeights, kl_warmup: flo
 
 
 def _smooth_l1(error: Tensor) -> Tensor:
-    loss: Tensor = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error))
-    return loss
+    return _smooth_l1_each(error).mean()
+
+
+def _smooth_l1_each(error: Tensor) -> Tensor:
+    zero = torch.zeros_like(error)
+    return torch.nn.functional.smooth_l1_loss(error, zero, reduction="none", beta=QUADRATIC_BELOW)
 
 
 def _bone_lengths(motion: Tensor, skeleton: Skeleton) -> Tensor:
@@ -69,9 +75,9 @@ def _distance_terms(
     motions: Tensor, variation: Tensor, template: Tensor, displacement_scale: Tensor
 ) -> dict[str, Tensor]:
     """Compute the error of inter-character distances, weighted by proximity and unweighted."""
-    proximity = contact_weights(template[:, :, 0], template[:, :, 1], CONTACT_DISTANCE)
+    proximity = contact_weights(squared_distances(*template.unbind(dim=2)), CONTACT_DISTANCE)
     error = (_pair_distances(motions) - _pair_distances(variation)) / displacement_scale
-    loss = torch.nn.functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
+    loss = _smooth_l1_each(error)
     return {
         "contact_distance": (proximity * loss).sum() / proximity.sum().clamp_min(1),
         "joint_distance": loss.mean(),
@@ -80,6 +86,4 @@ def _distance_terms(
 
 def _pair_distances(motions: Tensor) -> Tensor:
     """Compute distances between the characters' joints, (B, T, J, J), metres."""
-    a, b = motions.unbind(dim=2)
-    squares = a.square().sum(-1)[..., :, None] + b.square().sum(-1)[..., None, :]
-    return (squares - 2 * a @ b.transpose(-1, -2)).clamp_min(1e-6).sqrt()
+    return squared_distances(*motions.unbind(dim=2)).clamp_min(1e-6).sqrt()

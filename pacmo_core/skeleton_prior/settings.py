@@ -74,6 +74,8 @@ class SkeletonPriorSettings:
     skeleton_vae_steps: int  # training steps of the skeleton VAE, before the motion VAEs
     kl_warmup_epochs: int  # in which the weight of the KL divergence rises to its full value
     random_rotation: bool  # rotate each window about the vertical
+    mirror_probability: float  # of mirroring a window
+    used_share: float  # of windows that are decoded as in use: from the latents' prior mean
     swap_characters: bool  # swap the characters at random, in models that take both skeletons
     learning_rate: float  # of Adam
     halve_learning_rate_every: int  # epochs

@@ -16,8 +16,6 @@ multiplied by ``yielding``. The second character closes the rest.
 The settings (``StartSettings``) are chosen on training variations: ``benchmarks.start_settings``.
 """
 
-from dataclasses import replace
-
 import torch
 from torch import Tensor
 
@@ -25,55 +23,77 @@ from pacmo_core.skeleton_prior.kinematics import KinematicOutput
 from pacmo_core.skeleton_prior.settings import StartSettings
 
 
-def contact_weights(character: Tensor, partner: Tensor, contact_range: float) -> Tensor:
-    """Weigh pairs of joints by proximity, (..., J, J): 1 in contact, 1/e at ``contact_range``."""
-    return torch.exp(-((torch.cdist(character, partner) / contact_range) ** 2))
+def squared_distances(character: Tensor, partner: Tensor) -> Tensor:
+    """Compute squared distances of the joints of (..., J, 3), metres: (..., J, J)."""
+    squares = character.square().sum(-1)[..., :, None] + partner.square().sum(-1)[..., None, :]
+    return (squares - 2 * character @ partner.mT).clamp_min(0)
+
+
+def contact_weights(squares: Tensor, contact_range: float) -> Tensor:
+    """Weigh pairs by squared distance (...): 1 in contact, 1/e at ``contact_range``."""
+    return torch.exp(squares * (-1 / contact_range**2))
 
 
 def ground_weights(ends: Tensor, height: float) -> Tensor:
-    """Weigh limb ends ``(..., L, 3)`` by height above the ground: ``(..., L, 1)``, 1 on it."""
-    return torch.exp(-((ends[..., 1:2].clamp_min(0) / height) ** 2))
+    """Weigh limb ends ``(..., L, 3)`` by height above the frame's lowest one: ``(..., L, 1)``.
+
+    The lowest is taken to be on the ground: where cameras estimated the floor, it is not the same
+    for both people, nor everywhere.
+    """
+    heights = ends[..., 1:2] - ends[..., 1:2].amin(dim=-2, keepdim=True)
+    return torch.exp(-((heights / height) ** 2))
 
 
 def initial_output(
     kinematics: KinematicOutput,
     settings: StartSettings,
     character: tuple[Tensor, Tensor],
-    partner: tuple[Tensor, Tensor],
+    partner: tuple[Tensor, Tensor] | None,
     *,
-    partner_yields: bool,
+    partner_yields: bool = False,
 ) -> Tensor:
     """Compute the output of ``KinematicOutput`` that the rule asks for, (B, T, J, 3).
 
     Parameters
     ----------
     character : template (B, T, J, 3), metres, and bone scales (B, J)
-    partner : template and motion, (B, T, J, 3), metres
-    partner_yields : whether the partner's motion is a guess that contacts will change
+    partner : squared distances of the template's joints to the partner's (B, T, J, J), and the
+        change of the partner (B, T, J, 3), metres; None for a character alone
+    partner_yields : whether the partner's change is a guess that contacts will correct
     """
     template, scales = character
     change = kinematics.scaled_posture(template, scales) - template
     vertical = template.new_tensor([0.0, 1.0, 0.0])
     ends = kinematics.limbs[:, 2]
     ground = ground_weights(template[:, :, ends], settings.ground_height) * vertical
-    weights = contact_weights(template, partner[0], settings.contact_range)
-    demand = weights @ (partner[1] - partner[0])
-    asked = weights.sum(dim=-1, keepdim=True)
+    stiffness = settings.root + settings.ground * ground.sum(dim=2)
+    pull = -settings.ground * (ground * change[:, :, ends]).sum(dim=2)
+    if partner is None:
+        shift = pull / stiffness
+        moved = change[:, :, ends] + shift[:, :, None]
+        reach = -settings.foot * ground * moved / (1 + settings.foot * ground)
+        return _at_limb_ends(kinematics, shift, reach)
 
+    weights = contact_weights(partner[0], settings.contact_range)
+    demand, asked = weights @ partner[1], weights.sum(dim=-1, keepdim=True)
     share = settings.yielding if partner_yields else 1.0
     contact, hand = share * settings.contact, share * settings.hand
-    stiffness = settings.root + settings.ground * ground.sum(dim=2) + contact * asked.sum(dim=2)
-    pull = contact * (demand - asked * change).sum(dim=2)
-    shift = (pull - settings.ground * (ground * change[:, :, ends]).sum(dim=2)) / stiffness
+    pull = pull + contact * (demand - asked * change).sum(dim=2)
+    shift = pull / (stiffness + contact * asked.sum(dim=2))
 
     moved = change + shift[:, :, None]
     below = kinematics.ancestor_matrix[:, ends].T  # (L, J): 1 at a limb's end and beyond it
     left = hand * (below @ (demand - asked * moved)) - settings.foot * ground * moved[:, :, ends]
     reach = left / (1 + hand * (below @ asked) + settings.foot * ground)
+    return _at_limb_ends(kinematics, shift, reach)
 
-    output = torch.zeros_like(template)
+
+def _at_limb_ends(kinematics: KinematicOutput, shift: Tensor, reach: Tensor) -> Tensor:
+    """Move the root by ``shift`` (B, T, 3), and limb ends by ``reach`` (B, T, L, 3) more."""
+    joints = len(kinematics.ancestor_matrix)
+    output = shift.new_zeros((*shift.shape[:2], joints, 3))
     output[:, :, kinematics.root] = shift
-    output[:, :, ends] = shift[:, :, None] + reach
+    output[:, :, kinematics.limbs[:, 2]] = shift[:, :, None] + reach
     return output
 
 
@@ -81,9 +101,6 @@ def stand(
     kinematics: KinematicOutput, settings: StartSettings, template: Tensor, scales: Tensor
 ) -> Tensor:
     """Apply the rule to a character alone: (B, T, J, 3), metres."""
-    alone = replace(settings, contact=0.0, hand=0.0)
-    output = initial_output(
-        kinematics, alone, (template, scales), (template, template), partner_yields=False
-    )
+    output = initial_output(kinematics, settings, (template, scales), None)
     motion: Tensor = kinematics(output, template, scales)
     return motion

@@ -40,7 +40,8 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         settings: SkeletonPriorSettings,
         random: torch.Generator,
     ) -> None:
-        self.examples, self.prior_settings, self.kl_warmup = examples, settings, 0.0
+        self.examples, self.validation = examples, validation
+        self.prior_settings, self.kl_warmup = settings, 0.0
         held_out = None if validation is None else lambda: mean_position_error(model, validation)
         super().__init__(model, len(examples), self._loss, held_out, settings, random)
 
@@ -52,12 +53,23 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         self.model.eval()
         return terms
 
+    def validate(self) -> dict[str, Tensor]:
+        """Return the error on validation data, and the KL divergence of an element of a latent."""
+        terms = super().validate()
+        if terms and self.validation is not None:
+            with torch.no_grad():
+                terms["kl_first"], terms["kl_second"] = mean_kl(self.model, self.validation)
+        return terms
+
     def _loss(self, rows: Tensor) -> Tensor:
         settings = self.prior_settings
         seed = int(torch.randint(2**62, (), generator=self.random))
         step_random = torch.Generator().manual_seed(seed)
         batch = self._batch(rows, step_random)
-        result = self.model.reconstruct(batch.template, batch.scales, batch.variation, step_random)
+        as_used = torch.rand(len(rows), generator=step_random) < settings.used_share
+        result = self.model.reconstruct(
+            batch.template, batch.scales, batch.variation, as_used, step_random
+        )
         config, scale = self.model.config, self.model.displacement_scale
         terms = loss_terms(result, batch.variation, batch.template, config.skeleton, scale)
         return total_loss(terms, settings.loss_weights, self.kl_warmup)
@@ -70,6 +82,8 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
         # Sampled whether or not they are used, so that every model has the same sequence.
         angles = torch.rand(len(rows), generator=random) * 2 * math.pi
         swapped = torch.rand(len(rows), generator=random) < 0.5
+        mirrored = torch.rand(len(rows), generator=random) < settings.mirror_probability
+        batch = batch.mirrored(mirrored.to(batch.template.device), self.model.config.skeleton)
         if settings.random_rotation:
             batch = batch.rotated(angles.to(batch.template.device))
         if settings.swap_characters and self.model.symmetric:
@@ -86,6 +100,21 @@ def mean_position_error(model: SkeletonPrior, examples: ExampleDataset) -> Tenso
         positions = model.joint_positions(outputs, batch.template, batch.scales)
         errors.append((positions - batch.variation).norm(dim=-1).mean(dim=(1, 2, 3)))
     return torch.cat(errors).mean()
+
+
+def mean_kl(model: SkeletonPrior, examples: ExampleDataset) -> Tensor:
+    """Compute both posteriors' KL divergence (2,) from the prior, nats an element of the latent.
+
+    Zero where the latents hold nothing: the posterior has collapsed.
+    """
+    rows = []
+    for batch in examples.full_length_batches(model.config.frame_stride, VALIDATION_BATCH_SIZE):
+        first, second = batch.variation.unbind(dim=2)
+        given = model.first_inputs(batch.template, batch.scales)
+        after = model.second_inputs(batch.template, batch.scales, first)
+        posteriors = model.first.encode(first, given), model.second.encode(second, after)
+        rows.append(torch.stack([posterior.kl_divergence() for posterior in posteriors]))
+    return torch.stack(rows).mean(dim=0)
 
 
 def build_training(

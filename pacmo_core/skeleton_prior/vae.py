@@ -5,17 +5,24 @@ the first (VAE2) and the second character (VAE3).
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.skeleton_prior.data import ExampleDataset
 from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.skeleton_prior.skeleton_vae import DiagonalGaussian, SkeletonVae
+from pacmo_core.skeleton_prior.start import squared_distances
 
 # Metres: smallest root mean square of displacements that motions are normalised by.
 MIN_DISPLACEMENT_SCALE = 1e-4
+# Smallest change of the skeletons that features and outputs are normalised by.
+MIN_SCALE_CHANGE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -33,6 +40,18 @@ class CharacterInputs:
     def displacements(self, motion: Tensor) -> Tensor:
         """Normalise a motion's displacements from the template, (B, 3, T, J)."""
         return channels_first((motion - self.template) / self.displacement_scale)
+
+    @cached_property
+    def squared_distances(self) -> Tensor:
+        """``(B, T, J, J)``: between the joints of both templates, square metres."""
+        return squared_distances(self.template, self.partner_template)
+
+    @property
+    def scale_change(self) -> Tensor:
+        """Root mean square log scale of both characters, ``(B, 1, 1, 1)``."""
+        both = torch.cat([self.scales, self.partner_scales], dim=1)
+        size = both.log().square().mean(dim=1).sqrt()
+        return size.clamp_min(MIN_SCALE_CHANGE)[:, None, None, None]
 
     @property
     def end_poses(self) -> Tensor:
@@ -87,6 +106,20 @@ class CharacterVae(nn.Module, ABC):
         del scales
         return template
 
+    def reconstruct(
+        self, motion: Tensor, inputs: CharacterInputs, sample: Callable[[DiagonalGaussian], Tensor]
+    ) -> tuple[Tensor, DiagonalGaussian]:
+        """Encode a motion, and decode a latent that ``sample`` takes from the posterior."""
+        posterior = self.encode(motion, inputs)
+        return self.motion(sample(posterior), inputs), posterior
+
+    def planted(
+        self, output: Tensor, template: Tensor, scales: Tensor, is_support: NDArray[np.bool_]
+    ) -> Tensor:
+        """Correct a decoder's output (B, T, J, 3) so that what supports stands still: here not."""
+        del template, scales, is_support
+        return output
+
     def motion(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
         """Decode latents to joint positions ``(B, T, J, 3)``, metres."""
         output = self.decode(latent, inputs)
@@ -131,21 +164,37 @@ class SkeletonPrior(nn.Module):
         self.displacement_scale.copy_(scale)
 
     def reconstruct(
-        self, template: Tensor, scales: Tensor, variation: Tensor, random: torch.Generator
+        self,
+        template: Tensor,
+        scales: Tensor,
+        variation: Tensor,
+        as_used: Tensor,
+        random: torch.Generator,
     ) -> Reconstruction:
-        """Encode and decode variations; the second VAE is conditioned on the true first motion.
+        """Encode and decode variations.
+
+        The second VAE is conditioned on the true first motion. Rows ``as_used`` are decoded as
+        without the variation: from the latents' prior mean, the second given the decoded first.
 
         Parameters
         ----------
         template, variation : (B, T, 2, J, 3), metres
         scales : (B, 2, J)
+        as_used : (B,) bool
         """
+
+        def latent(posterior: DiagonalGaussian) -> Tensor:
+            sample = posterior.sample(random)
+            return sample * ~as_used.view(-1, *[1] * (sample.ndim - 1))
+
         first, second = variation.unbind(dim=2)
-        inputs = self.first_inputs(template, scales), self.second_inputs(template, scales, first)
-        posteriors = self.first.encode(first, inputs[0]), self.second.encode(second, inputs[1])
-        first = self.first.motion(posteriors[0].sample(random), inputs[0])
-        second = self.second.motion(posteriors[1].sample(random), inputs[1])
-        return Reconstruction(torch.stack([first, second], dim=2), posteriors)
+        inputs = self.first_inputs(template, scales)
+        motion, posterior = self.first.reconstruct(first, inputs, latent)
+        known = torch.where(as_used[:, None, None, None], motion.detach(), first)
+        inputs = self.second_inputs(template, scales, known)
+        second_motion, second_posterior = self.second.reconstruct(second, inputs, latent)
+        motions, posteriors = (motion, second_motion), (posterior, second_posterior)
+        return Reconstruction(torch.stack(motions, dim=2), posteriors)
 
     def decode(
         self, template: Tensor, scales: Tensor, latents: tuple[Tensor, Tensor]

@@ -104,7 +104,8 @@ class PriorRuns:
     Parameters
     ----------
     datasets : folders of variations, each of one skeleton
-    splits : names of splits; with ``_N`` after one, N samples to train on
+    splits : names of splits; with ``_foldK`` after one, the sources of fold K held out; with ``_N``
+        after that, N samples to train on
     models : names in the registry
     seeds : of the training runs
     """
@@ -135,10 +136,31 @@ def read_prior_runs() -> PriorRuns:
     return read_params("runs", Runs).priors
 
 
-def parse_split_name(name: str) -> tuple[str, int | None]:
-    """Parse ``cross_scale_24`` into the split and the number of training samples; None for all."""
-    split, _, number = name.rpartition("_")
-    return (split, int(number)) if number.isdigit() else (name, None)
+@dataclass(frozen=True)
+class SplitName:
+    """``KIND``, ``KIND_foldK``, ``KIND_N`` or ``KIND_foldK_N``."""
+
+    kind: str
+    fold: int | None  # whose sources are held out; None: those that the parameters name
+    samples: int | None  # to train on; None: all
+
+    @property
+    def pooled(self) -> str:
+        """The name without the fold: folds are pooled."""
+        return self.kind if self.samples is None else f"{self.kind}_{self.samples}"
+
+
+def parse_split_name(name: str) -> SplitName:
+    """Parse the name of a split of variations."""
+    kind, samples = _number_after(name, "_")
+    kind, fold = _number_after(kind, "_fold")
+    return SplitName(kind, fold, samples)
+
+
+def _number_after(name: str, mark: str) -> tuple[str, int | None]:
+    """Split a number off the end of a name, if a mark is before it."""
+    rest, _, number = name.rpartition(mark)
+    return (rest, int(number)) if number.isdigit() else (name, None)
 
 
 def run_stage(

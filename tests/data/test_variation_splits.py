@@ -1,5 +1,7 @@
 """Oracle: the definitions of the splits, checked for each variation."""
 
+from dataclasses import replace
+
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -58,6 +60,20 @@ def test_across_interactions_the_held_out_motion_alone_is_tested():
     assert sources_of(splits, "test") == {"m2"}
     assert sources_of(splits, "train") == {"m1", "m3", "m4"}
     assert scales_of(splits, "test") == scales_of(splits, "train") == set(STEPS)
+
+
+def test_across_interactions_whole_motions_validate_where_there_are_enough():
+    more = [replace(v, source=f"{v.source}{k}") for v in VARIATIONS for k in range(2)]
+    splits = assign_splits(
+        "cross_interaction", more, replace(SETTINGS, held_out=frozenset({"m20"}))
+    )
+    sides = {
+        side: {v.source for v, own in zip(more, splits, strict=True) if own == side}
+        for side in ("train", "validation", "test")
+    }
+    assert sides["test"] == {"m20"}
+    assert [len(sides[side]) for side in ("train", "validation")] == [6, 1]
+    assert not sides["train"] & sides["validation"]
 
 
 def test_across_both_far_bodies_of_the_held_out_motion_are_tested():

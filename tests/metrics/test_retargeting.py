@@ -9,11 +9,13 @@ from pacmo_core.metrics.retargeting import (
     RetargetingLimits,
     bone_error,
     contacts_preserved,
+    energy_score,
     foot_skate,
     frechet_distance,
     joint_error,
     pair_distance_error,
     penetrating_frames,
+    precision_and_coverage,
     sample_diversity,
 )
 
@@ -113,3 +115,19 @@ def test_the_frechet_distance_of_shifted_features_is_the_squared_shift():
 def test_pairs_of_other_shapes_are_refused():
     with pytest.raises(ValueError, match=r"wanted pairs \(T, 2, J, 3\) of one shape"):
         joint_error(pair(), pair(5))
+
+
+def test_the_energy_score_is_the_error_less_half_the_spread():
+    truth = pair()
+    shifts = np.float32([0.2, 0.4])[:, None, None, None, None] * np.float32([1, 0, 0])
+    samples = truth[None] + shifts
+    assert energy_score(samples, truth) == pytest.approx(0.3 - 0.2 / 2, rel=1e-5)
+    assert energy_score(samples[:1], truth) == pytest.approx(0.2, rel=1e-5)
+
+
+def test_precision_and_coverage_of_points_on_a_line():
+    real = np.arange(10.0)[:, None]
+    assert precision_and_coverage(real, real, k=1) == (1.0, 1.0)
+    assert precision_and_coverage(np.repeat(real, 7, axis=0), real, k=1) == (1.0, 1.0)
+    near_two = np.array([[2.5], [50.0], [60.0], [70.0]])
+    assert precision_and_coverage(real, near_two, k=1) == (0.25, 0.2)

@@ -112,6 +112,8 @@ def settings(**changes: object) -> SkeletonPriorSettings:
         "skeleton_vae_steps": 20,
         "kl_warmup_epochs": 2,
         "random_rotation": True,
+        "mirror_probability": 0.5,
+        "used_share": 0.5,
         "swap_characters": True,
         "learning_rate": 1e-3,
         "halve_learning_rate_every": 10,

@@ -229,7 +229,9 @@ def test_every_weight_of_every_model_has_a_gradient(name):
     template = torch.randn(B, 9, 2, N, 3, generator=random)
     scales = 1 + 0.1 * torch.rand(B, 2, N, generator=random)
     varied = template + 0.1 * torch.randn(template.shape, generator=random)
-    reconstruction = prior.reconstruct(template, scales, varied, random)
+    reconstruction = prior.reconstruct(
+        template, scales, varied, torch.tensor([True, False]), random
+    )
     loss = reconstruction.motions.square().mean() + sum(
         posterior.kl_divergence() for posterior in reconstruction.posteriors
     )

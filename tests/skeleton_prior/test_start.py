@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pacmo_core.skeleton_prior.kinematics import KinematicOutput, find_limbs
-from pacmo_core.skeleton_prior.start import initial_output, stand
+from pacmo_core.skeleton_prior.start import initial_output, squared_distances, stand
 from tests.skeleton_prior.examples import SMALL, START, generator, interaction
 
 SETTINGS = replace(START, ground=5.0, contact=0.2, root=0.7, foot=2.0, hand=0.4, yielding=0.3)
@@ -41,7 +41,7 @@ def expected(scene, frame: int, share: float) -> tuple[np.ndarray, dict[int, np.
     contact = np.exp(
         -((np.linalg.norm(own[:, None] - other[None], axis=-1) / SETTINGS.contact_range) ** 2)
     )
-    ground = np.exp(-((own[:, 1].clip(0) / SETTINGS.ground_height) ** 2))
+    ground = np.exp(-(((own[:, 1] - own[ends, 1].min()) / SETTINGS.ground_height) ** 2))
     demands = [(SETTINGS.root * everywhere, np.zeros(3))]
     demands += [(SETTINGS.ground * ground[e] * up, own[e] - new[e]) for e in ends]
 
@@ -72,7 +72,11 @@ def test_the_start_is_the_minimum_of_its_demands(partner_yields):
     given = scene()
     kinematics, character, partner, scales, moved = given
     output = initial_output(
-        kinematics, SETTINGS, (character, scales), (partner, moved), partner_yields=partner_yields
+        kinematics,
+        SETTINGS,
+        (character, scales),
+        (squared_distances(character, partner), moved - partner),
+        partner_yields=partner_yields,
     )[0]
     share = SETTINGS.yielding if partner_yields else 1.0
     for frame in range(len(output)):
@@ -90,8 +94,7 @@ def test_nothing_moves_at_scale_one_beside_a_partner_who_does_not_move():
         kinematics,
         SETTINGS,
         (character, torch.ones_like(scales)),
-        (partner, partner),
-        partner_yields=False,
+        (squared_distances(character, partner), torch.zeros_like(partner)),
     )
     torch.testing.assert_close(output, torch.zeros_like(output), atol=1e-5, rtol=0)
 

@@ -176,6 +176,20 @@ def test_rotating_and_swapping_preserve_distances_and_bones():
     assert torch.equal(batch.swapped(~every).template, batch.template)
 
 
+def test_a_mirrored_motion_is_that_of_the_mirrored_skeleton():
+    encoded = encode_examples(examples())
+    batch = encoded.random_windows(torch.arange(len(encoded)), 2, 7, generator())
+    every = torch.ones(len(encoded), dtype=torch.bool)
+    once = batch.mirrored(every, SMALL)
+    left, right = SMALL.left_right[2]
+    flipped = batch.variation[..., left, :] * torch.tensor([-1.0, 1.0, 1.0])
+    assert torch.equal(once.variation[..., right, :], flipped)
+    assert torch.equal(once.scales[..., right], batch.scales[..., left])
+    back = once.mirrored(every, SMALL)
+    assert torch.equal(back.variation, batch.variation)
+    assert torch.equal(batch.mirrored(~every, SMALL).template, batch.template)
+
+
 def test_full_length_batches_hold_all_examples_for_any_batch_size():
     encoded = encode_examples(examples())
     alone, together = (list(encoded.full_length_batches(3, most)) for most in (1, 100))

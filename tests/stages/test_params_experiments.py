@@ -60,7 +60,7 @@ def test_the_priors_of_an_experiment_are_known(name, tmp_path):
     (tmp_path / "params.yaml").write_text(compose_params(name))
     priors = read_params("runs", Runs, tmp_path / "params.yaml").priors
     assert set(priors.models) <= set(model_names("skeleton_prior"))
-    assert {parse_split_name(split)[0] for split in priors.splits} <= set(SPLIT_METHODS)
+    assert {parse_split_name(split).kind for split in priors.splits} <= set(SPLIT_METHODS)
 
 
 def test_every_variant_of_pacmo_changes_its_settings_and_is_a_model(tmp_path):

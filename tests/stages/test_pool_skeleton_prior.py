@@ -11,19 +11,59 @@ from pacmo_core.data.variation_splits import VariationScales
 from pacmo_core.store.tables import VARIATIONS
 from stages import split_variations
 from stages.common.params import PriorRuns, StageError, parse_split_name
-from stages.pool_skeleton_prior import gain_over_start, interval, over_units
+from stages.pool_skeleton_prior import (
+    folds_of_groups,
+    gain_over_start,
+    interval,
+    join_folds,
+    over_units,
+)
 
 
 @pytest.mark.parametrize(
     ("name", "wanted"),
     [
-        ("random", ("random", None)),
-        ("cross_scale", ("cross_scale", None)),
-        ("cross_scale_interaction_24", ("cross_scale_interaction", 24)),
+        ("random", ("random", None, None, "random")),
+        ("cross_scale", ("cross_scale", None, None, "cross_scale")),
+        ("cross_scale_24", ("cross_scale", None, 24, "cross_scale_24")),
+        ("cross_scale_fold2", ("cross_scale", 2, None, "cross_scale")),
+        (
+            "cross_scale_interaction_fold3_6",
+            ("cross_scale_interaction", 3, 6, "cross_scale_interaction_6"),
+        ),
     ],
 )
-def test_a_number_after_a_split_is_how_many_train(name, wanted):
-    assert parse_split_name(name) == wanted
+def test_a_splits_name_says_its_fold_and_how_many_train(name, wanted):
+    found = parse_split_name(name)
+    assert (found.kind, found.fold, found.samples, found.pooled) == wanted
+
+
+def test_every_source_is_held_out_in_one_fold():
+    sources = [f"clip{number}" for number in range(7)]
+    params = split_variations.Params((), 3, 0.2, 0.0, 1)
+    folds = [split_variations.held_out_sources(sources, fold, params) for fold in (1, 2, 3)]
+    assert sorted(name for fold in folds for name in fold) == sources
+    assert [len(fold) for fold in folds] == [3, 2, 2]
+    with pytest.raises(ValueError, match="fold must be 1 to n_folds, 3; got 4"):
+        split_variations.held_out_sources(sources, 4, params)
+
+
+def test_folds_are_pooled_over_their_motions():
+    def scores(source, error, train):
+        task = {source: {"E_r": error}, "all": {"E_r": error}}
+        return {
+            "extractor": "x",
+            "bodies": {},
+            "train": train,
+            "tested": 4,
+            "models": {"m": {"1": {"t": task}}},
+        }
+
+    runs = PriorRuns(["a"], ["x_fold1", "x_fold2", "y"], [], [])
+    assert folds_of_groups(runs) == {("a", "x"): ["x_fold1", "x_fold2"], ("a", "y"): ["y"]}
+    joined = join_folds([scores("s", 1.0, 10), scores("t", 5.0, 12)])
+    assert (joined["train"], joined["tested"]) == (11, 8)
+    assert over_units([joined["models"]["m"]["1"]["t"]], 0.9)["all"]["E_r"]["mean"] == 3.0
 
 
 def test_each_family_meets_each_split():
@@ -80,7 +120,7 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
         for source in ("one", "two")
         for k, scale in enumerate([0.95, 1.05, 0.9, 0.8, 1.2])
     }
-    params = split_variations.Params(("tw*",), 0.2, 0.0, 1)
+    params = split_variations.Params(("tw*",), 3, 0.2, 0.0, 1)
     sides = split_variations.assign(facts, "cross_scale_interaction_1", params)
     assert {n for n, side in sides.items() if side == "test"} == {"two~3", "two~4"}
     train = [name for name, side in sides.items() if side == "train"]
@@ -90,7 +130,13 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
 def refused(said, dataset, split):
     """Run the stage on the folder ``v``; it must end with a text that the pattern matches."""
     priors = {"datasets": [dataset], "splits": [split], "models": [], "seeds": []}
-    section = {"held_out": ["*A055"], "test_share": 0.2, "validation_share": 0.1, "random_seed": 1}
+    section = {
+        "held_out": ["*A055"],
+        "n_folds": 3,
+        "test_share": 0.2,
+        "validation_share": 0.1,
+        "random_seed": 1,
+    }
     runs = {"folds": [1], "seeds": [1], "models": [], "variants": [], "priors": priors}
     YAML(typ="safe").dump({"runs": runs, "split_variations": section}, Path("params.yaml"))
     paths = Namespace(variations=Path("v"), splits=Path("s"), metrics=Path("m.json"))

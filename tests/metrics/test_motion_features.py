@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.skeleton_prior.features import (
+from pacmo_core.metrics.motion_features import (
     FeatureExtractorSettings,
     build_extractor_training,
     fingerprint,
