@@ -21,8 +21,8 @@ from pacmo_core.interaction_mesh.settings import Attempt, Settings
 FLOOR_REACH = 0.4
 # Metres above the floor at which its penalty has fallen to 1/e.
 FLOOR_PENALTY_RANGE = 0.25
-# Metres between two bodies' bones, or beyond the contact distance, at which the penalty of a pair has
-# fallen to 1/e.
+# Metres between two bodies' bones, or beyond the contact distance, at which the penalty of a pair
+# has fallen to 1/e.
 PAIR_PENALTY_RANGE = 0.2
 # Contacts are closed to this fraction of the contact distance, to be within it.
 CONTACT_MARGIN = 0.95
