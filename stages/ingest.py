@@ -9,6 +9,7 @@ its workers must have RAW under the same path.
 
 import argparse
 import json
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -28,6 +29,7 @@ from stages.common.files import CLIPS, MOTIONS, QUARANTINE, SCRIPTS, scheduler_a
 from stages.common.params import StageError, read_params, run_stage
 
 MAX_NAMES = 4  # of files in a message
+ALL_REASONS = "pacmo quarantine {} lists the reason of each"
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,8 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
     captures = split_usable(readings, quarantined)
     first = next(captures, None)
     if first is None:
-        names = [row.file for row in quarantined[:MAX_NAMES]]
-        more = " ..." if len(quarantined) > MAX_NAMES else ""
-        raise StageError(
-            f"{raw}: no capture of {len(included)} is usable; first: {quarantined[0].reason}; "
-            f"there are {', '.join(names)}{more}"
-        )
+        write_rows(sequences / QUARANTINE, QuarantineRecord, quarantined)
+        raise StageError(f"{raw}: {none_usable(quarantined)}; {ALL_REASONS.format(sequences)}")
     rows = []
     with write_motions(sequences / MOTIONS, first[1].skeleton) as writer:
         for facts, interaction in chain([first], captures):
@@ -116,6 +114,27 @@ def split_usable(
             quarantined.append(outcome)
         else:
             yield outcome
+
+
+def none_usable(quarantined: list[QuarantineRecord]) -> str:
+    """Say why no capture is usable: the most common reason, which one file's own may hide.
+
+    Reasons that differ in numbers and in names of files alone count as one; the first is shown.
+    """
+    by_kind: dict[str, list[QuarantineRecord]] = {}
+    for row in quarantined:
+        by_kind.setdefault(_kind_of_reason(row.reason), []).append(row)
+    common = max(by_kind.values(), key=len)
+    names = ", ".join(row.file for row in common[:MAX_NAMES])
+    more = " ..." if len(common) > MAX_NAMES else ""
+    text = f"no capture of {len(quarantined)} is usable; {len(common)}: {common[0].reason}"
+    return f"{text}; there are {names}{more}"
+
+
+def _kind_of_reason(reason: str) -> str:
+    """Return a reason without numbers and names of files."""
+    words = (word for word in reason.split() if not re.search(r"\d|\.[A-Za-z]", word))
+    return " ".join(words)
 
 
 def summarise(rows: list[ClipRecord]) -> dict[str, object]:

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from pacmo_core.commands.cli import app
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
@@ -87,3 +89,23 @@ def test_where_no_capture_is_usable_the_names_wanted_and_seen_are_said(
     assert "no capture of 2 is usable" in str(fault.value)
     assert "wanted names such as NAME_A.bvh and NAME_B.bvh" in str(fault.value)
     assert "there are hug_A1.bvh, hug_B1.bvh" in str(fault.value)
+
+
+def test_where_no_capture_is_usable_each_is_listed_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "a_alone.bvh").write_text("HIERARCHY")
+    for name, unit in (("x", 0.0005), ("y", 0.0004), ("z", 0.0003)):
+        write_pair(tmp_path / "raw", name, unit, "y")
+    with pytest.raises(StageError) as fault:
+        main(Path("raw"), Path("s"), Path("m.json"))
+    text = str(fault.value)
+    assert "no capture of 4 is usable; 3: a person of " in text, "not the first: the most common"
+    assert "x_A.bvh" in text
+    assert text.endswith("pacmo quarantine s lists the reason of each")
+    rows = read_rows(Path("s/quarantine.parquet"), QuarantineRecord)
+    assert [row.sequence for row in rows] == ["a_alone.bvh", "x", "y", "z"]
+    shown = CliRunner().invoke(app, ["quarantine", "s"])
+    assert "4 of 4" in shown.output
