@@ -31,7 +31,6 @@ from pathlib import Path
 from pacmo_core.data.limits import MAX_FOLDER_BYTES, printable, walk_files
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
-from pacmo_core.formats.registry import open_format
 from pacmo_core.ingestion import Capture, read_sequences
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.processes import end_on_signal
@@ -53,6 +52,7 @@ from pacmo_core.project.workspace import (
 from pacmo_core.store.files import atomic_file, write_text
 from pacmo_core.store.motions import read_skeleton
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
+from stages.common.captures import open_captures
 from stages.common.files import CLIPS, MOTIONS
 from stages.common.params import read_params
 from stages.ingest import Params, ingestion_settings, is_included
@@ -256,7 +256,8 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
     if not INBOX.exists():
         return IntakeResult((), {}, ())
     settled = _settled(settle_s)
-    sequences = open_format(params.format, params.settings).find(INBOX)
+    reader = open_captures("ingest", params.format, params.settings)
+    sequences = reader.find(INBOX)
     ready = sorted(
         (s for s in sequences if all(file in settled for file in s.files)), key=lambda s: s.name
     )
@@ -300,7 +301,7 @@ def _finish_earlier_moves() -> None:
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
     settings = ingestion_settings(params, INBOX)
     known = _known_contents()
-    existing = {s.name: s.files[0] for s in open_format(params.format, params.settings).find(raw)}
+    existing = {s.name: s.files[0] for s in settings.format.find(raw)}
     moves: list[Move] = []
     for sequence, outcome in zip(ready, read_sequences(settings, ready), strict=True):
         line = 0

@@ -19,12 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core.data.quality import QualityLimits
-from pacmo_core.formats.base import RawSequence
-from pacmo_core.formats.registry import open_format
+from pacmo_core.formats.base import RawSequence, check_fps
 from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
-from stages.common.captures import find_captures
+from stages.common.captures import find_captures, open_captures
 from stages.common.files import CLIPS, MOTIONS, QUARANTINE, SCRIPTS, scheduler_address, write_json
 from stages.common.params import StageError, read_params, run_stage
 
@@ -46,10 +45,14 @@ class Params:
     contact_distance: float  # metres between joints that touch
     stated_fps: float | None  # that the dataset states, for formats whose files have times
 
+    def __post_init__(self) -> None:
+        if self.stated_fps is not None:
+            check_fps(self.stated_fps, "stated_fps")
+
 
 def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
     params = read_params("ingest", Params)
-    found = find_captures(open_format(params.format, params.settings), raw)
+    found = find_captures(open_captures("ingest", params.format, params.settings), raw)
     included = [sequence for sequence in found if is_included(sequence, raw, params.include)]
     if not included:
         raise StageError(
@@ -90,7 +93,7 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
     return IngestionSettings(
         dataset=params.dataset,
         root=raw,
-        format=open_format(params.format, params.settings),
+        format=open_captures("ingest", params.format, params.settings),
         drop_joints=params.drop_joints,
         limits=params.limits,
         contact_distance=params.contact_distance,

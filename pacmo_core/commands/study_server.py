@@ -166,4 +166,5 @@ def run_server(page: FastAPI, host: str, port: int) -> None:
         forwarded_allow_ips="127.0.0.1",
         http=bounded_protocol(max_connections()),
         ws="none",
+        backlog=64,
     )

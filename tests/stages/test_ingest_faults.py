@@ -10,6 +10,7 @@ from pacmo_core.commands.cli import app
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
+from stages import cut
 from stages.common.params import StageError
 from stages.ingest import main
 from tests.docs import ROOT
@@ -109,3 +110,34 @@ def test_where_no_capture_is_usable_each_is_listed_with_its_reason(
     assert [row.sequence for row in rows] == ["a_alone.bvh", "x", "y", "z"]
     shown = CliRunner().invoke(app, ["quarantine", "s"])
     assert "4 of 4" in shown.output
+
+
+@pytest.mark.parametrize(
+    ("settings", "drop", "said"),
+    [
+        (SETTINGS.replace("0.01", "centimetres"), "[]", "ingest.settings: unit: "),
+        (SETTINGS.replace("pair", "mixamo"), "[]", "ingest.settings: preset must be one of "),
+        (SETTINGS.replace("0.01", ""), "[]", "preset pair states no unit: wanted it as a setting"),
+        (SETTINGS, "[nose]", r"drop_joints: .*cannot remove \['nose'\]; its joints are "),
+    ],
+)
+def test_a_wrong_setting_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: str, drop: str, said: str
+) -> None:
+    prepare(tmp_path, monkeypatch, settings)
+    write_pair(tmp_path / "raw", "x", 0.01, "y")
+    text = (tmp_path / "params.yaml").read_text().replace("drop_joints: []", f"drop_joints: {drop}")
+    (tmp_path / "params.yaml").write_text(text)
+    with pytest.raises(StageError, match=said) as fault:
+        main(Path("raw"), Path("s"), Path("m.json"))
+    assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize("seconds", ["0", "-1", ".nan"])
+def test_clips_of_no_length_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: str
+) -> None:
+    (tmp_path / "params.yaml").write_text(f"cut: {{clip_seconds: {seconds}}}\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StageError, match="clip_seconds must be > 0; got "):
+        cut.main(Path("s"), Path("c"))
