@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -243,6 +243,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         check_request(samples, options, weights)
         random = torch.Generator().manual_seed(seed)
         if stream:
+            _check_stream({"PARTNER": partner, "--out": out, "--clip": clip, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(weights, live)
             return
@@ -250,9 +251,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             raise CommandError("give a PARTNER and --out, or --stream")
         space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
         check_reactions_output(out, space)
-        model = load_reaction_model(weights)
         typer.echo(trained_on_line(weights, synthetic_capture=is_synthetic(partner, clip)))
-        source = Source(partner, person or "a", person)
+        model, source = load_reaction_model(weights), Source(partner, person or "a", person)
         capture = to_model_joints(_capture(source, options, clip), model.skeleton, source, options)
         name = clip or partner.stem
         at = _sample_times(capture, to_fps, name)
@@ -309,6 +309,16 @@ def check_total(samples: int, frames: int, joints: int) -> None:
     if samples * frames > most:
         wanted = f"wanted at most {most} frames of {joints} joints in all samples"
         raise CommandError(f"{wanted}; got {samples} x {frames}")
+
+
+def _check_stream(given: Mapping[str, object]) -> None:
+    """Refuse options of files, by their names, where frames come from standard input."""
+    refused = [name for name, value in given.items() if value]
+    if refused:
+        raise CommandError(
+            f"--stream reads frames in metres, y up, from standard input; leave out "
+            f"{', '.join(refused)}"
+        )
 
 
 def _stream(weights: Path, options: dict[str, Any]) -> None:
