@@ -43,7 +43,7 @@ def summary(
     origins: list[ClipOrigin], splits: dict[str, Split], rule: SplitRule
 ) -> dict[str, object]:
     """Count clips, people and recordings by split."""
-    counts = Counter(splits.values())
+    counts: Counter[str] = Counter(splits.values())
     tested = [origin for origin in origins if splits[origin.clip] == "test"]
     return {
         "clips": len(origins),

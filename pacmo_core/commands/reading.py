@@ -196,8 +196,8 @@ def _rig_hint(preset: str) -> str:
     if not near:
         return ""
     return (
-        f", a rig: react and vary take --joints {' or '.join(near)}, the other commands need no names "
-        "of joints; leave out --preset"
+        f", a rig: react and vary take --joints {' or '.join(near)}, the other commands need no "
+        "names of joints; leave out --preset"
     )
 
 
