@@ -81,8 +81,8 @@ class Job:
 def work(job: Job, start: int, stop: int, out: Connection) -> None:
     """Run cases in a process of its own; send (number, outcome, detail) after each."""
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE))
-    for number in (signal.SIGPROF, signal.SIGALRM):
-        signal.signal(number, _alarm)
+    for over_time in (signal.SIGPROF, signal.SIGALRM):
+        signal.signal(over_time, _alarm)
     at_start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # a fork has its parent's pages
     for number in range(start, stop):
         outcome, detail = _outcome(job, number)
