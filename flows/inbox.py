@@ -22,7 +22,7 @@ import logging
 import os
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from itertools import chain, count
@@ -31,8 +31,7 @@ from pathlib import Path
 from pacmo_core.data.limits import MAX_FOLDER_BYTES, printable, walk_files
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import RawSequence
-from pacmo_core.formats.registry import open_format
-from pacmo_core.ingestion import Capture, read_sequences
+from pacmo_core.ingestion import Capture, file_fault, read_sequences
 from pacmo_core.project.lock import writer_lock
 from pacmo_core.project.processes import end_on_signal
 from pacmo_core.project.records import record_run, utc_now
@@ -53,6 +52,7 @@ from pacmo_core.project.workspace import (
 from pacmo_core.store.files import atomic_file, write_text
 from pacmo_core.store.motions import read_skeleton
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
+from stages.common.captures import open_captures
 from stages.common.files import CLIPS, MOTIONS
 from stages.common.params import read_params
 from stages.ingest import Params, ingestion_settings, is_included
@@ -256,7 +256,8 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
     if not INBOX.exists():
         return IntakeResult((), {}, ())
     settled = _settled(settle_s)
-    sequences = open_format(params.format, params.settings).find(INBOX)
+    reader = open_captures("ingest", params.format, params.settings)
+    sequences = reader.find(INBOX)
     ready = sorted(
         (s for s in sequences if all(file in settled for file in s.files)), key=lambda s: s.name
     )
@@ -300,14 +301,15 @@ def _finish_earlier_moves() -> None:
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
     settings = ingestion_settings(params, INBOX)
     known = _known_contents()
-    existing = {s.name: s.files[0] for s in open_format(params.format, params.settings).find(raw)}
+    existing = {s.name: s.files[0] for s in settings.format.find(raw)}
+    # Before they are read: the content of one that is refused for its place may come again under
+    # another name, and is no double then.
+    conflicts = [_refused_place(sequence, existing, params) for sequence in ready]
+    free = [s for s, conflict in zip(ready, conflicts, strict=True) if not conflict]
+    outcomes = iter(read_sequences(settings, free))
     moves: list[Move] = []
-    for sequence, outcome in zip(ready, read_sequences(settings, ready), strict=True):
-        line = 0
-        if isinstance(outcome, QuarantineRecord):
-            reason, line = outcome.reason, outcome.line
-        else:
-            reason = _reason_against(sequence, outcome, (existing, known), params)
+    for sequence, conflict in zip(ready, conflicts, strict=True):
+        reason, line = (conflict, 0) if conflict else _verdict(sequence, next(outcomes), known)
         files = _files_in_inbox(sequence)
         if not _are_there(INBOX, files):
             log_event(f"gone from the inbox: {printable(sequence.name)}", logging.WARNING)
@@ -317,21 +319,34 @@ def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list
     return moves
 
 
-def _reason_against(
+def _refused_place(sequence: RawSequence, existing: dict[str, Path], params: Params) -> str:
+    """Return why there is no place for a capture of these names; empty if it may be read."""
+    resolved, raw = INBOX.resolve(), Path(params.raw)
+    if any(file_fault(file, INBOX, resolved) for file in sequence.files):
+        return ""  # which is said where it is read
+    return _refusal(
+        lambda: _name_conflict(sequence, existing, raw) or _place_conflict(sequence, params)
+    )
+
+
+def _verdict(
     sequence: RawSequence,
-    capture: Capture,
-    others: tuple[dict[str, Path], dict[str, str]],
-    params: Params,
-) -> str:
-    """Return why a readable capture is not taken; empty if it is."""
-    existing, known = others
-    facts, interaction = capture
+    outcome: Capture | QuarantineRecord,
+    known: dict[str, str],
+) -> tuple[str, int]:
+    """Return why a capture is not taken, empty if it is, and the line of the fault."""
+    if isinstance(outcome, QuarantineRecord):
+        return outcome.reason, outcome.line
+    facts, interaction = outcome
+    mismatch = _skeleton_mismatch(interaction.skeleton)
+    first = known.get(facts.sha256, sequence.name)
+    return mismatch or (f"the same content as {first}" if first != sequence.name else ""), 0
+
+
+def _refusal(reason: Callable[[], str]) -> str:
+    """Return a reason, or that for which the system refuses to look for one."""
     try:
-        return (
-            _skeleton_mismatch(interaction.skeleton)
-            or _name_conflict(sequence, existing, Path(params.raw))
-            or _conflict(sequence, facts.sha256, known, params)
-        )
+        return reason()
     except FileNotFoundError as error:  # removed from the inbox meanwhile
         return one_line(error)
     except OSError as error:
@@ -379,15 +394,14 @@ def _name_conflict(sequence: RawSequence, existing: dict[str, Path], raw: Path) 
     return ""
 
 
-def _conflict(sequence: RawSequence, digest: str, known: dict[str, str], params: Params) -> str:
+def _place_conflict(sequence: RawSequence, params: Params) -> str:
+    """Return why a capture has no place among those of the experiment."""
     if not is_included(sequence, INBOX, params.include):
         return f"none of the patterns {', '.join(params.include)} includes it"
-    targets = [Path(params.raw) / file.relative_to(INBOX) for file in sequence.files]
-    for file, target in zip(sequence.files, targets, strict=True):
+    for file in sequence.files:
+        target = Path(params.raw) / file.relative_to(INBOX)
         if target.exists() and not filecmp.cmp(file, target, shallow=False):
             return f"{target} exists, with other content"
-    if digest in known and known[digest] != sequence.name:
-        return f"the same content as {known[digest]}"
     return ""
 
 

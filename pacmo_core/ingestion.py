@@ -295,7 +295,7 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
     try:
         reading = read_capture(settings.format, sequence)
         _check_plausible(settings.format, sequence, reading.interaction)
-        interaction = reading.interaction.without(list(settings.drop_joints))
+        interaction = _without(reading.interaction, settings.drop_joints, sequence)
         quality = measure_quality(interaction, contact_distance=settings.contact_distance)
         check_quality(quality, settings.limits, settings.stated_fps)
     except FormatError as error:
@@ -325,6 +325,16 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
         synthetic=settings.synthetic,
     )
     return record, interaction
+
+
+def _without(
+    interaction: Interaction, joints: tuple[str, ...], sequence: RawSequence
+) -> Interaction:
+    """Remove joints; raise FormatError if a capture does not have them."""
+    try:
+        return interaction.without(list(joints))
+    except ValueError as error:
+        raise FormatError(sequence.files[0], f"drop_joints: {error}") from error
 
 
 def _check_plausible(form: Format, sequence: RawSequence, interaction: Interaction) -> None:

@@ -53,8 +53,8 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import clip_name
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.segments import segments
-from pacmo_core.data.splits import window_edges
-from pacmo_core.formats.registry import open_format
+from pacmo_core.data.splits import check_clip_seconds, window_edges
+from pacmo_core.formats.base import check_fps
 from pacmo_core.ingestion import IngestionSettings, read_sequences
 from pacmo_core.interaction_mesh import MAX_BATCH, Settings
 from pacmo_core.store.cache import Cache
@@ -68,7 +68,7 @@ from pacmo_core.store.tables import (
     write_rows,
     write_variations,
 )
-from stages.common.captures import find_captures
+from stages.common.captures import find_captures, open_captures
 from stages.common.files import CLIPS, MOTIONS, SOLVER, scheduler_address, write_json
 from stages.common.params import read_params, run_stage
 
@@ -102,6 +102,11 @@ class SecondDataset:
     limits: QualityLimits
     contact_distance: float
     clip_seconds: float
+
+    def __post_init__(self) -> None:
+        check_clip_seconds(self.clip_seconds)
+        if self.stated_fps is not None:
+            check_fps(self.stated_fps, "stated_fps")
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,7 @@ def second_dataset(
 
 
 def _read_captures(second: SecondDataset, raw: Path) -> Iterator[tuple[ClipRecord, Interaction]]:
-    raw_format = open_format(second.format or "", second.settings)
+    raw_format = open_captures("augment.second_dataset", second.format or "", second.settings)
     sequences = find_captures(raw_format, raw)
     settings = IngestionSettings(
         dataset=second.dataset,

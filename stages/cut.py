@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from pacmo_core.data.splits import cut_sequence
+from pacmo_core.data.splits import check_clip_seconds, cut_sequence
 from pacmo_core.store.motions import read_skeleton, stream_motions, write_motions
 from pacmo_core.store.tables import ClipRecord, read_rows, write_rows
 from stages.common.files import CLIPS, MOTIONS
@@ -19,6 +19,9 @@ class Params:
     """The ``cut`` section of ``params.yaml``."""
 
     clip_seconds: float  # recordings much longer than this are cut into windows of about this
+
+    def __post_init__(self) -> None:
+        check_clip_seconds(self.clip_seconds)
 
 
 def main(sequences: Path, clips: Path) -> None:

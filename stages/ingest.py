@@ -9,6 +9,7 @@ its workers must have RAW under the same path.
 
 import argparse
 import json
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -18,16 +19,16 @@ from pathlib import Path
 from typing import Any
 
 from pacmo_core.data.quality import QualityLimits
-from pacmo_core.formats.base import RawSequence
-from pacmo_core.formats.registry import open_format
+from pacmo_core.formats.base import RawSequence, check_fps
 from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
-from stages.common.captures import find_captures
+from stages.common.captures import find_captures, open_captures
 from stages.common.files import CLIPS, MOTIONS, QUARANTINE, SCRIPTS, scheduler_address, write_json
 from stages.common.params import StageError, read_params, run_stage
 
 MAX_NAMES = 4  # of files in a message
+ALL_REASONS = "pacmo quarantine {} lists the reason of each"
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,14 @@ class Params:
     contact_distance: float  # metres between joints that touch
     stated_fps: float | None  # that the dataset states, for formats whose files have times
 
+    def __post_init__(self) -> None:
+        if self.stated_fps is not None:
+            check_fps(self.stated_fps, "stated_fps")
+
 
 def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
     params = read_params("ingest", Params)
-    found = find_captures(open_format(params.format, params.settings), raw)
+    found = find_captures(open_captures("ingest", params.format, params.settings), raw)
     included = [sequence for sequence in found if is_included(sequence, raw, params.include)]
     if not included:
         raise StageError(
@@ -62,12 +67,8 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
     captures = split_usable(readings, quarantined)
     first = next(captures, None)
     if first is None:
-        names = [row.file for row in quarantined[:MAX_NAMES]]
-        more = " ..." if len(quarantined) > MAX_NAMES else ""
-        raise StageError(
-            f"{raw}: no capture of {len(included)} is usable; first: {quarantined[0].reason}; "
-            f"there are {', '.join(names)}{more}"
-        )
+        write_rows(sequences / QUARANTINE, QuarantineRecord, quarantined)
+        raise StageError(f"{raw}: {none_usable(quarantined)}; {ALL_REASONS.format(sequences)}")
     rows = []
     with write_motions(sequences / MOTIONS, first[1].skeleton) as writer:
         for facts, interaction in chain([first], captures):
@@ -92,7 +93,7 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
     return IngestionSettings(
         dataset=params.dataset,
         root=raw,
-        format=open_format(params.format, params.settings),
+        format=open_captures("ingest", params.format, params.settings),
         drop_joints=params.drop_joints,
         limits=params.limits,
         contact_distance=params.contact_distance,
@@ -116,6 +117,27 @@ def split_usable(
             quarantined.append(outcome)
         else:
             yield outcome
+
+
+def none_usable(quarantined: list[QuarantineRecord]) -> str:
+    """Say why no capture is usable: the most common reason, which one file's own may hide.
+
+    Reasons that differ in numbers and in names of files alone count as one; the first is shown.
+    """
+    by_kind: dict[str, list[QuarantineRecord]] = {}
+    for row in quarantined:
+        by_kind.setdefault(_kind_of_reason(row.reason), []).append(row)
+    common = max(by_kind.values(), key=len)
+    names = ", ".join(row.file for row in common[:MAX_NAMES])
+    more = " ..." if len(common) > MAX_NAMES else ""
+    text = f"no capture of {len(quarantined)} is usable; {len(common)}: {common[0].reason}"
+    return f"{text}; there are {names}{more}"
+
+
+def _kind_of_reason(reason: str) -> str:
+    """Return a reason without numbers and names of files."""
+    words = (word for word in reason.split() if not re.search(r"\d|\.[A-Za-z]", word))
+    return " ".join(words)
 
 
 def summarise(rows: list[ClipRecord]) -> dict[str, object]:

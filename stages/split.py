@@ -4,15 +4,18 @@ Usage: python -m stages.split --fold=K CLIPS SPLITS.parquet METRICS.json
 """
 
 import argparse
+import sys
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from pacmo_core.data.splits import ClipOrigin, Split, SplitRule, assign_splits, resolve_method
+from pacmo_core.data.variation_splits import SPLITS
 from pacmo_core.store.tables import ClipRecord, SplitRecord, read_rows, write_rows
 from stages.common.clips import clip_origin
 from stages.common.files import CLIPS, write_json
-from stages.common.params import StageError, read_params, run_stage
+from stages.common.params import ParamsError, read_params, run_stage
 
 
 @dataclass(frozen=True)
@@ -27,18 +30,20 @@ def main(clips: Path, splits: Path, metrics: Path, *, fold: int) -> None:
     try:
         split_of_clip = assign_splits(origins, rule, fold)
     except ValueError as fault:  # of the rule, which the user wrote
-        raise StageError(str(fault)) from fault
+        raise ParamsError("split", str(fault)) from fault
     write_rows(
         splits, SplitRecord, [SplitRecord(row.clip, split_of_clip[row.clip]) for row in rows]
     )
-    write_json(metrics, summary(origins, split_of_clip, rule))
+    counts = summary(origins, split_of_clip, rule)
+    sys.stdout.write(f"fold {fold}: {in_words(counts)}\n")
+    write_json(metrics, counts)
 
 
 def summary(
     origins: list[ClipOrigin], splits: dict[str, Split], rule: SplitRule
 ) -> dict[str, object]:
     """Count clips, people and recordings by split."""
-    counts = Counter(splits.values())
+    counts: Counter[str] = Counter(splits.values())
     tested = [origin for origin in origins if splits[origin.clip] == "test"]
     return {
         "clips": len(origins),
@@ -46,8 +51,19 @@ def summary(
         "people": len({person for origin in origins for person in origin.people}),
         "tested_people": len({person for origin in tested for person in origin.people}),
         "tested_recordings": len({origin.recording for origin in tested}),
-        **{split: counts[split] for split in ("train", "validation", "test", "dropped")},
+        **{split: counts[split] for split in SPLITS},
     }
+
+
+def in_words(counts: Mapping[str, object]) -> str:
+    """Say in one line what the summary of a fold counts."""
+    sizes = ", ".join(f"{counts[split]} {split}" for split in SPLITS if counts[split] != 0)
+    people = f" and {counts['people']} people" if counts["people"] else ""
+    tested = f" ({counts['tested_people']} people)" if counts["tested_people"] else ""
+    return (
+        f"{counts['clips']} clips{people}, split by {counts['method']}: {sizes}; "
+        f"tested are {counts['tested_recordings']} recordings{tested}"
+    )
 
 
 def arguments() -> argparse.Namespace:

@@ -1,6 +1,7 @@
 """Truth: readers that crash, hang, take memory or accept anything, made for the test."""
 
 import os
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,6 +41,10 @@ def _hang(*_: Path) -> None:
         time.process_time()
 
 
+def _wait(*_: Path) -> None:
+    threading.Event().wait()
+
+
 def _exit(*_: Path) -> None:
     os._exit(1)
 
@@ -55,6 +60,7 @@ def _refuse(*_: Path) -> None:
         (_exit, "crashed"),
         (_grow, "over_memory"),
         (_hang, "hung"),
+        (_wait, "hung"),
         (_refuse, "refused"),
         (lambda *_: None, "wrongly_accepted"),
     ],
@@ -66,6 +72,7 @@ def test_each_fault_of_a_reader_is_counted_and_the_next_case_runs(
     good = SimpleNamespace(run=_refuse, documented=(FormatError,))
     monkeypatch.setattr(robustness, "crafted_cases", lambda: {"bad": case, "good": good})
     monkeypatch.setattr(robustness, "LIMIT_S", 1)
+    monkeypatch.setattr(robustness, "WAIT_S", 1 if run is _wait else 60)
     if outcome == "over_memory":
         monkeypatch.setattr(robustness, "MAX_GROWTH_KB", 1)
     tally = Tally()

@@ -271,7 +271,7 @@ def _report_lines(
     """Yield the lines that summarise the measurements."""
     yield measurement_summary(figures)
     if fidelity.max_error:
-        yield fidelity.line()
+        yield fidelity.error_line()  # the summary has the contacts in the files
     exceeded = exceeded_limits(figures, limits)
     worst_first = sorted(exceeded, key=lambda name: -exceeded[name])
     if worst_first:

@@ -251,12 +251,16 @@ class Fidelity:
             self.contacts_held + other.contacts_held,
         )
 
+    def error_line(self) -> str:
+        """Say how far joints in BVH files are from where they were to be."""
+        return f"constant bones in BVH files move joints by {1e3 * self.max_error:.1f} mm at most"
+
     def line(self) -> str:
-        """Say how far joints in BVH files are from where they were to be, and what touches."""
-        moved = f"constant bones in BVH files move joints by {1e3 * self.max_error:.1f} mm at most"
+        """Say ``error_line`` and what touches."""
         if not self.contacts:
-            return moved
-        return f"{moved}; {100 * self.contacts_held / self.contacts:.1f} % of contacts are in them"
+            return self.error_line()
+        share = 100 * self.contacts_held / self.contacts
+        return f"{self.error_line()}; {share:.1f} % of contacts are in them"
 
 
 def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:

@@ -9,10 +9,22 @@ import typer
 
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import ReactionName, is_reaction
-from pacmo_core.project.workspace import MOTIONS, CommandError, errors_in_one_line
+from pacmo_core.project.workspace import (
+    MOTIONS,
+    VARIATIONS_FOLDER,
+    CommandError,
+    errors_in_one_line,
+)
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.motions import read_names
-from pacmo_core.store.tables import ClipRecord, QuarantineRecord, SplitRecord, read_rows
+from pacmo_core.store.tables import (
+    VARIATIONS,
+    ClipRecord,
+    QuarantineRecord,
+    SplitRecord,
+    read_rows,
+    read_variations,
+)
 
 Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequences")]
 Matching = Annotated[str, typer.Option(help="only rows that contain this text")]
@@ -26,6 +38,11 @@ ReactionsFolder = Annotated[
     typer.Option(help="folder of FOLD/MODEL/SEED; default: reactions beside the folder of clips"),
 ]
 
+Variations = Annotated[
+    bool, typer.Option("--variations", help="list variations of clips, beside the folder")
+]
+
+VARIATION_COLUMNS = ("variation", "kind", "accepted", "limit_ratio", "reason")
 CLIP_COLUMNS = ("clip", "action", "subject_a", "subject_b", "fps", "frames", "duration")
 
 
@@ -34,6 +51,7 @@ def clips(
     matching: Matching = "",
     splits: Splits = None,
     reactions: ReactionsFolder = None,
+    variations: Variations = False,
 ) -> None:
     """List the clips of a folder.
 
@@ -41,10 +59,16 @@ def clips(
 
     pacmo clips --splits data/splits/1.parquet --matching test
 
+    pacmo clips --variations
+
     Their people, action and duration; the models that have reactions to them; with ``--splits``
     also their split in that fold. A reaction of person b, of model pacmo in fold 1 with seed 1, is
-    data/reactions/1/pacmo/1:CLIP#b#0 for ``pacmo view`` and ``pacmo export``.
+    data/reactions/1/pacmo/1:CLIP#b#0 for ``pacmo view`` and ``pacmo export``. ``--variations``
+    lists those of all datasets in data/variations, accepted or not, by the names that both take.
     """
+    if variations:
+        _list_variations(folder.parent / VARIATIONS_FOLDER.name, matching)
+        return
     with _errors_in_one_line():
         rows = read_rows(_table(folder / "clips.parquet"), ClipRecord)
         split_of = {row.clip: row.split for row in read_rows(splits, SplitRecord)} if splits else {}
@@ -58,6 +82,17 @@ def clips(
         }
         cells.append([_cell(more.get(name, getattr(row, name, ""))) for name in columns])
     _show(cells, columns, matching)
+
+
+def _list_variations(folder: Path, matching: str) -> None:
+    """List the variations of every dataset in a folder."""
+    with _errors_in_one_line():
+        tables = sorted(folder.glob(f"*/{VARIATIONS}"))
+        if not tables:
+            raise CommandError(f"no {folder / '*' / VARIATIONS}: ./run makes it")
+        rows = [row for table in tables for row in read_variations(table)]
+    cells = [[_cell(getattr(row, column)) for column in VARIATION_COLUMNS] for row in rows]
+    _show(cells, VARIATION_COLUMNS, matching)
 
 
 def _table(path: Path) -> Path:

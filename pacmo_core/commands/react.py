@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -251,6 +251,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         chosen = check_request(samples, options, weights)
         random = torch.Generator().manual_seed(seed)
         if stream:
+            _check_stream({"PARTNER": partner, "--out": out, "--clip": clip, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(chosen, live)
             return
@@ -319,6 +320,16 @@ def check_total(samples: int, frames: int, joints: int) -> None:
     if samples * frames > most:
         wanted = f"wanted at most {most} frames of {joints} joints in all samples"
         raise CommandError(f"{wanted}; got {samples} x {frames}")
+
+
+def _check_stream(given: Mapping[str, object]) -> None:
+    """Refuse options of files, by their names, where frames come from standard input."""
+    refused = [name for name, value in given.items() if value]
+    if refused:
+        raise CommandError(
+            f"--stream reads frames in metres, y up, from standard input; leave out "
+            f"{', '.join(refused)}"
+        )
 
 
 def _stream(weights: Path, options: dict[str, Any]) -> None:

@@ -13,8 +13,8 @@ from typing import Annotated, Any
 import typer
 
 from pacmo_core.data.limits import printable
-from pacmo_core.data.names import nearest_first
-from pacmo_core.data.posture import UNITS
+from pacmo_core.data.names import nearest_first, nearest_names
+from pacmo_core.data.posture import UNIT_WORDS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import MAX_DISTANCE
 from pacmo_core.formats.bvh_pairs import PRESETS
@@ -37,7 +37,6 @@ from pacmo_core.formats.rigs import RIGS
 from pacmo_core.project.workspace import CommandError
 
 PEOPLE = ("a", "b")
-UNIT_WORDS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, **UNITS}
 
 FormatName = Annotated[
     str | None, typer.Option("--format", help="format of the capture; default: by its suffix")
@@ -96,6 +95,17 @@ class ReadOptions:
         """Whether an option is given that clips of this project's Parquet do not take."""
         return bool(self.form or self.preset or self.unit or self.up or self.fps)
 
+    def given(self) -> dict[str, object]:
+        """Return the values by the names of their options."""
+        return {
+            "--format": self.form,
+            "--preset": self.preset,
+            "--from-unit": self.unit,
+            "--from-up": self.up,
+            "--from-fps": self.fps,
+            "--joints": self.joints,
+        }
+
     def format_of(self, file: Path) -> str:
         """Return the format of a file.
 
@@ -119,7 +129,9 @@ class ReadOptions:
         """
         if self.preset and self.preset not in PRESETS:
             wanted = nearest_first(self.preset, PRESETS)
-            raise CommandError(f"--preset: wanted one of {wanted}; got {self.preset!r}")
+            raise CommandError(
+                f"--preset: wanted one of {wanted}; got {self.preset!r}{_rig_hint(self.preset)}"
+            )
         for person in PEOPLE:
             for word in words_of(self.joints, person):
                 _check_joints_word(word)
@@ -176,6 +188,17 @@ class ReadOptions:
         found["fps"] = None if words["fps"] is None else _number(words["fps"], "--from-fps")
         known = self.names(form)
         return {name: found[name] for name in found if name in known and found[name] is not None}
+
+
+def _rig_hint(preset: str) -> str:
+    """Say what names a rig, which is no preset of pairs of files."""
+    near = [rig for rig in nearest_names(preset.lower(), RIGS) if rig.startswith(preset.lower())]
+    if not near:
+        return ""
+    return (
+        f", a rig: react and vary take --joints {' or '.join(near)}, the other commands need no "
+        "names of joints; leave out --preset"
+    )
 
 
 def parse_unit(word: str, option: str) -> float:
@@ -270,6 +293,7 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
         infer_settings(source.file, form, given)
         for source, form, given in zip(sources, forms, settings, strict=True)
     ]
+    _check_one_axis([source.file for source in sources], settings, inferred)
     found = _complete([source.file for source in sources], inferred)
     used = [{**given, **more} for given, more in zip(settings, found, strict=True)]
     people = [
@@ -289,6 +313,28 @@ def _check_clip(sources: Sequence[Source], clip: str) -> None:
     if clip and single:
         raise CommandError(
             f"{single[0]}: holds one capture; --clip is for .mat and .parquet files; got {clip}"
+        )
+
+
+def _check_one_axis(
+    files: Sequence[Path], given: Sequence[Mapping[str, Any]], inferred: Sequence[Inferred]
+) -> None:
+    """Refuse to infer two upward axes for two people of one rig, of whom one lies.
+
+    Files of one program have one axis, and a trunk along another one is that of a person who lies:
+    which of the two it is, their motions do not show.
+    """
+    axes = [
+        {**of_file.settings, **words}.get("up")
+        for words, of_file in zip(given, inferred, strict=True)
+    ]
+    is_guessed = any("up" in of_file.settings for of_file in inferred)
+    of_one_rig = len({of_file.joints for of_file in inferred if of_file.joints}) == 1
+    if is_guessed and of_one_rig and len({*axes} - {None}) > 1:
+        found = " and ".join(f"{axis} for {file}" for file, axis in zip(files, axes, strict=True))
+        raise CommandError(
+            f"the spines of the two people are along different axes, {found}, as where one lies: "
+            f"give --from-up, such as --from-up {axes[0]}"
         )
 
 

@@ -20,6 +20,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 MAX_BODY = 1000  # bytes
 MAX_ADDRESSES = 50_000
 MAX_CONNECTIONS = 500
+# asyncio accepts as many new connections as may wait before it reads from any that is open: with
+# uvicorn's 2048 a client that keeps connecting holds up each of the other clients' steps by
+# thousands of connections. One that finds the queue full is tried again by its system.
+ACCEPTS_AT_ONCE = 64
 _OTHER_FILES = 100  # open files of the server besides its connections
 _IPV6_SUBSCRIBER = 64  # bits of an address that a provider assigns to one subscriber
 

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from pacmo_core.commands.study_clips import balanced_sample
 from pacmo_core.commands.study_limits import (
+    ACCEPTS_AT_ONCE,
     Guard,
     ParticipantLimiter,
     RateLimiter,
@@ -166,4 +167,5 @@ def run_server(page: FastAPI, host: str, port: int) -> None:
         forwarded_allow_ips="127.0.0.1",
         http=bounded_protocol(max_connections()),
         ws="none",
+        backlog=ACCEPTS_AT_ONCE,
     )

@@ -26,10 +26,15 @@ from pacmo_core.commands.reading import (
     Source,
     read_people,
 )
-from pacmo_core.data.names import ReactionName, is_reaction
+from pacmo_core.data.names import ReactionName, is_reaction, is_variation
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import ONE_PERSON_FORMATS, PersonMotion, holds_one_person
-from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
+from pacmo_core.project.workspace import (
+    MOTIONS,
+    VARIATIONS_FOLDER,
+    CommandError,
+    reading_errors_in_one_line,
+)
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import motion_file
 from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
@@ -58,8 +63,9 @@ def read_scene(word: str, options: ReadOptions) -> Scene:
 
     Parameters
     ----------
-    word : ``NAME`` of a clip in ``data/clips``, ``STORE:NAME`` of one in another folder or file
-        (a variation's name is ``CLIP~NAME``), ``FILE`` of a capture, or ``FILE+FILE`` of two people
+    word : ``NAME`` of a clip in ``data/clips`` or of a variation (``CLIP~NAME``) in
+        ``data/variations``, ``STORE:NAME`` of one in another folder or file, ``FILE`` of a capture,
+        or ``FILE+FILE`` of two people
     options : of captures
 
     Raises
@@ -75,12 +81,24 @@ def read_scene(word: str, options: ReadOptions) -> Scene:
     files = [Path(part) for part in word.split("+")]
     if all(file.is_file() for file in files):
         return _read_captures(files, options)
+    if len(files) == 1 and (dataset := _dataset_of(word)):
+        return _read_stored(dataset, word)
     if (CLIPS_FOLDER / MOTIONS).exists() and len(files) == 1:
         return _read_stored(CLIPS_FOLDER, word)
     raise CommandError(
         f"{word}: no such file, and no {CLIPS_FOLDER / MOTIONS} with a clip of that name; "
         "a clip of another folder is FOLDER:NAME"
     )
+
+
+def _dataset_of(name: str) -> Path | None:
+    """Return the first folder of variations that has one of this name."""
+    if not is_variation(name):
+        return None
+    for table in sorted(VARIATIONS_FOLDER.glob(f"*/{VARIATIONS}")):
+        if any(row.variation == name for row in read_variations(table)):
+            return table.parent
+    return None
 
 
 def _read_stored(store: Path, name: str) -> Scene:
@@ -199,9 +217,10 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo view x_A.bvh+x_B.bvh new/x_A.bvh+new/x_B.bvh --preset pair --label before --label after
 
-    A CLIP is the name of a clip in data/clips, FOLDER:NAME or FILE.parquet:NAME elsewhere, the FILE
-    of a capture, or FILE+FILE if each person has a file. Up to six clips play at the same time,
-    whatever their frame rates. The page is one file and needs neither network nor server.
+    A CLIP is the name of a clip or of a variation (pacmo clips --variations), FOLDER:NAME or
+    FILE.parquet:NAME elsewhere, the FILE of a capture, or FILE+FILE if each person has a file. Up
+    to six clips play at the same time, whatever their frame rates. The page is one file and needs
+    neither network nor server.
     """
     options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     with reading_errors_in_one_line():

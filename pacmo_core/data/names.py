@@ -111,6 +111,11 @@ def variation_name(clip: str, variation: str) -> str:
     return f"{clip}{_VARIATION_SEPARATOR}{variation}"
 
 
+def is_variation(name: str) -> bool:
+    """Return whether a name is that of a variation."""
+    return _VARIATION_SEPARATOR in name
+
+
 def split_variation_name(name: str) -> tuple[str, str]:
     """Split ``CLIP~NAME`` into the clip and the name of the variation, empty for a clip."""
     if _VARIATION_SEPARATOR not in name:

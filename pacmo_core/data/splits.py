@@ -119,6 +119,12 @@ MAX_SHOWN = 30  # names in a message
 ROUNDING = 1e-9  # so that five folds of a share of 0.2 fit into 1
 
 
+def check_clip_seconds(seconds: float) -> None:
+    """Raise ValueError unless recordings can be cut into windows of ``seconds``."""
+    if not seconds > 0:
+        raise ValueError(f"clip_seconds must be > 0; got {seconds}")
+
+
 def window_edges(n_frames: int, fps: float, seconds: float) -> list[tuple[int, int]]:
     """Cut a recording into equal windows of about ``seconds``, without overlap.
 

@@ -222,10 +222,10 @@ def check_up(up: str) -> None:
         raise ValueError(f"up must be one of {UP_AXES}; got {up!r}")
 
 
-def check_fps(fps: float) -> None:
+def check_fps(fps: float, name: str = "fps") -> None:
     """Raise ValueError unless ``fps`` is a plausible capture rate."""
     if not MIN_FPS <= fps <= MAX_FPS:
-        raise ValueError(f"fps must be {MIN_FPS:g} to {MAX_FPS:g}; got {fps}")
+        raise ValueError(f"{name} must be {MIN_FPS:g} to {MAX_FPS:g}; got {fps}")
 
 
 def _check_distance(person: Person) -> None:

@@ -55,6 +55,19 @@ def open_format(name: str, settings: Mapping[str, Any]) -> Format:
     ValueError
         If a setting is unknown, missing, or has a value that the format refuses.
     """
+    check_setting_names(name, settings)
+    reader: Format = FORMATS[name](**settings)
+    return reader
+
+
+def check_setting_names(name: str, settings: Mapping[str, Any]) -> None:
+    """Check that there is such a format and that these are settings of it.
+
+    Raises
+    ------
+    KeyError, ValueError
+        As ``open_format``.
+    """
     if name not in FORMATS:
         raise KeyError(f"no format {name!r}; there are {', '.join(FORMATS)}")
     required_by_name = {field.name: field.default is MISSING for field in fields(FORMATS[name])}
@@ -69,8 +82,6 @@ def open_format(name: str, settings: Mapping[str, Any]) -> Format:
             f"format {name} needs the settings {', '.join(required_by_name)}; "
             f"got unknown {unknown}, missing {missing}"
         )
-    reader: Format = FORMATS[name](**settings)
-    return reader
 
 
 FORMAT_OF_SUFFIX = {

@@ -30,6 +30,7 @@ from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.table_columns import csv_arrays, table_arrays
 from pacmo_core.formats.table_npz import npz_arrays
 from pacmo_core.formats.table_parquet import parquet_columns
+from pacmo_core.formats.table_traps import check_layout, parents_hint, unit_hint, unit_of_word
 from pacmo_core.formats.tables import sequence_name
 
 PEOPLE = ("person_a", "person_b")
@@ -138,7 +139,7 @@ class Table:
     def _person(self, file: Path, arrays: Arrays, name: str) -> Person:
         skeleton = _skeleton(file, arrays)
         positions = _positions(file, arrays, name, skeleton)
-        unit = self.unit if self.unit is not None else _number(file, arrays, "unit")
+        unit = self.unit if self.unit is not None else _unit(file, arrays, positions, skeleton)
         up = self.up if self.up is not None else _text(file, arrays, "up")
         try:
             _check_unit(unit)
@@ -213,7 +214,7 @@ def _skeleton(file: Path, arrays: Arrays) -> Skeleton:
     unprintable = [joint for joint in joints if not joint.isprintable()]
     if unprintable:
         raise FormatError(file, f"joints: wanted printable names; got {unprintable[0][:40]!r}")
-    parents = _get(file, arrays, "parents")
+    parents = _integers(_get(file, arrays, "parents"))
     if parents.dtype.kind not in "iu" or parents.shape != names.shape:
         raise FormatError(
             file,
@@ -223,7 +224,19 @@ def _skeleton(file: Path, arrays: Arrays) -> Skeleton:
     try:
         return Skeleton("table", joints, tuple(parents.tolist()), mirror_by_name(joints))
     except ValueError as error:
-        raise FormatError(file, str(error)) from error
+        raise FormatError(file, f"{error}{parents_hint(joints, parents.tolist())}") from error
+
+
+def _integers(array: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return whole numbers as a row of integers: MATLAB holds them as a matrix of real numbers."""
+    if array.dtype.kind not in "iuf" or array.size != max(array.shape, default=0):
+        return array
+    row = array.reshape(-1)
+    numbers = row.astype(np.float64)
+    is_whole = np.isfinite(numbers).all() and (np.abs(numbers) < 2**31).all()
+    if not is_whole or (numbers % 1 != 0).any():
+        return array
+    return row.astype(np.int64)
 
 
 def _positions(file: Path, arrays: Arrays, name: str, skeleton: Skeleton) -> NDArray[np.float64]:
@@ -243,6 +256,7 @@ def _positions(file: Path, arrays: Arrays, name: str, skeleton: Skeleton) -> NDA
     if len(wrong):
         frame, joint = (int(i) for i in wrong[0][:2])
         raise FormatError(file, f"{name}: frame {frame}, joint {joints[joint]} is not finite")
+    check_layout(file, name, positions, skeleton)
     return positions
 
 
@@ -271,6 +285,18 @@ def _get(file: Path, arrays: Arrays, name: str) -> NDArray[np.generic]:
     if name not in arrays:
         raise FormatError(file, f"no {name}: wanted {_WANTED}; got {', '.join(arrays) or 'none'}")
     return arrays[name]
+
+
+def _unit(file: Path, arrays: Arrays, positions: NDArray[np.float64], skeleton: Skeleton) -> float:
+    """Return metres per unit, which a file may state by a word."""
+    if "unit" in arrays and arrays["unit"].dtype.kind in "US":
+        return unit_of_word(file, _text(file, arrays, "unit"))
+    if "unit" not in arrays:
+        raise FormatError(
+            file,
+            f"no unit: wanted {_WANTED}; got {', '.join(arrays)}{unit_hint(positions, skeleton)}",
+        )
+    return _number(file, arrays, "unit")
 
 
 def _number(file: Path, arrays: Arrays, name: str) -> float:

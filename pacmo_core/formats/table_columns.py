@@ -21,7 +21,6 @@ from pacmo_core.formats.tables import is_number, parse_rows, read_lines
 TIME = "time"
 AXES = ("x", "y", "z")
 _PREFIXES = ("person_a.", "person_b.")
-_NUMBERS = ("fps", "unit")
 
 
 @dataclass(frozen=True)
@@ -147,13 +146,13 @@ def _joints(file: Path, columns: Columns, prefix: str) -> list[str]:
 
 def _fact_arrays(file: Path, facts: Mapping[str, str]) -> dict[str, NDArray[np.generic]]:
     arrays: dict[str, NDArray[np.generic]] = {}
-    for name in _NUMBERS:
-        if name in facts:
-            if not is_number(facts[name].encode()):
-                raise FormatError(file, f"{name}: wanted a number; got {facts[name][:40]!r}")
+    for name in ("fps", "unit", "up"):
+        if name in facts and name != "up" and is_number(facts[name].encode()):
             arrays[name] = np.array(float(facts[name]))
-    if "up" in facts:
-        arrays["up"] = np.array(facts["up"])
+        elif name == "fps" and name in facts:
+            raise FormatError(file, f"{name}: wanted a number; got {facts[name][:40]!r}")
+        elif name in facts:
+            arrays[name] = np.array(facts[name])  # a unit may be a word, such as mm
     if "parents" in facts:
         arrays["parents"] = _parents(file, facts["parents"])
     return arrays

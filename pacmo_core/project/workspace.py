@@ -41,6 +41,7 @@ STUDY = HISTORY / "study.json"
 MEASUREMENTS = HISTORY / "measured.jsonl"
 HISTORY_PAGE = HISTORY / "history.html"
 REPORT_WITH_HISTORY = HISTORY / "report.html"
+VARIATIONS_FOLDER = Path("data/variations")
 MOTIONS = "motions.parquet"  # in every folder of clips
 
 # Exit codes; 2, typer's and argparse's own, is wrong usage.

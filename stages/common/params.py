@@ -11,10 +11,12 @@ from typing import Any, ParamSpec, TypeVar, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
 from pacmo_core.store.files import merge_params
 
 PARAMS = Path("params.yaml")
+EXPERIMENTS = Path("experiments")
 Params = TypeVar("Params")
 Arguments = ParamSpec("Arguments")
 
@@ -24,7 +26,17 @@ class StageError(ValueError):
 
 
 class ParamsError(StageError):
-    """A section of ``params.yaml`` with a missing, unknown or invalid value."""
+    """A section of ``params.yaml`` with a missing, unknown or invalid value.
+
+    Parameters
+    ----------
+    section : dotted, down to the setting if it is one
+    reason : what was wanted and what was got
+    path : the file
+    """
+
+    def __init__(self, section: str, reason: str, path: Path = PARAMS) -> None:
+        super().__init__(f"{source_of(path)}, {section}: {reason}")
 
 
 def read_params(
@@ -50,28 +62,57 @@ def read_params(
         If the section, a key or a value is missing, unknown or of the wrong type, or a key is
         given that the section has too.
     """
-    params = YAML(typ="safe").load(path)
+    params = _load(path)
     values = _section(params, section, path)
     if changes:
         values = merge_params(values, _section(params, changes, path))
     twice = sorted(given.keys() & set(values)) if given else []
     if twice:
-        raise ParamsError(f"{path}, {section}: {', '.join(twice)} comes from the command line")
+        raise ParamsError(section, f"{', '.join(twice)} comes from the command line", path)
     values = {**values, **given} if given else values
     unknown = unknown_keys(values, kind)
     if unknown:
-        raise ParamsError(f"{path}, {section}: unknown {', '.join(unknown)}")
+        raise ParamsError(section, f"unknown {', '.join(unknown)}", path)
+    return validate(kind, values, section, path)
+
+
+def validate(kind: type[Params], values: object, section: str, path: Path = PARAMS) -> Params:
+    """Make a dataclass of values that a section of ``params.yaml`` has.
+
+    Raises
+    ------
+    ParamsError
+        If a value is missing or invalid.
+    """
     try:
         return TypeAdapter(kind).validate_python(values)
     except ValidationError as fault:
         lines = [_in_words(error) for error in fault.errors()]
-        raise ParamsError(f"{path}, {section}: {'; '.join(lines)}") from fault
+        raise ParamsError(section, "; ".join(lines), path) from fault
+
+
+def _load(path: Path) -> Any:
+    try:
+        return YAML(typ="safe").load(path)
+    except YAMLError as fault:
+        raise StageError(f"{path}: not YAML: {' '.join(str(fault).split())}") from fault
+
+
+def source_of(path: Path = PARAMS) -> str:
+    """Name the file of parameters, with that of the experiment that they are of."""
+    try:
+        params = YAML(typ="safe").load(path)
+    except (YAMLError, OSError):
+        return str(path)
+    name = params.get("experiment") if isinstance(params, Mapping) else None
+    overlay = EXPERIMENTS / f"{name}.yaml"
+    return f"{path} (of {overlay})" if overlay.is_file() else str(path)
 
 
 def _section(values: Any, section: str, path: Path) -> Any:
     for key in section.split("."):
         if not isinstance(values, Mapping) or key not in values:
-            raise ParamsError(f"{path}: no section {section}")
+            raise ParamsError(section, "wanted a section of this name; there is none", path)
         values = values[key]
     return values
 

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,6 +22,7 @@ from pacmo_core.training.devices import is_main_process, training_device
 from pacmo_core.training.loop import TrainingData, TrainingLoop
 from pacmo_core.training.state import model_config, model_state
 from stages.common.files import WEIGHTS, write_curve
+from stages.common.params import ParamsError
 from stages.common.progress import Progress
 
 LIVE_FOLDER = Path("live")
@@ -68,12 +69,21 @@ def train(task: Task, model: Path, curve: Path) -> None:
 
     On a CPU a training that was killed and started again writes the same bytes as an
     uninterrupted one.
+
+    Raises
+    ------
+    ParamsError
+        If there is no such device, or no model of these settings can be made.
     """
     params = task.params
-    with training_device(
-        params.device, threads=params.threads, multiprocess=task.model.multiprocess
-    ) as device:
-        loop = task.build(device)
+    with ExitStack() as stack:
+        with settings_at_fault(task.model.section):
+            device = stack.enter_context(
+                training_device(
+                    params.device, threads=params.threads, multiprocess=task.model.multiprocess
+                )
+            )
+            loop = task.build(device)
         metadata = _metadata(task, loop)
         stage = f"train_{task.model.name}"
         checkpoint = Checkpoint(stage, {**metadata, **_environment(device)}, task.model.package)
@@ -86,6 +96,16 @@ def train(task: Task, model: Path, curve: Path) -> None:
             checkpoint.remove()
         else:
             loop.finish()
+
+
+@contextmanager
+def settings_at_fault(section: str) -> Iterator[None]:
+    """Report what a device or a network refuses as an error of a section of ``params.yaml``."""
+    try:
+        yield
+    except (ValueError, ArithmeticError, RuntimeError, MemoryError) as fault:
+        reason = " ".join(str(fault).split()) or type(fault).__name__
+        raise ParamsError(section, f"no model can be made with this: {reason}") from fault
 
 
 def _metadata(task: Task, loop: TrainingLoop[Any]) -> dict[str, Any]:

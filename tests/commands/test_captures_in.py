@@ -276,3 +276,52 @@ def test_clips_of_the_store_take_no_options_of_files(weights: Path, tmp_path: Pa
     words += ["--weights", weights, "--out", tmp_path / "o.bvh"]
     assert pacmo(*words).exit_code == 0
     refused(pacmo(*words, "--from-up", "y"), "no option of other formats")
+
+
+def lying(motion: Motion) -> Motion:
+    """Lay a person down: the trunk along z, the head first."""
+    x, y, z = np.moveaxis(motion - motion[:, :1].min(axis=(0, 1)), -1, 0)
+    return np.stack([x, -z, y], axis=-1).astype(np.float32)
+
+
+@pytest.mark.parametrize("command", ["augment", "view", "export"])
+def test_a_person_who_lies_beside_one_who_stands_is_not_stood_up(
+    pair: list[Path], tmp_path: Path, command: str
+) -> None:
+    skeleton, (_, motion) = mixamo(CLIP)
+    write(pair[1], skeleton, lying(motion))
+    words: list[object] = [pair[0], pair[1], "--b-scale", "left_forearm=1.1", "--out", "o"]
+    if command != "augment":
+        words = [f"{pair[0]}+{pair[1]}", "--out", tmp_path / "o.glb"]
+    said = pacmo(command, *words)
+    refused(said, "different axes", f"y for {pair[0]}", f"z for {pair[1]}", "give --from-up")
+    refused(pacmo(command, *words, "--from-up", "a=y"), "different axes", "give --from-up")
+
+
+def test_a_person_who_lies_is_read_with_the_axis_that_is_told(
+    pair: list[Path], tmp_path: Path
+) -> None:
+    skeleton, (_, motion) = mixamo(CLIP)
+    write(pair[1], skeleton, lying(motion))
+    out = tmp_path / "o.npz"
+    said = pacmo("export", f"{pair[0]}+{pair[1]}", "--from-up", "y", "--out", out)
+    assert said.exit_code == 0, said.output
+    table = dict(np.load(out))
+    joints = table["joints"].tolist()
+    spine = table["person_b"][:, joints.index("mixamorig:Neck")] - table["person_b"][:, 0]
+    assert (np.abs(spine[:, 2]) > 2 * np.abs(spine[:, 1])).all()
+
+
+@pytest.mark.parametrize(
+    ("preset", "hint"),
+    [("mixamo", "--joints mixamo"), ("Kinect", "--joints kinect15 or kinect25"), ("fbx", "")],
+)
+def test_a_rig_is_no_preset_of_files(pair: list[Path], preset: str, hint: str) -> None:
+    said = pacmo("view", f"{pair[0]}+{pair[1]}", "--preset", preset)
+    refused(said, "--preset: wanted one of ", f"got {preset!r}", hint)
+    assert ("a rig" in said.stderr) == bool(hint)
+
+
+def test_a_stream_takes_no_options_of_files(weights: Path) -> None:
+    said = pacmo("react", "--weights", weights, "--stream", "--clip", "x", "--from-unit", "cm")
+    refused(said, "--stream reads frames", "leave out --clip, --from-unit")

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import httpx
 import pytest
+import uvicorn
 from fastapi import FastAPI
 
 from benchmarks.study import MEGABYTE, N_HALF_OPEN, connect, memory_growth
 from pacmo_core.commands.study_limits import RateLimiter, network_of
-from pacmo_core.commands.study_server import StudySettings, create_app
+from pacmo_core.commands.study_server import StudySettings, create_app, run_server
 from pacmo_core.commands.study_store import Study
 from tests.commands.studies import served, small_study
 
@@ -110,6 +111,16 @@ def test_half_open_requests_keep_nobody_out(study: Path, begun: bytes) -> None:
             assert httpx.get(address, timeout=30).status_code == 200
             begun_study = httpx.post(f"{address}/begin", json={"consent": True}, timeout=30)
             assert begun_study.status_code == 200
+
+
+def test_few_connections_are_accepted_before_open_ones_are_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said: dict[str, object] = {}
+    monkeypatch.setattr(uvicorn, "run", lambda _, **options: said.update(options))
+    run_server(FastAPI(), "127.0.0.1", 0)
+    config = uvicorn.Config(FastAPI(), **said)  # type: ignore[arg-type]
+    assert config.backlog <= 100
 
 
 def test_one_address_cannot_take_the_places_of_all(study: Path) -> None:

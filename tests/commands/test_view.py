@@ -92,6 +92,26 @@ def test_a_variation_is_found_kept_or_not_and_what_was_not_made_says_why(tmp_pat
     assert source["motions"] == kept["motions"] != far["motions"]
     refused(view("many:c~x"), "c~x", "refused: why")
     refused(view("many:a/b~other"), "many/variations.parquet", "a/b~other")
+    # Those of the project by their names alone, which a list has.
+    (tmp_path / "data/variations").mkdir()
+    (tmp_path / "many").rename(tmp_path / "data/variations/default")
+    assert view("a/b~kept").exit_code == 0
+    assert packed(tmp_path / "view.html")[0]["motions"] == kept["motions"]
+    exported = CliRunner().invoke(app, ["export", "a/b~far", "--out", "far.npz"])
+    assert exported.exit_code == 0, exported.output
+    np.testing.assert_allclose(np.load("far.npz")["person_a"], ANSWER.person_a, atol=1e-6)
+    refused(view("c~x"), "c~x", "refused: why")
+    refused(view("a/b~other"), "no clip a/b~other")
+    listed = CliRunner().invoke(app, ["clips", "--variations", "--matching", "a/b"]).output
+    lines = [line.split() for line in listed.splitlines()]
+    assert lines[0] == ["variation", "kind", "accepted", "limit_ratio", "reason"]
+    assert lines[1] == ["a/b~kept", "random", "True", "0.50"]
+    assert lines[2] == ["a/b~far", "random", "False", "2.00", "near_distance_error"]
+    assert lines[3] == ["2", "of", "3"]
+
+
+def test_without_variations_the_list_says_what_makes_them() -> None:
+    refused(CliRunner().invoke(app, ["clips", "--variations"]), "data/variations", "./run makes it")
 
 
 def test_a_parquet_file_may_be_named_itself(tmp_path: Path) -> None:

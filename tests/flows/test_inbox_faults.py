@@ -378,6 +378,20 @@ def test_of_two_captures_that_come_to_one_name_the_second_is_quarantined():
     assert late == {"c-u20-d": f"the name c-u20-d is that of {RAW}/c d/{NAME}"}
 
 
+def test_what_is_refused_for_its_name_makes_the_same_content_no_double():
+    put("c d", 3)
+    assert take_captures(settle_s=0.0).accepted == ("c-u20-d",)
+    put("c-u20-d", 4)
+    put("e", 4)
+    put("f", 4)
+    result = take_captures(settle_s=0.0)
+    assert result.accepted == ("e",)
+    assert result.quarantined == {
+        "c-u20-d": f"the name c-u20-d is that of {RAW}/c d/{NAME}",
+        "f": "the same content as e",
+    }
+
+
 def test_control_characters_of_names_reach_no_terminal(capsys):
     put("\x1b[31mred\n", 1).write_text("1,2\x1b[2J\n")
     (INBOX / "\x1b[2Jnotes\n").write_text("no capture")

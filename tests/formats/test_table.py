@@ -18,6 +18,7 @@ from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.store.motions import write_motions
 from tests.figures.samples import interaction
 from tests.formats.real_files import real_folder
+from tests.formats.rigged import people
 
 SEEN = interaction(1)
 SKELETON = SEEN.skeleton
@@ -129,7 +130,8 @@ def test_a_missing_array_is_named_with_those_that_are_there(tmp_path: Path, name
         ({"times": np.arange(4) * 1e6, "fps": None}, "times: fps must be"),
         ({"unit": 0.0}, "unit must be"),
         ({"unit": np.inf}, "unit must be"),
-        ({"unit": "mm"}, "unit: wanted a number"),
+        ({"unit": "feet"}, "unit: wanted metres per unit, or m, cm, mm, in, "),
+        ({"unit": np.array(["mm", "cm"])}, "unit: wanted text; got (2,)"),
         ({"unit": 1000.0}, "at most 1000 m"),
         ({"up": "x"}, "up must be one of ('y', 'z'); got 'x'"),
         ({"up": 1}, "up: wanted text"),
@@ -141,7 +143,12 @@ def test_a_missing_array_is_named_with_those_that_are_there(tmp_path: Path, name
         ({"parents": np.array([-1, -1, 0])}, "must form one tree"),
         ({"parents": np.array([-1, 0, 9])}, "must form one tree"),
         ({"parents": np.array([-1, 0])}, "an integer for each of 3 joints"),
-        ({"parents": np.array([-1.0, 0, 0])}, "an integer for each of 3 joints"),
+        ({"parents": np.array([-1.0, 0, 0.5])}, "an integer for each of 3 joints"),
+        ({"parents": np.array([np.nan, 0, 0])}, "an integer for each of 3 joints"),
+        ({"parents": np.array([0, 1, 1])}, "counted from 1, as in MATLAB: wanted parents - 1"),
+        ({"parents": np.array([-1, 1, 1])}, "counted from 1, as in MATLAB: wanted parents - 1"),
+        ({"parents": np.array([[0.0], [1.0], [1.0]])}, "counted from 1, as in MATLAB"),
+        ({"parents": np.array([0, 0, 0])}, "'hips' is its own parent: wanted -1 for the root"),
         ({"person_a": np.zeros((4, 2, 3))}, "person_a: wanted (T, 3, 3)"),
         ({"person_a": np.float64(1)}, "person_a: wanted (T, 3, 3)"),
         ({"person_b": np.zeros((5, 3, 3))}, "person_b: wanted (T, 3, 3)"),
@@ -298,3 +305,70 @@ def test_recorded_handovers_are_read() -> None:
 def test_a_table_is_written_the_same_twice(suffix: str) -> None:
     table = JointTable(SKELETON, SEEN.times, [SEEN.person_a, SEEN.person_b], "y", 1.0)
     assert TABLE_WRITERS[suffix](table) == TABLE_WRITERS[suffix](table)
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("mm", 0.001), (["CM"], 0.01), ("inches", 0.0254)])
+def test_a_unit_may_be_a_word_and_parents_a_matrix_of_real_numbers(
+    tmp_path: Path, unit: object, metres: float
+) -> None:
+    """As ``scipy.io.loadmat`` returns the text and the vector of a MATLAB file."""
+    file = npz(tmp_path, unit=np.array(unit), up="y", parents=np.array([[-1.0, 0.0, 0.0]]))
+    back = read(file).interaction
+    np.testing.assert_allclose(back.person_a, ARRAYS["person_a"] * metres, atol=1e-6)
+    assert back.skeleton.parents == (-1, 0, 0)
+
+
+def test_a_unit_may_be_a_word_in_csv_and_parquet(tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text(CSV.replace("unit: 0.01", "unit: cm"))
+    (tmp_path / "two.csv").write_text(CSV)
+    a, b = (read(tmp_path / name).interaction for name in ("one.csv", "two.csv"))
+    np.testing.assert_array_equal(a.person_a, b.person_a)
+
+
+def matrix_of(layout: str) -> np.ndarray:
+    """Return a matrix of a person with a row a frame."""
+    motion = people().person_a
+    if layout == "blocks":
+        return motion.transpose(0, 2, 1).reshape(len(motion), -1)
+    return motion.reshape(len(motion), -1)
+
+
+@pytest.mark.parametrize(
+    ("layout", "said"),
+    [
+        ("blocks", "if the coordinates of a frame are all x, all y, all z: wanted array.reshape("),
+        ("interleaved", "x y z of joint after joint: wanted array.reshape(T, J, 3)"),
+    ],
+)
+def test_coordinates_in_another_layout_are_refused_with_the_right_one(
+    tmp_path: Path, layout: str, said: str
+) -> None:
+    matrix, body = matrix_of(layout), people().skeleton
+    n_joints = len(body.joints)
+    wrong = (
+        matrix.reshape(-1, n_joints, 3)
+        if layout == "blocks"
+        else matrix.reshape(-1, 3, n_joints).transpose(0, 2, 1)
+    )
+    facts = {"joints": body.joints, "parents": body.parents, "fps": 30, "up": "y"}
+    np.savez(tmp_path / "x.npz", person_a=wrong, person_b=wrong, unit=1.0, **facts)
+    refused(tmp_path / "x.npz", "person_a: bones of no body, but of one ", said)
+
+
+def test_recorded_people_are_bodies_in_their_own_layout_alone(tmp_path: Path) -> None:
+    for file in sorted(real_folder("handover").glob("*.npz"))[::20]:
+        arrays = dict(np.load(file))
+        assert len(read(file).interaction.times) == len(arrays["person_a"])
+        n_frames, n_joints, _ = arrays["person_a"].shape
+        for name in ("person_a", "person_b"):
+            arrays[name] = arrays[name].transpose(0, 2, 1).reshape(n_frames, n_joints, 3)
+        np.savez(tmp_path / "x.npz", **arrays)
+        refused(tmp_path / "x.npz", "person_a: bones of no body", "reshape(T, 3, J)")
+
+
+def test_a_missing_unit_is_said_with_the_one_that_makes_a_person(tmp_path: Path) -> None:
+    clip = people()
+    facts = {"joints": clip.skeleton.joints, "parents": clip.skeleton.parents, "fps": 30}
+    motions = {"person_a": 1000 * clip.person_a, "person_b": 1000 * clip.person_b}
+    np.savez(tmp_path / "x.npz", **facts, **motions, up="y")
+    refused(tmp_path / "x.npz", "no unit: wanted ", "; unit 0.001 would make a person of 1.")

@@ -86,7 +86,9 @@ def test_more_reactions_than_names_can_count_are_refused(clips, tmp_path):
         write_reactions(clips, splits, tmp_path, lambda name, facts, seen: [seen.person_a] * 11)
 
 
-def test_the_stage_writes_a_split_a_clip_of_its_fold_and_counts_them(clips, tmp_path, monkeypatch):
+def test_the_stage_writes_a_split_a_clip_of_its_fold_and_counts_them(
+    clips, tmp_path, monkeypatch, capsys
+):
     rule = {
         "method": "listed_people", "test_share": 0.2, "validation_share": 0,
         "validation_by": "recording", "min_people": 2, "test_pairs": [],
@@ -101,6 +103,10 @@ def test_the_stage_writes_a_split_a_clip_of_its_fold_and_counts_them(clips, tmp_
     counts = read_json(tmp_path / "2.json")
     assert (counts["train"], counts["test"], counts["dropped"]) == (3, 2, 0)
     assert (counts["people"], counts["tested_people"], counts["tested_recordings"]) == (6, 2, 2)
+    assert capsys.readouterr().out == (
+        "fold 2: 5 clips and 6 people, split by listed_people: 3 train, 2 test; "
+        "tested are 2 recordings (2 people)\n"
+    )
 
 
 def test_cut_windows_follow_on_and_name_their_start(clips, tmp_path, monkeypatch):

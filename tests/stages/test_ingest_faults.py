@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from pacmo_core.commands.cli import app
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
+from stages import cut
 from stages.common.params import StageError
 from stages.ingest import main
 from tests.docs import ROOT
@@ -87,3 +90,54 @@ def test_where_no_capture_is_usable_the_names_wanted_and_seen_are_said(
     assert "no capture of 2 is usable" in str(fault.value)
     assert "wanted names such as NAME_A.bvh and NAME_B.bvh" in str(fault.value)
     assert "there are hug_A1.bvh, hug_B1.bvh" in str(fault.value)
+
+
+def test_where_no_capture_is_usable_each_is_listed_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "a_alone.bvh").write_text("HIERARCHY")
+    for name, unit in (("x", 0.0005), ("y", 0.0004), ("z", 0.0003)):
+        write_pair(tmp_path / "raw", name, unit, "y")
+    with pytest.raises(StageError) as fault:
+        main(Path("raw"), Path("s"), Path("m.json"))
+    text = str(fault.value)
+    assert "no capture of 4 is usable; 3: a person of " in text, "not the first: the most common"
+    assert "x_A.bvh" in text
+    assert text.endswith("pacmo quarantine s lists the reason of each")
+    rows = read_rows(Path("s/quarantine.parquet"), QuarantineRecord)
+    assert [row.sequence for row in rows] == ["a_alone.bvh", "x", "y", "z"]
+    shown = CliRunner().invoke(app, ["quarantine", "s"])
+    assert "4 of 4" in shown.output
+
+
+@pytest.mark.parametrize(
+    ("settings", "drop", "said"),
+    [
+        (SETTINGS.replace("0.01", "centimetres"), "[]", "ingest.settings: unit: "),
+        (SETTINGS.replace("pair", "mixamo"), "[]", "ingest.settings: preset must be one of "),
+        (SETTINGS.replace("0.01", ""), "[]", "preset pair states no unit: wanted it as a setting"),
+        (SETTINGS, "[nose]", r"drop_joints: .*cannot remove \['nose'\]; its joints are "),
+    ],
+)
+def test_a_wrong_setting_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: str, drop: str, said: str
+) -> None:
+    prepare(tmp_path, monkeypatch, settings)
+    write_pair(tmp_path / "raw", "x", 0.01, "y")
+    text = (tmp_path / "params.yaml").read_text().replace("drop_joints: []", f"drop_joints: {drop}")
+    (tmp_path / "params.yaml").write_text(text)
+    with pytest.raises(StageError, match=said) as fault:
+        main(Path("raw"), Path("s"), Path("m.json"))
+    assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize("seconds", ["0", "-1", ".nan"])
+def test_clips_of_no_length_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: str
+) -> None:
+    (tmp_path / "params.yaml").write_text(f"cut: {{clip_seconds: {seconds}}}\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StageError, match="clip_seconds must be > 0; got "):
+        cut.main(Path("s"), Path("c"))
