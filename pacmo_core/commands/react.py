@@ -259,9 +259,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             raise CommandError("give a PARTNER and --out, or --stream")
         space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
         check_reactions_output(out, space)
-        model = load_reaction_model(chosen)
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(partner, clip)))
-        source = Source(partner, person or "a", person)
+        model, source = load_reaction_model(chosen), Source(partner, person or "a", person)
         capture = to_model_joints(_capture(source, options, clip), model.skeleton, source, options)
         name = clip or partner.stem
         at = _sample_times(capture, to_fps, name)
