@@ -251,3 +251,8 @@ def follow(folder: Path, page: Path) -> str:
                 words = line.split()[1:]
                 said += run(folder, [*words, "--no-open"] if words[1] == "view" else words)
     return said
+
+
+def test_the_page_about_clusters_says_what_trust_one_needs():
+    text = (ROOT / "docs" / "scaling.md").read_text(encoding="utf-8")
+    assert re.search(r"[Cc]onnect to a cluster only if you trust all of its machines", text)

@@ -73,3 +73,9 @@ def test_metrics_that_do_not_see_the_partner_are_named():
     table = sensitivity_table({"any_action": seen}, {"any_action": "over all"})
     assert [line.entries[0].mark for line in table.lines] == ["best", ""]
     assert table.metrics[0].label == "over all"
+
+
+def test_each_row_says_whose_it_is_where_its_column_heads_are_out_of_sight():
+    for paper in PAPER_TABLES:
+        labels = [line.label for line in side_by_side(paper, OURS).lines]
+        assert all(label.endswith((", the paper", ", ours")) for label in labels), labels

@@ -10,6 +10,7 @@ import pytest
 from pacmo_core.figures import Panel, PlayedClip, Report, render_report
 from pacmo_core.figures.findings import Finding
 from pacmo_core.figures.viewer import LIBRARY, player_scripts, read_asset, script_hash
+from pacmo_core.metrics.catalogue import METRICS, ROWS
 from tests.figures.samples import interaction, report
 
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror="alert(2)">\'"&<!--{{7*7}}'
@@ -144,3 +145,30 @@ def test_clips_of_each_kind_play_their_own_motions() -> None:
         assert f'data-clip="{number}"' in html[at : html.index("</section>", at)]
         assert f'aria-label="clip clip {number}"' in html[at:]
     assert len(json.loads(Page(html).scripts[0])) == 3
+
+
+def test_labels_of_tables_are_words() -> None:
+    shown = [metric.label for metric in METRICS.values()] + [label for label, _ in ROWS.values()]
+    code = re.compile(r"[a-z0-9]_[a-z0-9]")
+    assert [label for label in shown if code.search(label)] == []
+    # A key that has no label would be shown as it is, and be caught here too.
+    page = Page(render_report(report()))
+    assert [text for text in page.texts if code.search(text) and "/" not in text] == []
+
+
+def test_every_table_scrolls_in_a_region_of_its_own_that_says_what_it_is() -> None:
+    html = render_report(report())
+    regions = re.findall(
+        r'<div class="scroll" tabindex="0" role="region" aria-label="[^"]+">', html
+    )
+    assert html.count("<table") == len(regions) > 0
+    style = read_asset("table.css")
+    # Its edges are shaded where it goes on, and what scrolls is as wide as it needs to be.
+    assert "overflow-x: auto" in style[style.index(".scroll {") :]
+
+
+def test_captions_break_and_are_never_cut() -> None:
+    for name in ("player.css", "report.css", "table.css"):
+        rules = re.findall(r"([^{}]*)\{([^{}]*)\}", read_asset(name))
+        captions = [body for selector, body in rules if "caption" in selector]
+        assert not any("ellipsis" in body or "nowrap" in body for body in captions), name
