@@ -42,7 +42,7 @@ def test_the_wheel_holds_the_library_its_defaults_and_nothing_else(tmp_path):
     assert {name for name in top if not name.endswith(".dist-info")} == {"pacmo_core"}
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert {"pacmo_core/py.typed", "pacmo_core/figures/three.min.js"} <= set(names)
-    weights = "pacmo_core/reaction/starting_weights"
+    weights = "pacmo_core/commands/starting_weights"
     assert {f"{weights}.safetensors", f"{weights}.json"} <= set(names)
 
 

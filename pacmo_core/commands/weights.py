@@ -20,7 +20,7 @@ from pacmo_core.store.weights import read_trained_on, read_weights, write_weight
 
 # Of the model of reactions that is used if none is named: that of a run here, else the package's.
 TRAINED_HERE = Path("models/1/pacmo/1/weights.safetensors")
-PACKAGED = Path(__file__).parents[1] / "reaction" / "starting_weights.safetensors"
+PACKAGED = Path(__file__).with_name("starting_weights.safetensors")
 CARD = PACKAGED.with_suffix(".json")
 MAX_BYTES = 4_000_000  # of the packaged weights
 LICENCE = "Apache-2.0"
