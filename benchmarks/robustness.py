@@ -26,6 +26,8 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import torch
+
 from benchmarks._crafted import crafted_cases
 from benchmarks._figures import arguments, show
 from benchmarks._fuzz_binary import make_templates
@@ -171,6 +173,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="readers whose names contain this")
     options = parser.parse_args()
+    # A fork of a process with threads of OpenMP waits for them for ever.
+    torch.set_num_threads(1)
     tally = Tally()
     with tempfile.TemporaryDirectory() as place, serving_study(Path(place)):
         templates = Path(place)
