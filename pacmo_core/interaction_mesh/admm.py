@@ -18,12 +18,13 @@ an iteration is ``v + relaxation (A U + a - z)``.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from pacmo_core.interaction_mesh.acceleration import Iterates
 from pacmo_core.interaction_mesh.constraints import Floor, Rows
 from pacmo_core.interaction_mesh.factorisation import Factorisation
 from pacmo_core.interaction_mesh.linear_algebra import (
@@ -37,16 +38,9 @@ from pacmo_core.interaction_mesh.scene import Array, Single
 # Blocks that take the local step together. Their data fit into the processor's cache; fewer would
 # cost more calls.
 BLOCKS_PER_STEP = 4
-MIN_SQUARED_STEP = 1e-30  # square metres
 PAIR_TOLERANCE = 5e-4  # metres, step of a row between the bodies when ADMM has converged
 # Iterations between two checks of convergence.
 CHECK_EVERY = 3
-# Checks between two extrapolated steps, each of at most MAX_EXTRAPOLATION times its own length.
-# Extrapolation goes on as long as the squared step falls between two of them as it would in
-# REQUIRED_CHECKS checks without.
-EXTRAPOLATE_EVERY = 4
-MAX_EXTRAPOLATION = 6.0
-REQUIRED_CHECKS = 3.5
 
 
 @dataclass(frozen=True)
@@ -110,9 +104,14 @@ class State:
         self.largest_pair_step[:] = 0
         return self
 
-    def workspace(self, n_rows: int) -> "Workspace":
-        """Allocate working arrays for R rows per frame."""
-        return Workspace(n_rows, self.displacement.shape[1], self.n_bodies)
+    @property
+    def iterate(self) -> tuple[Single, Single]:
+        """The fixed-point iteration's variable: v of the rows and of the heights."""
+        return self.governing, self.floor
+
+    def workspace(self) -> "Workspace":
+        """Allocate working arrays."""
+        return Workspace(self.governing.shape[2], self.displacement.shape[1], self.n_bodies)
 
 
 class Workspace:
@@ -121,13 +120,10 @@ class Workspace:
     Attributes
     ----------
     is_measured : whether an iteration adds to ``State.squared_step``
-    extrapolation : (V,) float32 or None; a measured iteration goes this many times its own step
-        further
     """
 
     def __init__(self, n_rows: int, n_points: int, n_bodies: int) -> None:
         self.is_measured = False
-        self.extrapolation: Single | None = None
         self.coupled = np.zeros((n_points, 3 * n_bodies), dtype=np.float32)
         self.correction = np.zeros_like(self.coupled)
         self._rows = np.zeros((BLOCKS_PER_STEP, 2, n_rows, 3, n_bodies), dtype=np.float32)
@@ -149,6 +145,7 @@ class AdmmSolver:
     rows : the differences
     gather, scatter : A, and A^T P, of each ``BLOCKS_PER_STEP`` blocks
     source : (K, 2, R, 3, 1) float32 metres, a
+    penalties : (K, 2, R, 1) float32
     lower, upper : (K, 2, R, 1) float32 metres, bounds on the lengths
     elasticity : (K, 2, R, 1) float32, fraction of the way from v to its projection
     floor : the heights
@@ -161,6 +158,7 @@ class AdmmSolver:
     gather: tuple[csr_array, ...]
     scatter: tuple[csr_array, ...]
     source: Single
+    penalties: Single
     lower: Single
     upper: Single
     elasticity: Single
@@ -181,9 +179,13 @@ class AdmmSolver:
                 self._local_step(state, work, slice(block, last))
                 last = block
 
-    def initialise(self, state: State) -> None:
+    @property
+    def iterate_penalties(self) -> tuple[Single, Single]:
+        """P of ``State.iterate``, (K, 2, R, 1, 1) and (K, 2, F, 1)."""
+        return self.penalties[..., None], self.floor_penalties
+
+    def project(self, state: State, work: Workspace) -> None:
         """Project a new governing variable and set the right-hand side of the linear step."""
-        work = state.workspace(self.source.shape[2])
         for block in range(0, len(self.source), BLOCKS_PER_STEP):
             self._project(state, work, slice(block, min(block + BLOCKS_PER_STEP, len(self.source))))
 
@@ -231,9 +233,6 @@ class AdmmSolver:
         np.add(governing, rows, out=governing)
         if work.is_measured:
             np.subtract(other, governing, out=other)
-            if work.extrapolation is not None:
-                extrapolated = np.multiply(other, work.extrapolation, out=rows)
-                np.subtract(governing, extrapolated, out=governing)
             np.multiply(other, other, out=other)
             _add_rows(other, state.squared_step)
             pairs = other[:, :, self.rows.n_body_rows :].reshape(-1, 3, state.n_bodies)
@@ -252,8 +251,6 @@ class AdmmSolver:
         step *= np.float32(self.relaxation)
         floor += step
         if work.is_measured:
-            if work.extrapolation is not None:
-                floor += work.extrapolation * step
             _add_rows(step * step, state.squared_step)
 
     def _floor_rows(self, blocks: Single, n_bodies: int) -> Single:
@@ -357,6 +354,7 @@ def build_solver(
         gather=tuple(gather for gather, _ in matrices),
         scatter=tuple(scatter for _, scatter in matrices),
         source=pair_frames(source[..., AXIS_ORDER])[..., None].astype(np.float32),
+        penalties=penalties[..., None].astype(np.float32),
         lower=lower,
         upper=upper,
         elasticity=elasticity,
@@ -420,63 +418,12 @@ class AdmmSolution:
     residual: Array
     iterations: NDArray[np.intp]
 
-    def store(
-        self, state: State, rows: NDArray[np.intp], columns: NDArray[np.intp], iteration: int
-    ) -> None:
+    def store(self, state: State, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
         """Copy the state of the bodies ``columns`` to the ``rows`` of the result."""
         displacement = state.displacement.reshape(*self.displacement.shape[:3], -1)
         self.displacement[..., rows] = displacement[..., columns]
         self.governing[..., rows] = state.governing[..., columns]
         self.projection[..., rows] = state.projection[..., columns]
-        self.iterations[rows] = iteration
-
-
-@dataclass(frozen=True)
-class ConvergenceRate:
-    """The decrease of the squared step from one check of convergence to the next.
-
-    Parameters
-    ----------
-    squared_step : (V,) at the last check
-    ratio : (V,) that relative to the check before
-    before_extrapolation : (V,) the squared step before the last extrapolation; 0 once an
-        extrapolation did not pay off
-    """
-
-    squared_step: Array
-    ratio: Array
-    before_extrapolation: Array
-
-    @classmethod
-    def initial(cls, n_bodies: int) -> "ConvergenceRate":
-        """Return the rate before the first check."""
-        huge = np.full(n_bodies, 1 / MIN_SQUARED_STEP)
-        return cls(huge, huge, np.full(n_bodies, np.inf))
-
-    def update(self, squared_step: Array) -> "ConvergenceRate":
-        """Return the rate after a further check."""
-        clipped = squared_step.clip(MIN_SQUARED_STEP, 1 / MIN_SQUARED_STEP)
-        return replace(self, squared_step=clipped, ratio=clipped / self.squared_step)
-
-    def select(self, bodies: NDArray[np.intp]) -> "ConvergenceRate":
-        """Return the rate of some of the bodies."""
-        return ConvergenceRate(
-            self.squared_step[bodies], self.ratio[bodies], self.before_extrapolation[bodies]
-        )
-
-    def extrapolate(self) -> tuple[Single, "ConvergenceRate"]:
-        """Return the sum of all later steps, (V,), as a multiple of the next step.
-
-        Aitken's extrapolation of a geometric series, with one rate for all rows of a body. Zero
-        where steps do not decrease, and where the last extrapolation did not pay off: it has
-        started an oscillation, which another would amplify.
-        """
-        pays_off = self.squared_step <= self.before_extrapolation * self.ratio**REQUIRED_CHECKS
-        decreases = np.where((self.ratio < 1) & pays_off, self.ratio, 0)
-        rate = decreases ** (0.5 / CHECK_EVERY)
-        all_steps = 1 / (1 - rate).clip(min=1 / MAX_EXTRAPOLATION)
-        before = np.where(pays_off, self.squared_step, 0)
-        return (all_steps - 1).astype(np.float32), replace(self, before_extrapolation=before)
 
 
 def solve_admm(
@@ -488,51 +435,50 @@ def solve_admm(
     """
     n_bodies = len(start.step_scale)
     columns = np.resize(np.arange(n_bodies), padded_width(n_bodies))
-    state, n_rows = _initial_state(solver, start), start.governing.shape[2]
-    solution, work = _empty_solution(start, state), state.workspace(n_rows)
     active = np.arange(len(columns)) < n_bodies  # the others only pad
-    rate = ConvergenceRate.initial(len(columns))
-    # Steps under bounds between the bodies oscillate, and extrapolation would sustain that.
-    can_extrapolate = solver.rows.n_body_rows == solver.rows.lower.shape[1]
+    state = _initial_state(start)
+    solution, work = _empty_solution(start, state), state.workspace()
+    solver.project(state, work)
+    iterates = Iterates(state.iterate, solver.iterate_penalties)
     for number in range(1, max_iterations + 1):
         is_last = number == max_iterations
-        is_extrapolated = (
-            number % (EXTRAPOLATE_EVERY * CHECK_EVERY) == 0 and can_extrapolate and not is_last
-        )
-        work.extrapolation, rate = rate.extrapolate() if is_extrapolated else (None, rate)
         work.is_measured = number % CHECK_EVERY == 0 or is_last
         solver.iterate(state.clear_steps(), work)
-        if is_extrapolated or not work.is_measured:
-            continue
-        rate = rate.update(state.squared_step)
-        residuals = np.sqrt(state.squared_step / start.step_scale[columns])
-        # One contact of a clip hardly counts in the residual.
-        has_settled = (residuals <= tolerance) & (state.largest_pair_step <= PAIR_TOLERANCE**2)
-        converged = (has_settled | is_last) & active
-        solution.store(state, columns[converged], np.flatnonzero(converged), number)
-        solution.residual[columns[converged]] = residuals[converged]
-        active &= ~converged
-        width = padded_width(int(active.sum()))
-        if not width:
-            break
-        if width < state.n_bodies:
-            remaining = np.resize(np.flatnonzero(active), width)
-            state, columns, rate = (
-                state.select(remaining),
-                columns[remaining],
-                rate.select(remaining),
-            )
-            active = np.arange(width) < active.sum()
-            work = state.workspace(n_rows)
+        iterates.add(state.iterate)
+        if work.is_measured:
+            residuals, has_settled = _measure(state, start.step_scale[columns], tolerance)
+            converged = (has_settled | is_last) & active
+            rows = columns[converged]
+            solution.residual[rows], solution.iterations[rows] = residuals[converged], number
+            solution.store(state, rows, np.flatnonzero(converged))
+            active &= ~converged
+            width = padded_width(int(active.sum()))
+            if not width:
+                break
+            if width < state.n_bodies:
+                remaining = np.resize(np.flatnonzero(active), width)
+                state, columns = state.select(remaining), columns[remaining]
+                iterates.select(remaining)
+                active, work = np.arange(width) < active.sum(), state.workspace()
+        if iterates.is_full:
+            iterates.move(state.iterate)
+            solver.project(state, work)
     return solution
 
 
-def _initial_state(solver: AdmmSolver, start: AdmmStart) -> State:
+def _measure(state: State, step_scale: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the fixed-point residual of each body, (V,), and whether it has converged."""
+    residuals = np.sqrt(state.squared_step / step_scale)
+    # One contact of a clip hardly counts in the residual.
+    return residuals, (residuals <= tolerance) & (state.largest_pair_step <= PAIR_TOLERANCE**2)
+
+
+def _initial_state(start: AdmmStart) -> State:
     bodies = np.resize(np.arange(len(start.step_scale)), padded_width(len(start.step_scale)))
     governing = np.ascontiguousarray(start.governing[..., bodies])
     energy_rhs = np.ascontiguousarray(start.energy_rhs[..., bodies])
     energy_rhs = energy_rhs.reshape(*energy_rhs.shape[:2], -1)
-    state = State(
+    return State(
         energy_rhs=energy_rhs,
         rhs=np.zeros_like(energy_rhs),
         displacement=np.zeros_like(energy_rhs),
@@ -544,8 +490,6 @@ def _initial_state(solver: AdmmSolver, start: AdmmStart) -> State:
         squared_step=np.zeros(len(bodies)),
         largest_pair_step=np.zeros(len(bodies), dtype=np.float32),
     )
-    solver.initialise(state)
-    return state
 
 
 def _empty_solution(start: AdmmStart, state: State) -> AdmmSolution:
