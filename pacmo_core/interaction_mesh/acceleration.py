@@ -22,7 +22,7 @@ MEMORY = 6
 # The steps are compared in every this many blocks: neighbouring frames move alike.
 SAMPLE_EVERY = 4
 # Of the mean square of the steps; bounds the coefficients where steps are hardly different.
-REGULARISATION = 1e-8
+REGULARISATION = 1e-6
 
 
 def combine(gram: Array) -> Array:

@@ -79,7 +79,7 @@ def test_the_response_equals_that_of_float64_even_if_float32_loses_the_regularis
     anchor, is_lost, monkeypatch
 ):
     weights = replace(SETTINGS.weights, regularisation=anchor, root=0)
-    source = scene(0, 20)
+    source = scene(1, 20)
     energy = build_energy(source, replace(SETTINGS, weights=weights))
     precisions = []
     eliminate = warm_start._block_cholesky_solve
