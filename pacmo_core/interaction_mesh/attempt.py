@@ -247,8 +247,8 @@ def is_final(window: PreparedWindow, number: int, result: AttemptResult) -> bool
 def _select_better(
     limits: AttemptLimits, previous: AttemptResult | None, result: AttemptResult
 ) -> AttemptResult:
-    """Return the better motion; the later of two within the limits, which had more iterations."""
-    if previous is None:
+    """Return the better motion: the later, which has more constraints, unless it has diverged."""
+    if previous is None or not result.has_diverged:
         return result
     if result.quality.limit_ratio(limits) <= max(1, previous.quality.limit_ratio(limits)):
         return result
