@@ -39,6 +39,8 @@ from pacmo_core.reaction.bones import (
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
 from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, stance_phases
+from pacmo_core.reaction.steps import take_steps
+from pacmo_core.reaction.turns import resolve_turns
 
 Array = NDArray[np.float64]
 
@@ -117,8 +119,10 @@ def finish(
     (T, J, 3) float32, metres
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
-    targets = find_targets(reaction, partner, fps, skeleton, contact_model)
-    motion = reaction.astype(np.float64)
+    lengths = median_lengths(reaction, skeleton)
+    motion = resolve_turns(reaction.astype(np.float64), fps, skeleton)
+    motion = take_steps(motion, lengths, fps, skeleton)
+    targets = find_targets(motion, lengths, partner, fps, skeleton, contact_model)
     result = np.zeros_like(motion)
     for first, end, share in _parts(len(motion)):
         part = Solver(motion[first:end], targets.frames(first, end), fps, skeleton).solve()
@@ -129,14 +133,17 @@ def finish(
 
 
 def find_targets(
-    reaction: Motion, partner: Motion, fps: float, skeleton: Skeleton, contact_model: Array
+    motion: Array,
+    lengths: Array,
+    partner: Motion,
+    fps: float,
+    skeleton: Skeleton,
+    contact_model: Array,
 ) -> Targets:
-    """Find bone lengths, stances, the floor and contacts of a generated reaction."""
-    motion = reaction.astype(np.float64)
+    """Find stances, the floor and contacts of a reaction whose feet step; ``lengths`` of bones."""
     anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
-    stance = find_stance(reaction, fps, skeleton)
-    floor = rest_heights(reaction, partner, stance, fps, skeleton)
-    lengths = median_lengths(reaction, skeleton)
+    stance = find_stance(motion, fps, skeleton)
+    floor = rest_heights(motion, partner, stance, fps, skeleton)
     length_of = lengths_by_joint(lengths, skeleton)
     for number, (foot, standing) in enumerate(zip(feet(skeleton), stance, strict=True)):
         joints, share = list(foot), 1 / (1 + number % 2)
@@ -155,7 +162,7 @@ def find_targets(
             for joint in joints[1:]:
                 parent = skeleton.parents[joint]
                 _set_length(anchor[phase], parent, joint, length_of[joint])
-    contacts = predict_contacts(reaction, partner, fps, skeleton, contact_model)
+    contacts = predict_contacts(motion, partner, fps, skeleton, contact_model)
     rests = _support(motion, anchor, stands, floor, skeleton)
     return Targets(lengths, anchor, stands, rests, floor, contacts)
 
