@@ -24,9 +24,11 @@ MIN_GLIDE = 0.25  # metres that both feet slide before they step instead
 MAX_PAUSE = 0.15  # seconds for which a glide may rest
 LOW_QUANTILE = 0.05  # of a foot's heights, at which it is on the floor
 MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher one is lifted
-# A step of one foot: its length and its turn at most, and its time.
-STEP_LENGTH, STEP_TURN = 0.8, np.pi / 2  # metres, radians
-MIN_SECONDS, MAX_SECONDS = 0.3, 0.6
+# Of one step, at most: how far a foot stands before or behind where it would be beneath the body,
+# in metres and radians of the body's turn; and its time.
+MAX_REACH, MAX_TURN = 0.33, np.pi / 4
+MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
+MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
 
 
@@ -82,7 +84,7 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
         if (speed[first:stop].sum(axis=0) / fps).min() < MIN_GLIDE:
             continue
         headings = find_headings(motion[first:stop], fps, skeleton)
-        n_steps = 2 * _steps_of_a_foot(path[[first, stop - 1]], headings, (stop - first) / fps)
+        n_steps = _count_steps(path[[first, stop - 1]], headings, (stop - first) / fps)
         more = max(0, round((n_steps * MIN_SECONDS * fps - (stop - first)) / 2))
         first, stop = max(end, first - more), min(len(motion), stop + more)
         found.append(slice(first, stop))
@@ -102,43 +104,58 @@ def _runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
     return joined
 
 
-def _steps_of_a_foot(ankles: Array, headings: Array, seconds: float) -> int:
-    """Count the steps of each foot from the first to the last place ``(2, 2, 3)`` of the ankles."""
+def _count_steps(ankles: Array, headings: Array, seconds: float) -> int:
+    """Count the steps of both feet from the first to the last places ``(2, 2, 3)`` of ankles."""
     travel = float(np.linalg.norm((ankles[1] - ankles[0])[:, [0, 2]], axis=-1).max())
     turn = abs(float(headings[-1] - headings[0]))
-    shares = travel / STEP_LENGTH, turn / STEP_TURN, seconds / (2 * MAX_SECONDS)
-    return max(1, *(round(share) for share in shares))
+    shares = travel / MAX_REACH, turn / MAX_TURN, seconds / MAX_SECONDS
+    return max(2, *(round(share) for share in shares))
 
 
 def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) -> Array:
     """Return a motion ``(T, J, 3)`` of which the feet step; its other joints are as they were."""
-    result, n_frames = motion.copy(), len(motion)
-    root, share = motion[:, skeleton.root], np.linspace(0, 1, n_frames)
+    result, root = motion.copy(), motion[:, skeleton.root]
     ankles = [foot[0] for foot in feet(skeleton)]
-    per_foot = _steps_of_a_foot(motion[[0, -1]][:, ankles], headings, n_frames / fps)
+    n_steps = _count_steps(motion[[0, -1]][:, ankles], headings, len(motion) / fps)
+    paths = [_beneath(motion[:, list(foot)], root, headings) for foot in feet(skeleton)]
+    progress = _progress(np.stack([path[:, 0] for path in paths], axis=1))
     # The foot that is behind goes first.
-    ahead = root[-1] - root[0]
-    behind = [float((motion[0, ankle] - root[0])[[0, 2]] @ ahead[[0, 2]]) for ankle in ankles]
-    order = np.argsort(behind, kind="stable").tolist()
-    slot = 1 / (2 * per_foot)
-    for turn, number in enumerate(order):
-        joints = list(feet(skeleton)[number])
-        # Beneath the body: in its frame, feet go from where they are to where they will be.
-        first, last = (
-            turned(motion[[k]][:, joints] - root[[k]][:, None], -headings[[k]])[0] for k in (0, -1)
-        )
-        beneath = first + share[:, None, None] * (last - first)
-        path = root[:, None] + turned(beneath, headings)
-        path[..., 1] = (1 - share[:, None]) * motion[0, joints, 1]
-        path[..., 1] += share[:, None] * motion[-1, joints, 1]
-        starts = [slot * (turn + 2 * k) for k in range(per_foot)]
-        landings = [start + slot for start in starts]
-        middles = [(a + b) / 2 for a, b in zip(landings[:-1], starts[1:], strict=True)]
-        places = [path[0], *(path[round(m * (n_frames - 1))] for m in middles), path[-1]]
-        feet_path = np.tile(places[0], (n_frames, 1, 1))
-        for start, place, following in zip(starts, places[:-1], places[1:], strict=True):
-            done = ((share - start) / slot).clip(0, 1)[:, None, None]
-            feet_path += smooth_step(done) * (following - place)
-            feet_path[..., 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]) ** 2
-        result[:, joints] = feet_path
+    ahead = (root[-1] - root[0])[[0, 2]]
+    behind = [float((motion[0, ankle] - root[0])[[0, 2]] @ ahead) for ankle in ankles]
+    for turn, number in enumerate(np.argsort(behind, kind="stable").tolist()):
+        path, joints = paths[number], list(feet(skeleton)[number])
+        starts = np.arange(turn, n_steps, 2) / n_steps
+        middles = (starts[:-1] + 1 / n_steps + starts[1:]) / 2
+        stops = [0, *np.searchsorted(progress, middles).tolist(), len(motion) - 1]
+        result[:, joints] = path[0]
+        for start, here, there in zip(starts, stops[:-1], stops[1:], strict=True):
+            done = ((progress - start) * n_steps).clip(0, 1)[:, None, None]
+            result[:, joints] += smooth_step(done) * (path[there] - path[here])
+            result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]) ** 2
     return result
+
+
+def _beneath(foot: Array, root: Array, headings: Array) -> Array:
+    """``(T, K, 3)``: where a foot would be beneath the body, from its first to its last place.
+
+    In the body's frame it goes evenly from one to the other, and so it does over the floor.
+
+    Parameters
+    ----------
+    foot : (T, K, 3) metres, its joints
+    root : (T, 3) metres
+    headings : (T,) radians
+    """
+    share = np.linspace(0, 1, len(foot))[:, None, None]
+    local = turned(foot[[0, -1]] - root[[0, -1]][:, None], -headings[[0, -1]])
+    path = root[:, None] + turned(local[0] + share * (local[1] - local[0]), headings)
+    path[..., 1] = foot[0, :, 1] + share[..., 0] * (foot[-1, :, 1] - foot[0, :, 1])
+    return path
+
+
+def _progress(paths: Array) -> Array:
+    """``(T,)`` from 0 to 1: how far paths ``(T, 2, 3)`` have come; it goes on while they rest."""
+    speed = np.linalg.norm(np.diff(paths, axis=0), axis=-1).mean(axis=1)
+    speed += MIN_PROGRESS * max(float(speed.mean()), 1e-9)
+    progress = np.concatenate([[0], np.cumsum(speed)])
+    return np.asarray(progress / progress[-1])
