@@ -100,7 +100,9 @@ def find_collapses(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]
     ratio = widths / max(float(np.median(widths)), 1e-9)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ratio < WHOLE, [False]])))
     runs = [slice(first, end) for first, end in edges.reshape(-1, 2).tolist()]
-    return [run for run in runs if ratio[run].min() < COLLAPSED and run.stop - run.start < len(ratio)]
+    return [
+        run for run in runs if ratio[run].min() < COLLAPSED and run.stop - run.start < len(ratio)
+    ]
 
 
 def smooth_step(share: Array) -> Array:
