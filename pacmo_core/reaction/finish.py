@@ -120,9 +120,10 @@ def finish(
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
     lengths = median_lengths(reaction, skeleton)
-    motion = resolve_turns(reaction.astype(np.float64), fps, skeleton)
-    motion = take_steps(motion, lengths, fps, skeleton)
-    targets = find_targets(motion, lengths, partner, fps, skeleton, contact_model)
+    whole = resolve_turns(reaction.astype(np.float64), fps, skeleton)
+    stepping = take_steps(whole, lengths, fps, skeleton).astype(np.float32)
+    targets = find_targets(stepping, lengths, partner, fps, skeleton, contact_model)
+    motion = stepping.astype(np.float64)
     result = np.zeros_like(motion)
     for first, end, share in _parts(len(motion)):
         part = Solver(motion[first:end], targets.frames(first, end), fps, skeleton).solve()
@@ -133,17 +134,18 @@ def finish(
 
 
 def find_targets(
-    motion: Array,
+    reaction: Motion,
     lengths: Array,
     partner: Motion,
     fps: float,
     skeleton: Skeleton,
     contact_model: Array,
 ) -> Targets:
-    """Find stances, the floor and contacts of a reaction whose feet step; ``lengths`` of bones."""
+    """Find stances, the floor and contacts of a reaction whose bones get ``lengths``, (E,)."""
+    motion = reaction.astype(np.float64)
     anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
-    stance = find_stance(motion, fps, skeleton)
-    floor = rest_heights(motion, partner, stance, fps, skeleton)
+    stance = find_stance(reaction, fps, skeleton)
+    floor = rest_heights(reaction, partner, stance, fps, skeleton)
     length_of = lengths_by_joint(lengths, skeleton)
     for number, (foot, standing) in enumerate(zip(feet(skeleton), stance, strict=True)):
         joints, share = list(foot), 1 / (1 + number % 2)
@@ -162,7 +164,7 @@ def find_targets(
             for joint in joints[1:]:
                 parent = skeleton.parents[joint]
                 _set_length(anchor[phase], parent, joint, length_of[joint])
-    contacts = predict_contacts(motion, partner, fps, skeleton, contact_model)
+    contacts = predict_contacts(reaction, partner, fps, skeleton, contact_model)
     rests = _support(motion, anchor, stands, floor, skeleton)
     return Targets(lengths, anchor, stands, rests, floor, contacts)
 

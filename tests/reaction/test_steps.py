@@ -5,7 +5,7 @@ import pytest
 
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction.bones import median_lengths
+from pacmo_core.reaction.bones import median_lengths, set_legs
 from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.stance import stance_phases
@@ -40,15 +40,15 @@ def crouching() -> np.ndarray:
 
 
 def walk() -> np.ndarray:
-    """Walk ahead at 1 m/s; each foot swings for 0.6 m in 0.3 s and rests for 0.3 s, in turn."""
-    times = np.arange(90) / FPS
+    """Walk ahead at 1.1 m/s: a foot swings for 0.44 s of each 1.1 s, the other half a cycle later."""
+    times = np.arange(120) / FPS
     motion = np.tile(crouching(), (len(times), 1, 1))
-    motion[..., 2] += times[:, None]
+    motion[..., 2] += 1.1 * times[:, None]
     for number, foot in enumerate(FEET):
-        cycle = times / 0.6 + 0.5 * number
-        share = ((cycle % 1) / 0.5).clip(0, 1)
-        ahead = 0.6 * (np.floor(cycle) - 0.5 * number + share**2 * (3 - 2 * share))
-        motion[:, foot, 2] = ahead - 0.15
+        cycle = times / 1.1 + 0.5 * number
+        share = ((cycle % 1) / 0.4).clip(0, 1)
+        done = np.floor(cycle) - 0.5 * number + share**2 * (3 - 2 * share)
+        motion[:, foot, 2] = 1.21 * done - 0.36
         motion[:, foot, 1] += 0.08 * np.sin(np.pi * share) ** 2
     return motion
 
@@ -56,7 +56,7 @@ def walk() -> np.ndarray:
 def moves(motion: np.ndarray, fps: float = FPS) -> np.ndarray:
     """``(2, T)``: in which frames each foot moves over the floor."""
     speed = np.linalg.norm(np.diff(motion[:, FEET][..., [0, 2]], axis=0), axis=-1) * fps
-    return speed.T > 0.02
+    return speed.T > 0.1
 
 
 @pytest.mark.parametrize(("metres", "turn"), [(1.5, 0.0), (0.6, np.pi), (0.8, 1.0)])
@@ -64,7 +64,7 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
     given = glide(metres, turn)
     found = take_steps(given, LENGTHS, FPS, SBU15)
     moving = moves(found)
-    assert np.mean(moving.all(axis=0)) < 0.05 < np.mean(moves(given).all(axis=0))
+    assert np.mean(moving.all(axis=0)) < 0.04 < np.mean(moves(given).all(axis=0))
     for number, foot in enumerate(FEET):
         swings = stance_phases(moving[number])
         lengths = [
@@ -97,22 +97,21 @@ def test_a_body_that_walks_jumps_or_sways_is_unchanged() -> None:
 
 
 def test_a_walk_is_hardly_changed_by_the_finish() -> None:
-    given = walk().astype(np.float32)
-    lengths = bone_lengths(given, SBU15)
-    partner = np.tile(crouching() + [0, 0, 6.0], (len(given), 1, 1)).astype(np.float32)
+    # The knees of this walk are none of legs of constant length until they are set.
+    body = np.tile(crouching(), (120, 1, 1)) + (walk() - crouching())[:, :1]
+    set_legs(body, walk(), np.full(body.shape[:2], -np.inf), LENGTHS, SBU15)
+    given = body.astype(np.float32)
+    partner = np.tile(crouching() + np.array([0, 0, 6.0]), (len(given), 1, 1)).astype(np.float32)
     times = np.arange(len(given)) / FPS
     found = finish(given, partner, times, SBU15, no_contacts(SBU15))
     moved = np.linalg.norm(found - given, axis=-1)
-    legs = sorted({*FEET, *(SBU15.parents[foot] for foot in FEET)})
-    # The knees of this walk are not those of legs of constant length; all else is.
-    assert np.ptp(lengths, axis=0).max() > 0.02
-    assert moved[:, [j for j in range(15) if j not in legs]].mean() < 0.02
-    assert moved[:, FEET].mean() < 0.03
+    print(moved.mean(), moved.max())
+    assert moved.mean() < 0.02
 
 
 def test_bones_are_exact_after_steps_and_the_finish_keeps_feet_where_they_stand() -> None:
     given = glide(1.5).astype(np.float32)
-    partner = np.tile(crouching() + [0, 0, 4.0], (len(given), 1, 1)).astype(np.float32)
+    partner = np.tile(crouching() + np.array([0, 0, 4.0]), (len(given), 1, 1)).astype(np.float32)
     found = finish(given, partner, np.arange(len(given)) / FPS, SBU15, no_contacts(SBU15))
     expected = np.tile(median_lengths(given, SBU15), (len(given), 1))
     np.testing.assert_allclose(bone_lengths(found, SBU15), expected, rtol=1e-6, atol=3e-7)
