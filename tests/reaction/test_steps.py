@@ -5,12 +5,14 @@ import pytest
 
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.registry import open_format
 from pacmo_core.reaction.bones import median_lengths, set_legs
 from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.stance import stance_phases
 from pacmo_core.reaction.steps import find_glides, take_steps
-from pacmo_core.reaction.turns import turned
+from pacmo_core.reaction.turns import find_collapses, turned
+from tests.formats.real_files import real_folder
 from tests.reaction.problems import REST
 from tests.strategies import SMALL
 
@@ -144,3 +146,22 @@ def test_glides_are_those_of_both_feet_over_the_floor() -> None:
     one[:, FEET[0]] = one[:1, FEET[0]]
     assert find_glides(one, FPS, SBU15) == []
     assert find_glides(np.zeros((5, len(SMALL.joints), 3)), FPS, SMALL) == []
+
+
+def test_captured_dancers_and_greeters_do_not_collapse_and_hardly_glide() -> None:
+    plain = {"unit": None, "up": None, "fps": None, "max_root_distance": None}
+    settings = {**plain, "preset": "duo_mocap", "end_sites": False, "skip_frames": 0}
+    reader, shares = open_format("bvh", settings), []
+    for sequence in reader.find(real_folder("duo_mocap")):
+        if "salsa/" not in sequence.name and "greeting" not in sequence.name:
+            continue
+        clip = reader.read(sequence).interaction
+        fps = float(1 / np.median(np.diff(clip.times)))
+        for person in (clip.person_a, clip.person_b):
+            motion = person.astype(np.float64)
+            assert find_collapses(motion, fps, clip.skeleton) == []
+            glides = find_glides(motion, fps, clip.skeleton)
+            shares.append(sum(glide.stop - glide.start for glide in glides) / len(motion))
+    # A dancer who spins on the balls of both feet glides.
+    assert len(shares) >= 6
+    assert np.mean(shares) < 0.01
