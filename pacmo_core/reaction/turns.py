@@ -20,7 +20,7 @@ SMOOTHING = 0.08  # seconds, standard deviation of the filter on the trunk's joi
 # Widths of the trunk over their medians: a body below the first has collapsed, from and until the
 # second. Captured turns stay above 0.8.
 COLLAPSED, WHOLE = 0.6, 0.85
-TURN_SPEED = 3.5  # radians per second, at most: the peak of captured turns
+TURN_SPEED = 3.5  # radians per second, where there is time: the peak of captured turns
 
 
 def trunk_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
