@@ -39,6 +39,8 @@ from pacmo_core.reaction.bones import (
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
 from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, stance_phases
+from pacmo_core.reaction.steps import take_steps
+from pacmo_core.reaction.turns import resolve_turns
 
 Array = NDArray[np.float64]
 
@@ -117,8 +119,11 @@ def finish(
     (T, J, 3) float32, metres
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
-    targets = find_targets(reaction, partner, fps, skeleton, contact_model)
-    motion = reaction.astype(np.float64)
+    lengths = median_lengths(reaction, skeleton)
+    whole = resolve_turns(reaction.astype(np.float64), fps, skeleton)
+    stepping = take_steps(whole, lengths, fps, skeleton).astype(np.float32)
+    targets = find_targets(stepping, lengths, partner, fps, skeleton, contact_model)
+    motion = stepping.astype(np.float64)
     result = np.zeros_like(motion)
     for first, end, share in _parts(len(motion)):
         part = Solver(motion[first:end], targets.frames(first, end), fps, skeleton).solve()
@@ -129,14 +134,18 @@ def finish(
 
 
 def find_targets(
-    reaction: Motion, partner: Motion, fps: float, skeleton: Skeleton, contact_model: Array
+    reaction: Motion,
+    lengths: Array,
+    partner: Motion,
+    fps: float,
+    skeleton: Skeleton,
+    contact_model: Array,
 ) -> Targets:
-    """Find bone lengths, stances, the floor and contacts of a generated reaction."""
+    """Find stances, the floor and contacts of a reaction whose bones get ``lengths``, (E,)."""
     motion = reaction.astype(np.float64)
     anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
     stance = find_stance(reaction, fps, skeleton)
     floor = rest_heights(reaction, partner, stance, fps, skeleton)
-    lengths = median_lengths(reaction, skeleton)
     length_of = lengths_by_joint(lengths, skeleton)
     for number, (foot, standing) in enumerate(zip(feet(skeleton), stance, strict=True)):
         joints, share = list(foot), 1 / (1 + number % 2)

@@ -1,0 +1,161 @@
+"""Steps in place of glides: a body that travels or turns on feet that both slide is let walk.
+
+A generator's mean over gaits in and out of step has none: both feet slide along beneath the body.
+Where both slide on the floor, far, they take steps in turn instead. Each foot stands until its
+turn, is lifted to its next place, and stands again. Places are those at which the foot would be in
+the middle of its stance, beneath the body as it travels and turns; it leaves from and arrives at
+those of the generated motion. Legs follow by inverse kinematics.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from pacmo_core.data.segments import feet
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.bones import set_bone_lengths, set_legs
+from pacmo_core.reaction.turns import find_headings, smooth_step, turned
+
+Array = NDArray[np.float64]
+
+SMOOTHING = 0.08  # seconds, standard deviation of the filter on the ankles' paths
+GLIDE_SPEED = 0.12  # metres per second, of the slower foot
+MIN_GLIDE = 0.25  # metres that both feet slide before they step instead
+MAX_PAUSE = 0.15  # seconds for which a glide may rest
+LOW_QUANTILE = 0.05  # of a foot's heights, at which it is on the floor
+MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher one is lifted
+# Of one step, at most: how far a foot stands before or behind where it would be beneath the body,
+# in metres and radians of the body's turn; and its time.
+MAX_REACH, MAX_TURN = 0.33, np.pi / 4
+MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
+MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
+STEP_HEIGHT = 0.08  # metres
+
+
+def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) -> Array:
+    """Let feet step where both glide; a motion whose feet do not is unchanged.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, y up
+    lengths : (E,) metres, of the bones
+    fps : frames per second
+    skeleton : of the motion; without two feet the motion is unchanged
+
+    Returns
+    -------
+    (T, J, 3) metres
+    """
+    glides = find_glides(motion, fps, skeleton)
+    if not glides:
+        return motion
+    headings = find_headings(motion, fps, skeleton)
+    legs = [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
+    result, nowhere = motion.copy(), np.full(motion.shape[:2], -np.inf)
+    for glide in glides:
+        wanted = _stepping(motion[glide], headings[glide], fps, skeleton)
+        body = set_bone_lengths(motion[glide], lengths, skeleton)
+        set_legs(body, wanted, nowhere[glide], lengths, skeleton)
+        result[glide, legs] = body[:, legs]
+    return result
+
+
+def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
+    """List the frames in which both feet slide over the floor so far that they should step.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    fps : frames per second
+    skeleton : of the motion
+    """
+    ankles = [foot[0] for foot in feet(skeleton)]
+    if len(ankles) != 2 or len(motion) < 2:
+        return []
+    path = gaussian_filter1d(
+        motion[:, ankles].astype(np.float64), SMOOTHING * fps, axis=0, mode="nearest"
+    )
+    speed = np.linalg.norm(np.gradient(path[..., [0, 2]], 1 / fps, axis=0), axis=-1)
+    lift = path[..., 1] - np.quantile(path[..., 1], LOW_QUANTILE, axis=0)
+    slides = (speed.min(axis=1) > GLIDE_SPEED) & (lift.max(axis=1) < MAX_LIFT)
+    found: list[slice] = []
+    end = 0
+    for first, stop in _runs(slides, round(MAX_PAUSE * fps)):
+        if (speed[first:stop].sum(axis=0) / fps).min() < MIN_GLIDE:
+            continue
+        headings = find_headings(motion[first:stop], fps, skeleton)
+        n_steps = _count_steps(path[[first, stop - 1]], headings, (stop - first) / fps)
+        more = max(0, round((n_steps * MIN_SECONDS * fps - (stop - first)) / 2))
+        first, stop = max(end, first - more), min(len(motion), stop + more)
+        found.append(slice(first, stop))
+        end = stop
+    return found
+
+
+def _runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
+    """List the first frame and the end of runs, those joined that are a pause apart at most."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]))).reshape(-1, 2)
+    joined: list[tuple[int, int]] = []
+    for first, end in edges.tolist():
+        if joined and first - joined[-1][1] <= pause:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((first, end))
+    return joined
+
+
+def _count_steps(ankles: Array, headings: Array, seconds: float) -> int:
+    """Count the steps of both feet from the first to the last places ``(2, 2, 3)`` of ankles."""
+    travel = float(np.linalg.norm((ankles[1] - ankles[0])[:, [0, 2]], axis=-1).max())
+    turn = abs(float(headings[-1] - headings[0]))
+    shares = travel / MAX_REACH, turn / MAX_TURN, seconds / MAX_SECONDS
+    return max(2, *(round(share) for share in shares))
+
+
+def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) -> Array:
+    """Return a motion ``(T, J, 3)`` of which the feet step; its other joints are as they were."""
+    result, root = motion.copy(), motion[:, skeleton.root]
+    ankles = [foot[0] for foot in feet(skeleton)]
+    n_steps = _count_steps(motion[[0, -1]][:, ankles], headings, len(motion) / fps)
+    paths = [_beneath(motion[:, list(foot)], root, headings) for foot in feet(skeleton)]
+    progress = _progress(np.stack([path[:, 0] for path in paths], axis=1))
+    # The foot that is behind goes first.
+    ahead = (root[-1] - root[0])[[0, 2]]
+    behind = [float((motion[0, ankle] - root[0])[[0, 2]] @ ahead) for ankle in ankles]
+    for turn, number in enumerate(np.argsort(behind, kind="stable").tolist()):
+        path, joints = paths[number], list(feet(skeleton)[number])
+        starts = np.arange(turn, n_steps, 2) / n_steps
+        middles = (starts[:-1] + 1 / n_steps + starts[1:]) / 2
+        stops = [0, *np.searchsorted(progress, middles).tolist(), len(motion) - 1]
+        result[:, joints] = path[0]
+        for start, here, there in zip(starts, stops[:-1], stops[1:], strict=True):
+            done = ((progress - start) * n_steps).clip(0, 1)[:, None, None]
+            result[:, joints] += smooth_step(done) * (path[there] - path[here])
+            result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]) ** 2
+    return result
+
+
+def _beneath(foot: Array, root: Array, headings: Array) -> Array:
+    """``(T, K, 3)``: where a foot would be beneath the body, from its first to its last place.
+
+    In the body's frame it goes evenly from one to the other, and so it does over the floor.
+
+    Parameters
+    ----------
+    foot : (T, K, 3) metres, its joints
+    root : (T, 3) metres
+    headings : (T,) radians
+    """
+    share = np.linspace(0, 1, len(foot))[:, None, None]
+    local = turned(foot[[0, -1]] - root[[0, -1]][:, None], -headings[[0, -1]])
+    path = root[:, None] + turned(local[0] + share * (local[1] - local[0]), headings)
+    path[..., 1] = foot[0, :, 1] + share[..., 0] * (foot[-1, :, 1] - foot[0, :, 1])
+    return path
+
+
+def _progress(paths: Array) -> Array:
+    """``(T,)`` from 0 to 1: how far paths ``(T, 2, 3)`` have come; it goes on while they rest."""
+    speed = np.linalg.norm(np.diff(paths, axis=0), axis=-1).mean(axis=1)
+    speed += MIN_PROGRESS * max(float(speed.mean()), 1e-9)
+    progress = np.concatenate([[0], np.cumsum(speed)])
+    return np.asarray(progress / progress[-1])

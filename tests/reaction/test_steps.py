@@ -1,0 +1,167 @@
+"""Truth: bodies that glide along or turn at known speeds, and one that walks."""
+
+import numpy as np
+import pytest
+
+from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.data.skeleton import SBU15
+from pacmo_core.formats.registry import open_format
+from pacmo_core.reaction.bones import median_lengths, set_legs
+from pacmo_core.reaction.contacts import no_contacts
+from pacmo_core.reaction.finish import finish
+from pacmo_core.reaction.stance import stance_phases
+from pacmo_core.reaction.steps import find_glides, take_steps
+from pacmo_core.reaction.turns import find_collapses, turned
+from tests.formats.real_files import real_folder
+from tests.reaction.problems import REST
+from tests.strategies import SMALL
+
+FPS = 30.0
+FEET = SBU15.indices(["left_foot", "right_foot"])
+HIPS = SBU15.indices(["left_hip", "right_hip"])
+LENGTHS = median_lengths(REST[None].astype(np.float32), SBU15)
+
+
+def glide(metres: float, turn: float = 0.0, fps: float = FPS) -> np.ndarray:
+    """Stand a second, glide ahead and turn in two seconds, stand a second; knees are bent."""
+    times = np.arange(round(4 * fps)) / fps
+    share = ((times - 1) / 2).clip(0, 1)
+    motion = turned(np.tile(crouching(), (len(times), 1, 1)), turn * share)
+    motion[..., 2] += metres * share[:, None]
+    return motion
+
+
+def crouching() -> np.ndarray:
+    """Bend the knees by 3 cm, and put the left foot ahead."""
+    pose = REST.copy()
+    pose[[HIPS[0] + 1, HIPS[1] + 1], 2] += 0.1
+    pose[:, 1] -= 0.03
+    pose[FEET, 1] += 0.03
+    pose[FEET[0], 2] += 0.03
+    return pose
+
+
+def walk() -> np.ndarray:
+    """Walk ahead at 1.1 m/s; each foot swings for 0.44 s of 1.1 s, half a cycle apart."""
+    times = np.arange(120) / FPS
+    motion = np.tile(crouching(), (len(times), 1, 1))
+    motion[..., 2] += 1.1 * times[:, None]
+    for number, foot in enumerate(FEET):
+        cycle = times / 1.1 + 0.5 * number
+        share = ((cycle % 1) / 0.4).clip(0, 1)
+        done = np.floor(cycle) - 0.5 * number + share**2 * (3 - 2 * share)
+        motion[:, foot, 2] = 1.21 * done - 0.36
+        motion[:, foot, 1] += 0.08 * np.sin(np.pi * share) ** 2
+    return motion
+
+
+def moves(motion: np.ndarray, fps: float = FPS) -> np.ndarray:
+    """``(2, T)``: in which frames each foot moves over the floor."""
+    speed = np.linalg.norm(np.diff(motion[:, FEET][..., [0, 2]], axis=0), axis=-1) * fps
+    return speed.T > 0.1
+
+
+@pytest.mark.parametrize(("metres", "turn"), [(1.5, 0.0), (0.6, np.pi), (0.8, 1.0)])
+def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
+    given = glide(metres, turn)
+    found = take_steps(given, LENGTHS, FPS, SBU15)
+    moving = moves(found)
+    assert np.mean(moving.all(axis=0)) < 0.06 < np.mean(moves(given).all(axis=0))
+    for number, foot in enumerate(FEET):
+        swings = [s for s in stance_phases(moving[number]) if s.stop - s.start > 4]
+        lengths = [
+            np.linalg.norm((found[s.stop, foot] - found[s.start, foot])[[0, 2]]) for s in swings
+        ]
+        assert 1 <= len(swings) <= 4
+        assert 0.1 < max(lengths) < 0.9
+        # A foot that swings is lifted, one that stands is not.
+        height = found[:-1, foot, 1] - given[:-1, foot, 1]
+        assert all(height[s].max() > 0.06 for s in swings)
+        assert np.abs(height[~moving[number]]).max() < 0.02
+    np.testing.assert_allclose(found[[0, -1]], given[[0, -1]], atol=1e-3)
+    reach = found[:, FEET].mean(axis=1) - found[:, HIPS].mean(axis=1)
+    assert np.linalg.norm(reach[:, [0, 2]], axis=-1).max() < 0.4
+
+
+def test_only_legs_move() -> None:
+    given = glide(1.5)
+    found = take_steps(given, LENGTHS, FPS, SBU15)
+    legs = sorted({*FEET, *(SBU15.parents[foot] for foot in FEET)})
+    rest = [j for j in range(15) if j not in legs]
+    np.testing.assert_array_equal(found[:, rest], given[:, rest])
+
+
+def test_a_body_that_walks_or_sways_is_unchanged() -> None:
+    for given in (walk(), glide(0.2)):
+        np.testing.assert_array_equal(take_steps(given, LENGTHS, FPS, SBU15), given)
+
+
+def test_a_leap_is_no_glide() -> None:
+    leap = glide(1.5)
+    leap[45:75, :, 1] += 0.4
+    found = find_glides(leap, FPS, SBU15)
+    assert found
+    assert not any(glide.start < 70 and glide.stop > 50 for glide in found)
+
+
+def test_a_walk_is_hardly_changed_by_the_finish() -> None:
+    # The knees of this walk are none of legs of constant length until they are set.
+    body = np.tile(crouching(), (120, 1, 1)) + (walk() - crouching())[:, :1]
+    set_legs(body, walk(), np.full(body.shape[:2], -np.inf), LENGTHS, SBU15)
+    given = body.astype(np.float32)
+    partner = np.tile(crouching() + np.array([0, 0, 6.0]), (len(given), 1, 1)).astype(np.float32)
+    times = np.arange(len(given)) / FPS
+    found = finish(given, partner, times, SBU15, no_contacts(SBU15))
+    moved = np.linalg.norm(found - given, axis=-1)
+    assert moved.mean() < 0.02
+
+
+def test_bones_are_exact_after_steps_and_the_finish_keeps_feet_where_they_stand() -> None:
+    given = glide(1.5).astype(np.float32)
+    partner = np.tile(crouching() + np.array([0, 0, 4.0]), (len(given), 1, 1)).astype(np.float32)
+    found = finish(given, partner, np.arange(len(given)) / FPS, SBU15, no_contacts(SBU15))
+    expected = np.tile(median_lengths(given, SBU15), (len(given), 1))
+    np.testing.assert_allclose(bone_lengths(found, SBU15), expected, rtol=1e-6, atol=3e-7)
+    speed = np.linalg.norm(np.diff(found[:, FEET][..., [0, 2]], axis=0), axis=-1) * FPS
+    assert np.mean(speed.min(axis=1) > 0.1) < 0.1
+
+
+@pytest.mark.parametrize("yaw", [-2.5, 0.4, 2.0])
+def test_stepping_commutes_with_turning(yaw: float) -> None:
+    given = glide(1.2, 1.5)
+    whole = np.full(len(given), yaw)
+    expected = turned(take_steps(given, LENGTHS, FPS, SBU15), whole)
+    found = take_steps(turned(given, whole), LENGTHS, FPS, SBU15)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_steps_hardly_depend_on_the_frame_rate() -> None:
+    slow, fast = (take_steps(glide(1.5, fps=f), LENGTHS, f, SBU15) for f in (30.0, 120.0))
+    assert np.linalg.norm(fast[::4] - slow, axis=-1).mean() < 0.005
+
+
+def test_glides_are_those_of_both_feet_over_the_floor() -> None:
+    assert len(find_glides(glide(1.5), FPS, SBU15)) == 1
+    one = glide(1.5)
+    one[:, FEET[0]] = one[:1, FEET[0]]
+    assert find_glides(one, FPS, SBU15) == []
+    assert find_glides(np.zeros((5, len(SMALL.joints), 3)), FPS, SMALL) == []
+
+
+def test_captured_dancers_and_greeters_do_not_collapse_and_hardly_glide() -> None:
+    plain = {"unit": None, "up": None, "fps": None, "max_root_distance": None}
+    settings = {**plain, "preset": "duo_mocap", "end_sites": False, "skip_frames": 0}
+    reader, shares = open_format("bvh", settings), []
+    for sequence in reader.find(real_folder("duo_mocap")):
+        if "salsa/" not in sequence.name and "greeting" not in sequence.name:
+            continue
+        clip = reader.read(sequence).interaction
+        fps = float(1 / np.median(np.diff(clip.times)))
+        for person in (clip.person_a, clip.person_b):
+            motion = person.astype(np.float64)
+            assert find_collapses(motion, fps, clip.skeleton) == []
+            glides = find_glides(motion, fps, clip.skeleton)
+            shares.append(sum(glide.stop - glide.start for glide in glides) / len(motion))
+    # A dancer who spins on the balls of both feet glides.
+    assert len(shares) >= 6
+    assert np.mean(shares) < 0.01
