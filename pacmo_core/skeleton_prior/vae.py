@@ -113,13 +113,6 @@ class CharacterVae(nn.Module, ABC):
         posterior = self.encode(motion, inputs)
         return self.motion(sample(posterior), inputs), posterior
 
-    def planted(
-        self, output: Tensor, template: Tensor, scales: Tensor, is_support: NDArray[np.bool_]
-    ) -> Tensor:
-        """Correct a decoder's output (B, T, J, 3) so that what supports stands still: here not."""
-        del template, scales, is_support
-        return output
-
     def motion(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
         """Decode latents to joint positions ``(B, T, J, 3)``, metres."""
         output = self.decode(latent, inputs)
