@@ -24,6 +24,7 @@ from functools import cached_property
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 from torch.nn.functional import normalize
 
@@ -40,11 +41,14 @@ from pacmo_core.skeleton_prior.touches import Touches
 
 # Times that the root follows the feet and the feet's places the root.
 FOLLOWING_STEPS = 4
-FOLLOW = 0.0
+# Times that the filtered root is moved to where limbs reach.
+REACHING_STEPS = 3
 # Seconds in which what holds a limb's end that supports fades in and out.
 FADE_SECONDS = 0.25
-# Times that limbs take half of what touches miss; times that the roots share what limbs leave.
-TOUCHING_STEPS, SHARING_STEPS = 4, 2
+# Seconds, standard deviation of the filter on what the root is moved by.
+SMOOTHING_SECONDS = 0.1
+# Times that limbs take half of what touches miss.
+TOUCHING_STEPS = 8
 # Square metres: an axis or pole whose square is less has no direction.
 MIN_SQUARE = 1e-12
 
@@ -143,7 +147,9 @@ class _Bodies:
 
     def limb_bones(self) -> tuple[Tensor, Tensor]:
         """Bend the limbs as in the source, turned to where their ends have got."""
-        begin, middle, end = (self.source[..., j, :] for j in (self.starts, self.middles, self.ends))
+        begin, middle, end = (
+            self.source[..., j, :] for j in (self.starts, self.middles, self.ends)
+        )
         reach = self.targets - self.limb_starts()
         pole = turned(middle - (begin + end) / 2, end - begin, reach)
         return two_bone_ik(reach, self.upper, self.lower, normalize(pole, dim=-1))
@@ -169,16 +175,18 @@ class _Bodies:
             planted = self.targets + correction
             holds = self.given.holds
             shift = (holds * correction).sum(dim=-2) / (holds.sum(dim=-2) + 1e-3)
-            shift = shift * shift.new_tensor([FOLLOW, 1.0, FOLLOW])
+            shift = shift * shift.new_tensor([0.0, 1.0, 0.0])  # legs turn about their feet
             self.root = self.root + shift
             self.targets = self.targets + shift[..., None, :]
         self.targets = planted
-        self.follow()
+        for _ in range(REACHING_STEPS):
+            self.follow()
 
     def follow(self) -> None:
         """Move the root to where limbs that support reach; others keep the angle of their joint."""
         holds, starts = self.given.holds, self.limb_starts()
         shift = reach_ends(self.targets - starts, self.bent, holds[..., 0])
+        shift = smoothed(shift, SMOOTHING_SECONDS * self.given.fps)
         self.root = self.root + shift
         self.targets = self.targets + (1 - holds) * shift[..., None, :]
 
@@ -195,22 +203,10 @@ class _Bodies:
         touches, holds = self.given.touches, self.given.holds
         self.settle(holds.maximum(touches.near_limbs))
         common = common_scale(self.source - self.source[..., self.given.parents, :], self.scales)
-        kept = holds.maximum(touches.near_limbs)
-        for _ in range(SHARING_STEPS):
-            self._move_limbs(touches, common)
-            apart = touches.missing(self.positions(), common)
-            shift = touches.shared(apart)
-            self.root = self.root + shift
-            self.targets = self.targets + (1 - holds) * shift[..., None, :]
-            self.follow()
-            self.settle(kept)
-        self._move_limbs(touches, common)
-        self.settle(kept)
-
-    def _move_limbs(self, touches: Touches, common: Tensor) -> None:
         for _ in range(TOUCHING_STEPS):
             apart = touches.missing(self.positions(), common)
-            self.targets = self.targets - (1 - self.given.holds) * touches.half(apart)
+            self.targets = self.targets - (1 - holds) * touches.half(apart)
+        self.settle(holds.maximum(touches.near_limbs))
 
 
 def _lowest(positions: Tensor, beyond: Tensor) -> Tensor:
@@ -261,3 +257,8 @@ def common_scale(bones: Tensor, scales: Tensor) -> Tensor:
     means = (scales * lengths).sum(dim=-1) / lengths.sum(dim=-1)
     three = torch.cat([means, torch.ones_like(means[:, :1])], dim=1)
     return three.median(dim=1).values[:, None, None, None]
+
+
+def smoothed(values: Tensor, deviation: float) -> Tensor:
+    """Filter ``(V, T, ...)`` over time by a Gaussian of ``deviation`` frames."""
+    return torch.from_numpy(gaussian_filter1d(values.numpy(), deviation, axis=1, mode="nearest"))

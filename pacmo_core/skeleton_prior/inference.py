@@ -77,16 +77,8 @@ def _retarget_batch(
             joint_scales = joint_scales.flip(1) if b_first else joint_scales
             motions = retarget_positions(model, template, joint_scales, random, stride=stride)
             positions[rows] = (motions.flip(2) if b_first else motions).numpy()
-    finish = Finish(
-        model.config.skeleton,
-        model.config.limbs,
-        stack_characters(source, frame, b_first=False),
-        find_supports(source),
-        source.fps,
-    )
-    positions = finish(
-        torch.from_numpy(positions), scales_by_joint(scales, source.skeleton)
-    ).numpy()
+    if model.first.has_exact_bones:
+        positions = _finished(model, source, torch.from_numpy(positions), scales)
     return [
         replace(
             source,
@@ -95,6 +87,19 @@ def _retarget_batch(
         )
         for both in frame.to_world(positions)
     ]
+
+
+def _finished(
+    model: SkeletonPrior, source: Interaction, positions: Tensor, scales: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Finish positions (V, T, 2, J, 3) in the canonical frame, of person a and person b."""
+    config = model.config
+    both = stack_characters(source, canonical_frame(source), b_first=False)
+    finish = Finish(config.skeleton, config.limbs, both, find_supports(source), source.fps)
+    finished: NDArray[np.float32] = finish(
+        positions, scales_by_joint(scales, source.skeleton)
+    ).numpy()
+    return finished
 
 
 def find_supports(source: Interaction) -> NDArray[np.bool_]:

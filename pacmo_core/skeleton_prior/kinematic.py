@@ -12,9 +12,7 @@ time by convolutions of single channels.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
@@ -78,6 +76,8 @@ class KinematicVae(CharacterVae):
 
     The network's output is added to a start, or to the scaled posture.
     """
+
+    has_exact_bones = True
 
     def __init__(
         self,

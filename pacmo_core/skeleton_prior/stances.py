@@ -9,6 +9,9 @@ from pacmo_core.interaction_mesh.mesh import support_steps
 
 # Seconds without support that do not end a stance: the displacement from the source stays.
 MAX_GAP = 0.2
+# Metres over the source's height at which a foot may stand: the solver, too, lifts feet of smaller
+# bodies by as much where hands touch.
+MAX_LIFT = 0.015
 # Iterations that find the root's place, and what holds the root against the limbs' 1.
 REACHING_STEPS = 5
 ROOT_WEIGHTS = (0.1, 3e-3, 0.1)
@@ -53,7 +56,8 @@ def planted_corrections(
 ) -> Tensor:
     """Compute what makes displacements constant for a whole stance, and heights what they are.
 
-    In a stance the horizontal displacement becomes its mean. The correction is interpolated from
+    In a stance the horizontal displacement becomes its mean, and so does the height over the
+    source's, between 0 and ``MAX_LIFT``. The correction is interpolated from
     one stance to the next, and kept before the first and after the last.
 
     Parameters
@@ -77,7 +81,11 @@ def planted_corrections(
         frames = np.concatenate(stances)
         own = displacements[:, :, person, limb]
         fixed = torch.cat([own[:, s].mean(dim=1, keepdim=True) - own[:, s] for s in stances], dim=1)
-        fixed[..., 1] = rises[:, frames, person, limb]
+        up = rises[:, :, person, limb]
+        fixed[..., 1] = torch.cat(
+            [up[:, s] - up[:, s].mean(dim=1, keepdim=True).clamp(-MAX_LIFT, 0) for s in stances],
+            dim=1,
+        )
         places = np.interp(np.arange(len(supporting)), frames, np.arange(len(frames)))
         before = np.floor(places).astype(int)
         after = np.minimum(before + 1, len(frames) - 1)

@@ -68,13 +68,6 @@ class Touches:
         total, weight = self.beyond @ missing, self.beyond @ self._sums
         return 0.5 * self.of_limbs * total / weight.clamp_min(1e-6)
 
-    def shared(self, missing: Tensor) -> Tensor:
-        """``(V, T, 2, 3)``: shift of either root that closes the mean change, horizontally."""
-        total, weight = missing[:, :, 0].sum(dim=-2), self._sums[:, 0].sum(dim=-2)
-        largest = self.weights.amax(dim=(1, 2))[:, None]
-        shift = 0.5 * largest * total / weight.clamp_min(1e-6)
-        return torch.stack([-shift, shift], dim=2) * shift.new_tensor([1.0, 0.0, 1.0])
-
 
 def _falling(distances: Tensor, full: float, none: float) -> Tensor:
     """Weigh distances: 1 up to the first, smoothly 0 from the second on."""

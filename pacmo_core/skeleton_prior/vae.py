@@ -9,9 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.skeleton_prior.data import ExampleDataset
@@ -88,6 +86,7 @@ class CharacterVae(nn.Module, ABC):
     """VAE of one character's motion; ``output_layer`` maps decoder outputs to joint positions."""
 
     output_layer: nn.Module
+    has_exact_bones = False  # whether the output layer gives bones their lengths
 
     @abstractmethod
     def encode(self, motion: Tensor, inputs: CharacterInputs) -> DiagonalGaussian:
