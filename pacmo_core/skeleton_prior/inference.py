@@ -19,6 +19,7 @@ from pacmo_core.skeleton_prior.data import (
     scales_by_joint,
     stack_characters,
 )
+from pacmo_core.skeleton_prior.finish import Finish
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 
 BATCH_SIZE = 32
@@ -74,11 +75,10 @@ def _retarget_batch(
             template = stack_characters(source, frame, b_first=b_first)
             joint_scales = scales_by_joint(scales[rows], source.skeleton)
             joint_scales = joint_scales.flip(1) if b_first else joint_scales
-            supports = find_supports(source)[:, ::-1] if b_first else find_supports(source)
-            motions = retarget_positions(
-                model, template, joint_scales, random, stride=stride, supports=supports
-            )
+            motions = retarget_positions(model, template, joint_scales, random, stride=stride)
             positions[rows] = (motions.flip(2) if b_first else motions).numpy()
+    if model.first.has_exact_bones:
+        positions = _finished(model, source, torch.from_numpy(positions), scales)
     return [
         replace(
             source,
@@ -87,6 +87,19 @@ def _retarget_batch(
         )
         for both in frame.to_world(positions)
     ]
+
+
+def _finished(
+    model: SkeletonPrior, source: Interaction, positions: Tensor, scales: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Finish positions (V, T, 2, J, 3) in the canonical frame, of person a and person b."""
+    config = model.config
+    both = stack_characters(source, canonical_frame(source), b_first=False)
+    finish = Finish(config.skeleton, config.limbs, both, find_supports(source), source.fps)
+    finished: NDArray[np.float32] = finish(
+        positions, scales_by_joint(scales, source.skeleton)
+    ).numpy()
+    return finished
 
 
 def find_supports(source: Interaction) -> NDArray[np.bool_]:
@@ -118,7 +131,6 @@ def retarget_positions(
     random: torch.Generator | None,
     *,
     stride: int,
-    supports: NDArray[np.bool_],
 ) -> Tensor:
     """Retarget one template to V pairs of skeletons, at the template's frame rate.
 
@@ -127,7 +139,6 @@ def retarget_positions(
     template : (T, 2, J, 3), metres, the first character first
     scales : (V, 2, J)
     stride : frames between keyframes
-    supports : (T, 2, J), whether a joint supports its body, which then does not slide there
 
     Returns
     -------
@@ -140,17 +151,7 @@ def retarget_positions(
         keyframes = templates[:, list(keyframe_indices(n_frames, stride))]
         latents = model.sample_latents(keyframes, scales, random)
         outputs = model.decode(keyframes, scales, latents)
-        first, second = (
-            character.planted(
-                interpolate_keyframes(output, n_frames, stride),
-                templates[:, :, role],
-                scales[:, role],
-                supports[:, role],
-            )
-            for role, (character, output) in enumerate(
-                zip((model.first, model.second), outputs, strict=True)
-            )
-        )
+        first, second = (interpolate_keyframes(output, n_frames, stride) for output in outputs)
         return model.joint_positions((first, second), templates, scales).cpu()
 
 

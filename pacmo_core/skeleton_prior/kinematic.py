@@ -12,16 +12,13 @@ time by convolutions of single channels.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.skeleton_prior.frame_features import FrameFeatures
 from pacmo_core.skeleton_prior.kinematics import KinematicOutput, Limb
 from pacmo_core.skeleton_prior.layers import TEMPORAL_KERNEL, ZeroInitLinear
-from pacmo_core.skeleton_prior.planting import planting_corrections
 from pacmo_core.skeleton_prior.settings import PriorConfig, StartSettings
 from pacmo_core.skeleton_prior.skeleton_vae import DiagonalGaussian
 from pacmo_core.skeleton_prior.start import initial_output, stand
@@ -79,6 +76,8 @@ class KinematicVae(CharacterVae):
 
     The network's output is added to a start, or to the scaled posture.
     """
+
+    has_exact_bones = True
 
     def __init__(
         self,
@@ -141,26 +140,6 @@ class KinematicVae(CharacterVae):
         decoded = self.decoder(torch.cat([condition.features, expanded], dim=-1))
         change: Tensor = self.head(decoded).unflatten(-1, (-1, 3)) @ condition.axes
         return condition.output + change * (OUTPUT_GAIN * inputs.scale_change)
-
-    def planted(
-        self, output: Tensor, template: Tensor, scales: Tensor, is_support: NDArray[np.bool_]
-    ) -> Tensor:
-        """Correct an output (B, T, J, 3): limb ends that support (T, J) do not slide, none sinks.
-
-        Nothing from a limb's end on gets lower than the source's lowest joint.
-        """
-        ends = self.kinematics.limbs[:, 2]
-        posture = self.kinematics.scaled_posture(template, scales)
-        displacements = (posture + output - template)[:, :, ends]
-        corrections = planting_corrections(displacements, is_support[:, ends.cpu().numpy()])
-        horizontal = corrections * template.new_tensor([1.0, 0.0, 1.0])
-        heights, beyond = posture[..., 1], self.kinematics.ancestor_matrix[:, ends].T > 0
-        lowest = heights[:, :, None].masked_fill(~beyond, torch.inf).amin(dim=-1)  # (B, T, L)
-        floor = template[..., 1].amin(dim=(1, 2))[:, None, None]
-        lift = (floor - lowest - output[:, :, ends, 1]).clamp_min(0)
-        return output.index_add(
-            2, ends, torch.stack([horizontal[..., 0], lift, horizontal[..., 2]], dim=-1)
-        )
 
     def expected_partner(self, template: Tensor, scales: Tensor) -> Tensor:
         """Expect the partner where the ground has it; without a start, in its scaled posture."""

@@ -9,9 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pacmo_core.skeleton_prior.data import ExampleDataset
@@ -88,6 +86,7 @@ class CharacterVae(nn.Module, ABC):
     """VAE of one character's motion; ``output_layer`` maps decoder outputs to joint positions."""
 
     output_layer: nn.Module
+    has_exact_bones = False  # whether the output layer gives bones their lengths
 
     @abstractmethod
     def encode(self, motion: Tensor, inputs: CharacterInputs) -> DiagonalGaussian:
@@ -112,13 +111,6 @@ class CharacterVae(nn.Module, ABC):
         """Encode a motion, and decode a latent that ``sample`` takes from the posterior."""
         posterior = self.encode(motion, inputs)
         return self.motion(sample(posterior), inputs), posterior
-
-    def planted(
-        self, output: Tensor, template: Tensor, scales: Tensor, is_support: NDArray[np.bool_]
-    ) -> Tensor:
-        """Correct a decoder's output (B, T, J, 3) so that what supports stands still: here not."""
-        del template, scales, is_support
-        return output
 
     def motion(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
         """Decode latents to joint positions ``(B, T, J, 3)``, metres."""

@@ -1,0 +1,143 @@
+"""Invariants of the finish: bones, stances, the floor, touches, turns about the vertical."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pacmo_core.skeleton_prior.finish import Finish, bent_length, turned
+from pacmo_core.skeleton_prior.inference import find_supports
+from pacmo_core.skeleton_prior.kinematics import find_limbs
+from tests.skeleton_prior.examples import SMALL, generator, interaction, scale_bones
+
+ANKLES = [SMALL.joints.index(f"{side}_ankle") for side in ("left", "right")]
+N_FRAMES = 31
+
+
+def standing(seed: int = 0):
+    """Two people who swing above ankles that stand on the floor in all frames but the last ten."""
+    source = interaction(seed, n_frames=N_FRAMES)
+    for person in (source.person_a, source.person_b):
+        person[:21, ANKLES] = person[0, ANKLES]
+        person[:21, ANKLES, 1] = person[..., 1].min() - 0.01
+        person[21:, ANKLES] += person[20, ANKLES] - person[21, ANKLES]
+        person[21:, ANKLES, 1] = person[20, ANKLES, 1] + 0.05
+    return source
+
+
+def finish_of(source):
+    both = torch.from_numpy(np.stack([source.person_a, source.person_b], axis=1))
+    limbs = find_limbs(SMALL, source.person_a)
+    return Finish(SMALL, limbs, both, find_supports(source), source.fps)
+
+
+def disturbed(finish, scales, seed=0):
+    """Scaled postures of the source, and some centimetres of noise that changes slowly."""
+    random = generator(seed)
+    people = [
+        scale_bones(
+            finish.source[:, k].double().numpy(), SMALL, scales[k, SMALL.bones[:, 1]].numpy()
+        )
+        for k in (0, 1)
+    ]
+    motion = torch.from_numpy(np.stack(people, axis=1)).float()
+    phase = 6 * torch.rand(1, 2, len(SMALL.joints), 3, generator=random)
+    times = torch.linspace(0, 4, N_FRAMES)[:, None, None, None]
+    return (motion + 0.03 * torch.sin(times + phase))[None]
+
+
+def uniform(a, b):
+    scales = torch.ones(2, len(SMALL.joints))
+    scales[0], scales[1] = a, b
+    return scales
+
+
+def test_the_source_on_its_own_bodies_does_not_change():
+    finish = finish_of(standing())
+    finished = finish(finish.source[None], torch.ones(1, 2, len(SMALL.joints)))
+    torch.testing.assert_close(finished[0], finish.source, atol=2e-4, rtol=0)
+
+
+def test_bones_have_their_lengths():
+    finish, scales = finish_of(standing()), uniform(0.9, 1.2)
+    finished = finish(disturbed(finish, scales), scales[None])
+    lengths = [
+        (m[..., SMALL.bones[:, 1], :] - m[..., SMALL.bones[:, 0], :]).norm(dim=-1)
+        for m in (finished[0], finish.source)
+    ]
+    expected = lengths[1] * scales[:, SMALL.bones[:, 1]]
+    torch.testing.assert_close(lengths[0], expected, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("scale", [0.75, 1.0, 1.25])
+def test_feet_that_stand_keep_their_place_and_height_and_none_sinks(scale):
+    finish, scales = finish_of(standing()), uniform(1.0, scale)
+    given = disturbed(finish, scales)
+    assert np.ptp(given[0, :21, 1, ANKLES].numpy(), axis=0).max() > 0.01
+    ((finished),) = finish(given, scales[None])
+    stood = finished[:21, :, ANKLES]
+    assert np.ptp(stood.numpy(), axis=0).max() < 1e-3
+    lift = stood[..., 1] - finish.source[:21, :, ANKLES, 1]
+    assert lift.min() > -1e-3
+    assert lift.max() < 0.0151
+    lowest = finish.source[..., 1].amin(dim=(0, 2))
+    assert (finished[:, :, ANKLES, 1] - lowest[:, None]).min() > -1e-3
+
+
+def test_knees_keep_their_angle():
+    finish, scales = finish_of(standing()), uniform(1.0, 0.8)
+    ((finished),) = finish(disturbed(finish, scales), scales[None])
+
+    def angles(motion):
+        hip, knee, ankle = (motion[..., SMALL.joints.index(f"left_{n}"), :].double()
+                            for n in ("hip", "knee", "ankle"))  # fmt: skip
+        cosine = torch.cosine_similarity(knee - hip, ankle - knee, dim=-1)
+        return cosine.acos().rad2deg()
+
+    assert (angles(finished) - angles(finish.source)).abs().mean() < 3
+
+
+def test_hands_that_touch_touch_on_other_bodies():
+    source = standing()
+    elbow, wrist = (SMALL.joints.index(f"left_{name}") for name in ("elbow", "wrist"))
+    partner = SMALL.joints.index("right_wrist")
+    shift = source.person_a[:, wrist] + [0.03, 0, 0] - source.person_b[:, partner]
+    source = replace(source, person_b=(source.person_b + shift.mean(axis=0)).astype(np.float32))
+    finish, scales = finish_of(source), uniform(1.0, 0.9)
+    near = (finish.source[:, 0, wrist] - finish.source[:, 1, partner]).norm(dim=-1) < 0.1
+    assert near.sum() >= 5
+    given = disturbed(finish, scales)
+    ((finished),) = finish(given, scales[None])
+
+    def error(motion):
+        change = motion - finish.source
+        return (change[:, 0, wrist] - change[:, 1, partner]).norm(dim=-1)[near]
+
+    assert error(given[0]).mean() > 0.03
+    assert error(finished).mean() < 0.25 * error(given[0]).mean()
+    del elbow
+
+
+def test_it_turns_with_the_scene():
+    finish, scales = finish_of(standing()), uniform(1.1, 0.85)
+    given = disturbed(finish, scales)
+    turn = torch.tensor([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
+    there = replace(finish, source=finish.source @ turn)(given @ turn, scales[None])
+    torch.testing.assert_close(there, finish(given, scales[None]) @ turn, atol=2e-4, rtol=0)
+
+
+def test_a_limb_of_other_lengths_has_the_same_angle():
+    """Oracle: a right angle, whose sides 3 and 4 span 5."""
+    first, second = torch.tensor([1.0, 0, 0]), torch.tensor([0, 2.0, 0])
+    length = bent_length(first, second, torch.tensor(3.0), torch.tensor(4.0))
+    torch.testing.assert_close(length, torch.tensor(5.0))
+
+
+def test_vectors_turn_with_the_axis():
+    axis, to = torch.randn(2, 7, 3, generator=generator())
+    rotated = turned(axis, axis, to)
+    expected = torch.nn.functional.normalize(to, dim=-1) * axis.norm(dim=-1, keepdim=True)
+    torch.testing.assert_close(rotated, expected)
+    normal = torch.linalg.cross(axis, to)
+    torch.testing.assert_close(turned(normal, axis, to), normal, atol=1e-5, rtol=1e-4)
