@@ -23,8 +23,8 @@ from pacmo_core.augmentation.bodies import (
 )
 from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.augmentation.run import report_measurements
+from pacmo_core.commands.bvh_fidelity import Fidelity
 from pacmo_core.commands.captures import (
-    Fidelity,
     TwoPersonCapture,
     WrittenCapture,
     check_output,

@@ -9,6 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, planted_weights
 from pacmo_core.commands.reading import PEOPLE, ReadOptions, Source, read_people
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import printable
@@ -16,11 +17,7 @@ from pacmo_core.data.names import file_stem, nearest_names
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.inverse_kinematics import (
-    CONTACT_DISTANCE,
-    contact_targets,
-    proximity_weights,
-)
+from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
@@ -62,8 +59,7 @@ class TwoPersonCapture:
     def scene(self) -> Scene:
         """Both people as input of the solver."""
         a, b = self.people
-        fps = float(1 / np.median(np.diff(a.times)))
-        return Scene((a.motion, b.motion), (a.skeleton, b.skeleton), fps)
+        return Scene((a.motion, b.motion), (a.skeleton, b.skeleton), frame_rate(a))
 
     def moved(self, motions: tuple[Motion, Motion]) -> "TwoPersonCapture":
         """Return the capture with other motions of the same people."""
@@ -214,61 +210,7 @@ class WrittenCapture:
 
     files: list[Path]
     people: tuple[PersonMotion, PersonMotion]
-    fidelity: "Fidelity"
-
-
-@dataclass(frozen=True)
-class Fidelity:
-    """How well files hold the motions that were written, measured on what is read back.
-
-    Parameters
-    ----------
-    max_error : metres, the largest distance of a joint from where it was to be
-    contacts, contacts_held : number of pairs of joints of the two people in contact, over all
-        frames, and of those that are in contact in the files
-    """
-
-    max_error: float = 0.0
-    contacts: int = 0
-    contacts_held: int = 0
-
-    @classmethod
-    def of(cls, wanted: tuple[Motion, Motion], found: tuple[Motion, Motion]) -> "Fidelity":
-        """Compare two people's motions (T, J, 3), metres."""
-        errors = [
-            np.linalg.norm(back - motion, axis=-1).max()
-            for back, motion in zip(found, wanted, strict=True)
-        ]
-        touch, touch_in_file = _contacts(*wanted), _contacts(*found)
-        held = int((touch & touch_in_file).sum())
-        return cls(float(max(errors)), int(touch.sum()), held)
-
-    def __add__(self, other: "Fidelity") -> "Fidelity":
-        """Return that of both together."""
-        return Fidelity(
-            max(self.max_error, other.max_error),
-            self.contacts + other.contacts,
-            self.contacts_held + other.contacts_held,
-        )
-
-    def error_line(self) -> str:
-        """Say how far joints in BVH files are from where they were to be."""
-        return f"constant bones in BVH files move joints by {1e3 * self.max_error:.1f} mm at most"
-
-    def line(self) -> str:
-        """Say ``error_line`` and what touches."""
-        if not self.contacts:
-            return self.error_line()
-        share = 100 * self.contacts_held / self.contacts
-        return f"{self.error_line()}; {share:.1f} % of contacts are in them"
-
-
-def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:
-    """``(J_a, T, J_b)``: whether joints of two people are in contact; one joint at a time."""
-    return np.stack(
-        [np.linalg.norm(b - joint[:, None], axis=-1) < CONTACT_DISTANCE
-         for joint in np.moveaxis(a, 1, 0)]
-    )  # fmt: skip
+    fidelity: Fidelity
 
 
 def write_two_people(
@@ -296,10 +238,10 @@ def write_two_people(
     aims = contact_targets(a.motion, b.motion)
     for number, person in enumerate(duo.people):
         aimed = replace(person, motion=aims[number])
-        targets = PersonTargets(aimed, weights[number], scales[number])
+        of_joints = weights[number] + planted_weights(person)
+        targets = PersonTargets(aimed, of_joints, scales[number])
         written.append(_write_person(duo, number, targets, files[number]))
-    found = (written[0].motion, written[1].motion)
-    fidelity = Fidelity.of((a.motion, b.motion), found)
+    fidelity = Fidelity.of(duo.people, written)
     return WrittenCapture(files, (written[0], written[1]), fidelity)
 
 
@@ -330,8 +272,9 @@ def _write_person(
         settings = {"unit": pairs.metres(file), "up": pairs.up_axis}
         write_text(out, _rewritten(file, pairs, targets))
     else:
-        fps = float(1 / np.median(np.diff(person.times)))
-        write_text(out, format_bvh(person.motion, fps, person.skeleton, targets.weights))
+        write_text(
+            out, format_bvh(person.motion, frame_rate(person), person.skeleton, targets.weights)
+        )
     return read_back(out, person, settings)
 
 

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +12,8 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.captures import Fidelity, is_parquet, names_clips, read_back, read_clip
+from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, planted_weights
+from pacmo_core.commands.captures import is_parquet, names_clips, read_back, read_clip
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -39,6 +40,7 @@ from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps, check_up
+from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import PersonMotion, select_person
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
@@ -152,22 +154,37 @@ def write_reactions(
 def _write_bvh(
     reactions: Reactions, folder: Path, stem: str, space: OutputSpace
 ) -> tuple[list[Path], Fidelity]:
-    """Name files so that the preset ``pair`` finds the two people of each sample."""
-    fps = float(1 / np.median(np.diff(reactions.times)))
+    """Name files so that the preset ``pair`` finds the two people of each sample.
+
+    The partner is the same in all samples: its joints are weighted by the nearest of them.
+    """
+    partner = PersonMotion(reactions.skeleton, reactions.times, reactions.partner)
+    people = [replace(partner, motion=sample) for sample in reactions.samples]
+    near = [proximity_weights(partner.motion, person.motion) for person in people]
+    weights = np.max([of_partner for of_partner, _ in near], axis=0) + planted_weights(partner)
+    text = _bvh_text(partner, partner.motion, weights, space)
     files: list[Path] = []
     fidelity = Fidelity()
-    for number, reaction in enumerate(reactions.samples):
-        pair = (reactions.partner, reaction)
-        found = []
-        for person, motion in zip("AB", pair, strict=True):
-            file = folder / f"{stem}_{number}_{person}.bvh"
-            in_units = (from_y_up(motion, space.up) / space.unit).astype(np.float32)
-            write_text(file, format_bvh(in_units, fps, reactions.skeleton))
-            wanted = PersonMotion(reactions.skeleton, reactions.times, motion)
-            found.append(read_back(file, wanted, asdict(space)).motion)
-            files.append(file)
-        fidelity += Fidelity.of(pair, (found[0], found[1]))
+    for number, (person, (_, weights)) in enumerate(zip(people, near, strict=True)):
+        _, aims = contact_targets(partner.motion, person.motion)
+        weights = weights + planted_weights(person)
+        texts = (text, _bvh_text(person, aims, weights, space))
+        pair = [folder / f"{stem}_{number}_{name}.bvh" for name in "AB"]
+        for file, of_file in zip(pair, texts, strict=True):
+            write_text(file, of_file)
+        found = [read_back(file, person, asdict(space)) for file in pair]
+        fidelity += Fidelity.of((partner, person), found)
+        files += pair
     return files, fidelity
+
+
+def _bvh_text(
+    person: PersonMotion, aims: Motion, weights: NDArray[np.float64], space: OutputSpace
+) -> str:
+    """Write one person's BVH file; ``weights`` (T, J) are of the distances to ``aims``."""
+    fps = frame_rate(person)
+    in_units = (from_y_up(aims, space.up) / space.unit).astype(np.float32)
+    return format_bvh(in_units, fps, person.skeleton, weights)
 
 
 MIN_FRAMES = 4  # of a cubic spline

@@ -22,8 +22,8 @@ from pacmo_core.commands.augment import (
     parse_factors,
     solver_errors_in_one_line,
 )
+from pacmo_core.commands.bvh_fidelity import Fidelity
 from pacmo_core.commands.captures import (
-    Fidelity,
     TwoPersonCapture,
     check_output,
     is_parquet,
