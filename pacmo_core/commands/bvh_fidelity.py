@@ -101,8 +101,8 @@ class Fidelity:
         """Say ``error_line``, and what became of feet and touches."""
         parts = [self.error_line()]
         if self.n_planted:
-            slide, in_file = (100 * s / self.n_planted for s in (self.slide, self.slide_in_file))
-            parts.append(f"standing feet slide by {in_file:.2f} cm/s ({slide:.2f} before)")
+            added = 100 * (self.slide_in_file - self.slide) / self.n_planted
+            parts.append(f"standing feet slide {added:+.2f} cm/s")
         if self.contacts:
             share = 100 * self.contacts_held / self.contacts
             parts.append(f"{share:.1f} % of the touches (joints within 10 cm) are kept")

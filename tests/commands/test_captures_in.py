@@ -94,7 +94,7 @@ def test_react_writes_in_the_unit_and_axes_asked_for(
         pacmo(*words, tmp_path / f"{name}.bvh", *more).stdout
         for name, more in (("m", []), ("cm", ["--to-unit", "cm", "--to-up", "z"]))
     ]
-    moved = [re.findall(r"move joints by ([\d.]+) mm", text) for text in said]
+    moved = [re.findall(r"off by ([\d.]+) mm on average", text) for text in said]
     assert float(moved[1][0]) == pytest.approx(float(moved[0][0]), abs=0.2)
     plain, other = (read_bvh(tmp_path / f"{name}_0_B.bvh").positions() for name in ("m", "cm"))
     x, y, z = np.moveaxis(100 * plain, -1, 0)
