@@ -31,6 +31,7 @@ from pacmo_core.commands.captures import (
     read_two_people,
     write_two_people,
 )
+from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     PEOPLE,
     FormatName,
@@ -61,8 +62,9 @@ class SolverSection:
 
 
 def _present_params() -> Path:
-    """Return the parameters of this folder if it has some, else those of the package."""
-    return PARAMS if PARAMS.is_file() else default_params_file()
+    """Return the parameters of the project if there is one, else those of the package."""
+    params = in_project(PARAMS)
+    return params if params.is_file() else default_params_file()
 
 
 def read_solver_section(params: Path) -> SolverSection:

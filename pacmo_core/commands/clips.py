@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pacmo_core.commands.place import in_project
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.project.workspace import (
@@ -26,6 +27,7 @@ from pacmo_core.store.tables import (
     read_variations,
 )
 
+CLIPS, SEQUENCES = in_project(Path("data/clips")), in_project(Path("data/sequences"))
 Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequences")]
 Matching = Annotated[str, typer.Option(help="only rows that contain this text")]
 
@@ -47,7 +49,7 @@ CLIP_COLUMNS = ("clip", "action", "subject_a", "subject_b", "fps", "frames", "du
 
 
 def clips(
-    folder: Folder = Path("data/clips"),
+    folder: Folder = CLIPS,
     matching: Matching = "",
     splits: Splits = None,
     reactions: ReactionsFolder = None,
@@ -128,7 +130,10 @@ def _models_by_clip(folder: Path) -> dict[str, list[str]]:
     return found
 
 
-def quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:
+def quarantine(
+    folder: Folder = SEQUENCES,
+    matching: Matching = "",
+) -> None:
     """List captures that could not be used.
 
     With the file, the line and the reason.

@@ -31,6 +31,7 @@ from pacmo_core.commands.captures import (
     two_sources,
     write_two_people,
 )
+from pacmo_core.commands.place import in_project
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
     FormatName,
@@ -52,7 +53,7 @@ from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 
-WEIGHTS = Path("models/priors/default/random/kinematic/1/weights.safetensors")
+WEIGHTS = in_project(Path("models/priors/default/random/kinematic/1/weights.safetensors"))
 
 Weights = Annotated[Path, typer.Option(help="a trained skeleton prior")]
 Samples = Annotated[int, typer.Option(min=1, help="number of interactions to sample")]

@@ -16,6 +16,7 @@ from pacmo_core.commands.captures import (
     read_clip,
     two_sources,
 )
+from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -39,7 +40,7 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import motion_file
 from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 
-CLIPS_FOLDER = Path("data/clips")
+CLIPS_FOLDER = in_project(Path("data/clips"))
 
 
 def read_scenes(words: Sequence[str], options: ReadOptions) -> list[Scene]:
@@ -95,7 +96,7 @@ def _dataset_of(name: str) -> Path | None:
     """Return the first folder of variations that has one of this name."""
     if not is_variation(name):
         return None
-    for table in sorted(VARIATIONS_FOLDER.glob(f"*/{VARIATIONS}")):
+    for table in sorted(in_project(VARIATIONS_FOLDER).glob(f"*/{VARIATIONS}")):
         if any(row.variation == name for row in read_variations(table)):
             return table.parent
     return None
