@@ -80,7 +80,9 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
     """
     first = files[0]
     if names_clips(first, clip):
-        if len(files) > 1 or not clip or options.describes_files:
+        if not clip:
+            raise CommandError(f"{first}: name the clip with --clip: {some_clips(first)}")
+        if len(files) > 1 or options.describes_files:
             raise CommandError(f"{first}: wanted one file, --clip, and no option of other formats")
         pair = read_clip(first, clip)
         people = [select_person(pair, person, clip) for person in PEOPLE]
@@ -116,7 +118,20 @@ def read_clip(file: Path, name: str) -> Interaction:
     except KeyError as fault:
         near = nearest_names(name, read_names(file))
         hint = f"; the nearest: {', '.join(near)}" if near else ""
-        raise CommandError(f"{file}: no clip {name}{hint} (pacmo clips lists them)") from fault
+        raise CommandError(
+            f"{file}: no clip {name}{hint} (pacmo clips {file} lists them)"
+        ) from fault
+
+
+MAX_NAMED = 3  # clips in a message
+
+
+def some_clips(file: Path, before: str = "") -> str:
+    """Name a few of the clips of a Parquet file, each after some text, and how to list all."""
+    names = read_names(file)
+    shown = ", ".join(f"{before}{name}" for name in names[:MAX_NAMED])
+    more = f" ... ({len(names)} in all: pacmo clips {file})" if names[MAX_NAMED:] else ""
+    return f"{shown}{more}" if names else f"{file} has none"
 
 
 def check_two_people(a: PersonMotion, b: PersonMotion, files: Sequence[Path]) -> None:

@@ -13,7 +13,7 @@ import typer
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, planted_weights
-from pacmo_core.commands.captures import is_parquet, names_clips, read_back, read_clip
+from pacmo_core.commands.captures import is_parquet, names_clips, read_back, read_clip, some_clips
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -126,7 +126,12 @@ class OutputSpace:
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
     """Reject an output without a known suffix, or one that has another unit or axis."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
-        raise CommandError(f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files")
+        stored = out.with_suffix(".parquet").name
+        raise CommandError(
+            f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files; for others: "
+            f"react ... --out {stored}, then pacmo export {stored}:NAME#0000 --out {out.name}, "
+            "with NAME the partner's file without its suffix, or the clip"
+        )
     check_up(space.up)
     check_unit(space.unit, "--to-unit")
     if is_parquet(out) and space != OutputSpace():
@@ -191,6 +196,8 @@ MIN_FRAMES = 4  # of a cubic spline
 MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused, in parts
 
 PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
+# Taken so that a second file is refused with the reason, not as wrong usage.
+More = Annotated[list[str], typer.Argument(hidden=True, metavar="")]
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
 Weights = Annotated[
     Path | None,
@@ -219,6 +226,8 @@ Live = Annotated[bool, typer.Option("--stream", help="react to frames on standar
 
 def react(  # noqa: PLR0913  # typer reads the options off the signature
     partner: PartnerFile = None,
+    more: More = [],  # noqa: B006  # typer copies it
+    *,
     out: Out = None,
     weights: Weights = None,
     samples: Samples = 1,
@@ -272,8 +281,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(chosen, live)
             return
-        if partner is None or out is None:
-            raise CommandError("give a PARTNER and --out, or --stream")
+        partner, out = _check_files(partner, more, out)
         space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
         check_reactions_output(out, space)
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(partner, clip)))
@@ -291,13 +299,40 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         files, fidelity = write_reactions(reactions, out, space)
         if fidelity.max_error:
             typer.echo(fidelity.line())
-        typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
+        typer.echo(_files_line(len(motions), len(at), files))
+
+
+def _files_line(samples: int, frames: int, files: list[Path]) -> str:
+    """Say which files are of the partner and which are the reactions."""
+    text = f"{samples} x {frames} frames"
+    if len(files) == 1:
+        return f"{text} in {files[0]}: person_a is the partner, person_b the reaction"
+    reactions = f"{files[1]}{f' ... {files[-1]}' if samples > 1 else ''}"
+    return f"{text}: the partner in {files[0]}, the reaction in {reactions}"
+
+
+def _check_files(partner: Path | None, more: list[str], out: Path | None) -> tuple[Path, Path]:
+    """Return the partner and the output; refuse a second capture."""
+    if partner is None or out is None:
+        raise CommandError("give a PARTNER and --out, or --stream")
+    parts = [str(partner), *more] if more else str(partner).split("+")
+    if more or (len(parts) > 1 and not partner.exists()):
+        raise CommandError(
+            "react takes one partner and generates the other person; got "
+            f"{' and '.join(parts)}: name one of them, or, to change the bodies of two captured "
+            "people, use pacmo augment or pacmo vary"
+        )
+    return partner, out
 
 
 def _capture(source: Source, options: ReadOptions, clip: str) -> PersonMotion:
     if names_clips(source.file, clip):
-        if not clip or options.describes_files:
-            raise CommandError(f"{source.file}: wanted --clip, and no option of other formats")
+        if not clip:
+            raise CommandError(
+                f"{source.file}: name the clip with --clip: {some_clips(source.file)}"
+            )
+        if options.describes_files:
+            raise CommandError(f"{source.file}: clips of a store take no option of other formats")
         return select_person(read_clip(source.file, clip), source.person, clip)
     (person,) = read_people([source], options.of_captures([source.file]), clip)
     return person.motion

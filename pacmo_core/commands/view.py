@@ -14,6 +14,7 @@ from pacmo_core.commands.captures import (
     names_clips,
     on_one_clock,
     read_clip,
+    some_clips,
     two_sources,
 )
 from pacmo_core.commands.place import in_project
@@ -105,7 +106,8 @@ def _dataset_of(name: str) -> Path | None:
 def _read_stored(store: Path, name: str) -> Scene:
     """Read a clip of the store; the colour of a person does not depend on who reacts."""
     if not name:
-        raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
+        hint = f": {some_clips(store, f'{store}:')}" if store.is_file() else " (pacmo clips)"
+        raise CommandError(f"{store}: wanted the name of a clip after the colon{hint}")
     clip = read_clip(_file_of(store, name) if store.is_dir() else store, name)
     # The folder distinguishes reactions to the same partner, such as pacmo/1.
     folder = "/".join(store.parts[-2:]) if is_reaction(name) and store.is_dir() else ""
@@ -132,7 +134,8 @@ def _file_of(folder: Path, name: str) -> Path:
 
 def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
     if any(names_clips(file, "") for file in files):
-        raise CommandError(f"{files[0]}: name the clip, {files[0]}:NAME")
+        file = next(file for file in files if names_clips(file, ""))
+        raise CommandError(f"{file}: name the clip as FILE:NAME: {some_clips(file, f'{file}:')}")
     pairs = all(options.format_of(file) in ONE_PERSON_FORMATS for file in files)
     if len(files) > (2 if pairs else 1):
         raise CommandError(f"{files[0]}: wanted {'at most two files' if pairs else 'one file'}")

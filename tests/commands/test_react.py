@@ -268,3 +268,33 @@ def test_the_names_of_joints_are_checked_before_the_weights(stored: Path, tmp_pa
     words = ["--clip", "one", "--out", tmp_path / "o.parquet", "--weights", tmp_path / "none"]
     said = pacmo(stored, *words, "--joints", "a=mixmo")
     refused(said, "no preset of joints 'mixmo'; wanted mixamo, ")
+
+
+def test_a_second_capture_is_refused_with_the_commands_that_take_two(
+    weights: Path, tmp_path: Path
+) -> None:
+    words = ["--weights", weights, "--out", tmp_path / "o.bvh"]
+    for files in (["A.bvh", "B.bvh"], ["A.bvh+B.bvh"]):
+        said = pacmo(*files, *words)
+        refused(said, "react takes one partner", "A.bvh and B.bvh", "pacmo augment or pacmo vary")
+    assert "more" not in pacmo("--help").stdout.split("Options")[0].split("\n")[0]
+
+
+def test_it_says_which_file_is_the_partner_and_which_the_reaction(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    words = [stored, "--clip", "one", "--person", "a", "--weights", weights, "--out"]
+    said = pacmo(*words, tmp_path / "x.bvh").stdout
+    assert f"the partner in {tmp_path}/x_0_A.bvh, the reaction in {tmp_path}/x_0_B.bvh" in said
+    said = pacmo(*words, tmp_path / "x.parquet").stdout
+    assert "person_a is the partner, person_b the reaction" in said
+
+
+def test_another_format_is_refused_with_the_two_commands_that_write_it(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    words = [stored, "--clip", "one", "--person", "a", "--weights", weights, "--out"]
+    refused(pacmo(*words, "x.glb"), "react ... --out x.parquet, then pacmo export x.parquet:NAME")
+    assert pacmo(*words, tmp_path / "x.parquet").exit_code == 0
+    export = ["export", f"{tmp_path}/x.parquet:one#0000", "--out", str(tmp_path / "x.glb")]
+    assert CliRunner().invoke(app, export).exit_code == 0
