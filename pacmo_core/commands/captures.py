@@ -1,22 +1,31 @@
 """Captures of two people: read from any format, written in the same format."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, planted_weights
-from pacmo_core.commands.reading import PEOPLE, ReadOptions, Source, read_people
+from pacmo_core.commands.reading import (
+    PEOPLE,
+    ReadOptions,
+    Source,
+    check_unit,
+    parse_unit,
+    read_people,
+)
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import file_stem, nearest_names
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.base import check_up
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.inference import UNIT_NAMES
 from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
@@ -25,7 +34,7 @@ from pacmo_core.formats.registry import (
     read_partner,
     select_person,
 )
-from pacmo_core.formats.resample import resample
+from pacmo_core.formats.resample import from_y_up, resample
 from pacmo_core.formats.table_parquet import is_clip_file
 from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
@@ -34,6 +43,51 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, read_names, write_motions
 
 MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
+
+
+ToUnit = Annotated[str, typer.Option(help="metres per unit of BVH files, or m, cm, mm, in")]
+ToUp = Annotated[str, typer.Option(help="up axis of BVH files, y or z")]
+ToOtherUnit = Annotated[
+    str | None,
+    typer.Option(
+        "--to-unit",
+        help="metres per unit, or m, cm, mm, in, of BVH files that are not on the rig of the "
+        "capture; default: m",
+    ),
+]
+ToOtherUp = Annotated[
+    str | None,
+    typer.Option(
+        "--to-up",
+        help="up axis, y or z, of BVH files that are not on the rig of the capture; default: y",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class OutputSpace:
+    """Metres per unit and up axis of BVH files that are not on the rig of a capture."""
+
+    unit: float = 1.0
+    up: str = "y"
+
+    def __str__(self) -> str:
+        """Name both, as ``centimetres, y up``."""
+        return f"{UNIT_NAMES.get(self.unit, f'units of {self.unit:g} m')}, {self.up} up"
+
+
+def bvh_text(
+    person: PersonMotion, aims: Motion, weights: NDArray[np.float64], space: OutputSpace
+) -> str:
+    """Write one person's BVH file on the joints of the motion.
+
+    Parameters
+    ----------
+    aims : (T, J, 3) float32, metres, y up, in place of the person's own motion
+    weights : (T, J), of the squared distances to them
+    """
+    in_units = (from_y_up(aims, space.up) / space.unit).astype(np.float32)
+    return format_bvh(in_units, frame_rate(person), person.skeleton, weights)
 
 
 @dataclass(frozen=True)
@@ -47,6 +101,7 @@ class TwoPersonCapture:
     settings : with which each person's file was read
     people : person a and person b, without bones of length zero
     keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
+    space : of BVH files that are not
     """
 
     name: str
@@ -54,6 +109,51 @@ class TwoPersonCapture:
     settings: tuple[Mapping[str, Any], ...]
     people: tuple[PersonMotion, PersonMotion]
     keeps_hierarchy: bool = True
+    space: OutputSpace = OutputSpace()
+
+    def file_of(self, number: int) -> Path:
+        """Return the file of person a, 0, or b, 1."""
+        return self.files[number] if len(self.files) == 2 else self.files[0]
+
+    def is_on_own_rig(self, number: int) -> bool:
+        """Whether a BVH file of a person is written on the rig of the capture."""
+        return self.keeps_hierarchy and self.file_of(number).suffix.lower() == ".bvh"
+
+    def in_space(self, to_unit: str | None, to_up: str | None, out: Path) -> "TwoPersonCapture":
+        """Return the capture with the unit and axis of BVH files; None for metres, y up.
+
+        Raises
+        ------
+        CommandError
+            If they are none, or nothing would be written in them.
+        """
+        unit = 1.0 if to_unit is None else parse_unit(to_unit, "--to-unit")
+        space = OutputSpace(unit, "y" if to_up is None else to_up)
+        check_unit(space.unit, "--to-unit")
+        check_up(space.up)
+        if (to_unit or to_up) and is_parquet(out):
+            raise CommandError(
+                f"{out}: Parquet is always metres, y up; leave out --to-unit, --to-up"
+            )
+        if (to_unit or to_up) and all(self.is_on_own_rig(number) for number in range(2)):
+            raise CommandError(
+                f"{out}: BVH is written on the rig of the capture, in its unit and axes; leave "
+                "out --to-unit, --to-up (pacmo export converts them)"
+            )
+        return replace(self, space=space)
+
+    def rig_line(self, out: Path) -> str:
+        """Say on which rig, and in what, BVH files are; nothing of Parquet."""
+        own = [self.is_on_own_rig(number) for number in range(2)]
+        if is_parquet(out):
+            return ""
+        if all(own):
+            return "written on the rig of the capture, in its unit and axes"
+        whom = "" if not any(own) else f"person {PEOPLE[own.index(False)]} "
+        return (
+            f"{whom}written on the joints of the motion, not on a rig of the capture, in "
+            f"{self.space} (--to-unit, --to-up)"
+        )
 
     @property
     def scene(self) -> Scene:
@@ -280,16 +380,14 @@ def _write_person(
     duo: TwoPersonCapture, number: int, targets: PersonTargets, out: Path
 ) -> PersonMotion:
     """Write a BVH file, in the hierarchy of the input if that is BVH; return what it holds."""
-    person, settings = targets.person, {"unit": 1.0, "up": "y"}
-    file = duo.files[number] if len(duo.files) == 2 else duo.files[0]
-    if duo.keeps_hierarchy and file.suffix.lower() == ".bvh":
+    person, file = targets.person, duo.file_of(number)
+    settings: dict[str, Any] = asdict(duo.space)
+    if duo.is_on_own_rig(number):
         pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **duo.settings[number]})
         settings = {"unit": pairs.metres(file), "up": pairs.up_axis}
         write_text(out, _rewritten(file, pairs, targets))
     else:
-        write_text(
-            out, format_bvh(person.motion, frame_rate(person), person.skeleton, targets.weights)
-        )
+        write_text(out, bvh_text(person, person.motion, targets.weights, duo.space))
     return read_back(out, person, settings)
 
 

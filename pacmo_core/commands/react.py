@@ -12,8 +12,18 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, planted_weights
-from pacmo_core.commands.captures import is_parquet, names_clips, read_back, read_clip, some_clips
+from pacmo_core.commands.bvh_fidelity import Fidelity, planted_weights
+from pacmo_core.commands.captures import (
+    OutputSpace,
+    ToUnit,
+    ToUp,
+    bvh_text,
+    is_parquet,
+    names_clips,
+    read_back,
+    read_clip,
+    some_clips,
+)
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -42,8 +52,6 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps, check_up
 from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import PersonMotion, select_person
-from pacmo_core.formats.resample import from_y_up
-from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
@@ -115,14 +123,6 @@ class Reactions:
     samples: Motion
 
 
-@dataclass(frozen=True)
-class OutputSpace:
-    """Metres per unit and up axis of BVH files."""
-
-    unit: float = 1.0
-    up: str = "y"
-
-
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
     """Reject an output without a known suffix, or one that has another unit or axis."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
@@ -167,13 +167,13 @@ def _write_bvh(
     people = [replace(partner, motion=sample) for sample in reactions.samples]
     near = [proximity_weights(partner.motion, person.motion) for person in people]
     weights = np.max([of_partner for of_partner, _ in near], axis=0) + planted_weights(partner)
-    text = _bvh_text(partner, partner.motion, weights, space)
+    text = bvh_text(partner, partner.motion, weights, space)
     files: list[Path] = []
     fidelity = Fidelity()
     for number, (person, (_, weights)) in enumerate(zip(people, near, strict=True)):
         _, aims = contact_targets(partner.motion, person.motion)
         weights = weights + planted_weights(person)
-        texts = (text, _bvh_text(person, aims, weights, space))
+        texts = (text, bvh_text(person, aims, weights, space))
         pair = [folder / f"{stem}_{number}_{name}.bvh" for name in "AB"]
         for file, of_file in zip(pair, texts, strict=True):
             write_text(file, of_file)
@@ -181,15 +181,6 @@ def _write_bvh(
         fidelity += Fidelity.of((partner, person), found)
         files += pair
     return files, fidelity
-
-
-def _bvh_text(
-    person: PersonMotion, aims: Motion, weights: NDArray[np.float64], space: OutputSpace
-) -> str:
-    """Write one person's BVH file; ``weights`` (T, J) are of the distances to ``aims``."""
-    fps = frame_rate(person)
-    in_units = (from_y_up(aims, space.up) / space.unit).astype(np.float32)
-    return format_bvh(in_units, fps, person.skeleton, weights)
 
 
 MIN_FRAMES = 4  # of a cubic spline
@@ -206,8 +197,6 @@ Weights = Annotated[
 ToFps = Annotated[
     float | None, typer.Option(help="frame rate of the reaction; default: that of the partner")
 ]
-ToUnit = Annotated[str, typer.Option(help="metres per unit of BVH files, or m, cm, mm, in")]
-ToUp = Annotated[str, typer.Option(help="up axis of BVH files, y or z")]
 Samples = Annotated[int, typer.Option(min=1, help="number of reactions to sample")]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same reactions")]
 PersonName = Annotated[

@@ -196,9 +196,26 @@ def test_vary_takes_two_rigs_and_writes_the_joints_of_the_model(
         written = read_bvh(tmp_path / "varied" / name)
         assert {"spine_base", "left_hand"} <= set(written.joints)
         assert abs(written.positions()).max() < 10  # metres
+    assert "not on a rig of the capture, in metres, y up (--to-unit, --to-up)" in said.stdout
+    plain = read_bvh(tmp_path / "varied" / "duo_A.bvh").positions()
+    other = pacmo(*words, "--b-scale", "left_forearm=1.2", "--to-unit", "cm", "--to-up", "z")
+    assert "in centimetres, z up" in other.stdout
+    x, y, z = np.moveaxis(100 * plain, -1, 0)
+    in_cm = read_bvh(tmp_path / "varied" / "duo_A.bvh").positions()
+    np.testing.assert_allclose(in_cm, np.stack([x, -z, y], axis=-1), atol=0.5)
     stated = pacmo(*words, "--joints", "a=mixamo", "--joints", "b=kinect25")
     assert stated.exit_code == 0, stated.output
     refused(pacmo(*words, "--joints", "mixamo"), "kinect.bvh", "names no joint for")
+
+
+def test_files_on_the_rig_of_the_capture_take_no_other_unit(
+    pair: list[Path], tmp_path: Path
+) -> None:
+    words = ["augment", *pair, "--b-scale", "left_forearm=1.2", "--out"]
+    said = pacmo(*words, tmp_path / "same")
+    assert "written on the rig of the capture, in its unit and axes" in said.stdout
+    refused(pacmo(*words, tmp_path / "x", "--to-unit", "m"), "in its unit and axes", "leave out")
+    refused(pacmo(*words, tmp_path / "x.parquet", "--to-up", "z"), "always metres, y up")
 
 
 def test_joints_that_a_rig_lacks_are_named_by_the_user(weights: Path, tmp_path: Path) -> None:
