@@ -138,7 +138,20 @@ def test_two_people_of_two_formats_meet_and_each_takes_the_options_of_its_own(
              for file in sorted((tmp_path / "out").glob("*.bvh"))]  # fmt: skip
     assert sizes == pytest.approx([160, 1.6], rel=0.25)
     export = ["export", f"{pair[0]}+{other}", "--out", tmp_path / "x.npz"]
-    refused(pacmo(*export), "two skeletons")
+    refused(pacmo(*export), "different skeletons", ".npz holds one", ".bvh, .glb")
+    for name in ("x.glb", "x.bvh"):
+        said = pacmo(*export[:2], "--out", tmp_path / name)
+        assert said.exit_code == 0, said.output
+    a, b = (read_bvh(tmp_path / f"x_{person}.bvh") for person in "AB")
+    assert "mixamorig:LeftArm" in a.joints
+    assert set(INTERHUMAN22.joints) <= set(b.joints)
+    content = (tmp_path / "x.glb").read_bytes()
+    document = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    nodes = document["nodes"]
+    names = [[nodes[joint]["name"] for joint in skin["joints"]] for skin in document["skins"]]
+    assert [len(of_person) for of_person in names] == [len(skeleton.joints), 22]
+    assert all(name.startswith("b_") for name in names[1])
+    assert nodes[document["skins"][1]["skeleton"]]["name"] == "person_b"
     refused(pacmo("view", pair[0], other, "--from-unit", "ell"), "--from-unit", "ell")
 
 
