@@ -23,14 +23,17 @@ from pacmo_core.augmentation.bodies import (
 )
 from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.augmentation.run import report_measurements
+from pacmo_core.commands.bvh_fidelity import Fidelity
 from pacmo_core.commands.captures import (
-    Fidelity,
+    ToOtherUnit,
+    ToOtherUp,
     TwoPersonCapture,
     WrittenCapture,
     check_output,
     read_two_people,
     write_two_people,
 )
+from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     PEOPLE,
     FormatName,
@@ -61,8 +64,9 @@ class SolverSection:
 
 
 def _present_params() -> Path:
-    """Return the parameters of this folder if it has some, else those of the package."""
-    return PARAMS if PARAMS.is_file() else default_params_file()
+    """Return the parameters of the project if there is one, else those of the package."""
+    params = in_project(PARAMS)
+    return params if params.is_file() else default_params_file()
 
 
 def read_solver_section(params: Path) -> SolverSection:
@@ -128,6 +132,8 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     from_up: FromUp = [],  # noqa: B006
     from_fps: FromFps = [],  # noqa: B006
     params: Params = None,
+    to_unit: ToOtherUnit = None,
+    to_up: ToOtherUp = None,
 ) -> None:
     """Retarget two people's motion to other bodies; contacts and near distances are preserved.
 
@@ -141,7 +147,8 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     A segment is a bone by its anatomical name, such as left_forearm or right_thigh, whatever its
     joints are called; uniform is all of them. The message for an unknown name lists the known ones.
     Scales and a profile of the same person multiply. The command reads the same formats as
-    ``pacmo react``. BVH files are written with the hierarchy, channels, unit and axes of the input.
+    ``pacmo react``. BVH files are written with the hierarchy, channels, unit and axes of the input;
+    those of other formats in metres, y up unless --to-unit and --to-up say otherwise.
     A page beside the files, an .html, plays the source and the variation side by side.
     """
     options = ReadOptions(form, preset, from_unit, from_up, from_fps)
@@ -152,7 +159,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         profiles = _profiles(profile)
         if not any(factors_of_people) and not profiles:
             raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
-        duo = read_two_people(files, options, clip)
+        duo = read_two_people(files, options, clip).in_space(to_unit, to_up, out)
         check_output(duo, out)
         scales = _requested_scales(duo, factors_of_people, profiles)
         typer.echo(_first_line(duo, (a_scale, b_scale), profiles))
@@ -163,6 +170,8 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         written = write_two_people(moved, scales, label, out)
         figures = report_measurements(solution.reports[0])
         figures |= measure_written(duo, written, scales, solving.solver)
+        if line := duo.rig_line(out):
+            typer.echo(line)
         for line in _report_lines(figures, solving.limits, written.fidelity):
             typer.echo(line)
         page = write_variation_page(duo, written, figures, solving.limits, out)

@@ -1,26 +1,32 @@
 """Captures of two people: read from any format, written in the same format."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.reading import PEOPLE, ReadOptions, Source, read_people
+from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, planted_weights
+from pacmo_core.commands.reading import (
+    PEOPLE,
+    ReadOptions,
+    Source,
+    check_unit,
+    parse_unit,
+    read_people,
+)
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import file_stem, nearest_names
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.base import check_up
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.inverse_kinematics import (
-    CONTACT_DISTANCE,
-    contact_targets,
-    proximity_weights,
-)
+from pacmo_core.formats.inference import UNIT_NAMES
+from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
@@ -28,7 +34,7 @@ from pacmo_core.formats.registry import (
     read_partner,
     select_person,
 )
-from pacmo_core.formats.resample import resample
+from pacmo_core.formats.resample import from_y_up, resample
 from pacmo_core.formats.table_parquet import is_clip_file
 from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
@@ -37,6 +43,51 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import read_motion, read_names, write_motions
 
 MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
+
+
+ToUnit = Annotated[str, typer.Option(help="metres per unit of BVH files, or m, cm, mm, in")]
+ToUp = Annotated[str, typer.Option(help="up axis of BVH files, y or z")]
+ToOtherUnit = Annotated[
+    str | None,
+    typer.Option(
+        "--to-unit",
+        help="metres per unit, or m, cm, mm, in, of BVH files that are not on the rig of the "
+        "capture; default: m",
+    ),
+]
+ToOtherUp = Annotated[
+    str | None,
+    typer.Option(
+        "--to-up",
+        help="up axis, y or z, of BVH files that are not on the rig of the capture; default: y",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class OutputSpace:
+    """Metres per unit and up axis of BVH files that are not on the rig of a capture."""
+
+    unit: float = 1.0
+    up: str = "y"
+
+    def __str__(self) -> str:
+        """Name both, as ``centimetres, y up``."""
+        return f"{UNIT_NAMES.get(self.unit, f'units of {self.unit:g} m')}, {self.up} up"
+
+
+def bvh_text(
+    person: PersonMotion, aims: Motion, weights: NDArray[np.float64], space: OutputSpace
+) -> str:
+    """Write one person's BVH file on the joints of the motion.
+
+    Parameters
+    ----------
+    aims : (T, J, 3) float32, metres, y up, in place of the person's own motion
+    weights : (T, J), of the squared distances to them
+    """
+    in_units = (from_y_up(aims, space.up) / space.unit).astype(np.float32)
+    return format_bvh(in_units, frame_rate(person), person.skeleton, weights)
 
 
 @dataclass(frozen=True)
@@ -50,6 +101,7 @@ class TwoPersonCapture:
     settings : with which each person's file was read
     people : person a and person b, without bones of length zero
     keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
+    space : of BVH files that are not
     """
 
     name: str
@@ -57,13 +109,57 @@ class TwoPersonCapture:
     settings: tuple[Mapping[str, Any], ...]
     people: tuple[PersonMotion, PersonMotion]
     keeps_hierarchy: bool = True
+    space: OutputSpace = OutputSpace()
+
+    def file_of(self, number: int) -> Path:
+        """Return the file of person a, 0, or b, 1."""
+        return self.files[number] if len(self.files) == 2 else self.files[0]
+
+    def is_on_own_rig(self, number: int) -> bool:
+        """Whether a BVH file of a person is written on the rig of the capture."""
+        return self.keeps_hierarchy and self.file_of(number).suffix.lower() == ".bvh"
+
+    def in_space(self, to_unit: str | None, to_up: str | None, out: Path) -> "TwoPersonCapture":
+        """Return the capture with the unit and axis of BVH files; None for metres, y up.
+
+        Raises
+        ------
+        CommandError
+            If they are none, or nothing would be written in them.
+        """
+        unit = 1.0 if to_unit is None else parse_unit(to_unit, "--to-unit")
+        space = OutputSpace(unit, "y" if to_up is None else to_up)
+        check_unit(space.unit, "--to-unit")
+        check_up(space.up)
+        if (to_unit or to_up) and is_parquet(out):
+            raise CommandError(
+                f"{out}: Parquet is always metres, y up; leave out --to-unit, --to-up"
+            )
+        if (to_unit or to_up) and all(self.is_on_own_rig(number) for number in range(2)):
+            raise CommandError(
+                f"{out}: BVH is written on the rig of the capture, in its unit and axes; leave "
+                "out --to-unit, --to-up (pacmo export converts them)"
+            )
+        return replace(self, space=space)
+
+    def rig_line(self, out: Path) -> str:
+        """Say on which rig, and in what, BVH files are; nothing of Parquet."""
+        own = [self.is_on_own_rig(number) for number in range(2)]
+        if is_parquet(out):
+            return ""
+        if all(own):
+            return "written on the rig of the capture, in its unit and axes"
+        whom = "" if not any(own) else f"person {PEOPLE[own.index(False)]} "
+        return (
+            f"{whom}written on the joints of the motion, not on a rig of the capture, in "
+            f"{self.space} (--to-unit, --to-up)"
+        )
 
     @property
     def scene(self) -> Scene:
         """Both people as input of the solver."""
         a, b = self.people
-        fps = float(1 / np.median(np.diff(a.times)))
-        return Scene((a.motion, b.motion), (a.skeleton, b.skeleton), fps)
+        return Scene((a.motion, b.motion), (a.skeleton, b.skeleton), frame_rate(a))
 
     def moved(self, motions: tuple[Motion, Motion]) -> "TwoPersonCapture":
         """Return the capture with other motions of the same people."""
@@ -84,7 +180,9 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
     """
     first = files[0]
     if names_clips(first, clip):
-        if len(files) > 1 or not clip or options.describes_files:
+        if not clip:
+            raise CommandError(f"{first}: name the clip with --clip: {some_clips(first)}")
+        if len(files) > 1 or options.describes_files:
             raise CommandError(f"{first}: wanted one file, --clip, and no option of other formats")
         pair = read_clip(first, clip)
         people = [select_person(pair, person, clip) for person in PEOPLE]
@@ -120,7 +218,20 @@ def read_clip(file: Path, name: str) -> Interaction:
     except KeyError as fault:
         near = nearest_names(name, read_names(file))
         hint = f"; the nearest: {', '.join(near)}" if near else ""
-        raise CommandError(f"{file}: no clip {name}{hint} (pacmo clips lists them)") from fault
+        raise CommandError(
+            f"{file}: no clip {name}{hint} (pacmo clips {file} lists them)"
+        ) from fault
+
+
+MAX_NAMED = 3  # clips in a message
+
+
+def some_clips(file: Path, before: str = "") -> str:
+    """Name a few of the clips of a Parquet file, each after some text, and how to list all."""
+    names = read_names(file)
+    shown = ", ".join(f"{before}{name}" for name in names[:MAX_NAMED])
+    more = f" ... ({len(names)} in all: pacmo clips {file})" if names[MAX_NAMED:] else ""
+    return f"{shown}{more}" if names else f"{file} has none"
 
 
 def check_two_people(a: PersonMotion, b: PersonMotion, files: Sequence[Path]) -> None:
@@ -214,61 +325,7 @@ class WrittenCapture:
 
     files: list[Path]
     people: tuple[PersonMotion, PersonMotion]
-    fidelity: "Fidelity"
-
-
-@dataclass(frozen=True)
-class Fidelity:
-    """How well files hold the motions that were written, measured on what is read back.
-
-    Parameters
-    ----------
-    max_error : metres, the largest distance of a joint from where it was to be
-    contacts, contacts_held : number of pairs of joints of the two people in contact, over all
-        frames, and of those that are in contact in the files
-    """
-
-    max_error: float = 0.0
-    contacts: int = 0
-    contacts_held: int = 0
-
-    @classmethod
-    def of(cls, wanted: tuple[Motion, Motion], found: tuple[Motion, Motion]) -> "Fidelity":
-        """Compare two people's motions (T, J, 3), metres."""
-        errors = [
-            np.linalg.norm(back - motion, axis=-1).max()
-            for back, motion in zip(found, wanted, strict=True)
-        ]
-        touch, touch_in_file = _contacts(*wanted), _contacts(*found)
-        held = int((touch & touch_in_file).sum())
-        return cls(float(max(errors)), int(touch.sum()), held)
-
-    def __add__(self, other: "Fidelity") -> "Fidelity":
-        """Return that of both together."""
-        return Fidelity(
-            max(self.max_error, other.max_error),
-            self.contacts + other.contacts,
-            self.contacts_held + other.contacts_held,
-        )
-
-    def error_line(self) -> str:
-        """Say how far joints in BVH files are from where they were to be."""
-        return f"constant bones in BVH files move joints by {1e3 * self.max_error:.1f} mm at most"
-
-    def line(self) -> str:
-        """Say ``error_line`` and what touches."""
-        if not self.contacts:
-            return self.error_line()
-        share = 100 * self.contacts_held / self.contacts
-        return f"{self.error_line()}; {share:.1f} % of contacts are in them"
-
-
-def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:
-    """``(J_a, T, J_b)``: whether joints of two people are in contact; one joint at a time."""
-    return np.stack(
-        [np.linalg.norm(b - joint[:, None], axis=-1) < CONTACT_DISTANCE
-         for joint in np.moveaxis(a, 1, 0)]
-    )  # fmt: skip
+    fidelity: Fidelity
 
 
 def write_two_people(
@@ -296,10 +353,10 @@ def write_two_people(
     aims = contact_targets(a.motion, b.motion)
     for number, person in enumerate(duo.people):
         aimed = replace(person, motion=aims[number])
-        targets = PersonTargets(aimed, weights[number], scales[number])
+        of_joints = weights[number] + planted_weights(person)
+        targets = PersonTargets(aimed, of_joints, scales[number])
         written.append(_write_person(duo, number, targets, files[number]))
-    found = (written[0].motion, written[1].motion)
-    fidelity = Fidelity.of((a.motion, b.motion), found)
+    fidelity = Fidelity.of(duo.people, written)
     return WrittenCapture(files, (written[0], written[1]), fidelity)
 
 
@@ -323,15 +380,14 @@ def _write_person(
     duo: TwoPersonCapture, number: int, targets: PersonTargets, out: Path
 ) -> PersonMotion:
     """Write a BVH file, in the hierarchy of the input if that is BVH; return what it holds."""
-    person, settings = targets.person, {"unit": 1.0, "up": "y"}
-    file = duo.files[number] if len(duo.files) == 2 else duo.files[0]
-    if duo.keeps_hierarchy and file.suffix.lower() == ".bvh":
+    person, file = targets.person, duo.file_of(number)
+    settings: dict[str, Any] = asdict(duo.space)
+    if duo.is_on_own_rig(number):
         pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **duo.settings[number]})
         settings = {"unit": pairs.metres(file), "up": pairs.up_axis}
         write_text(out, _rewritten(file, pairs, targets))
     else:
-        fps = float(1 / np.median(np.diff(person.times)))
-        write_text(out, format_bvh(person.motion, fps, person.skeleton, targets.weights))
+        write_text(out, bvh_text(person, person.motion, targets.weights, duo.space))
     return read_back(out, person, settings)
 
 

@@ -11,6 +11,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from pacmo_core.commands.place import enter_project
+
 # Name: module of this package, function or typer application in it, first line of its help.
 COMMANDS = {
     "fetch": ("fetch", "app", "Download a public dataset."),
@@ -41,6 +43,8 @@ COMMANDS = {
         "Remove outputs of folds and seeds that params.yaml does not define.",
     ),
 }
+# They work on the whole project, wherever the user stands.
+OF_PROJECT = ("use", "experiments", "status", "rollback", "tidy")
 _OPTIONS: dict[str, Any] = {
     "add_completion": False,
     "rich_markup_mode": None,
@@ -61,6 +65,8 @@ class LazyGroup(TyperGroup):
         if cmd_name not in COMMANDS:
             return None
         module, attribute, _ = COMMANDS[cmd_name]
+        if cmd_name in OF_PROJECT:
+            enter_project()
         target = getattr(import_module(f"pacmo_core.commands.{module}"), attribute)
         if not isinstance(target, typer.Typer):
             application = typer.Typer(**_OPTIONS)

@@ -1,14 +1,17 @@
 """``pacmo clips`` and ``pacmo quarantine``: the tables of a folder of clips."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from pacmo_core.commands.place import in_project
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import ReactionName, is_reaction
+from pacmo_core.formats.registry import format_of
+from pacmo_core.formats.table_parquet import is_clip_file
 from pacmo_core.project.workspace import (
     MOTIONS,
     VARIATIONS_FOLDER,
@@ -26,7 +29,8 @@ from pacmo_core.store.tables import (
     read_variations,
 )
 
-Folder = Annotated[Path, typer.Argument(help="such as data/clips or data/sequences")]
+CLIPS, SEQUENCES = in_project(Path("data/clips")), in_project(Path("data/sequences"))
+Folder = Annotated[Path, typer.Argument(help="such as data/clips, or FILE.parquet")]
 Matching = Annotated[str, typer.Option(help="only rows that contain this text")]
 
 Splits = Annotated[
@@ -47,15 +51,17 @@ CLIP_COLUMNS = ("clip", "action", "subject_a", "subject_b", "fps", "frames", "du
 
 
 def clips(
-    folder: Folder = Path("data/clips"),
+    folder: Folder = CLIPS,
     matching: Matching = "",
     splits: Splits = None,
     reactions: ReactionsFolder = None,
     variations: Variations = False,
 ) -> None:
-    """List the clips of a folder.
+    """List the clips of a folder or of a Parquet file.
 
     pacmo clips
+
+    pacmo clips reactions.parquet
 
     pacmo clips --splits data/splits/1.parquet --matching test
 
@@ -65,11 +71,21 @@ def clips(
     also their split in that fold. A reaction of person b, of model pacmo in fold 1 with seed 1, is
     data/reactions/1/pacmo/1:CLIP#b#0 for ``pacmo view`` and ``pacmo export``. ``--variations``
     lists those of all datasets in data/variations, accepted or not, by the names that both take.
+    Of a folder of captures that no run has taken in, the files and their formats are listed.
     """
     if variations:
         _list_variations(folder.parent / VARIATIONS_FOLDER.name, matching)
         return
     with _errors_in_one_line():
+        if folder.is_file():
+            _list_file(folder, matching)
+            return
+        if not (folder / "clips.parquet").exists() and (folder / MOTIONS).is_file():
+            _list_file(folder / MOTIONS, matching)
+            return
+        if not (folder / "clips.parquet").exists() and (captures := _captures(folder)):
+            _show(captures, ("capture", "format"), matching)
+            return
         rows = read_rows(_table(folder / "clips.parquet"), ClipRecord)
         split_of = {row.clip: row.split for row in read_rows(splits, SplitRecord)} if splits else {}
         models = _models_by_clip(reactions or folder.parent / "reactions")
@@ -82,6 +98,24 @@ def clips(
         }
         cells.append([_cell(more.get(name, getattr(row, name, ""))) for name in columns])
     _show(cells, columns, matching)
+
+
+def _list_file(file: Path, matching: str) -> None:
+    """List the clips of a Parquet file, as view and export take them."""
+    if file.suffix.lower() != ".parquet" or not is_clip_file(file):
+        raise CommandError(
+            f"{file}: wanted a folder, or a Parquet file of clips; a capture has no names of clips"
+        )
+    _show([[printable(f"{file}:{name}")] for name in read_names(file)], ("clip",), matching)
+
+
+def _captures(folder: Path) -> list[list[str]]:
+    """List the files of a folder whose suffix is that of a format of captures."""
+    found = []
+    for file in sorted(path for path in folder.glob("*") if path.is_file()):
+        with suppress(ValueError):
+            found.append([printable(str(file)), format_of(file)])
+    return found
 
 
 def _list_variations(folder: Path, matching: str) -> None:
@@ -128,7 +162,10 @@ def _models_by_clip(folder: Path) -> dict[str, list[str]]:
     return found
 
 
-def quarantine(folder: Folder = Path("data/sequences"), matching: Matching = "") -> None:
+def quarantine(
+    folder: Folder = SEQUENCES,
+    matching: Matching = "",
+) -> None:
     """List captures that could not be used.
 
     With the file, the line and the reason.

@@ -44,6 +44,7 @@ from pacmo_core.store.files import atomic_file, write_text
 FILM_FPS = 25.0
 COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
 FILMS = (".mp4", ".gif")
+OF_A_PERSON = (".bvh", ".glb", ".gltf")  # with a skeleton for each person
 # The glTF standard prescribes metres and y up; a film shows no axis.
 FIXED_UNIT_SUFFIXES = (".glb", ".gltf", *FILMS)
 
@@ -92,8 +93,11 @@ class ExportOptions:
 def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Path], str]:
     """Write the files, each atomically; return them and a summary: frames, rate and errors."""
     suffix = out.suffix.lower()
-    if scene.other:
-        raise CommandError(f"{scene.label}: two skeletons; export one person at a time")
+    if scene.other and suffix not in OF_A_PERSON:
+        raise CommandError(
+            f"{scene.label}: the two people have different skeletons; {suffix} holds one: export "
+            f"one person at a time, or to {', '.join(OF_A_PERSON)}, which hold one each"
+        )
     fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
     written = scene if fps is None else resample_scene(scene, fps)
     files, errors = WRITERS[suffix](out, written, form)
@@ -114,25 +118,28 @@ def _fps(scene: Scene) -> float:
     return float(1 / np.median(np.diff(scene.times)))
 
 
-def _shift(people: Sequence[NDArray[Any]], root: int, form: ExportOptions) -> NDArray[np.float64]:
+def _shift(
+    people: Sequence[NDArray[Any]], roots: Sequence[int], form: ExportOptions
+) -> NDArray[np.float64]:
     """``(3,)``: the translation of all people together that ``--ground`` and ``--centre`` ask for.
 
     Parameters
     ----------
     people : (T, J, 3) each, in the axes of the file
-    root : joint
+    roots : joint of each
     """
     up = "xyz".index(form.up)
     shift = np.zeros(3)
     if form.centre:
-        shift -= np.mean([motion[:, root] for motion in people], axis=(0, 1), dtype=np.float64)
+        paths = [motion[:, root] for motion, root in zip(people, roots, strict=True)]
+        shift -= np.mean(paths, axis=(0, 1), dtype=np.float64)
     shift[up] = -min(float(motion[..., up].min()) for motion in people) if form.ground else 0.0
     return shift
 
 
 def _convert(scene: Scene, form: ExportOptions) -> list[Motion]:
     people = [from_y_up(motion, form.up).astype(np.float64) for motion in scene.people]
-    shift = _shift(people, scene.skeleton.root, form)
+    shift = _shift(people, [body.root for body in scene.skeletons], form)
     return [((motion + shift) / form.unit).astype(np.float32) for motion in people]
 
 
@@ -142,13 +149,14 @@ def _fit_people(scene: Scene, form: ExportOptions) -> tuple[list[ConstantBoneMot
     The fits are placed, not the motions: it is the files whose feet stand on the floor.
     """
     motions = [from_y_up(motion, form.up) for motion in scene.people]
-    fits = [fit_bones(motion, scene.skeleton) for motion in motions]
-    positions = [fit.positions(scene.skeleton) for fit in fits]
+    bodies = scene.skeletons
+    fits = [fit_bones(motion, body) for motion, body in zip(motions, bodies, strict=True)]
+    positions = [fit.positions(body) for fit, body in zip(fits, bodies, strict=True)]
     errors = [
         np.linalg.norm(fitted - motion, axis=-1)
         for fitted, motion in zip(positions, motions, strict=True)
     ]
-    shift = _shift(positions, scene.skeleton.root, form)
+    shift = _shift(positions, [body.root for body in bodies], form)
     return [replace(fit, root=fit.root + shift) for fit in fits], _error_summary(errors)
 
 
@@ -156,21 +164,20 @@ def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]
     fits, summary = _fit_people(scene, form)
     alone = len(fits) == 1
     files = []
-    for person, fit in zip("AB", fits, strict=False):
+    for person, fit, body in zip("AB", fits, scene.skeletons, strict=False):
         in_units = replace(fit, offsets=fit.offsets / form.unit, root=fit.root / form.unit)
         files.append(out if alone else out.with_name(f"{out.stem}_{person}{out.suffix}"))
-        write_text(files[-1], format_bvh_of_fit(in_units, _fps(scene), scene.skeleton))
+        write_text(files[-1], format_bvh_of_fit(in_units, _fps(scene), body))
     return files, summary
 
 
 def _gltf(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
     fits, summary = _fit_people(scene, form)
     actors = []
-    for person, fit, colour in zip("ab", fits, COLOURS, strict=False):
-        rest = rest_positions(fit, scene.skeleton)
-        skin = make_skin(make_body_shape(scene.skeleton), scene.skeleton, rest)
-        actors.append(AnimatedPerson(person, fit, skin, colour))
-    document, data = gltf_document(scene.skeleton, scene.times, actors)
+    for person, fit, body, colour in zip("ab", fits, scene.skeletons, COLOURS, strict=False):
+        skin = make_skin(make_body_shape(body), body, rest_positions(fit, body))
+        actors.append(AnimatedPerson(person, body, fit, skin, colour))
+    document, data = gltf_document(scene.times, actors)
     write = to_glb if out.suffix.lower() == ".glb" else to_gltf
     _write_bytes(out, write(document, data))
     return [out], summary
@@ -201,9 +208,10 @@ def _write_bytes(out: Path, content: bytes) -> None:
 
 
 def _error_summary(errors: list[NDArray[np.float64]]) -> str:
-    millimetres = 1000 * np.stack(errors)
+    millimetres = 1000 * np.concatenate([error.ravel() for error in errors])
     return (
-        f"constant bones moved joints by {millimetres.mean():.1f} mm on average, "
+        f"bones of this format cannot stretch: joints are off by {millimetres.mean():.1f} mm "
+        "on average, "
         f"{millimetres.max():.1f} at most"
     )
 

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +12,18 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.captures import Fidelity, is_parquet, names_clips, read_back, read_clip
+from pacmo_core.commands.bvh_fidelity import Fidelity, planted_weights
+from pacmo_core.commands.captures import (
+    OutputSpace,
+    ToUnit,
+    ToUp,
+    bvh_text,
+    is_parquet,
+    names_clips,
+    read_back,
+    read_clip,
+    some_clips,
+)
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -39,9 +50,8 @@ from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps, check_up
+from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import PersonMotion, select_person
-from pacmo_core.formats.resample import from_y_up
-from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
@@ -113,18 +123,15 @@ class Reactions:
     samples: Motion
 
 
-@dataclass(frozen=True)
-class OutputSpace:
-    """Metres per unit and up axis of BVH files."""
-
-    unit: float = 1.0
-    up: str = "y"
-
-
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
     """Reject an output without a known suffix, or one that has another unit or axis."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
-        raise CommandError(f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files")
+        stored = out.with_suffix(".parquet").name
+        raise CommandError(
+            f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files; for others: "
+            f"react ... --out {stored}, then pacmo export {stored}:NAME#0000 --out {out.name}, "
+            "with NAME the partner's file without its suffix, or the clip"
+        )
     check_up(space.up)
     check_unit(space.unit, "--to-unit")
     if is_parquet(out) and space != OutputSpace():
@@ -152,21 +159,27 @@ def write_reactions(
 def _write_bvh(
     reactions: Reactions, folder: Path, stem: str, space: OutputSpace
 ) -> tuple[list[Path], Fidelity]:
-    """Name files so that the preset ``pair`` finds the two people of each sample."""
-    fps = float(1 / np.median(np.diff(reactions.times)))
+    """Name files so that the preset ``pair`` finds the two people of each sample.
+
+    The partner is the same in all samples: its joints are weighted by the nearest of them.
+    """
+    partner = PersonMotion(reactions.skeleton, reactions.times, reactions.partner)
+    people = [replace(partner, motion=sample) for sample in reactions.samples]
+    near = [proximity_weights(partner.motion, person.motion) for person in people]
+    weights = np.max([of_partner for of_partner, _ in near], axis=0) + planted_weights(partner)
+    text = bvh_text(partner, partner.motion, weights, space)
     files: list[Path] = []
     fidelity = Fidelity()
-    for number, reaction in enumerate(reactions.samples):
-        pair = (reactions.partner, reaction)
-        found = []
-        for person, motion in zip("AB", pair, strict=True):
-            file = folder / f"{stem}_{number}_{person}.bvh"
-            in_units = (from_y_up(motion, space.up) / space.unit).astype(np.float32)
-            write_text(file, format_bvh(in_units, fps, reactions.skeleton))
-            wanted = PersonMotion(reactions.skeleton, reactions.times, motion)
-            found.append(read_back(file, wanted, asdict(space)).motion)
-            files.append(file)
-        fidelity += Fidelity.of(pair, (found[0], found[1]))
+    for number, (person, (_, weights)) in enumerate(zip(people, near, strict=True)):
+        _, aims = contact_targets(partner.motion, person.motion)
+        weights = weights + planted_weights(person)
+        texts = (text, bvh_text(person, aims, weights, space))
+        pair = [folder / f"{stem}_{number}_{name}.bvh" for name in "AB"]
+        for file, of_file in zip(pair, texts, strict=True):
+            write_text(file, of_file)
+        found = [read_back(file, person, asdict(space)) for file in pair]
+        fidelity += Fidelity.of((partner, person), found)
+        files += pair
     return files, fidelity
 
 
@@ -174,6 +187,8 @@ MIN_FRAMES = 4  # of a cubic spline
 MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused, in parts
 
 PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
+# Taken so that a second file is refused with the reason, not as wrong usage.
+More = Annotated[list[str], typer.Argument(hidden=True, metavar="")]
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
 Weights = Annotated[
     Path | None,
@@ -182,8 +197,6 @@ Weights = Annotated[
 ToFps = Annotated[
     float | None, typer.Option(help="frame rate of the reaction; default: that of the partner")
 ]
-ToUnit = Annotated[str, typer.Option(help="metres per unit of BVH files, or m, cm, mm, in")]
-ToUp = Annotated[str, typer.Option(help="up axis of BVH files, y or z")]
 Samples = Annotated[int, typer.Option(min=1, help="number of reactions to sample")]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same reactions")]
 PersonName = Annotated[
@@ -202,6 +215,8 @@ Live = Annotated[bool, typer.Option("--stream", help="react to frames on standar
 
 def react(  # noqa: PLR0913  # typer reads the options off the signature
     partner: PartnerFile = None,
+    more: More = [],  # noqa: B006  # typer copies it
+    *,
     out: Out = None,
     weights: Weights = None,
     samples: Samples = 1,
@@ -255,8 +270,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(chosen, live)
             return
-        if partner is None or out is None:
-            raise CommandError("give a PARTNER and --out, or --stream")
+        partner, out = _check_files(partner, more, out)
         space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
         check_reactions_output(out, space)
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(partner, clip)))
@@ -274,13 +288,40 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         files, fidelity = write_reactions(reactions, out, space)
         if fidelity.max_error:
             typer.echo(fidelity.line())
-        typer.echo(f"{len(motions)} x {len(at)} frames in {', '.join(map(str, files[:4]))}")
+        typer.echo(_files_line(len(motions), len(at), files))
+
+
+def _files_line(samples: int, frames: int, files: list[Path]) -> str:
+    """Say which files are of the partner and which are the reactions."""
+    text = f"{samples} x {frames} frames"
+    if len(files) == 1:
+        return f"{text} in {files[0]}: person_a is the partner, person_b the reaction"
+    reactions = f"{files[1]}{f' ... {files[-1]}' if samples > 1 else ''}"
+    return f"{text}: the partner in {files[0]}, the reaction in {reactions}"
+
+
+def _check_files(partner: Path | None, more: list[str], out: Path | None) -> tuple[Path, Path]:
+    """Return the partner and the output; refuse a second capture."""
+    if partner is None or out is None:
+        raise CommandError("give a PARTNER and --out, or --stream")
+    parts = [str(partner), *more] if more else str(partner).split("+")
+    if more or (len(parts) > 1 and not partner.exists()):
+        raise CommandError(
+            "react takes one partner and generates the other person; got "
+            f"{' and '.join(parts)}: name one of them, or, to change the bodies of two captured "
+            "people, use pacmo augment or pacmo vary"
+        )
+    return partner, out
 
 
 def _capture(source: Source, options: ReadOptions, clip: str) -> PersonMotion:
     if names_clips(source.file, clip):
-        if not clip or options.describes_files:
-            raise CommandError(f"{source.file}: wanted --clip, and no option of other formats")
+        if not clip:
+            raise CommandError(
+                f"{source.file}: name the clip with --clip: {some_clips(source.file)}"
+            )
+        if options.describes_files:
+            raise CommandError(f"{source.file}: clips of a store take no option of other formats")
         return select_person(read_clip(source.file, clip), source.person, clip)
     (person,) = read_people([source], options.of_captures([source.file]), clip)
     return person.motion

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 from ruamel.yaml import YAML
 
+from pacmo_core.commands.place import enter_project
 from pacmo_core.commands.study_store import GENERATED, REAL
 from pacmo_core.figures.history import (
     COMPARED_METRICS,
@@ -172,5 +173,7 @@ def report(out: Out = REPORT_WITH_HISTORY) -> None:
     (each call adds the present run to the history), the decisions of the nightly runs,
     history/study.json if there is one, and all stages of dvc.lock.
     """
+    out = out if out == REPORT_WITH_HISTORY else Path.cwd() / out
+    enter_project()
     with errors_in_one_line(), writer_lock("report", WRITER_LOCK):
         typer.echo(f"{write_report_with_history(out)}")

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from pacmo_core.commands.place import in_project
 from pacmo_core.commands.study_clips import CUTOFF_HZ, sample_items
 from pacmo_core.commands.study_store import GENERATED, REAL, Answer, Study, write_study
 from pacmo_core.metrics.survey import Share, fit_mixed, share
@@ -25,16 +26,15 @@ app = typer.Typer(
     help="Can people distinguish generated from captured motion?",
 )
 _ADDRESSES = 50  # at least so many take part, unless --per-address says otherwise
+CLIPS, REACTIONS = in_project(Path("data/clips")), in_project(Path("data/reactions/1/pacmo/1"))
 File = Annotated[Path, typer.Argument(help="file of the study")]
 
 
 @app.command()
 def make(  # typer reads the options off the signature
     study: File,
-    clips: Annotated[Path, typer.Option(help="captured clips")] = Path("data/clips"),
-    reactions: Annotated[Path, typer.Option(help="reactions of a model")] = Path(
-        "data/reactions/1/pacmo/1"
-    ),
+    clips: Annotated[Path, typer.Option(help="captured clips")] = CLIPS,
+    reactions: Annotated[Path, typer.Option(help="reactions of a model")] = REACTIONS,
     count: Annotated[int, typer.Option(min=2, help="number of clips, each in both forms")] = 40,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     cutoff: Annotated[

@@ -22,8 +22,10 @@ from pacmo_core.commands.augment import (
     parse_factors,
     solver_errors_in_one_line,
 )
+from pacmo_core.commands.bvh_fidelity import Fidelity
 from pacmo_core.commands.captures import (
-    Fidelity,
+    ToOtherUnit,
+    ToOtherUp,
     TwoPersonCapture,
     check_output,
     is_parquet,
@@ -31,6 +33,7 @@ from pacmo_core.commands.captures import (
     two_sources,
     write_two_people,
 )
+from pacmo_core.commands.place import in_project
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
     FormatName,
@@ -52,7 +55,7 @@ from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions
 
-WEIGHTS = Path("models/priors/default/random/kinematic/1/weights.safetensors")
+WEIGHTS = in_project(Path("models/priors/default/random/kinematic/1/weights.safetensors"))
 
 Weights = Annotated[Path, typer.Option(help="a trained skeleton prior")]
 Samples = Annotated[int, typer.Option(min=1, help="number of interactions to sample")]
@@ -78,6 +81,8 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     from_up: FromUp = [],  # noqa: B006
     from_fps: FromFps = [],  # noqa: B006
     joints: Joints = [],  # noqa: B006
+    to_unit: ToOtherUnit = None,
+    to_up: ToOtherUp = None,
 ) -> None:
     """Retarget two people's motion to other bodies by a trained skeleton prior.
 
@@ -88,7 +93,8 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     Without scales the bodies are sampled too, a new one of person b for each sample. Several
     samples are written to folders 0, 1, ... of BVH files, or to one Parquet file. A capture of
     another skeleton than the model's is taken if the model's joints can be named in it (--joints);
-    BVH files then have the joints of the model, in metres, y up. ``pacmo augment`` solves the same
+    BVH files then have the joints of the model, in metres, y up unless --to-unit and --to-up say
+    otherwise; else they are on the rig of the capture. ``pacmo augment`` solves the same
     problem by optimisation, which takes longer.
     """
     options = ReadOptions(form, preset, from_unit, from_up, from_fps, joints)
@@ -102,10 +108,13 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
         duo = _select_joints(read_two_people(files, options, clip), model.config.skeleton, options)
         check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
+        duo = duo.in_space(to_unit, to_up, out)
         places = _output_files(duo, samples, out)
         random = torch.Generator().manual_seed(seed)
         variations = list(_variations(model, duo, factors_of_people, samples, random))
         written, fidelity = _write(duo, variations, places)
+        if line := duo.rig_line(places[0]):
+            typer.echo(line)
         if fidelity.max_error:
             typer.echo(fidelity.line())
         typer.echo(

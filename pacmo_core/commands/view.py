@@ -14,8 +14,10 @@ from pacmo_core.commands.captures import (
     names_clips,
     on_one_clock,
     read_clip,
+    some_clips,
     two_sources,
 )
+from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -39,7 +41,7 @@ from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import motion_file
 from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 
-CLIPS_FOLDER = Path("data/clips")
+CLIPS_FOLDER = in_project(Path("data/clips"))
 
 
 def read_scenes(words: Sequence[str], options: ReadOptions) -> list[Scene]:
@@ -95,7 +97,7 @@ def _dataset_of(name: str) -> Path | None:
     """Return the first folder of variations that has one of this name."""
     if not is_variation(name):
         return None
-    for table in sorted(VARIATIONS_FOLDER.glob(f"*/{VARIATIONS}")):
+    for table in sorted(in_project(VARIATIONS_FOLDER).glob(f"*/{VARIATIONS}")):
         if any(row.variation == name for row in read_variations(table)):
             return table.parent
     return None
@@ -104,7 +106,8 @@ def _dataset_of(name: str) -> Path | None:
 def _read_stored(store: Path, name: str) -> Scene:
     """Read a clip of the store; the colour of a person does not depend on who reacts."""
     if not name:
-        raise CommandError(f"{store}: wanted the name of a clip after the colon (pacmo clips)")
+        hint = f": {some_clips(store, f'{store}:')}" if store.is_file() else " (pacmo clips)"
+        raise CommandError(f"{store}: wanted the name of a clip after the colon{hint}")
     clip = read_clip(_file_of(store, name) if store.is_dir() else store, name)
     # The folder distinguishes reactions to the same partner, such as pacmo/1.
     folder = "/".join(store.parts[-2:]) if is_reaction(name) and store.is_dir() else ""
@@ -131,7 +134,8 @@ def _file_of(folder: Path, name: str) -> Path:
 
 def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
     if any(names_clips(file, "") for file in files):
-        raise CommandError(f"{files[0]}: name the clip, {files[0]}:NAME")
+        file = next(file for file in files if names_clips(file, ""))
+        raise CommandError(f"{file}: name the clip as FILE:NAME: {some_clips(file, f'{file}:')}")
     pairs = all(options.format_of(file) in ONE_PERSON_FORMATS for file in files)
     if len(files) > (2 if pairs else 1):
         raise CommandError(f"{files[0]}: wanted {'at most two files' if pairs else 'one file'}")

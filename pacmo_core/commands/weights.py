@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.commands.place import in_project
 from pacmo_core.models import load_reaction_model
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import StoreError, file_hash, write_text
@@ -37,7 +38,8 @@ _SCRIPTS = "scripts.json"  # beside the raw captures of the embedded default
 
 def default_weights() -> Path:
     """Return the weights of a model of reactions that are used if none are named."""
-    return TRAINED_HERE if TRAINED_HERE.exists() else PACKAGED
+    trained = in_project(TRAINED_HERE)
+    return trained if trained.exists() else PACKAGED
 
 
 def check_weights(weights: Path) -> None:

@@ -1,20 +1,25 @@
 """``pacmo use``, ``pacmo tidy`` and ``pacmo experiments``."""
 
 import json
+from pathlib import Path
 from typing import Annotated
 
 import typer
+from ruamel.yaml import YAML
 
 from pacmo_core.project.experiments import (
     experiment_names,
+    experiment_of,
     remove_unused_outputs,
     use_experiment,
 )
 from pacmo_core.project.lock import writer_lock
+from pacmo_core.project.objects import is_in_cache
 from pacmo_core.project.promote import roll_back
 from pacmo_core.project.records import record_run
 from pacmo_core.project.status import last_run_failed, project_status, status_lines
 from pacmo_core.project.workspace import (
+    DVC_LOCK,
     EXIT_FAILED,
     LOCK,
     PARAMS,
@@ -34,11 +39,36 @@ def use(name: Name) -> None:
     workspace; DVC's cache keeps them.
     """
     with errors_in_one_line(), writer_lock("use", LOCK):
+        before = experiment_of(PARAMS.read_text("utf-8")) if PARAMS.exists() else ""
         saved = use_experiment(name)
         if saved:
             typer.echo(f"the edited {PARAMS} is saved as {saved}")
-        for path in remove_unused_outputs():
-            typer.echo(f"removed {path}, which {PARAMS} does not define")
+        _remove_unused_outputs(f"./run repro {before or 'EXPERIMENT'}")
+
+
+def _remove_unused_outputs(command: str) -> None:
+    """Remove outputs that the parameters do not define; say which the command brings back."""
+    stored = _outputs_in_cache()
+    for path in remove_unused_outputs():
+        typer.echo(
+            f"removed {path}, which {PARAMS} does not define: {_way_back(path, stored, command)}"
+        )
+
+
+def _outputs_in_cache() -> dict[Path, bool]:
+    """Return the outputs of all stages of dvc.lock, and whether DVC's cache has each."""
+    if not DVC_LOCK.exists():
+        return {}
+    stages = YAML(typ="safe").load(DVC_LOCK).get("stages", {})
+    outputs = [out for stage in stages.values() for out in stage.get("outs", ())]
+    return {Path(out["path"]): is_in_cache(out["md5"]) for out in outputs if "md5" in out}
+
+
+def _way_back(path: Path, stored: dict[Path, bool], command: str) -> str:
+    below = [has for output, has in stored.items() if output == path or path in output.parents]
+    if below and all(below):
+        return f"DVC's cache has it, {command} brings it back"
+    return f"DVC's cache does not have all of it, {command} makes it again"
 
 
 def tidy() -> None:
@@ -47,8 +77,7 @@ def tidy() -> None:
     Needed after an edit of ``runs`` in params.yaml, as scores are pooled over all files.
     """
     with errors_in_one_line(), writer_lock("tidy", LOCK):
-        for path in remove_unused_outputs():
-            typer.echo(f"removed {path}, which {PARAMS} does not define")
+        _remove_unused_outputs("./run with parameters that define it")
 
 
 def experiments() -> None:

@@ -18,8 +18,10 @@ Array = NDArray[np.float64]
 # what positions leave undetermined.
 ROTATION_REGULARISATION = 1e-6
 N_REST_ROUNDS = 10  # of alternating between rest directions and rotations
-N_GAUSS_NEWTON_STEPS = 6
-DAMPING = 1e-3  # of a rotation, relative to the squared size of the skeleton
+N_STEPS = 10
+# Of a rotation, relative to the squared size of the skeleton: in the first step, at least, and the
+# factors by which it changes after a step that was better, and one that was not.
+DAMPING, LEAST_DAMPING, EASE, TIGHTEN = 1e-3, 1e-5, 0.25, 16.0
 FRAMES_PER_BATCH = 128  # bounds memory
 
 # Weights of targets near the other person or the ground, in addition to 1, and the distances in
@@ -206,7 +208,10 @@ def inverse_kinematics(
     offsets: Array,
     initial: tuple[Array, Array],
 ) -> tuple[Array, Array]:
-    """Pose the tree by damped Gauss-Newton steps on the weighted squared distances to the targets.
+    """Pose the tree by least squares of the weighted distances to the targets.
+
+    Levenberg-Marquardt (Marquardt 1963), each frame with its own damping: where bones are shorter
+    or longer than the targets want, plain Gauss-Newton steps may lead away from the targets.
 
     Parameters
     ----------
@@ -218,11 +223,31 @@ def inverse_kinematics(
     root, local = initial[0].copy(), initial[1].copy()
     for first in range(0, len(root), FRAMES_PER_BATCH):
         part = slice(first, first + FRAMES_PER_BATCH)
-        batch_targets = {joint: positions[part] for joint, positions in targets.items()}
-        for _ in range(N_GAUSS_NEWTON_STEPS):
-            pose = (root[part], local[part])
-            _gauss_newton_step(parents, batch_targets, weights[part], offsets[part], pose)
+        aims = {joint: positions[part] for joint, positions in targets.items()}
+        pose, damping = (root[part], local[part]), np.full(len(root[part]), DAMPING)
+        cost = _cost(parents, aims, weights[part], offsets[part], pose)
+        for _ in range(N_STEPS):
+            trial = _damped_step(parents, aims, weights[part], offsets[part], pose, damping)
+            trial_cost = _cost(parents, aims, weights[part], offsets[part], trial)
+            better = trial_cost < cost
+            for values, found in zip((*pose, cost), (*trial, trial_cost), strict=True):
+                values[better] = found[better]
+            damping = np.maximum(damping * np.where(better, EASE, TIGHTEN), LEAST_DAMPING)
     return root, local
+
+
+def _cost(
+    parents: Sequence[int],
+    targets: dict[int, Array],
+    weights: Array,
+    offsets: Array,
+    pose: tuple[Array, Array],
+) -> Array:
+    """``(T,)``: the weighted squared distances to the targets."""
+    positions, _ = forward_kinematics(parents, pose[0], offsets, pose[1])
+    gaps = np.stack([targets[joint] - positions[:, joint] for joint in targets], axis=1)
+    cost: Array = (weights * np.square(gaps).sum(axis=-1)).sum(axis=1)
+    return cost
 
 
 def rotate_vectors(frames: Array, vectors: Array) -> Array:
@@ -231,14 +256,15 @@ def rotate_vectors(frames: Array, vectors: Array) -> Array:
     return solution
 
 
-def _gauss_newton_step(
+def _damped_step(  # the problem, the pose and the damping
     parents: Sequence[int],
     targets: dict[int, Array],
     weights: Array,
     offsets: Array,
     pose: tuple[Array, Array],
-) -> None:
-    """Take one damped Gauss-Newton step, in place."""
+    damping: Array,
+) -> tuple[Array, Array]:
+    """Return the pose after a Gauss-Newton step; ``damping`` (T,) is of each frame's rotations."""
     root, local = pose
     positions, rotations_world = forward_kinematics(parents, root, offsets, local)
     inner = sorted(set(parents) - {-1})
@@ -248,19 +274,20 @@ def _gauss_newton_step(
     residual = np.stack([targets[joint] - positions[:, joint] for joint in rows], axis=1) * roots
     normal = jacobian.swapaxes(1, 2) @ jacobian
     scale = np.square(positions - positions.mean(axis=1, keepdims=True)).sum(axis=-1).mean(axis=1)
-    damping = np.concatenate([np.zeros(3), np.full(3 * len(inner), DAMPING)])
-    normal += np.eye(len(damping)) * (damping * scale[:, None])[:, None]
+    diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
+    normal += np.eye(len(diagonal)) * (damping * scale)[:, None, None] * diagonal
     gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
     solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
-    root += solution[:, :3]
+    moved, turned = root + solution[:, :3], local.copy()
     for index, joint in enumerate(inner):
         rotation = _rotation(solution[:, 3 + 3 * index : 6 + 3 * index])
         parent_rotation = (
             rotations_world[:, parents[joint]] if parents[joint] >= 0 else np.eye(3)[None]
         )
-        local[:, joint] = (
+        turned[:, joint] = (
             np.swapaxes(parent_rotation, -1, -2) @ rotation @ parent_rotation @ local[:, joint]
         )
+    return moved, turned
 
 
 def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: list[int]) -> Array:

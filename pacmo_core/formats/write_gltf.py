@@ -110,12 +110,14 @@ class AnimatedPerson:
     Parameters
     ----------
     name : prefix of the joint names, as in ``a_head``; the armature is ``person_a``
+    skeleton : of the person
     fitted : the motion, of constant bones
     skin : the mesh
     colour : red, green, blue, linear, 0 to 1
     """
 
     name: str
+    skeleton: Skeleton
     fitted: ConstantBoneMotion
     skin: Skin
     colour: tuple[float, float, float]
@@ -131,7 +133,7 @@ def rest_positions(fitted: ConstantBoneMotion, skeleton: Skeleton) -> NDArray[np
 
 
 def gltf_document(
-    skeleton: Skeleton, times: NDArray[np.float64], people: Sequence[AnimatedPerson]
+    times: NDArray[np.float64], people: Sequence[AnimatedPerson]
 ) -> tuple[dict[str, Any], bytes]:
     """Describe animated people: the document without its buffer, and the buffer's data.
 
@@ -141,7 +143,6 @@ def gltf_document(
     """
     buffer = BinaryBuffer()
     clock = buffer.add((times - times[0]).astype(np.float32), bounds=True)
-    width = len(skeleton.joints)
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "pacmo"},
         "scene": 0,
@@ -153,14 +154,14 @@ def gltf_document(
         "animations": [{"name": "motion", "channels": [], "samplers": []}],
     }
     for number, person in enumerate(people):
-        first = number * (width + 2)
-        document["nodes"] += _joint_nodes(person, skeleton, first)
-        document["nodes"] += _person_nodes(person, skeleton, first, number)
+        first, width = len(document["nodes"]), len(person.skeleton.joints)
+        document["nodes"] += _joint_nodes(person, first)
+        document["nodes"] += _person_nodes(person, first, number)
         document["scenes"][0]["nodes"] += [first + width, first + width + 1]
         document["meshes"].append(_mesh(person, buffer, number))
         document["materials"].append(_material(person))
-        document["skins"].append(_skin(person, skeleton, buffer, first))
-        _animate(document["animations"][0], person, skeleton, buffer, (clock, first))
+        document["skins"].append(_skin(person, buffer, first))
+        _animate(document["animations"][0], person, buffer, (clock, first))
     document |= {"bufferViews": buffer.views, "accessors": buffer.accessors}
     return document, bytes(buffer.data)
 
@@ -173,13 +174,15 @@ def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float32]:
     return quaternion.astype(np.float32)
 
 
-def _joint_nodes(person: AnimatedPerson, skeleton: Skeleton, first: int) -> list[dict[str, Any]]:
+def _joint_nodes(person: AnimatedPerson, first: int) -> list[dict[str, Any]]:
     """Describe the joints in their first frame's pose."""
     nodes = []
-    for joint, name in enumerate(skeleton.joints):
-        at_root = joint == skeleton.root
+    for joint, name in enumerate(person.skeleton.joints):
+        at_root = joint == person.skeleton.root
         position = person.fitted.root[0] if at_root else person.fitted.offsets[joint]
-        children = [first + c for c, parent in enumerate(skeleton.parents) if parent == joint]
+        children = [
+            first + c for c, parent in enumerate(person.skeleton.parents) if parent == joint
+        ]
         node: dict[str, Any] = {
             "name": f"{person.name}_{name}",
             "translation": position.astype(np.float32).tolist(),
@@ -189,16 +192,14 @@ def _joint_nodes(person: AnimatedPerson, skeleton: Skeleton, first: int) -> list
     return nodes
 
 
-def _person_nodes(
-    person: AnimatedPerson, skeleton: Skeleton, first: int, number: int
-) -> list[dict[str, Any]]:
+def _person_nodes(person: AnimatedPerson, first: int, number: int) -> list[dict[str, Any]]:
     """Describe the node above the joints, which Blender makes an armature of, and the mesh.
 
     The roots of two people in the scene itself would become one armature. A skinned mesh stays in
     the scene: transforms of a node above it do not apply.
     """
     return [
-        {"name": f"person_{person.name}", "children": [first + skeleton.root]},
+        {"name": f"person_{person.name}", "children": [first + person.skeleton.root]},
         {"name": person.name, "mesh": number, "skin": number},
     ]
 
@@ -231,32 +232,30 @@ def _material(person: AnimatedPerson) -> dict[str, Any]:
     return {"name": person.name, "pbrMetallicRoughness": material}
 
 
-def _skin(
-    person: AnimatedPerson, skeleton: Skeleton, buffer: BinaryBuffer, first: int
-) -> dict[str, Any]:
+def _skin(person: AnimatedPerson, buffer: BinaryBuffer, first: int) -> dict[str, Any]:
     """Bind the mesh to the joints: inverse bind matrices of the rest pose."""
-    inverse_bind = np.tile(np.eye(4, dtype=np.float32), (len(skeleton.joints), 1, 1))
-    inverse_bind[:, 3, :3] = -rest_positions(person.fitted, skeleton)  # row 3 is column 3 as stored
+    inverse_bind = np.tile(np.eye(4, dtype=np.float32), (len(person.skeleton.joints), 1, 1))
+    # Row 3 is column 3 as stored.
+    inverse_bind[:, 3, :3] = -rest_positions(person.fitted, person.skeleton)
     return {
-        "joints": list(range(first, first + len(skeleton.joints))),
+        "joints": list(range(first, first + len(person.skeleton.joints))),
         "inverseBindMatrices": buffer.add(inverse_bind),
-        "skeleton": first + len(skeleton.joints),
+        "skeleton": first + len(person.skeleton.joints),
     }
 
 
 def _animate(
     animation: dict[str, Any],
     person: AnimatedPerson,
-    skeleton: Skeleton,
     buffer: BinaryBuffer,
     numbers: tuple[int, int],
 ) -> None:
     """Add the channels: the root's translation and the rotation of every joint with children."""
     clock, first = numbers
-    animated = [(skeleton.root, "translation", person.fitted.root.astype(np.float32))]
+    animated = [(person.skeleton.root, "translation", person.fitted.root.astype(np.float32))]
     animated += [
         (joint, "rotation", quaternions(person.fitted.rotations[:, joint]))
-        for joint in sorted(set(skeleton.parents) - {-1})
+        for joint in sorted(set(person.skeleton.parents) - {-1})
     ]
     for joint, path, values in animated:
         target = {"node": first + joint, "path": path}

@@ -35,6 +35,16 @@ def object_hash(path: Path) -> str:
     return path.parent.name + path.name
 
 
+def is_in_cache(hash_: str) -> bool:
+    """Whether the cache has an object, and of a folder all files that it lists."""
+    path = OBJECTS / hash_[:2] / hash_[2:]
+    if not path.is_file():
+        return False
+    if not hash_.endswith(".dir"):
+        return True
+    return all(is_in_cache(entry["md5"]) for entry in json.loads(path.read_text("utf-8")))
+
+
 def corrupt_objects(*, skip_verified: bool = False) -> list[Path]:
     """List the objects whose content does not have the hash in their name.
 

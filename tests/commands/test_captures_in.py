@@ -94,7 +94,7 @@ def test_react_writes_in_the_unit_and_axes_asked_for(
         pacmo(*words, tmp_path / f"{name}.bvh", *more).stdout
         for name, more in (("m", []), ("cm", ["--to-unit", "cm", "--to-up", "z"]))
     ]
-    moved = [re.findall(r"move joints by ([\d.]+) mm", text) for text in said]
+    moved = [re.findall(r"off by ([\d.]+) mm on average", text) for text in said]
     assert float(moved[1][0]) == pytest.approx(float(moved[0][0]), abs=0.2)
     plain, other = (read_bvh(tmp_path / f"{name}_0_B.bvh").positions() for name in ("m", "cm"))
     x, y, z = np.moveaxis(100 * plain, -1, 0)
@@ -138,7 +138,20 @@ def test_two_people_of_two_formats_meet_and_each_takes_the_options_of_its_own(
              for file in sorted((tmp_path / "out").glob("*.bvh"))]  # fmt: skip
     assert sizes == pytest.approx([160, 1.6], rel=0.25)
     export = ["export", f"{pair[0]}+{other}", "--out", tmp_path / "x.npz"]
-    refused(pacmo(*export), "two skeletons")
+    refused(pacmo(*export), "different skeletons", ".npz holds one", ".bvh, .glb")
+    for name in ("x.glb", "x.bvh"):
+        said = pacmo(*export[:2], "--out", tmp_path / name)
+        assert said.exit_code == 0, said.output
+    a, b = (read_bvh(tmp_path / f"x_{person}.bvh") for person in "AB")
+    assert "mixamorig:LeftArm" in a.joints
+    assert set(INTERHUMAN22.joints) <= set(b.joints)
+    content = (tmp_path / "x.glb").read_bytes()
+    document = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    nodes = document["nodes"]
+    names = [[nodes[joint]["name"] for joint in skin["joints"]] for skin in document["skins"]]
+    assert [len(of_person) for of_person in names] == [len(skeleton.joints), 22]
+    assert all(name.startswith("b_") for name in names[1])
+    assert nodes[document["skins"][1]["skeleton"]]["name"] == "person_b"
     refused(pacmo("view", pair[0], other, "--from-unit", "ell"), "--from-unit", "ell")
 
 
@@ -196,9 +209,26 @@ def test_vary_takes_two_rigs_and_writes_the_joints_of_the_model(
         written = read_bvh(tmp_path / "varied" / name)
         assert {"spine_base", "left_hand"} <= set(written.joints)
         assert abs(written.positions()).max() < 10  # metres
+    assert "not on a rig of the capture, in metres, y up (--to-unit, --to-up)" in said.stdout
+    plain = read_bvh(tmp_path / "varied" / "duo_A.bvh").positions()
+    other = pacmo(*words, "--b-scale", "left_forearm=1.2", "--to-unit", "cm", "--to-up", "z")
+    assert "in centimetres, z up" in other.stdout
+    x, y, z = np.moveaxis(100 * plain, -1, 0)
+    in_cm = read_bvh(tmp_path / "varied" / "duo_A.bvh").positions()
+    np.testing.assert_allclose(in_cm, np.stack([x, -z, y], axis=-1), atol=0.5)
     stated = pacmo(*words, "--joints", "a=mixamo", "--joints", "b=kinect25")
     assert stated.exit_code == 0, stated.output
     refused(pacmo(*words, "--joints", "mixamo"), "kinect.bvh", "names no joint for")
+
+
+def test_files_on_the_rig_of_the_capture_take_no_other_unit(
+    pair: list[Path], tmp_path: Path
+) -> None:
+    words = ["augment", *pair, "--b-scale", "left_forearm=1.2", "--out"]
+    said = pacmo(*words, tmp_path / "same")
+    assert "written on the rig of the capture, in its unit and axes" in said.stdout
+    refused(pacmo(*words, tmp_path / "x", "--to-unit", "m"), "in its unit and axes", "leave out")
+    refused(pacmo(*words, tmp_path / "x.parquet", "--to-up", "z"), "always metres, y up")
 
 
 def test_joints_that_a_rig_lacks_are_named_by_the_user(weights: Path, tmp_path: Path) -> None:

@@ -113,3 +113,29 @@ def test_an_unknown_experiment_ends_with_1_and_one_line():
 
 def test_experiments_are_listed():
     assert {"default", "smallest", "sbu", "duo_mocap"} <= set(pacmo("experiments").stdout.split())
+
+
+def test_the_clips_of_a_file_are_listed_as_view_and_export_take_them(tmp_path):
+    file = tmp_path / "reactions.parquet"
+    pair = interaction(0)
+    with write_motions(file, pair.skeleton) as writer:
+        for number in range(5):
+            writer.add(f"one#000{number}", pair)
+    said = pacmo("clips", file)
+    assert said.exit_code == 0, said.output
+    named = said.stdout.splitlines()[1:6]
+    assert named == [f"{file}:one#000{number}" for number in range(5)]
+    for command in (["export", file, "--out", tmp_path / "x.glb"], ["view", file, "--no-open"]):
+        refused = pacmo(*command)
+        assert refused.exit_code == 1
+        assert f"FILE:NAME: {named[0]}, {named[1]}, {named[2]} ... (5 in all" in refused.stderr
+        assert f"pacmo clips {file})" in refused.stderr
+    assert pacmo("export", named[3], "--out", tmp_path / "x.glb").exit_code == 0
+
+
+def test_a_folder_of_captures_lists_them(tmp_path):
+    (tmp_path / "walk.bvh").write_text("")
+    (tmp_path / "notes.md").write_text("")
+    said = pacmo("clips", tmp_path)
+    assert said.exit_code == 0
+    assert "walk.bvh  bvh" in said.stdout and "1 of 1" in said.stdout

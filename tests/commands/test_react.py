@@ -1,6 +1,7 @@
 """Truth: the Python call with the same seed; files that our own readers read back."""
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,16 +12,19 @@ import pytest
 import torch
 from typer.testing import CliRunner, Result
 
+from pacmo_core.api import synthesise
 from pacmo_core.commands.cli import app
+from pacmo_core.commands.weights import PACKAGED
+from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
-from pacmo_core.formats.fit_bones import fit_bones
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.inference import finish_reactions, react, sample_times
+from pacmo_core.reaction.stance import find_stance
 from pacmo_core.reaction.windows import PartnerMotion
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
@@ -96,7 +100,7 @@ def test_bvh_holds_a_file_a_person_a_sample_and_goes_in_again(
     first, second = (pairs.read(s).interaction for s in pairs.find(out.parent))
     root = first.skeleton.root
     assert np.array_equal(first.person_a, second.person_a)
-    np.testing.assert_allclose(first.person_a[:, root], CLIP.person_a[:, SBU15.root], atol=1e-5)
+    np.testing.assert_allclose(first.person_a[:, root], CLIP.person_a[:, SBU15.root], atol=1e-2)
     again = [
         names[0],
         "--from-unit",
@@ -111,19 +115,34 @@ def test_bvh_holds_a_file_a_person_a_sample_and_goes_in_again(
     assert pacmo(out.parent / again[0], *again[1:]).exit_code == 0
 
 
-def test_a_bvh_is_read_back_within_a_millimetre_of_the_nearest_motion_of_constant_bones(
-    weights: Path, stored: Path, tmp_path: Path
+def test_in_bvh_files_feet_stand_and_contacts_are_closed_as_in_the_points(
+    tmp_path: Path,
 ) -> None:
-    words = ["--clip", "one", "--person", "a", "--weights", weights, "--seed", 3]
-    for name in ("x.parquet", "x.bvh"):
-        assert pacmo(stored, *words, "--out", tmp_path / name).exit_code == 0
-    (made,) = dict(stream_motions(tmp_path / "x.parquet")).values()
-    for person, motion in (("A", made.person_a), ("B", made.person_b)):
-        bvh = read_bvh(tmp_path / f"x_0_{person}.bvh")
-        back = bvh.positions()[:, [bvh.joints.index(joint) for joint in SBU15.joints]]
-        far = np.linalg.norm(back - fit_bones(motion, SBU15).positions(SBU15), axis=-1)
-        assert far.mean() <= 1e-3
-        assert far.max() <= 5e-3
+    name, clip = next((n, c) for n, c in synthesise(4).items() if n.startswith("handshake"))
+    with write_motions(tmp_path / "motions.parquet", clip.skeleton) as writer:
+        writer.add(name, clip)
+    words = ["--clip", name, "--person", "a", "--weights", PACKAGED, "--seed", 3, "--samples", 2]
+    for file in ("x.parquet", "x.bvh"):
+        said = pacmo(tmp_path / "motions.parquet", *words, "--out", tmp_path / file)
+        assert said.exit_code == 0, said.output
+    kept = re.search(r"slide ([+-][\d.]+) cm/s; ([\d.]+) % of the touches", said.stdout)
+    assert kept is not None, said.stdout
+    assert float(kept[1]) < 0.05
+    assert float(kept[2]) >= 95  # the partner's bones, which are noisy, are not constant
+    for number, made in enumerate(dict(stream_motions(tmp_path / "x.parquet")).values()):
+        files = [read_bvh(tmp_path / f"x_{number}_{person}.bvh") for person in "AB"]
+        joints = made.skeleton.joints
+        held = [bvh.positions()[:, [bvh.joints.index(name) for name in joints]] for bvh in files]
+        stance = find_stance(made.person_b, made.fps, made.skeleton)
+        for foot, stands in zip(feet(made.skeleton), stance, strict=True):
+            off = held[1][stands][:, list(foot)] - made.person_b[stands][:, list(foot)]
+            assert np.linalg.norm(off, axis=-1).max() < 5e-3
+        near, near_in_file = (
+            np.linalg.norm(b[:, :, None] - a[:, None], axis=-1) < 0.1
+            for a, b in ((made.person_a, made.person_b), held)
+        )
+        assert near.sum() > 20
+        assert (near & near_in_file).sum() >= 0.95 * near.sum()
 
 
 def test_files_of_one_person_need_no_name_and_those_of_two_do(
@@ -249,3 +268,33 @@ def test_the_names_of_joints_are_checked_before_the_weights(stored: Path, tmp_pa
     words = ["--clip", "one", "--out", tmp_path / "o.parquet", "--weights", tmp_path / "none"]
     said = pacmo(stored, *words, "--joints", "a=mixmo")
     refused(said, "no preset of joints 'mixmo'; wanted mixamo, ")
+
+
+def test_a_second_capture_is_refused_with_the_commands_that_take_two(
+    weights: Path, tmp_path: Path
+) -> None:
+    words = ["--weights", weights, "--out", tmp_path / "o.bvh"]
+    for files in (["A.bvh", "B.bvh"], ["A.bvh+B.bvh"]):
+        said = pacmo(*files, *words)
+        refused(said, "react takes one partner", "A.bvh and B.bvh", "pacmo augment or pacmo vary")
+    assert "more" not in pacmo("--help").stdout.split("Options")[0].split("\n")[0]
+
+
+def test_it_says_which_file_is_the_partner_and_which_the_reaction(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    words = [stored, "--clip", "one", "--person", "a", "--weights", weights, "--out"]
+    said = pacmo(*words, tmp_path / "x.bvh").stdout
+    assert f"the partner in {tmp_path}/x_0_A.bvh, the reaction in {tmp_path}/x_0_B.bvh" in said
+    said = pacmo(*words, tmp_path / "x.parquet").stdout
+    assert "person_a is the partner, person_b the reaction" in said
+
+
+def test_another_format_is_refused_with_the_two_commands_that_write_it(
+    weights: Path, stored: Path, tmp_path: Path
+) -> None:
+    words = [stored, "--clip", "one", "--person", "a", "--weights", weights, "--out"]
+    refused(pacmo(*words, "x.glb"), "react ... --out x.parquet, then pacmo export x.parquet:NAME")
+    assert pacmo(*words, tmp_path / "x.parquet").exit_code == 0
+    export = ["export", f"{tmp_path}/x.parquet:one#0000", "--out", str(tmp_path / "x.glb")]
+    assert CliRunner().invoke(app, export).exit_code == 0

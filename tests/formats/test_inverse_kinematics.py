@@ -146,3 +146,22 @@ def test_joints_at_the_limit_of_contact_are_aimed_nearer_and_others_stay() -> No
     np.testing.assert_allclose(aim_a[:, 0], np.outer(shift, [1, 0, 0]), atol=1e-7)
     np.testing.assert_allclose(b[:, 0] - aim_b[:, 0], np.outer(shift, [1, 0, 0]), atol=1e-7)
     np.testing.assert_array_equal(aim_a[:, 1], a[:, 1])
+
+
+def test_no_frame_ends_farther_from_its_targets_than_it_began() -> None:
+    """Bones much shorter than the targets want: plain Gauss-Newton steps go astray."""
+    root, moved, local = pose(5, n_frames=200)
+    random = np.random.default_rng(5)
+    places, _ = forward_kinematics(PARENTS, root, moved, local)
+    wanted = {joint: places[:, joint] for joint in range(COUNT)}
+    weights = np.exp(random.normal(0, 2, (len(root), COUNT)))
+    bones = moved * random.uniform(0.3, 2, (1, COUNT, 1))
+    straight = np.broadcast_to(np.eye(3), local.shape)
+    initial = aim_bones(PARENTS, wanted, bones, straight)
+
+    def cost(root: np.ndarray, local: np.ndarray) -> np.ndarray:
+        reached, _ = forward_kinematics(PARENTS, root, bones, local)
+        return (weights * np.square(reached - places).sum(axis=-1)).sum(axis=1)
+
+    found = inverse_kinematics(PARENTS, wanted, weights, bones, initial)
+    assert (cost(*found) <= cost(*initial)).all()

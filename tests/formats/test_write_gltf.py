@@ -34,12 +34,12 @@ FRAMES = [0, 3, 7]
 def actor(name: str, motion: np.ndarray, skeleton: Skeleton) -> AnimatedPerson:
     fitted = fit_bones(motion, skeleton)
     skin = make_skin(make_body_shape(skeleton), skeleton, rest_positions(fitted, skeleton))
-    return AnimatedPerson(name, fitted, skin, (0.1, 0.2, 0.9))
+    return AnimatedPerson(name, skeleton, fitted, skin, (0.1, 0.2, 0.9))
 
 
 def written(file: Path, skeleton: Skeleton, motions: list[np.ndarray]) -> list[AnimatedPerson]:
     actors = [actor("ab"[k], motion, skeleton) for k, motion in enumerate(motions)]
-    document, data = gltf_document(skeleton, np.arange(len(motions[0])) / FPS, actors)
+    document, data = gltf_document(np.arange(len(motions[0])) / FPS, actors)
     file.write_bytes((to_glb if file.suffix == ".glb" else to_gltf)(document, data))
     return actors
 

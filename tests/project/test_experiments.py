@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 from ruamel.yaml import YAML
+from typer.testing import CliRunner
 
+from pacmo_core.commands.cli import app
 from pacmo_core.project.experiments import (
     ExperimentError,
     compose_params,
@@ -241,3 +243,27 @@ def test_models_that_the_parameters_no_longer_train_go(project):
     (project / "params.yaml").write_text("runs: {folds: [1, 2], seeds: [1, 2], models: [pacmo]}\n")
     remove_unused_outputs()
     assert standing(project) == {name for name in made if "gru" not in name}
+
+
+def test_use_says_whether_what_it_removes_is_in_the_cache_and_what_brings_it_back(project):
+    outputs(project)
+    objects = project / ".dvc/cache/files/md5"
+    digests = {"models/2": "aa" + 30 * "1", "data/splits/2": "bb" + 30 * "2"}
+    (objects / "aa").mkdir(parents=True)
+    (objects / "aa" / digests["models/2"][2:]).touch()
+    lock = "".join(
+        f"  s{number}:\n    outs:\n    - path: {path}\n      md5: {digest}\n"
+        for number, (path, digest) in enumerate(digests.items())
+    )
+    (project / "dvc.lock").write_text(f"stages:\n{lock}")
+    use_experiment("default")
+    text = (project / "params.yaml").read_text()
+    assert "experiment: default" in text
+    said = CliRunner().invoke(app, ["use", "default"])
+    assert said.exit_code == 0, said.output
+    lines = {line.split()[1].rstrip(","): line for line in said.stdout.splitlines()}
+    brings = "DVC's cache has it, ./run repro default brings it back"
+    assert brings in next(line for path, line in lines.items() if path == "models/2")
+    others = [line for path, line in lines.items() if path != "models/2"]
+    assert others
+    assert all("does not have all of it, ./run repro default makes it" in line for line in others)

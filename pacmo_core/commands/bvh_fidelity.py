@@ -1,0 +1,129 @@
+"""BVH files of two people: which joints must be met best, and how well the files hold the motions.
+
+Bones of a BVH file are rigid, so not every pose can be held. What cannot is left to joints that
+nobody looks at: feet that stand, joints near the ground and joints near the other person come
+first.
+"""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.segments import feet
+from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
+from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.reaction.stance import find_stance
+
+# Weight of the squared error of the joints of a foot that stands, in addition to that of any joint,
+# 1. It fades in and out, as a step in a weight would cause a jerk.
+PLANTED_WEIGHT = 100.0
+PLANTED_FADE = 0.05  # seconds, standard deviation
+
+
+def planted_weights(person: PersonMotion) -> NDArray[np.float64]:
+    """``(T, J)``: the weight that joints of feet have where they stand, 0 for all others."""
+    weights = np.zeros(person.motion.shape[:2])
+    fps = frame_rate(person)
+    stance = find_stance(person.motion, fps, person.skeleton)
+    for foot, stands in zip(feet(person.skeleton), stance, strict=True):
+        faded = gaussian_filter1d(stands.astype(np.float64), PLANTED_FADE * fps, mode="nearest")
+        weights[:, list(foot)] = PLANTED_WEIGHT * faded[:, None]
+    return weights
+
+
+def frame_rate(person: PersonMotion) -> float:
+    """Frames per second."""
+    return float(1 / np.median(np.diff(person.times)))
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """How well files hold the motions that were written, measured on what is read back.
+
+    Parameters
+    ----------
+    max_error : metres, the largest distance of a joint from where it was to be
+    n_joints, summed_error : of all joints in all frames; metres
+    contacts, contacts_held : number of pairs of joints of the two people in contact, over all
+        frames, and of those that are in contact in the files
+    n_planted, slide, slide_in_file : of ankles of feet that stand in two frames in a row: their
+        number and their summed horizontal speeds, metres per second
+    """
+
+    max_error: float = 0.0
+    n_joints: int = 0
+    summed_error: float = 0.0
+    contacts: int = 0
+    contacts_held: int = 0
+    n_planted: int = 0
+    slide: float = 0.0
+    slide_in_file: float = 0.0
+
+    @classmethod
+    def of(cls, wanted: Sequence[PersonMotion], found: Sequence[PersonMotion]) -> "Fidelity":
+        """Compare the motions of person a and person b with those of the files."""
+        pairs = list(zip(wanted, found, strict=True))
+        errors = [np.linalg.norm(back.motion - person.motion, axis=-1) for person, back in pairs]
+        touch = _contacts(wanted[0].motion, wanted[1].motion)
+        in_file = _contacts(found[0].motion, found[1].motion)
+        slides = [_slides(person, (person.motion, back.motion)) for person, back in pairs]
+        slide, slide_in_file = np.concatenate(slides, axis=1)
+        return cls(
+            float(max(error.max() for error in errors)),
+            sum(error.size for error in errors),
+            float(sum(error.sum() for error in errors)),
+            int(touch.sum()),
+            int((touch & in_file).sum()),
+            len(slide),
+            float(slide.sum()),
+            float(slide_in_file.sum()),
+        )
+
+    def __add__(self, other: "Fidelity") -> "Fidelity":
+        """Return that of both together."""
+        max_error = max(self.max_error, other.max_error)
+        sums = (a + b for a, b in zip(astuple(self)[1:], astuple(other)[1:], strict=True))
+        return Fidelity(max_error, *sums)
+
+    def error_line(self) -> str:
+        """Say how far joints in BVH files are from where they were to be."""
+        mean = 1e3 * self.summed_error / max(self.n_joints, 1)
+        return (
+            f"bones in BVH cannot stretch, so joints are off by {mean:.1f} mm on average, "
+            f"{1e3 * self.max_error:.1f} mm at most"
+        )
+
+    def line(self) -> str:
+        """Say ``error_line``, and what became of feet and touches."""
+        parts = [self.error_line()]
+        if self.n_planted:
+            added = 100 * (self.slide_in_file - self.slide) / self.n_planted
+            parts.append(f"standing feet slide {added:+.2f} cm/s")
+        if self.contacts:
+            share = 100 * self.contacts_held / self.contacts
+            parts.append(f"{share:.1f} % of the touches (joints within 10 cm) are kept")
+        return "; ".join(parts)
+
+
+def _slides(person: PersonMotion, motions: tuple[Motion, Motion]) -> NDArray[np.float64]:
+    """``(2, N)`` metres per second: of ankles that stand, in both motions of one person."""
+    stance = find_stance(person.motion, frame_rate(person), person.skeleton)
+    steps = np.diff(person.times)
+    found = [np.zeros((2, 0))]
+    for foot, stands in zip(feet(person.skeleton), stance, strict=True):
+        paths = np.stack([motion[:, foot[0]][:, [0, 2]] for motion in motions])
+        speeds = np.linalg.norm(np.diff(paths, axis=1), axis=-1) / steps
+        found.append(speeds[:, stands[1:] & stands[:-1]])
+    return np.concatenate(found, axis=1)
+
+
+def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:
+    """``(J_a, T, J_b)``: whether joints of two people are in contact; one joint at a time."""
+    return np.stack(
+        [np.linalg.norm(b - joint[:, None], axis=-1) < CONTACT_DISTANCE
+         for joint in np.moveaxis(a, 1, 0)]
+    )  # fmt: skip
