@@ -264,6 +264,9 @@ def evaluate_generation(
 ) -> dict[str, float]:
     """Evaluate sampled motions of one source on sampled bodies.
 
+    How natural they look is measured as a row gives them, as the finish leaves them, and of the
+    solver's motions.
+
     Parameters
     ----------
     splits : test variations; the solver's variations on the sampled bodies
@@ -274,26 +277,35 @@ def evaluate_generation(
     one = sampled[0]
     scales = np.stack([example.scales for example in sampled])
     solved = [example.variation for example in sampled]
-    measured = naturalness(one.template, evaluator.solver, scales, motions)
-    of_solver = naturalness(one.template, evaluator.solver, scales, solved)
+    finished = predict(row, sampled, random, finish=True)
+    seen = {"": motions, "finished_": finished, "solver_": solved}
+    measured = {
+        f"{whose}{name}": value
+        for whose, several in seen.items()
+        for name, value in naturalness(one.template, evaluator.solver, scales, several).items()
+    }
     (samples,) = row(one.template, one.scales[None], samples=n_samples, random=random)
     return {
         **evaluator.generated(motions, sampled),
         **evaluator.distance(motions, sampled, sampled, "FID"),
         **evaluator.distance(motions, sampled, real, "FID_test"),
         **measured,
-        **{f"solver_{name}": value for name, value in of_solver.items()},
         "diversity": sample_diversity(np.stack([oriented(motion, one) for motion in samples])),
     }
 
 
 def predict(
-    row: Retargeter, examples: Sequence[Example], random: torch.Generator | None
+    row: Retargeter,
+    examples: Sequence[Example],
+    random: torch.Generator | None,
+    *,
+    finish: bool = False,
 ) -> list[Interaction]:
     """Retarget one source to the body of each example."""
     scales = np.stack([example.scales for example in examples])
     template = examples[0].template
-    return [pair for (pair,) in row(template, scales, samples=1, random=random)]
+    drawn = row(template, scales, samples=1, random=random, finish=finish)
+    return [pair for (pair,) in drawn]
 
 
 def copy_template(
@@ -302,9 +314,10 @@ def copy_template(
     *,
     samples: int,
     random: torch.Generator | None,
+    finish: bool = False,
 ) -> Iterator[list[Interaction]]:
     """Return the source itself on every body: what a model must be better than."""
-    del random
+    del random, finish
     yield from ([source] * samples for _ in scales)
 
 
@@ -429,9 +442,9 @@ def first_of_each(sampled: list[Example]) -> list[Example]:
 
 
 def samples_of(row: Retargeter, name: str, sampled: list[Example]) -> dict[str, Interaction]:
-    """Give the likeliest motions of a row on the sampled bodies that are samples."""
+    """Give the likeliest motions of a row, finished, on the sampled bodies that are samples."""
     return {
-        variation_name(one.source, name): predict(row, [one], None)[0]
+        variation_name(one.source, name): predict(row, [one], None, finish=True)[0]
         for one in first_of_each(sampled)
     }
 

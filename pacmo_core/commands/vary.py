@@ -149,11 +149,11 @@ def _variations(
     source = Interaction(model.config.skeleton, a.times - a.times[0], a.motion, b.motion)
     if any(factors_of_people):
         scales = _requested_scales(duo.people, factors_of_people)[None]
-        (result,) = retarget(model, source, scales, samples=samples, random=random)
+        (result,) = retarget(model, source, scales, samples=samples, random=random, finish=True)
         yield from ((pair, scales[0]) for pair in result)
         return
     scales = generate_skeletons(model, samples, random=random)
-    variations = retarget(model, source, scales, samples=1, random=random)
+    variations = retarget(model, source, scales, samples=1, random=random, finish=True)
     yield from (
         (pair, scales_of_person)
         for (pair,), scales_of_person in zip(variations, scales, strict=True)

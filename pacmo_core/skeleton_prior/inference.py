@@ -34,6 +34,7 @@ def retarget(
     *,
     samples: int,
     random: torch.Generator | None,
+    finish: bool = False,
 ) -> Iterator[list[Interaction]]:
     """Retarget a source to each of V pairs of skeletons, in order; yield the samples of each.
 
@@ -43,6 +44,8 @@ def retarget(
         of the training data
     samples : of each pair of skeletons, at least 1
     random : samples the latents; without it the latents are the prior's mean, and all samples equal
+    finish : set right what the model leaves of angles, feet and touches (``finish``), if its output
+        has exact bone lengths; the comparisons of models are of what they give without it
 
     Raises
     ------
@@ -51,8 +54,9 @@ def retarget(
     """
     _check(model, source, scales, samples)
     repeated, pending = np.repeat(scales, samples, axis=0), list[Interaction]()
-    for row in range(0, len(repeated), BATCH_SIZE):
-        pending += _retarget_batch(model, source, repeated[row : row + BATCH_SIZE], random)
+    for first in range(0, len(repeated), BATCH_SIZE):
+        rows = repeated[first : first + BATCH_SIZE]
+        pending += _retarget_batch(model, source, rows, random, finish=finish)
         while len(pending) >= samples:
             yield pending[:samples]
             pending = pending[samples:]
@@ -63,6 +67,8 @@ def _retarget_batch(
     source: Interaction,
     scales: NDArray[np.float64],
     random: torch.Generator | None,
+    *,
+    finish: bool,
 ) -> list[Interaction]:
     """Retarget to all skeletons at once, in one pass for each order of the characters."""
     frame = canonical_frame(source)
@@ -77,7 +83,7 @@ def _retarget_batch(
             joint_scales = joint_scales.flip(1) if b_first else joint_scales
             motions = retarget_positions(model, template, joint_scales, random, stride=stride)
             positions[rows] = (motions.flip(2) if b_first else motions).numpy()
-    if model.first.has_exact_bones:
+    if finish and model.first.has_exact_bones:
         positions = _finished(model, source, torch.from_numpy(positions), scales)
     return [
         replace(
