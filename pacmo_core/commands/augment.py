@@ -63,7 +63,7 @@ class SolverSection:
     limits: VariationLimits
 
 
-def _present_params() -> Path:
+def present_params() -> Path:
     """Return the parameters of the project if there is one, else those of the package."""
     params = in_project(PARAMS)
     return params if params.is_file() else default_params_file()
@@ -154,7 +154,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     files = (first,) if second is None else (first, second)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
-        solving = read_solver_section(params or _present_params())
+        solving = read_solver_section(params or present_params())
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         profiles = _profiles(profile)
         if not any(factors_of_people) and not profiles:

@@ -1,6 +1,6 @@
 """``pacmo vary``: retarget two people's motion to other bodies by a trained skeleton prior."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +20,8 @@ from pacmo_core.commands.augment import (
     Second,
     known_segment_scales,
     parse_factors,
+    present_params,
+    read_solver_section,
     solver_errors_in_one_line,
 )
 from pacmo_core.commands.bvh_fidelity import Fidelity
@@ -48,7 +50,10 @@ from pacmo_core.commands.reading import (
 from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.figures.variations import MEASURES
 from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.interaction_mesh.mesh import ground_supports
+from pacmo_core.interaction_mesh.report import measure_motions
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
@@ -62,6 +67,14 @@ Samples = Annotated[int, typer.Option(min=1, help="number of interactions to sam
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same interactions")]
 
 Scales = NDArray[np.float64]
+People = tuple[PersonMotion, PersonMotion]
+MEASURED = (
+    "contacts_kept",
+    "knee_change_p95",
+    "added_foot_skate",
+    "below_floor",
+    "peak_acceleration_ratio",
+)
 
 
 def vary(  # noqa: PLR0913  # typer reads the options off the signature
@@ -112,11 +125,12 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         places = _output_files(duo, samples, out)
         random = torch.Generator().manual_seed(seed)
         variations = list(_variations(model, duo, factors_of_people, samples, random))
-        written, fidelity = _write(duo, variations, places)
+        written, fidelity, people = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
         if fidelity.max_error:
             typer.echo(fidelity.line())
+        typer.echo(_measured_line(duo, people, [scales for _, scales in variations]))
         typer.echo(
             f"{len(variations)} x {len(duo.people[0].times)} frames in "
             f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
@@ -184,20 +198,42 @@ def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
     return files
 
 
+def _measured_line(
+    duo: TwoPersonCapture,
+    people: Sequence[People],
+    scales: Sequence[Scales],
+) -> str:
+    """Measure what was written against the capture, and say it, as means over the samples."""
+    points = [np.concatenate([p.motion for p in pair], axis=1, dtype=np.float64) for pair in people]
+    settings = read_solver_section(present_params()).solver
+    supports = ground_supports(duo.scene, settings.support)
+    bodies = np.stack([np.concatenate(pair) for pair in scales])
+    found = measure_motions(duo.scene, settings, supports, bodies, np.stack(points, axis=-1))
+    text = {name: MEASURES[name].text(float(found[name].mean())) for name in MEASURED}
+    return (
+        f"contacts kept {text['contacts_kept']}, in 95 % of the frames knees change by at most "
+        f"{text['knee_change_p95']}, standing feet slide {text['added_foot_skate']} more than "
+        f"captured, below the floor {text['below_floor']}, peak acceleration "
+        f"{text['peak_acceleration_ratio']} the capture's"
+        f"{' (means of the samples)' if len(people) > 1 else ''}"
+    )
+
+
 def _write(
     duo: TwoPersonCapture, variations: list[tuple[Interaction, Scales]], places: list[Path]
-) -> tuple[list[Path], Fidelity]:
+) -> tuple[list[Path], Fidelity, list[People]]:
     """Write all samples, to one Parquet file or each to its own output.
 
     Returns
     -------
-    The files, and how well they hold the motions.
+    The files, how well they hold the motions, and the people in them, of each sample.
     """
+    people = [duo.moved((pair.person_a, pair.person_b)).people for pair, _ in variations]
     if is_parquet(places[0]):
         with write_motions(places[0], duo.people[0].skeleton) as writer:
             for number, (pair, _) in enumerate(variations):
                 writer.add(f"{duo.name}~{number:04d}", pair)
-        return places, Fidelity()
+        return places, Fidelity(), people
     files: list[Path] = []
     fidelity = Fidelity()
     for number, ((pair, (scales_a, scales_b)), out) in enumerate(
@@ -207,4 +243,5 @@ def _write(
         written = write_two_people(moved, (scales_a, scales_b), str(number), out)
         files += written.files
         fidelity += written.fidelity
-    return files, fidelity
+        people[number] = written.people
+    return files, fidelity, people

@@ -124,7 +124,11 @@ MEASURES = {
         "largest acceleration of a frame over the median around it, relative to the source's",
     ),
     "primal_residual": Measure(
-        "Bone lengths", LOWER, "%", "relative error before bones are set to their length", 100
+        "Bones before they are set to their length",
+        LOWER,
+        "%",
+        "largest relative error of the solver; in the variation bones have their length exactly",
+        100,
     ),
 }
 # Measurements that qualify the solver, not the motion, are in words where a limit names them only.
@@ -192,11 +196,11 @@ def measurement_summary(measurements: Measurements) -> str:
         f"near distances changed by {text('near_distance_error')} "
         f"({text('near_distance_error_naive')} if only scaled), "
         f"contacts kept {text('contacts_kept')}, "
-        f"knees changed by {text('knee_change_p95')} (95th percentile), "
-        f"elbows by {text('elbow_change_p95')}, spine by {text('spine_change_p95')}, "
+        f"in 95 % of the frames knees change by at most {text('knee_change_p95')}, "
+        f"elbows by {text('elbow_change_p95')}, the spine by {text('spine_change_p95')}, "
         f"pelvis height off by {text('pelvis_height_error')}, "
-        f"foot skate {text('added_foot_skate')}, "
-        f"peak acceleration {text('peak_acceleration_ratio')}, "
+        f"standing feet slide {text('added_foot_skate')} more than captured, "
+        f"peak acceleration {text('peak_acceleration_ratio')} the capture's, "
         f"penetration {text('capsule_penetration')}, "
         f"below the floor {text('below_floor')}"
     )

@@ -23,6 +23,8 @@ from pacmo_core.formats.base import read_content
 from pacmo_core.formats.rigs import RIGS, Rig, fitting_rigs, plain_name, plain_names, rig_of_model
 
 FILE_SUFFIXES = (".json", ".toml", ".csv")
+# A hand that a rig lacks, beyond the wrist along the forearm, in lengths of the forearm.
+HAND_REACH = 1 / 3
 _MIN_SIMILARITY = 0.65  # of names, as difflib measures it
 _MAX_LISTED = 6  # joints in a message
 
@@ -47,7 +49,8 @@ class JointNames:
 
     Parameters
     ----------
-    weights : (J, C) float64, of the capture's C joints in each of the model's; rows sum to 1
+    weights : (J, C) float64, of the capture's C joints in each of the model's; rows sum to 1. A
+        joint beyond the capture's last one has a negative weight
     description : of what was matched, in words; empty where all names are equal
     """
 
@@ -146,7 +149,22 @@ def name_joints(capture: Skeleton, model: Skeleton, stated: StatedNames) -> Join
         parts = explicit.get(joint) or found[joint]
         for part in parts:
             weights[row, capture.joints.index(part)] += 1 / len(parts)
-    return JointNames(weights, description)
+    return JointNames(_extend(weights, model), description)
+
+
+def _extend(weights: NDArray[np.float64], model: Skeleton) -> NDArray[np.float64]:
+    """Put a joint that was matched as its parent is beyond it, along the parent's own bone.
+
+    A bone without length has no direction, and neither a hand at the wrist a touch.
+    """
+    extended = weights.copy()
+    for joint in model.order[1:]:
+        parent = model.parents[joint]
+        above = model.parents[parent]
+        if above >= 0 and np.array_equal(weights[joint], weights[parent]):
+            bone = extended[parent] - extended[above]
+            extended[joint] = extended[parent] + HAND_REACH * bone
+    return extended
 
 
 def _check_stated(
@@ -209,7 +227,7 @@ def _by_rig(
     if notes["mid-point"]:
         text += f"; mid-points: {', '.join(notes['mid-point'])}"
     if notes["near"]:
-        text += f"; taken for the nearest joint: {', '.join(notes['near'])}"
+        text += f"; put a third of the last bone beyond it: {', '.join(notes['near'])}"
     return found, text
 
 
