@@ -49,6 +49,8 @@ FADE_SECONDS = 0.25
 SMOOTHING_SECONDS = 0.1
 # Times that limbs take half of what touches miss.
 TOUCHING_STEPS = 8
+# Seconds, standard deviation of the filter on each of these steps.
+TOUCHING_SMOOTHING = 0.05
 # Square metres: an axis or pole whose square is less has no direction.
 MIN_SQUARE = 1e-12
 
@@ -151,6 +153,9 @@ class _Bodies:
             self.source[..., j, :] for j in (self.starts, self.middles, self.ends)
         )
         reach = self.targets - self.limb_starts()
+        straight = self.upper + self.lower
+        soft = soften(reach.norm(dim=-1), self.bent, straight, self.given.holds[..., 0])
+        reach = normalize(reach, dim=-1) * soft[..., None]
         pole = turned(middle - (begin + end) / 2, end - begin, reach)
         return two_bone_ik(reach, self.upper, self.lower, normalize(pole, dim=-1))
 
@@ -205,7 +210,8 @@ class _Bodies:
         common = common_scale(self.source - self.source[..., self.given.parents, :], self.scales)
         for _ in range(TOUCHING_STEPS):
             apart = touches.missing(self.positions(), common)
-            self.targets = self.targets - (1 - holds) * touches.half(apart)
+            change = smoothed(touches.half(apart), TOUCHING_SMOOTHING * self.given.fps)
+            self.targets = self.targets - (1 - holds) * change
         self.settle(holds.maximum(touches.near_limbs))
 
 
@@ -229,6 +235,17 @@ def bent_length(first: Tensor, second: Tensor, upper: Tensor, lower: Tensor) -> 
     """
     cosine = (normalize(first, dim=-1) * normalize(second, dim=-1)).sum(dim=-1)
     return (upper**2 + lower**2 + 2 * upper * lower * cosine).clamp_min(0).sqrt()
+
+
+def soften(reach: Tensor, bent: Tensor, straight: Tensor, holds: Tensor) -> Tensor:
+    """Shorten reaches beyond a limb's own, so that it straightens gradually; all are (...), metres.
+
+    The angle of a joint of a limb that gets straight changes as the square root of what is missing:
+    without this an elbow snaps within a frame. Limbs that support are not shortened.
+    """
+    room = (straight - bent).clamp_min(1e-6)
+    beyond = (reach - bent).clamp_min(0)
+    return reach - (1 - holds) * (beyond - room * (1 - (-beyond / room).exp()))
 
 
 def turned(vectors: Tensor, axis: Tensor, to: Tensor) -> Tensor:

@@ -96,7 +96,7 @@ def test_a_mixamo_body_has_the_joints_of_kinect_where_they_are(prefix: str) -> N
 
 def test_what_a_rig_lacks_is_taken_from_near_only_where_a_line_says_so() -> None:
     names = name_joints(CAPTURES["mixamo"], NTU21, StatedNames())
-    assert "taken for the nearest joint: left_hand = LeftHand" in names.description
+    assert "put a third of the last bone beyond it: left_hand = LeftHand" in names.description
     np.testing.assert_allclose(names.weights.sum(axis=1), 1)
 
 

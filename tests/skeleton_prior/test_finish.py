@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.skeleton_prior.finish import Finish, bent_length, turned
+from pacmo_core.skeleton_prior.finish import Finish, bent_length, soften, turned
 from pacmo_core.skeleton_prior.inference import find_supports
 from pacmo_core.skeleton_prior.kinematics import find_limbs
 from tests.skeleton_prior.examples import SMALL, generator, interaction, scale_bones
@@ -141,3 +141,13 @@ def test_vectors_turn_with_the_axis():
     torch.testing.assert_close(rotated, expected)
     normal = torch.linalg.cross(axis, to)
     torch.testing.assert_close(turned(normal, axis, to), normal, atol=1e-5, rtol=1e-4)
+
+
+def test_a_reach_grows_ever_slower_towards_the_straight_limb_and_a_supporting_one_not():
+    reach, bent, straight = torch.linspace(0.1, 3, 500), torch.tensor(0.4), torch.tensor(0.5)
+    free = soften(reach, bent, straight, torch.tensor(0.0))
+    assert torch.equal(free[reach <= bent], reach[reach <= bent])
+    assert bool((free < straight + 1e-6).all()) and bool((free.diff() >= -1e-6).all())
+    slope = free.diff() / reach.diff()
+    assert bool((slope.diff() <= 1e-3).all())  # no kink at its own reach, and none at the straight
+    torch.testing.assert_close(soften(reach, bent, straight, torch.tensor(1.0)), reach)
