@@ -38,7 +38,7 @@ from pacmo_core.reaction.bones import (
     set_legs,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, stance_phases
+from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, frame_runs
 from pacmo_core.reaction.steps import take_steps
 from pacmo_core.reaction.turns import resolve_turns
 
@@ -150,7 +150,7 @@ def find_targets(
     for number, (foot, standing) in enumerate(zip(feet(skeleton), stance, strict=True)):
         joints, share = list(foot), 1 / (1 + number % 2)
         places = [
-            footholds(motion[:, foot[0]], phase, fps, share) for phase in stance_phases(standing)
+            footholds(motion[:, foot[0]], phase, fps, share) for phase in frame_runs(standing)
         ]
         for phase in chain.from_iterable(places):
             path = motion[phase][:, joints]

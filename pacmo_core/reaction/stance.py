@@ -62,9 +62,9 @@ def find_stance(motion: Motion, fps: float, skeleton: Skeleton) -> Mask:
     return states[_shortest_path(cost, change)].T
 
 
-def stance_phases(stands: Mask) -> list[slice]:
-    """List the runs of frames in which one foot stands; ``stands`` is (T,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]])))
+def frame_runs(mask: Mask) -> list[slice]:
+    """List the runs of frames in which a mask (T,) is true, as those in which a foot stands."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return [slice(first, end) for first, end in edges.reshape(-1, 2).tolist()]
 
 
@@ -139,7 +139,7 @@ def _standing_joints(motion: Array, stance: Mask, skeleton: Skeleton) -> tuple[A
     for foot, standing in zip(feet(skeleton), stance, strict=True):
         heights = motion[:, foot[0], 1]
         low = np.flatnonzero(heights <= np.quantile(heights, LOW_QUANTILE))
-        for phase in stance_phases(standing) if standing.any() else [low]:
+        for phase in frame_runs(standing) if standing.any() else [low]:
             places += list(motion[phase][:, list(foot)].mean(axis=0))
             levels += range(len(foot))
     return np.array(places), np.array(levels)

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.reaction.bones import set_bone_lengths, set_legs
+from pacmo_core.reaction.stance import frame_runs
 from pacmo_core.reaction.turns import find_headings, smooth_step, turned
 
 Array = NDArray[np.float64]
@@ -80,7 +81,7 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
     slides = (speed.min(axis=1) > GLIDE_SPEED) & (lift.max(axis=1) < MAX_LIFT)
     found: list[slice] = []
     end = 0
-    for first, stop in _runs(slides, round(MAX_PAUSE * fps)):
+    for first, stop in _joined_runs(slides, round(MAX_PAUSE * fps)):
         if (speed[first:stop].sum(axis=0) / fps).min() < MIN_GLIDE:
             continue
         headings = find_headings(motion[first:stop], fps, skeleton)
@@ -92,15 +93,14 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
     return found
 
 
-def _runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
+def _joined_runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
     """List the first frame and the end of runs, those joined that are a pause apart at most."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]))).reshape(-1, 2)
     joined: list[tuple[int, int]] = []
-    for first, end in edges.tolist():
-        if joined and first - joined[-1][1] <= pause:
-            joined[-1] = (joined[-1][0], end)
+    for run in frame_runs(mask):
+        if joined and run.start - joined[-1][1] <= pause:
+            joined[-1] = (joined[-1][0], run.stop)
         else:
-            joined.append((first, end))
+            joined.append((run.start, run.stop))
     return joined
 
 

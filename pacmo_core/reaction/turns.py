@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.stance import frame_runs
 
 Array = NDArray[np.float64]
 
@@ -98,10 +99,10 @@ def find_collapses(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]
     """
     widths = np.linalg.norm(_across(motion, fps, skeleton), axis=-1).sum(axis=1)
     ratio = widths / max(float(np.median(widths)), 1e-9)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ratio < WHOLE, [False]])))
-    runs = [slice(first, end) for first, end in edges.reshape(-1, 2).tolist()]
     return [
-        run for run in runs if ratio[run].min() < COLLAPSED and run.stop - run.start < len(ratio)
+        run
+        for run in frame_runs(ratio < WHOLE)
+        if ratio[run].min() < COLLAPSED and run.stop - run.start < len(ratio)
     ]
 
 

@@ -13,7 +13,7 @@ MAX_GAP = 0.2
 # bodies by as much where hands touch.
 MAX_LIFT = 0.015
 # Iterations that find the root's place, and what holds the root against the limbs' 1.
-REACHING_STEPS = 5
+ROOT_STEPS = 5
 ROOT_WEIGHTS = (0.1, 3e-3, 0.1)
 
 
@@ -113,7 +113,7 @@ def reach_ends(offsets: Tensor, lengths: Tensor, weights: Tensor) -> Tensor:
     """
     shift = torch.zeros_like(offsets[..., 0, :])
     held = torch.diag(offsets.new_tensor(ROOT_WEIGHTS))
-    for _ in range(REACHING_STEPS):
+    for _ in range(ROOT_STEPS):
         left = offsets - shift[..., None, :]
         distances = left.norm(dim=-1)
         directions = torch.nn.functional.normalize(left, dim=-1)

@@ -18,7 +18,7 @@ from pacmo_core.data.skeleton import (
     Skeleton,
     mirror_by_name,
 )
-from pacmo_core.formats.joint_names import StatedNames, name_joints, parse_joints
+from pacmo_core.formats.joint_names import HAND_REACH, StatedNames, name_joints, parse_joints
 from pacmo_core.formats.registry import read_partner
 from pacmo_core.formats.rigs import RIGS, fitting_rigs, plain_name, plain_names, rig_of_model
 from tests.formats.real_files import real_folder
@@ -98,6 +98,9 @@ def test_what_a_rig_lacks_is_taken_from_near_only_where_a_line_says_so() -> None
     names = name_joints(CAPTURES["mixamo"], NTU21, StatedNames())
     assert "put a third of the last bone beyond it: left_hand = LeftHand" in names.description
     np.testing.assert_allclose(names.weights.sum(axis=1), 1)
+    at = dict(zip(NTU21.joints, names.weights, strict=True))
+    hand, wrist, elbow = (at[f"left_{joint}"] for joint in ("hand", "wrist", "elbow"))
+    np.testing.assert_allclose(hand - wrist, HAND_REACH * (wrist - elbow))
 
 
 def test_equal_names_need_no_preset_and_say_nothing() -> None:

@@ -5,7 +5,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction.stance import _shortest_path, find_stance, stance_phases
+from pacmo_core.reaction.stance import _shortest_path, find_stance, frame_runs
 from tests.reaction.problems import REST
 from tests.strategies import SMALL
 
@@ -55,7 +55,7 @@ def test_one_frame_has_a_stance() -> None:
 
 def test_phases_are_the_runs() -> None:
     stands = np.array([1, 1, 0, 1, 0, 0, 1], dtype=bool)
-    assert stance_phases(stands) == [slice(0, 2), slice(3, 4), slice(6, 7)]
+    assert frame_runs(stands) == [slice(0, 2), slice(3, 4), slice(6, 7)]
 
 
 def test_the_path_is_the_best_of_all() -> None:

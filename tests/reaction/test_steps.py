@@ -9,7 +9,7 @@ from pacmo_core.formats.registry import open_format
 from pacmo_core.reaction.bones import median_lengths, set_legs
 from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.stance import stance_phases
+from pacmo_core.reaction.stance import frame_runs
 from pacmo_core.reaction.steps import find_glides, take_steps
 from pacmo_core.reaction.turns import find_collapses, turned
 from tests.formats.real_files import real_folder
@@ -68,7 +68,7 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
     moving = moves(found)
     assert np.mean(moving.all(axis=0)) < 0.06 < np.mean(moves(given).all(axis=0))
     for number, foot in enumerate(FEET):
-        swings = [s for s in stance_phases(moving[number]) if s.stop - s.start > 4]
+        swings = [s for s in frame_runs(moving[number]) if s.stop - s.start > 4]
         lengths = [
             np.linalg.norm((found[s.stop, foot] - found[s.start, foot])[[0, 2]]) for s in swings
         ]
