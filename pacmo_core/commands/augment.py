@@ -156,12 +156,12 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         solving = read_solver_section(params or present_params())
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
-        profiles = _profiles(profile)
+        profiles = parse_profiles(profile)
         if not any(factors_of_people) and not profiles:
             raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
         duo = read_two_people(files, options, clip).in_space(to_unit, to_up, out)
         check_output(duo, out)
-        scales = _requested_scales(duo, factors_of_people, profiles)
+        scales = requested_scales(duo, factors_of_people, profiles)
         typer.echo(_first_line(duo, (a_scale, b_scale), profiles))
         label = "_".join([*(f"{p}-{w}" for p, words in zip(PEOPLE, (a_scale, b_scale), strict=True)
                             for w in words), *profile]).replace("=", "-")  # fmt: skip
@@ -197,7 +197,7 @@ def parse_factors(words: list[str]) -> dict[str, float]:
     return factors
 
 
-def _profiles(words: list[str]) -> dict[str, str]:
+def parse_profiles(words: list[str]) -> dict[str, str]:
     """Read ``b=child`` and the like."""
     pairs = [word.partition("=")[::2] for word in words]
     for (person, name), word in zip(pairs, words, strict=True):
@@ -208,7 +208,7 @@ def _profiles(words: list[str]) -> dict[str, str]:
     return dict(pairs)
 
 
-def _requested_scales(
+def requested_scales(
     duo: TwoPersonCapture, factors_of_people: list[dict[str, float]], profiles: dict[str, str]
 ) -> tuple[Scales, Scales]:
     """Return the bone scales of person a and of person b."""

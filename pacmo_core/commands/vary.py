@@ -10,18 +10,19 @@ import torch
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.augmentation.bodies import measure_body
 from pacmo_core.commands.augment import (
     AScale,
     BScale,
     Clip,
     First,
     Out,
+    Profile,
     Second,
-    known_segment_scales,
     parse_factors,
+    parse_profiles,
     present_params,
     read_solver_section,
+    requested_scales,
     solver_errors_in_one_line,
 )
 from pacmo_core.commands.bvh_fidelity import Fidelity
@@ -84,6 +85,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     out: Out,
     a_scale: AScale = [],  # noqa: B006  # typer copies it
     b_scale: BScale = [],  # noqa: B006
+    profile: Profile = [],  # noqa: B006
     samples: Samples = 1,
     seed: Seed = 0,
     weights: Weights = WEIGHTS,
@@ -103,10 +105,12 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo vary DUO_A.bvh DUO_B.bvh --b-scale left_forearm=1.2 --weights W --out other
 
-    Without scales the bodies are sampled too, a new one of person b for each sample. Several
-    samples are written to folders 0, 1, ... of BVH files, or to one Parquet file. A capture of
-    another skeleton than the model's is taken if the model's joints can be named in it (--joints);
-    BVH files then have the joints of the model, in metres, y up unless --to-unit and --to-up say
+    pacmo vary DUO_A.bvh DUO_B.bvh --profile b=child --samples 4 --weights W --out other
+
+    Without scales and profiles the bodies are sampled too, a new one of person b for each sample.
+    Several samples are written to folders 0, 1, ... of BVH files, or to one Parquet file. A capture
+    of another skeleton than the model's is taken if the model's joints can be named in it
+    (--joints); BVH files then have the joints of the model, in metres, y up unless --to-unit and --to-up say
     otherwise; else they are on the rig of the capture. ``pacmo augment`` solves the same
     problem by optimisation, which takes longer.
     """
@@ -115,6 +119,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     torch.set_num_threads(1)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
+        profiles = parse_profiles(profile)
         check_request(samples, options, weights)
         model = load_skeleton_prior(weights)
         synthetic = is_synthetic(first, clip)
@@ -124,7 +129,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         duo = duo.in_space(to_unit, to_up, out)
         places = _output_files(duo, samples, out)
         random = torch.Generator().manual_seed(seed)
-        variations = list(_variations(model, duo, factors_of_people, samples, random))
+        variations = list(_variations(model, duo, factors_of_people, profiles, samples, random))
         written, fidelity, people = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
@@ -155,14 +160,15 @@ def _variations(
     model: SkeletonPrior,
     duo: TwoPersonCapture,
     factors_of_people: list[dict[str, float]],
+    profiles: dict[str, str],
     samples: int,
     random: torch.Generator,
 ) -> Iterator[tuple[Interaction, Scales]]:
     """Yield interactions and the scales (2, E) of their bodies: given, or sampled."""
     a, b = duo.people
     source = Interaction(model.config.skeleton, a.times - a.times[0], a.motion, b.motion)
-    if any(factors_of_people):
-        scales = _requested_scales(duo.people, factors_of_people)[None]
+    if any(factors_of_people) or profiles:
+        scales = np.stack(requested_scales(duo, factors_of_people, profiles))[None]
         (result,) = retarget(model, source, scales, samples=samples, random=random, finish=True)
         yield from ((pair, scales[0]) for pair in result)
         return
@@ -171,17 +177,6 @@ def _variations(
     yield from (
         (pair, scales_of_person)
         for (pair,), scales_of_person in zip(variations, scales, strict=True)
-    )
-
-
-def _requested_scales(
-    people: tuple[PersonMotion, PersonMotion], factors_of_people: list[dict[str, float]]
-) -> Scales:
-    return np.stack(
-        [
-            known_segment_scales(measure_body(person.motion, person.skeleton), factors)
-            for person, factors in zip(people, factors_of_people, strict=True)
-        ]
     )
 
 
@@ -228,20 +223,16 @@ def _write(
     -------
     The files, how well they hold the motions, and the people in them, of each sample.
     """
-    people = [duo.moved((pair.person_a, pair.person_b)).people for pair, _ in variations]
+    moved = [duo.moved((pair.person_a, pair.person_b)) for pair, _ in variations]
     if is_parquet(places[0]):
         with write_motions(places[0], duo.people[0].skeleton) as writer:
             for number, (pair, _) in enumerate(variations):
                 writer.add(f"{duo.name}~{number:04d}", pair)
-        return places, Fidelity(), people
-    files: list[Path] = []
-    fidelity = Fidelity()
-    for number, ((pair, (scales_a, scales_b)), out) in enumerate(
-        zip(variations, places, strict=True)
-    ):
-        moved = duo.moved((pair.person_a, pair.person_b))
-        written = write_two_people(moved, (scales_a, scales_b), str(number), out)
+        return places, Fidelity(), [one.people for one in moved]
+    files, people, fidelity = list[Path](), list[People](), Fidelity()
+    for number, (one, (_, scales), out) in enumerate(zip(moved, variations, places, strict=True)):
+        written = write_two_people(one, (scales[0], scales[1]), str(number), out)
         files += written.files
         fidelity += written.fidelity
-        people[number] = written.people
+        people.append(written.people)
     return files, fidelity, people

@@ -7,6 +7,7 @@ import pytest
 import torch
 from typer.testing import CliRunner, Result
 
+from pacmo_core.augmentation.bodies import measure_body, profile_scales
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
@@ -61,6 +62,21 @@ def test_a_body_that_is_asked_for_has_its_bones(stored: Path, weights: Path, tmp
         )
     first, second, _ = found.values()
     assert abs(first.person_b - second.person_b).max() > 0
+
+
+def test_a_profile_is_that_of_augment_and_what_became_of_the_motion_is_said(
+    stored: Path, weights: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out.parquet"
+    said = pacmo(
+        *(stored, "--clip", "one", "--weights", weights, "--profile", "b=child", "--out", out)
+    )
+    assert said.exit_code == 0, said.output
+    assert "contacts kept" in said.output and "standing feet slide" in said.output
+    ((_, pair),) = stream_motions(out)
+    before = bone_lengths(CLIP.person_b, SBU15)
+    scales = profile_scales(measure_body(CLIP.person_b, SBU15), "child")
+    np.testing.assert_allclose(bone_lengths(pair.person_b, SBU15), scales * before, atol=1e-5)
 
 
 def test_drawn_bodies_differ_and_come_as_a_folder_each(
