@@ -110,9 +110,9 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     Without scales and profiles the bodies are sampled too, a new one of person b for each sample.
     Several samples are written to folders 0, 1, ... of BVH files, or to one Parquet file. A capture
     of another skeleton than the model's is taken if the model's joints can be named in it
-    (--joints); BVH files then have the joints of the model, in metres, y up unless --to-unit and --to-up say
-    otherwise; else they are on the rig of the capture. ``pacmo augment`` solves the same
-    problem by optimisation, which takes longer.
+    (--joints); BVH files then have the joints of the model, in metres, y up unless --to-unit and
+    --to-up say otherwise; else they are on the rig of the capture. ``pacmo augment`` solves the
+    same problem by optimisation, which takes longer.
     """
     options = ReadOptions(form, preset, from_unit, from_up, from_fps, joints)
     files = (first,) if second is None else (first, second)
