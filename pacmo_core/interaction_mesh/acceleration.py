@@ -102,4 +102,4 @@ class Iterates:
     def select(self, bodies: NDArray[np.intp]) -> None:
         """Keep some of the bodies."""
         for values in (self._last, self._values, self._steps):
-            values[:] = [np.ascontiguousarray(part[..., bodies]) for part in values]
+            values[:] = [part.take(bodies, axis=-1) for part in values]

@@ -80,20 +80,20 @@ class State:
     def select(self, bodies: NDArray[np.intp]) -> "State":
         """Return the state of some of the bodies."""
         energy_rhs, rhs, displacement = (
-            np.ascontiguousarray(values.reshape(*values.shape[:2], 3, -1)[..., bodies]).reshape(
-                *values.shape[:2], -1
-            )
+            values.reshape(*values.shape[:2], 3, -1)
+            .take(bodies, axis=-1)
+            .reshape(*values.shape[:2], -1)
             for values in (self.energy_rhs, self.rhs, self.displacement)
         )
         return State(
             energy_rhs=energy_rhs,
             rhs=rhs,
             displacement=displacement,
-            governing=np.ascontiguousarray(self.governing[..., bodies]),
-            projection=np.ascontiguousarray(self.projection[..., bodies]),
-            floor=np.ascontiguousarray(self.floor[..., bodies]),
-            scales=np.ascontiguousarray(self.scales[:, bodies]),
-            lowest=np.ascontiguousarray(self.lowest[:, bodies]),
+            governing=self.governing.take(bodies, axis=-1),
+            projection=self.projection.take(bodies, axis=-1),
+            floor=self.floor.take(bodies, axis=-1),
+            scales=self.scales.take(bodies, axis=-1),
+            lowest=self.lowest.take(bodies, axis=-1),
             squared_step=self.squared_step[bodies],
             largest_pair_step=self.largest_pair_step[bodies],
         )
@@ -475,8 +475,8 @@ def _measure(state: State, step_scale: Array, tolerance: float) -> tuple[Array, 
 
 def _initial_state(start: AdmmStart) -> State:
     bodies = np.resize(np.arange(len(start.step_scale)), padded_width(len(start.step_scale)))
-    governing = np.ascontiguousarray(start.governing[..., bodies])
-    energy_rhs = np.ascontiguousarray(start.energy_rhs[..., bodies])
+    governing = start.governing.take(bodies, axis=-1)
+    energy_rhs = start.energy_rhs.take(bodies, axis=-1)
     energy_rhs = energy_rhs.reshape(*energy_rhs.shape[:2], -1)
     return State(
         energy_rhs=energy_rhs,
@@ -484,9 +484,9 @@ def _initial_state(start: AdmmStart) -> State:
         displacement=np.zeros_like(energy_rhs),
         governing=governing,
         projection=np.zeros((*governing.shape[:3], len(bodies)), dtype=np.float32),
-        floor=np.ascontiguousarray(start.floor[..., bodies]),
-        scales=np.ascontiguousarray(start.scales[:, bodies]),
-        lowest=np.ascontiguousarray(start.lowest[:, bodies]),
+        floor=start.floor.take(bodies, axis=-1),
+        scales=start.scales.take(bodies, axis=-1),
+        lowest=start.lowest.take(bodies, axis=-1),
         squared_step=np.zeros(len(bodies)),
         largest_pair_step=np.zeros(len(bodies), dtype=np.float32),
     )

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.admm import AdmmSolver, AdmmStart, build_solver, solve_admm
-from pacmo_core.interaction_mesh.capsules import capsule_penetration
 from pacmo_core.interaction_mesh.constraints import build_floor, build_rows, trunk_scales
 from pacmo_core.interaction_mesh.energy import QuadraticEnergy, build_energy, energy_rhs
 from pacmo_core.interaction_mesh.factorisation import bone_stiffness, factorise
@@ -23,7 +22,7 @@ from pacmo_core.interaction_mesh.linear_algebra import (
     pair_frames,
     single_blas_thread,
 )
-from pacmo_core.interaction_mesh.report import contacts_kept, seam_ratio, trunk_change
+from pacmo_core.interaction_mesh.report import measure_limited
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Attempt, AttemptLimits, Settings
 from pacmo_core.interaction_mesh.warm_start import LinearResponse, linear_response
@@ -212,10 +211,7 @@ def run_attempt(
     motions = project_bone_lengths(scene, displacement, solution.bones, scales)
     measurements = {
         "primal_residual": primal_residual(scene, displacement, scales),
-        "contacts_kept": contacts_kept(scene, motions, window.settings.contact_distance, 0.0),
-        "capsule_penetration": capsule_penetration(scene, motions),
-        "trunk_change": np.maximum(*(trunk_change(scene, scales, motions, p) for p in (0, 1))),
-        "seam_ratio": seam_ratio(scene, motions),
+        **measure_limited(scene, window.settings, scales, motions),
         "fixed_point_residual": solution.residual,
     }
     limits, results = window.settings.limits, []

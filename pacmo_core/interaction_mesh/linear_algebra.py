@@ -18,7 +18,7 @@ from pacmo_core.interaction_mesh.scene import Array, Real, Single
 
 Values = TypeVar("Values", Array, Single, NDArray[np.intp])
 
-COLUMN_WIDTH = 16
+COLUMN_WIDTH = 8
 # Order of x, y, z in the solver: the two horizontal axes, which share a factorisation, are
 # adjacent. The permutation is its own inverse.
 AXIS_ORDER = [0, 2, 1]

@@ -5,14 +5,13 @@ contacts and penetration with the source at the same frame.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.body_parts import (
-    ancestor_bones,
     bone_to_joint,
     hinges,
     scene_bone_kinds,
@@ -125,20 +124,49 @@ def measure_motions(
     -------
     (V,) each, by the names of ``Report``
     """
+    common = common_scale(scene, scales)
+    motions = scale_scene(scene, points, 1 / common)
+    return {
+        **measure_limited(scene, settings, scales / common[:, None], motions),
+        **measure_unlimited(scene, settings, is_support, scales, points),
+    }
+
+
+def measure_limited(
+    scene: Scene, settings: Settings, scales: Array, motions: Array
+) -> dict[str, Array]:
+    """Measure what decides whether an attempt is accepted, as ``measure_motions``.
+
+    Parameters
+    ----------
+    scales, motions : relative to the common scale
+    """
+    return {
+        "contacts_kept": contacts_kept(scene, motions, settings.contact_distance, 0.0),
+        "capsule_penetration": capsule_penetration(scene, motions),
+        "trunk_change": trunk_change(scene, scales, motions),
+        "seam_ratio": seam_ratio(scene, motions),
+    }
+
+
+def measure_unlimited(
+    scene: Scene,
+    settings: Settings,
+    is_support: NDArray[np.bool_],
+    scales: Array,
+    points: Array,
+) -> dict[str, Array]:
+    """Measure everything else, as ``measure_motions``."""
     people = [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
     common = common_scale(scene, scales)
     motions = scale_scene(scene, points, 1 / common)
-    contacts = [
-        contacts_kept(scene, motions, settings.contact_distance, slack)
-        for slack in (0.0, settings.contact_slack)
-    ]
     near, far = measure_distances(scene, settings, motions)
     naive = naive_scaling(scene, scales / common[:, None])
     return {
         **{name: np.maximum(people[0][name], people[1][name]) for name in people[0]},
-        "capsule_penetration": capsule_penetration(scene, motions),
-        "contacts_kept": contacts[0],
-        "contacts_kept_with_slack": contacts[1],
+        "contacts_kept_with_slack": contacts_kept(
+            scene, motions, settings.contact_distance, settings.contact_slack
+        ),
         "near_distance_error": near,
         "far_distance_error": far,
         "near_distance_error_naive": near_distance_error(scene, settings, naive),
@@ -158,10 +186,8 @@ def _measure_person(
     measures = {
         "pelvis_height_error": _pelvis_height_error(scene, scales, points, person),
         "below_floor": (lowest - body[:, :, 1].min(axis=(0, 1))).clip(min=0),
-        "trunk_change": trunk_change(scene, scales, points, person),
         "added_foot_skate": skate[0] - skate[1],
         "peak_acceleration_ratio": peak_acceleration_ratio(source, body),
-        "seam_ratio": _seam_ratio_of_person(source, body, scene.fps),
         "knee_flips": flips["knee"],
         "elbow_flips": flips["elbow"],
     }
@@ -244,8 +270,7 @@ def _vectors(points: Array, vector: _Vector) -> Array:
 def _angle(first: Array, second: Array) -> Array:
     """``(T, V)`` degrees between vectors (T, 3, V)."""
     cross = np.cross(first, second, axis=1)
-    sine = np.sqrt(np.einsum("tcv,tcv->tv", cross, cross))
-    angle: Array = np.degrees(np.arctan2(sine, np.einsum("tcv,tcv->tv", first, second)))
+    angle: Array = np.degrees(np.arctan2(_lengths(cross), np.einsum("tcv,tcv->tv", first, second)))
     return angle
 
 
@@ -273,24 +298,23 @@ def _pelvis_height_error(scene: Scene, scales: Array, points: Array, person: int
     return _mean(np.abs(error))
 
 
-def trunk_change(scene: Scene, scales: Array, points: Array, person: int) -> Array:
-    """Return ``Report.trunk_change`` of one person, (V,)."""
-    joints = trunk_joints(scene)[person]
-    if len(joints) < 2:
-        return np.zeros(len(scales))
-    first, second = np.triu_indices(len(joints), k=1)
-    paths = ancestor_bones(scene)
-    difference = paths[joints[first]] - paths[joints[second]]
-    largest = np.zeros(len(scales))
-    for row, (i, j) in enumerate(zip(joints[first], joints[second], strict=True)):
-        used = np.flatnonzero(difference[row])
-        vectors = difference[row, used, None] * scene.bone_vectors[:, used]
-        expected = np.einsum("tec,ve->tcv", vectors, scales[:, used])
-        ratios = np.linalg.norm(points[:, i] - points[:, j], axis=1) / np.maximum(
-            np.linalg.norm(expected, axis=1), np.finfo(np.float32).tiny
-        )
-        largest = np.maximum(largest, np.abs(np.median(ratios, axis=0) - 1))
+def trunk_change(scene: Scene, scales: Array, points: Array) -> Array:
+    """Return ``Report.trunk_change``, (V,); zero without a trunk."""
+    expected, largest = naive_scaling(scene, scales), np.zeros(len(scales))
+    for joints in trunk_joints(scene):
+        for i, j in combinations(joints.tolist(), 2):
+            shortest = np.finfo(np.float32).tiny
+            ratios = _lengths(points[:, i] - points[:, j]) / np.maximum(
+                _lengths(expected[:, i] - expected[:, j]), shortest
+            )
+            largest = np.maximum(largest, np.abs(np.median(ratios, axis=0) - 1))
     return largest
+
+
+def _lengths(vectors: Array) -> Array:
+    """``(T, V)``, of vectors (T, 3, V)."""
+    lengths: Array = np.sqrt(np.einsum("tcv,tcv->tv", vectors, vectors))
+    return lengths
 
 
 def contacts_kept(scene: Scene, points: Array, distance: float, slack: float) -> Array:

@@ -6,7 +6,7 @@ window.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ from pacmo_core.interaction_mesh.attempt import (
 )
 from pacmo_core.interaction_mesh.linear_algebra import padded_width, single_blas_thread
 from pacmo_core.interaction_mesh.mesh import ground_supports
-from pacmo_core.interaction_mesh.report import Report, measure_motions
+from pacmo_core.interaction_mesh.report import Report, measure_limited, measure_unlimited
 from pacmo_core.interaction_mesh.scene import (
     Array,
     Scene,
@@ -155,7 +155,17 @@ def _solve_windows(
     vectors = total[:, scene.bones[:, 1]] - total[:, scene.bones[:, 0]]
     motions = project_bone_lengths(scene, displacement, vectors, scales)
     limits = source.settings.limits
-    return motions, [max(parts, key=lambda q: q.limit_ratio(limits)) for parts in qualities]
+    worst = [max(parts, key=lambda q: q.limit_ratio(limits)) for parts in qualities]
+    # Padded as the attempts are: sums along few columns round differently.
+    columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
+    with single_blas_thread():
+        whole = measure_limited(
+            scene, source.settings, scales[columns], np.take(motions, columns, axis=-1)
+        )
+    return motions, [
+        replace(quality, **{name: float(values[v]) for name, values in whole.items()})
+        for v, quality in enumerate(worst)
+    ]
 
 
 def _fade(windows: tuple[slice, ...], number: int, fps: float) -> Array:
@@ -188,13 +198,10 @@ def _variations(
     common = common_scale(scene, padded)
     points = scale_scene(scene, motions[..., columns], common)
     with single_blas_thread():
-        measured = measure_motions(scene, settings, source.is_support, padded, points)
+        measured = measure_unlimited(scene, settings, source.is_support, padded, points)
     reports = tuple(
         Report(
-            attempt=quality.attempt,
-            iterations=quality.iterations,
-            primal_residual=quality.primal_residual,
-            fixed_point_residual=quality.fixed_point_residual,
+            **asdict(quality),
             **{name: float(values[v]) for name, values in measured.items()},
         )
         for v, quality in enumerate(qualities)

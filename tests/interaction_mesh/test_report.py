@@ -90,8 +90,7 @@ def test_a_folded_hip_changes_the_trunk_and_a_scaled_one_does_not():
     assert report(source, folded).trunk_change == pytest.approx(1, abs=1e-5)
     scales = np.full((1, len(source.bones)), 0.8)
     scaled = source.points[:, [base]] + 0.8 * (source.points - source.points[:, [base]])
-    scaled[:, 25:] = scaled[:, 25:] + 0  # both people about the first one's root
-    assert trunk_change(source, scales, scaled[..., None], 0)[0] == pytest.approx(0, abs=1e-6)
+    assert trunk_change(source, scales, scaled[..., None])[0] == pytest.approx(0, abs=1e-6)
 
 
 def walkers() -> Scene:
@@ -132,7 +131,7 @@ def test_a_translated_body_has_foot_skate_only_while_it_moves():
 
 def test_a_jump_is_a_seam_and_the_source_has_none():
     source = scene(2, 60)
-    assert report(source, source.points).seam_ratio <= 1
+    assert report(source, source.points).seam_ratio <= 1 + 1e-9
     assert report(source, source.points).peak_acceleration_ratio == pytest.approx(1)
     jumped = source.points.copy()
     jumped[30:] += np.array([0, 0.02, 0])
