@@ -6,9 +6,12 @@ targets, and ``inverse_kinematics`` spreads what is left over the body by weight
 """
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.interaction import Motion
 
@@ -19,6 +22,9 @@ Array = NDArray[np.float64]
 ROTATION_REGULARISATION = 1e-6
 N_REST_ROUNDS = 10  # of alternating between rest directions and rotations
 N_STEPS = 10
+# Weight of each joint's squared turn in radians from its initial rotation, relative to the squared
+# size of the skeleton. Positions alone hardly resist the kink of a spine, whose bones are short.
+STIFFNESS = 1e-3
 # Of a rotation, relative to the squared size of the skeleton: in the first step, at least, and the
 # factors by which it changes after a step that was better, and one that was not.
 DAMPING, LEAST_DAMPING, EASE, TIGHTEN = 1e-3, 1e-5, 0.25, 16.0
@@ -210,6 +216,8 @@ def inverse_kinematics(
 ) -> tuple[Array, Array]:
     """Pose the tree by least squares of the weighted distances to the targets.
 
+    Joints are stiff: turns from the initial rotations cost a little.
+
     Levenberg-Marquardt (Marquardt 1963), each frame with its own damping: where bones are shorter
     or longer than the targets want, plain Gauss-Newton steps may lead away from the targets.
 
@@ -223,12 +231,18 @@ def inverse_kinematics(
     root, local = initial[0].copy(), initial[1].copy()
     for first in range(0, len(root), FRAMES_PER_BATCH):
         part = slice(first, first + FRAMES_PER_BATCH)
-        aims = {joint: positions[part] for joint, positions in targets.items()}
+        problem = _Problem(
+            parents,
+            {joint: positions[part] for joint, positions in targets.items()},
+            weights[part],
+            offsets[part],
+            initial[1][part],
+        )
         pose, damping = (root[part], local[part]), np.full(len(root[part]), DAMPING)
-        cost = _cost(parents, aims, weights[part], offsets[part], pose)
+        cost = problem.cost(pose)
         for _ in range(N_STEPS):
-            trial = _damped_step(parents, aims, weights[part], offsets[part], pose, damping)
-            trial_cost = _cost(parents, aims, weights[part], offsets[part], trial)
+            trial = problem.damped_step(pose, damping)
+            trial_cost = problem.cost(trial)
             better = trial_cost < cost
             for values, found in zip((*pose, cost), (*trial, trial_cost), strict=True):
                 values[better] = found[better]
@@ -236,58 +250,92 @@ def inverse_kinematics(
     return root, local
 
 
-def _cost(
-    parents: Sequence[int],
-    targets: dict[int, Array],
-    weights: Array,
-    offsets: Array,
-    pose: tuple[Array, Array],
-) -> Array:
-    """``(T,)``: the weighted squared distances to the targets."""
-    positions, _ = forward_kinematics(parents, pose[0], offsets, pose[1])
-    gaps = np.stack([targets[joint] - positions[:, joint] for joint in targets], axis=1)
-    cost: Array = (weights * np.square(gaps).sum(axis=-1)).sum(axis=1)
-    return cost
+@dataclass(frozen=True)
+class _Problem:
+    """The least squares problem of some frames; parameters as in ``inverse_kinematics``.
+
+    Parameters
+    ----------
+    rest : (T, J, 3, 3), the local rotations from which turns cost
+    """
+
+    parents: Sequence[int]
+    targets: dict[int, Array]
+    weights: Array
+    offsets: Array
+    rest: Array
+
+    @cached_property
+    def inner(self) -> list[int]:
+        """The joints that turn."""
+        return sorted(set(self.parents) - {-1})
+
+    @cached_property
+    def squared_size(self) -> Array:
+        """``(T,)``: squared distances of the targets from their centre, summed."""
+        positions = np.stack(list(self.targets.values()), axis=1)
+        centred = positions - positions.mean(axis=1, keepdims=True)
+        size: Array = np.square(centred).sum(axis=(1, 2))
+        return size
+
+    def cost(self, pose: tuple[Array, Array]) -> Array:
+        """``(T,)``: the weighted squared distances to the targets, and the turns."""
+        positions, _ = forward_kinematics(self.parents, pose[0], self.offsets, pose[1])
+        distances = (self.weights * np.square(self._gaps(positions)).sum(axis=-1)).sum(axis=1)
+        turns = np.square(self._turns(pose[1])).sum(axis=(1, 2))
+        cost: Array = distances + STIFFNESS * self.squared_size * turns
+        return cost
+
+    def damped_step(self, pose: tuple[Array, Array], damping: Array) -> tuple[Array, Array]:
+        """Return the pose after a Gauss-Newton step; damping (T,) is of each frame's rotations."""
+        root, local = pose
+        positions, rotations_world = forward_kinematics(self.parents, root, self.offsets, local)
+        inner, rows = self.inner, list(self.targets)
+        roots = np.sqrt(self.weights)[..., None]
+        jacobian = _jacobian(self.parents, positions, inner, rows) * np.repeat(roots, 3, axis=1)
+        residual = self._gaps(positions) * roots
+        normal = jacobian.swapaxes(1, 2) @ jacobian
+        stiffness = STIFFNESS * self.squared_size
+        diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
+        normal += (
+            np.eye(len(diagonal))
+            * diagonal
+            * (damping * self.squared_size + stiffness)[:, None, None]
+        )
+        gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
+        frames = [
+            rotations_world[:, self.parents[joint]]
+            if self.parents[joint] >= 0
+            else np.broadcast_to(np.eye(3), (len(root), 3, 3))
+            for joint in inner
+        ]
+        turns = np.stack(
+            [rotate_vectors(frame, turn)
+             for frame, turn in zip(frames, np.moveaxis(self._turns(local), 1, 0), strict=True)],
+            axis=1,
+        )  # fmt: skip
+        gradient[:, 3:, 0] -= stiffness[:, None] * turns.reshape(len(root), -1)
+        solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
+        moved, turned = root + solution[:, :3], local.copy()
+        for index, (joint, frame) in enumerate(zip(inner, frames, strict=True)):
+            rotation = _rotation(solution[:, 3 + 3 * index : 6 + 3 * index])
+            turned[:, joint] = np.swapaxes(frame, -1, -2) @ rotation @ frame @ local[:, joint]
+        return moved, turned
+
+    def _gaps(self, positions: Array) -> Array:
+        """``(T, K, 3)``: from joints to their targets."""
+        return np.stack([aim - positions[:, joint] for joint, aim in self.targets.items()], axis=1)
+
+    def _turns(self, local: Array) -> Array:
+        """``(T, I, 3)`` radians: turns of inner joints from their rest, in the parent's frame."""
+        turned = local[:, self.inner] @ np.swapaxes(self.rest[:, self.inner], -1, -2)
+        return Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(local), -1, 3)
 
 
 def rotate_vectors(frames: Array, vectors: Array) -> Array:
     """``(T, 3)``: vectors given in frames, in the world."""
     solution: Array = (frames @ vectors[..., None])[..., 0]
     return solution
-
-
-def _damped_step(  # the problem, the pose and the damping
-    parents: Sequence[int],
-    targets: dict[int, Array],
-    weights: Array,
-    offsets: Array,
-    pose: tuple[Array, Array],
-    damping: Array,
-) -> tuple[Array, Array]:
-    """Return the pose after a Gauss-Newton step; ``damping`` (T,) is of each frame's rotations."""
-    root, local = pose
-    positions, rotations_world = forward_kinematics(parents, root, offsets, local)
-    inner = sorted(set(parents) - {-1})
-    rows = list(targets)
-    roots = np.sqrt(weights)[..., None]
-    jacobian = _jacobian(parents, positions, inner, rows) * np.repeat(roots, 3, axis=1)
-    residual = np.stack([targets[joint] - positions[:, joint] for joint in rows], axis=1) * roots
-    normal = jacobian.swapaxes(1, 2) @ jacobian
-    scale = np.square(positions - positions.mean(axis=1, keepdims=True)).sum(axis=-1).mean(axis=1)
-    diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
-    normal += np.eye(len(diagonal)) * (damping * scale)[:, None, None] * diagonal
-    gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
-    solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
-    moved, turned = root + solution[:, :3], local.copy()
-    for index, joint in enumerate(inner):
-        rotation = _rotation(solution[:, 3 + 3 * index : 6 + 3 * index])
-        parent_rotation = (
-            rotations_world[:, parents[joint]] if parents[joint] >= 0 else np.eye(3)[None]
-        )
-        turned[:, joint] = (
-            np.swapaxes(parent_rotation, -1, -2) @ rotation @ parent_rotation @ local[:, joint]
-        )
-    return moved, turned
 
 
 def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: list[int]) -> Array:

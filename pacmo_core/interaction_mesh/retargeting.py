@@ -6,7 +6,7 @@ window.
 """
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -163,7 +163,7 @@ def _solve_windows(
             scene, source.settings, scales[columns], np.take(motions, columns, axis=-1)
         )
     return motions, [
-        replace(quality, **{name: float(values[v]) for name, values in whole.items()})
+        Quality(**(asdict(quality) | {name: float(values[v]) for name, values in whole.items()}))
         for v, quality in enumerate(worst)
     ]
 
@@ -200,10 +200,7 @@ def _variations(
     with single_blas_thread():
         measured = measure_unlimited(scene, settings, source.is_support, padded, points)
     reports = tuple(
-        Report(
-            **asdict(quality),
-            **{name: float(values[v]) for name, values in measured.items()},
-        )
+        Report(**(asdict(quality) | {name: float(values[v]) for name, values in measured.items()}))
         for v, quality in enumerate(qualities)
     )
     ordered = np.moveaxis(points[..., : len(rows)], -1, 0)

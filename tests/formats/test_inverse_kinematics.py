@@ -165,3 +165,37 @@ def test_no_frame_ends_farther_from_its_targets_than_it_began() -> None:
 
     found = inverse_kinematics(PARENTS, wanted, weights, bones, initial)
     assert (cost(*found) <= cost(*initial)).all()
+
+
+def test_a_spine_of_short_bones_does_not_kink_for_millimetres() -> None:
+    """Hips and shoulders held a centimetre nearer to each other than the spine is long."""
+    # pelvis, four joints of the spine; hip, knee and ankle of both legs.
+    parents = (-1, 0, 1, 2, 3, 0, 5, 6, 0, 8, 9)
+    bones = np.array(
+        [[0, 0, 0], *[[0, 0.1, 0]] * 4,
+         [0.1, -0.05, 0], [0, -0.4, 0.02], [0, -0.4, -0.02],
+         [-0.1, -0.05, 0], [0, -0.4, 0.02], [0, -0.4, -0.02]]
+    )[None]  # fmt: skip
+    local = np.broadcast_to(np.eye(3), (1, len(parents), 3, 3))
+    places, _ = forward_kinematics(parents, np.zeros((1, 3)), bones, local)
+    moved = places[0].copy()
+    moved[1:5, 1] -= [0.001, 0.003, 0.006, 0.01]
+    moved[2:4, 2] += 0.002
+    wanted = {joint: moved[None, joint] for joint in range(len(parents))}
+    weights = equal(wanted)
+    weights[:, [4, 7, 10]] = 17
+    root, found = inverse_kinematics(
+        parents, wanted, weights, bones, aim_bones(parents, wanted, bones, local)
+    )
+    reached, _ = forward_kinematics(parents, root, bones, found)
+    bends = [_bends(values)[0] for values in (moved, reached[0])]
+    assert np.abs(bends[1] - bends[0]).max() < 12
+    assert np.linalg.norm(reached[0] - moved, axis=-1).max() < 0.025
+
+
+def _bends(places: np.ndarray) -> np.ndarray:
+    """Degrees between consecutive bones of the spine."""
+    bones = np.diff(places[:5], axis=0)
+    lengths = np.linalg.norm(bones, axis=-1)
+    cosines = (bones[1:] * bones[:-1]).sum(axis=-1) / (lengths[1:] * lengths[:-1])
+    return np.degrees(np.arccos(cosines))[None]
