@@ -24,7 +24,7 @@ N_REST_ROUNDS = 10  # of alternating between rest directions and rotations
 N_STEPS = 10
 # Weight of each joint's squared turn in radians from its initial rotation, relative to the squared
 # size of the skeleton. Positions alone hardly resist the kink of a spine, whose bones are short.
-STIFFNESS = 1e-3
+STIFFNESS = 4e-4
 # Of a rotation, relative to the squared size of the skeleton: in the first step, at least, and the
 # factors by which it changes after a step that was better, and one that was not.
 DAMPING, LEAST_DAMPING, EASE, TIGHTEN = 1e-3, 1e-5, 0.25, 16.0
