@@ -59,6 +59,8 @@ MEASURES = {
     "shoulder_p95": ("shoulder_change_p95", 1),
     "spine_p95": ("spine_change_p95", 1),
     "pelvis_cm": ("pelvis_height_error", 100),
+    "support_height_cm": ("support_height_error", 100),
+    "spine_bend": ("spine_bend", 1),
     "trunk_change": ("trunk_change", 1),
     "below_floor_cm": ("below_floor", 100),
     "near_mm": ("near_distance_error", 1000),

@@ -81,6 +81,7 @@ class VariationLimits:
     elbow_change_p95: float
     spine_change_p95: float
     pelvis_height_error: float
+    support_height_error: float
     trunk_change: float
     below_floor: float
     added_foot_skate: float

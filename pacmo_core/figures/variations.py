@@ -88,6 +88,14 @@ MEASURES = {
         factor=100,
         perfect=0,
     ),
+    "support_height_error": Measure(
+        "Feet's height",
+        LOWER,
+        "cm",
+        "mean change of the height of the lowest supporting joint",
+        factor=100,
+        perfect=0,
+    ),
     "trunk_change": Measure(
         "Trunk", LOWER, "%", "largest relative change of a distance within it", factor=100
     ),

@@ -89,6 +89,7 @@ class Quality:
     contacts_kept: float
     capsule_penetration: float
     trunk_change: float
+    spine_bend: float
     seam_ratio: float
 
     def limit_ratio(self, limits: AttemptLimits) -> float:
@@ -98,6 +99,7 @@ class Quality:
             (1 - self.contacts_kept) / (1 - limits.contacts_kept),
             self.capsule_penetration / limits.capsule_penetration,
             self.trunk_change / limits.trunk_change,
+            self.spine_bend / limits.spine_bend,
             self.seam_ratio / limits.seam_ratio,
         )
 

@@ -15,6 +15,7 @@ from pacmo_core.interaction_mesh.body_parts import (
     bone_to_joint,
     hinges,
     scene_bone_kinds,
+    trunk_bends,
     trunk_joints,
 )
 from pacmo_core.interaction_mesh.capsules import capsule_penetration
@@ -56,9 +57,13 @@ class Report:
     knee_change_apart : degrees, mean over the frames in which nobody is within 0.5 m of the other
     pelvis_height_error : metres, mean over frames: height of the root above the ground, against the
         source's times the scale of the leg
+    support_height_error : metres, mean over frames: height of the lowest supporting joint, against
+        the source's
     below_floor : metres, depth of the lowest joint below the person's lowest in the source
     trunk_change : largest relative error of a distance between two joints of the trunk, median over
         frames, against bones that are scaled along their own directions
+    spine_bend : degrees, largest over frames: by which a joint of the spine bends more than in the
+        source
     added_foot_skate : metres per second, mean horizontal speed of supporting joints in addition to
         the source's
     peak_acceleration_ratio : the largest mean acceleration of a frame over that of the source
@@ -92,8 +97,10 @@ class Report:
     spine_change: float
     spine_change_p95: float
     pelvis_height_error: float
+    support_height_error: float
     below_floor: float
     trunk_change: float
+    spine_bend: float
     added_foot_skate: float
     peak_acceleration_ratio: float
     seam_ratio: float
@@ -145,6 +152,7 @@ def measure_limited(
         "contacts_kept": contacts_kept(scene, motions, settings.contact_distance, 0.0),
         "capsule_penetration": capsule_penetration(scene, motions),
         "trunk_change": trunk_change(scene, scales, motions),
+        "spine_bend": spine_bend(scene, motions),
         "seam_ratio": seam_ratio(scene, motions),
     }
 
@@ -185,6 +193,7 @@ def _measure_person(
     flips = bend_flips(scene, points, person)
     measures = {
         "pelvis_height_error": _pelvis_height_error(scene, scales, points, person),
+        "support_height_error": _support_height_error(source, body, is_support[:, joints]),
         "below_floor": (lowest - body[:, :, 1].min(axis=(0, 1))).clip(min=0),
         "added_foot_skate": skate[0] - skate[1],
         "peak_acceleration_ratio": peak_acceleration_ratio(source, body),
@@ -298,6 +307,17 @@ def _pelvis_height_error(scene: Scene, scales: Array, points: Array, person: int
     return _mean(np.abs(error))
 
 
+def _support_height_error(source: Array, body: Array, is_support: NDArray[np.bool_]) -> Array:
+    """``(V,)`` metres."""
+    stands = is_support.any(axis=1)
+    supports = is_support[stands][:, :, None]
+    before, after = (
+        np.where(supports, motion[stands, :, 1], np.inf).min(axis=1, initial=np.inf)
+        for motion in (source, body)
+    )
+    return _mean(np.abs(after - before))
+
+
 def trunk_change(scene: Scene, scales: Array, points: Array) -> Array:
     """Return ``Report.trunk_change``, (V,); zero without a trunk."""
     expected, largest = naive_scaling(scene, scales), np.zeros(len(scales))
@@ -308,6 +328,20 @@ def trunk_change(scene: Scene, scales: Array, points: Array) -> Array:
                 _lengths(expected[:, i] - expected[:, j]), shortest
             )
             largest = np.maximum(largest, np.abs(np.median(ratios, axis=0) - 1))
+    return largest
+
+
+def spine_bend(scene: Scene, points: Array) -> Array:
+    """Return ``Report.spine_bend``, (V,); zero without a spine."""
+    pairs, is_rigid = trunk_bends(scene)
+    largest = np.zeros(points.shape[-1])
+    for first, second in pairs[~is_rigid].tolist():
+        bones = [_bone_vector(scene, row) for row in (first, second)]
+        before, after = (
+            _angle(*(_vectors(motion, bone) for bone in bones))
+            for motion in (scene.points[..., None], points)
+        )
+        largest = np.maximum(largest, (after - before).max(axis=0))
     return largest
 
 

@@ -122,6 +122,7 @@ class AttemptLimits:
     contacts_kept : lower limit, fraction
     capsule_penetration : metres, in addition to the source's
     trunk_change : fraction of a distance
+    spine_bend : degrees
     seam_ratio : dimensionless
     """
 
@@ -129,6 +130,7 @@ class AttemptLimits:
     contacts_kept: float
     capsule_penetration: float
     trunk_change: float
+    spine_bend: float
     seam_ratio: float
 
 

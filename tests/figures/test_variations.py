@@ -37,6 +37,7 @@ FIGURES = {
     "elbow_change_p95": 17.0,
     "spine_change_p95": 4.0,
     "pelvis_height_error": 0.013,
+    "support_height_error": 0.004,
     "trunk_change": 0.25,
     "below_floor": 0.001,
     "added_foot_skate": -0.0031,

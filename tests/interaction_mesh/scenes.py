@@ -40,6 +40,7 @@ SETTINGS = Settings(
         contacts_kept=0.5,
         capsule_penetration=0.5,
         trunk_change=9,
+        spine_bend=180,
         seam_ratio=2,
     ),
     attempts=(

@@ -59,6 +59,7 @@ def test_each_measurement_is_of_the_person_for_whom_it_is_worse():
     measured = report(source, points)
     assert measured.below_floor == pytest.approx(0.2)
     assert measured.pelvis_height_error == pytest.approx(0.2)
+    assert measured.support_height_error == pytest.approx(0.2)
     assert measured.peak_acceleration_ratio == pytest.approx(1)
 
 
@@ -91,6 +92,25 @@ def test_a_folded_hip_changes_the_trunk_and_a_scaled_one_does_not():
     scales = np.full((1, len(source.bones)), 0.8)
     scaled = source.points[:, [base]] + 0.8 * (source.points - source.points[:, [base]])
     assert trunk_change(source, scales, scaled[..., None])[0] == pytest.approx(0, abs=1e-6)
+
+
+def test_a_spine_that_bends_at_one_joint_is_measured_there():
+    source = walkers()
+    middle, top = (NTU25.joints.index(name) for name in ("spine_mid", "spine_shoulder"))
+    axis, upper = np.array([0, 0, 1.0]), [middle]
+    while len(upper) < len(
+        more := [j for j in range(25) if j in upper or NTU25.parents[j] in upper]
+    ):
+        upper = more
+    points = source.points.copy()
+    lever = source.points[2, upper] - source.points[2, middle]
+    points[2, upper] = source.points[2, middle] + Rotation.from_rotvec(np.radians(25) * axis).apply(
+        lever
+    )
+    assert top in upper
+    measured = report(source, points)
+    assert measured.spine_bend == pytest.approx(25, abs=0.5)
+    assert report(source, source.points).spine_bend == pytest.approx(0, abs=1e-5)
 
 
 def walkers() -> Scene:
