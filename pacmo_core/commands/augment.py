@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -21,18 +21,17 @@ from pacmo_core.augmentation.bodies import (
     profile_scales,
     segment_scales,
 )
-from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
+from pacmo_core.augmentation.filter import VariationLimits
 from pacmo_core.augmentation.run import report_measurements
-from pacmo_core.commands.bvh_fidelity import Fidelity
 from pacmo_core.commands.captures import (
     ToOtherUnit,
     ToOtherUp,
     TwoPersonCapture,
-    WrittenCapture,
     check_output,
     read_two_people,
     write_two_people,
 )
+from pacmo_core.commands.measured import measure_written
 from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     PEOPLE,
@@ -46,11 +45,8 @@ from pacmo_core.commands.reading import (
 from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.names import nearest_first
-from pacmo_core.figures.variations import limit_text, measurement_summary
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
-from pacmo_core.interaction_mesh.mesh import ground_supports
-from pacmo_core.interaction_mesh.report import measure_motions
 from pacmo_core.project.workspace import PARAMS, CommandError, errors_in_one_line, one_line
 from pacmo_core.store.files import StoreError, default_params_file
 
@@ -168,19 +164,17 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         solution = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
         moved = duo.moved(_split_people(duo, solution.points[0]))
         written = write_two_people(moved, scales, label, out)
-        figures = report_measurements(solution.reports[0])
-        figures |= measure_written(duo, written, scales, solving.solver)
+        solved = report_measurements(solution.reports[0])
+        measured = measure_written(duo, [written.people], [scales], solving.solver, solved)
         if line := duo.rig_line(out):
             typer.echo(line)
-        for line in _report_lines(figures, solving.limits, written.fidelity):
+        if written.fidelity.is_inexact:  # the touches in the files are among the measurements
+            typer.echo(written.fidelity.error_line())
+        for line in measured.lines(solving.limits):
             typer.echo(line)
-        page = write_variation_page(duo, written, figures, solving.limits, out)
-        is_within = not exceeded_limits(figures, solving.limits)
-        within = "; all measurements are within the limits for training" if is_within else ""
+        page = write_variation_page(duo, [written.people], measured, solving.limits, out)
         paths = ", ".join(map(str, written.files))
-        typer.echo(
-            f"{len(solution.points[0])} frames in {paths}; beside the source in {page}{within}"
-        )
+        typer.echo(f"{len(solution.points[0])} frames in {paths}; beside the source in {page}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -252,40 +246,6 @@ def _split_people(duo: TwoPersonCapture, points: Scales) -> tuple[Motion, Motion
     n_a = len(duo.people[0].skeleton.joints)
     a, b = points[:, :n_a], points[:, n_a:]
     return a.astype(np.float32), b.astype(np.float32)
-
-
-def measure_written(
-    duo: TwoPersonCapture,
-    written: WrittenCapture,
-    scales: tuple[Scales, Scales],
-    settings: Settings,
-) -> dict[str, float]:
-    """Measure the motion of the files that were written against the capture.
-
-    Returns
-    -------
-    by the names of ``interaction_mesh.Report``
-    """
-    scene = duo.scene
-    points = np.concatenate([person.motion for person in written.people], axis=1, dtype=np.float64)
-    supports = ground_supports(scene, settings.support)
-    both = np.concatenate(scales)[None]
-    measured = measure_motions(scene, settings, supports, both, points[..., None])
-    return {name: float(value[0]) for name, value in measured.items()}
-
-
-def _report_lines(
-    figures: dict[str, float], limits: VariationLimits, fidelity: Fidelity
-) -> Iterator[str]:
-    """Yield the lines that summarise the measurements."""
-    yield measurement_summary(figures)
-    if fidelity.max_error:
-        yield fidelity.error_line()  # the summary has the contacts in the files
-    exceeded = exceeded_limits(figures, limits)
-    worst_first = sorted(exceeded, key=lambda name: -exceeded[name])
-    if worst_first:
-        texts = [limit_text(name, figures[name], asdict(limits)[name]) for name in worst_first]
-        yield f"outside the limits for training: {'; '.join(texts)}"
 
 
 @contextmanager

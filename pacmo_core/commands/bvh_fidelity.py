@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
+from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.reaction.stance import find_stance
@@ -22,6 +23,7 @@ from pacmo_core.reaction.stance import find_stance
 # 1. It fades in and out, as a step in a weight would cause a jerk.
 PLANTED_WEIGHT = 100.0
 PLANTED_FADE = 0.05  # seconds, standard deviation
+RESOLUTION = 5e-5  # metres: the largest error that is printed as nothing
 
 
 def planted_weights(person: PersonMotion) -> NDArray[np.float64]:
@@ -89,12 +91,17 @@ class Fidelity:
         sums = (a + b for a, b in zip(astuple(self)[1:], astuple(other)[1:], strict=True))
         return Fidelity(max_error, *sums)
 
+    @property
+    def is_inexact(self) -> bool:
+        """Whether a joint is off by what would be printed as more than nothing."""
+        return self.max_error > RESOLUTION
+
     def error_line(self) -> str:
-        """Say how far joints in BVH files are from where they were to be."""
+        """Say how far joints in the files are from where they were to be."""
         mean = 1e3 * self.summed_error / max(self.n_joints, 1)
         return (
-            f"bones in BVH cannot stretch, so joints are off by {mean:.1f} mm on average, "
-            f"{1e3 * self.max_error:.1f} mm at most"
+            "in the files, against the exact motion: bones of this format cannot stretch, so "
+            f"joints are off by {mean:.1f} mm on average, {1e3 * self.max_error:.1f} mm at most"
         )
 
     def line(self) -> str:
@@ -102,7 +109,9 @@ class Fidelity:
         parts = [self.error_line()]
         if self.n_planted:
             added = 100 * (self.slide_in_file - self.slide) / self.n_planted
-            parts.append(f"standing feet slide {added:+.2f} cm/s")
+            speed = format_fixed(added, 2)
+            more = "less" if speed.startswith("−") else "more"
+            parts.append(f"standing feet slide {speed.lstrip('−')} cm/s {more}")
         if self.contacts:
             share = 100 * self.contacts_held / self.contacts
             parts.append(f"{share:.1f} % of the touches (joints within 10 cm) are kept")

@@ -286,7 +286,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
         files, fidelity = write_reactions(reactions, out, space)
-        if fidelity.max_error:
+        if fidelity.is_inexact:
             typer.echo(fidelity.line())
         typer.echo(_files_line(len(motions), len(at), files))
 

@@ -1,6 +1,6 @@
 """``pacmo vary``: retarget two people's motion to other bodies by a trained skeleton prior."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -36,6 +36,7 @@ from pacmo_core.commands.captures import (
     two_sources,
     write_two_people,
 )
+from pacmo_core.commands.measured import measure_written
 from pacmo_core.commands.place import in_project
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
@@ -48,13 +49,11 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     to_model_joints,
 )
+from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.figures.variations import MEASURES
 from pacmo_core.formats.registry import PersonMotion
-from pacmo_core.interaction_mesh.mesh import ground_supports
-from pacmo_core.interaction_mesh.report import measure_motions
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
@@ -69,13 +68,6 @@ Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same int
 
 Scales = NDArray[np.float64]
 People = tuple[PersonMotion, PersonMotion]
-MEASURED = (
-    "contacts_kept",
-    "knee_change_p95",
-    "added_foot_skate",
-    "below_floor",
-    "peak_acceleration_ratio",
-)
 
 
 def vary(  # noqa: PLR0913  # typer reads the options off the signature
@@ -133,12 +125,18 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         written, fidelity, people = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
-        if fidelity.max_error:
+        if fidelity.is_inexact:
             typer.echo(fidelity.line())
-        typer.echo(_measured_line(duo, people, [scales for _, scales in variations]))
+        solving = read_solver_section(present_params())
+        bodies = [(a, b) for _, (a, b) in variations]
+        measured = measure_written(duo, people, bodies, solving.solver)
+        for line in measured.lines(solving.limits):
+            typer.echo(line)
+        page = write_variation_page(duo, people, measured, solving.limits, out)
         typer.echo(
             f"{len(variations)} x {len(duo.people[0].times)} frames in "
             f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
+            f"; beside the source in {page}"
         )
 
 
@@ -191,27 +189,6 @@ def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
     for file in files:
         check_output(duo, file)
     return files
-
-
-def _measured_line(
-    duo: TwoPersonCapture,
-    people: Sequence[People],
-    scales: Sequence[Scales],
-) -> str:
-    """Measure what was written against the capture, and say it, as means over the samples."""
-    points = [np.concatenate([p.motion for p in pair], axis=1, dtype=np.float64) for pair in people]
-    settings = read_solver_section(present_params()).solver
-    supports = ground_supports(duo.scene, settings.support)
-    bodies = np.stack([np.concatenate(pair) for pair in scales])
-    found = measure_motions(duo.scene, settings, supports, bodies, np.stack(points, axis=-1))
-    text = {name: MEASURES[name].text(float(found[name].mean())) for name in MEASURED}
-    return (
-        f"contacts kept {text['contacts_kept']}, in 95 % of the frames knees change by at most "
-        f"{text['knee_change_p95']}, standing feet slide {text['added_foot_skate']} more than "
-        f"captured, below the floor {text['below_floor']}, peak acceleration "
-        f"{text['peak_acceleration_ratio']} the capture's"
-        f"{' (means of the samples)' if len(people) > 1 else ''}"
-    )
 
 
 def _write(

@@ -178,7 +178,7 @@ def test_the_page_states_measurements_beside_limits(stored: Path, tmp_path: Path
     )
     assert said.exit_code == 0, said.output
     assert re.search(
-        r"outside the limits for training: elbows .*°, wanted at most 1.00×10⁻⁶°", said.output
+        r"beyond the limits of what looks natural .*: elbows .*°, wanted at most 0°", said.output
     )
     html = (tmp_path / "out.html").read_text(encoding="utf-8")
     at = html.index("Elbows ↓ °")
@@ -362,8 +362,8 @@ def test_the_command_says_what_it_does_and_whether_the_limits_hold(
             "solving 20 frames of two people, person a to long_arms and person b to "
             "left_forearm=1.2 ..."
         )
-    assert lines[0][-1].endswith("; all measurements are within the limits for training")
-    assert "within the limits" not in lines[1][-1]
+    assert lines[0][-2].startswith("all within the limits of what looks natural")
+    assert lines[1][-2].startswith("beyond the limits of what looks natural")
 
 
 def test_a_folder_of_settings_is_called_a_folder(stored: Path, tmp_path: Path) -> None:
