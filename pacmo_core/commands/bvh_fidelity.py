@@ -15,7 +15,11 @@ from scipy.ndimage import gaussian_filter1d
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.figures.numbers import format_fixed
-from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
+from pacmo_core.formats.inverse_kinematics import (
+    CONTACT_DISTANCE,
+    contact_targets,
+    proximity_weights,
+)
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.reaction.stance import find_stance
 
@@ -40,6 +44,21 @@ def planted_weights(person: PersonMotion) -> NDArray[np.float64]:
 def frame_rate(person: PersonMotion) -> float:
     """Frames per second."""
     return float(1 / np.median(np.diff(person.times)))
+
+
+def pair_targets(a: PersonMotion, b: PersonMotion) -> list[tuple[Motion, NDArray[np.float64]]]:
+    """Return what constant bones shall meet of two people: for each the aims and their weights.
+
+    Returns
+    -------
+    (T, J, 3) metres and (T, J), of person a and of person b
+    """
+    aims = contact_targets(a.motion, b.motion)
+    near = proximity_weights(a.motion, b.motion)
+    return [
+        (aim, weights + planted_weights(person))
+        for person, aim, weights in zip((a, b), aims, near, strict=True)
+    ]
 
 
 @dataclass(frozen=True)
@@ -67,11 +86,10 @@ class Fidelity:
 
     @classmethod
     def of(cls, wanted: Sequence[PersonMotion], found: Sequence[PersonMotion]) -> "Fidelity":
-        """Compare the motions of person a and person b with those of the files."""
+        """Compare the motions of person a and person b, or of one, with those of the files."""
         pairs = list(zip(wanted, found, strict=True))
         errors = [np.linalg.norm(back.motion - person.motion, axis=-1) for person, back in pairs]
-        touch = _contacts(wanted[0].motion, wanted[1].motion)
-        in_file = _contacts(found[0].motion, found[1].motion)
+        touch, in_file = _contacts(wanted), _contacts(found)
         slides = [_slides(person, (person.motion, back.motion)) for person, back in pairs]
         slide, slide_in_file = np.concatenate(slides, axis=1)
         return cls(
@@ -130,9 +148,12 @@ def _slides(person: PersonMotion, motions: tuple[Motion, Motion]) -> NDArray[np.
     return np.concatenate(found, axis=1)
 
 
-def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:
-    """``(J_a, T, J_b)``: whether joints of two people are in contact; one joint at a time."""
-    return np.stack(
+def _contacts(people: Sequence[PersonMotion]) -> NDArray[np.bool_]:
+    """``(J_a, T, J_b)``: whether joints of two people are in contact; (0,) of one person."""
+    if len(people) < 2:
+        return np.zeros(0, np.bool_)
+    a, b = (person.motion for person in people)
+    return np.stack(  # one joint at a time
         [np.linalg.norm(b - joint[:, None], axis=-1) < CONTACT_DISTANCE
          for joint in np.moveaxis(a, 1, 0)]
     )  # fmt: skip

@@ -151,7 +151,7 @@ def _select_joints(
     )
     has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
     keeps = duo.keeps_hierarchy and has_same_names and not options.joints
-    return replace(duo, people=(a, b), keeps_hierarchy=keeps)
+    return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model")
 
 
 def _variations(
