@@ -28,6 +28,7 @@ from pacmo_core.commands.captures import (
     ToOtherUp,
     TwoPersonCapture,
     check_output,
+    is_parquet,
     read_two_people,
     write_two_people,
 )
@@ -174,6 +175,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
             typer.echo(line)
         page = write_variation_page(duo, [written.people], measured, solving.limits, out)
         paths = ", ".join(map(str, written.files))
+        paths += f" as {duo.name}~{label}" if is_parquet(out) else ""
         typer.echo(f"{len(solution.points[0])} frames in {paths}; beside the source in {page}")
 
 

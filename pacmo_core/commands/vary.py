@@ -1,6 +1,6 @@
 """``pacmo vary``: retarget two people's motion to other bodies by a trained skeleton prior."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -133,10 +133,10 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         for line in measured.lines(solving.limits):
             typer.echo(line)
         page = write_variation_page(duo, people, measured, solving.limits, out)
+        named = f" as {_some(_names(duo, samples))}" if is_parquet(out) else ""
         typer.echo(
             f"{len(variations)} x {len(duo.people[0].times)} frames in "
-            f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
-            f"; beside the source in {page}"
+            f"{_some(written)}{named}; beside the source in {page}"
         )
 
 
@@ -191,6 +191,15 @@ def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
     return files
 
 
+def _names(duo: TwoPersonCapture, samples: int) -> list[str]:
+    """Name the samples in a Parquet file."""
+    return [f"{duo.name}~{number:04d}" for number in range(samples)]
+
+
+def _some(things: Sequence[object]) -> str:
+    return f"{', '.join(map(str, things[:4]))}{' ...' if things[4:] else ''}"
+
+
 def _write(
     duo: TwoPersonCapture, variations: list[tuple[Interaction, Scales]], places: list[Path]
 ) -> tuple[list[Path], Fidelity, list[People]]:
@@ -203,8 +212,9 @@ def _write(
     moved = [duo.moved((pair.person_a, pair.person_b)) for pair, _ in variations]
     if is_parquet(places[0]):
         with write_motions(places[0], duo.people[0].skeleton) as writer:
-            for number, (pair, _) in enumerate(variations):
-                writer.add(f"{duo.name}~{number:04d}", pair)
+            names = _names(duo, len(variations))
+            for name, (pair, _) in zip(names, variations, strict=True):
+                writer.add(name, pair)
         return places, Fidelity(), [one.people for one in moved]
     files, people, fidelity = list[Path](), list[People](), Fidelity()
     for number, (one, (_, scales), out) in enumerate(zip(moved, variations, places, strict=True)):

@@ -103,6 +103,7 @@ def test_parquet_comes_out_as_the_solver_gives_it(stored: Path, tmp_path: Path) 
     assert said.exit_code == 0, said.output
     ((name, found),) = stream_motions(out)
     assert name == "one~b-left_forearm-1.2"
+    assert f"in {out} as {name}; " in said.output
     scales = np.ones((1, 28))
     scales[0, 14 + FOREARM] = 1.2
     wanted = retarget(prepare(scene_from(CLIP), read_solver_section(PARAMS).solver), scales).points[

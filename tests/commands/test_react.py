@@ -68,7 +68,8 @@ def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
     out = tmp_path / "out.parquet"
     words = ["--clip", "one", "--person", "b", "--weights", weights, "--to-fps", 60, "--samples", 3]
     option = "--finish" if finish else "--no-finish"
-    assert pacmo(stored, *words, option, "--seed", 5, "--out", out).exit_code == 0
+    said = pacmo(stored, *words, option, "--seed", 5, "--out", out)
+    assert f"in {out} as one#0000 ... one#0002: " in said.output
     found = dict(stream_motions(out))
     assert list(found) == ["one#0000", "one#0001", "one#0002"]
 

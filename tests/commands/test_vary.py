@@ -55,6 +55,7 @@ def test_a_body_that_is_asked_for_has_its_bones(stored: Path, weights: Path, tmp
     )
     assert said.exit_code == 0, said.output
     found = dict(stream_motions(out))
+    assert f"in {out} as {', '.join(found)}; " in said.output
     assert len(found) == 3
     wanted = bone_lengths(CLIP.person_b, SBU15)
     wanted[:, FOREARM] *= 1.2
