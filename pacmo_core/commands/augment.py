@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -101,6 +102,12 @@ Out = Annotated[Path, typer.Option(help="a folder or FILE.bvh for BVH files, or 
 AScale = Annotated[list[str], typer.Option("--a-scale", help="SEGMENT=SCALE of person a")]
 BScale = Annotated[list[str], typer.Option("--b-scale", help="SEGMENT=SCALE of person b")]
 Profile = Annotated[list[str], typer.Option("--profile", help="PERSON=NAME: b=child, a=long_arms")]
+Profiles = Annotated[
+    list[str],
+    typer.Option(
+        "--profile", help="PERSON=NAME: b=child; b=child,tall_adult for several, each in a folder"
+    ),
+]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
 Params = Annotated[
     Path | None,
@@ -121,7 +128,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     out: Out,
     a_scale: AScale = [],  # noqa: B006  # typer copies it
     b_scale: BScale = [],  # noqa: B006
-    profile: Profile = [],  # noqa: B006
+    profile: Profiles = [],  # noqa: B006
     clip: Clip = "",
     form: FormatName = None,
     preset: Preset = None,
@@ -141,6 +148,8 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo augment data/clips/motions.parquet --clip NAME --profile b=tall_adult --out x.parquet
 
+    pacmo augment DUO_A.bvh DUO_B.bvh --profile b=child,tall_adult,long_arms --out bodies
+
     A segment is a bone by its anatomical name, such as left_forearm or right_thigh, whatever its
     joints are called; uniform is all of them. The message for an unknown name lists the known ones.
     Scales and a profile of the same person multiply. The command reads the same formats as
@@ -153,30 +162,47 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         solving = read_solver_section(params or present_params())
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
-        profiles = parse_profiles(profile)
-        if not any(factors_of_people) and not profiles:
+        profiles = parse_bodies(profile)
+        if not any(factors_of_people) and not any(profiles):
             raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
         duo = read_two_people(files, options, clip).in_space(to_unit, to_up, out)
-        check_output(duo, out)
-        scales = requested_scales(duo, factors_of_people, profiles)
-        typer.echo(_first_line(duo, (a_scale, b_scale), profiles))
-        label = "_".join([*(f"{p}-{w}" for p, words in zip(PEOPLE, (a_scale, b_scale), strict=True)
-                            for w in words), *profile]).replace("=", "-")  # fmt: skip
-        solution = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
-        moved = duo.moved(_split_people(duo, solution.points[0]))
-        written = write_two_people(moved, scales, label, out)
-        solved = report_measurements(solution.reports[0])
-        measured = measure_written(duo, [written.people], [scales], solving.solver, solved)
-        if line := duo.rig_line(out):
-            typer.echo(line)
-        if written.fidelity.is_inexact:  # the touches in the files are among the measurements
-            typer.echo(written.fidelity.error_line())
-        for line in measured.lines(solving.limits):
-            typer.echo(line)
-        page = write_variation_page(duo, [written.people], measured, solving.limits, out)
-        paths = ", ".join(map(str, written.files))
-        paths += f" as {duo.name}~{label}" if is_parquet(out) else ""
-        typer.echo(f"{len(solution.points[0])} frames in {paths}; beside the source in {page}")
+        places = _places(out, profiles)
+        for place in places:
+            check_output(duo, place)
+        scales = [requested_scales(duo, factors_of_people, of_pair) for of_pair in profiles]
+        typer.echo(_first_line(duo, (a_scale, b_scale), profile))
+        bodies = np.stack([np.concatenate(pair) for pair in scales])
+        solution = retarget(prepare(duo.scene, solving.solver), bodies)
+        words = [f"{p}-{w}" for p, of_person in zip(PEOPLE, (a_scale, b_scale), strict=True)
+                 for w in of_person]  # fmt: skip
+        for number, (place, of_pair) in enumerate(zip(places, profiles, strict=True)):
+            label = "_".join([*words, *map("-".join, of_pair.items())]).replace("=", "-")
+            moved = duo.moved(_split_people(duo, solution.points[number]))
+            written = write_two_people(moved, scales[number], label, place)
+            solved = report_measurements(solution.reports[number])
+            measured = measure_written(
+                duo, [written.people], [scales[number]], solving.solver, solved
+            )
+            page = write_variation_page(duo, [written.people], measured, solving.limits, place)
+            named = f" as {duo.name}~{label}" if is_parquet(place) else ""
+            fidelity = written.fidelity  # its touches are among the measurements
+            lines = [
+                duo.rig_line(place),
+                fidelity.error_line() if fidelity.is_inexact else "",
+                *measured.lines(solving.limits),
+                f"{len(duo.people[0].times)} frames in {', '.join(map(str, written.files))}{named}"
+                f"; beside the source in {page}",
+            ]
+            typer.echo("\n".join(filter(None, lines)))
+
+
+def _places(out: Path, profiles: list[dict[str, str]]) -> list[Path]:
+    """Return the output of each pair of bodies: a folder for each, by its profiles, of several."""
+    if len(profiles) == 1:
+        return [out]
+    if out.suffix and not out.is_dir():
+        raise CommandError(f"{out}: wanted a folder for {len(profiles)} pairs of bodies")
+    return [out / "_".join(of_pair.values()) for of_pair in profiles]
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -202,6 +228,15 @@ def parse_profiles(words: list[str]) -> dict[str, str]:
         if name not in PROFILES:
             raise CommandError(f"no profile {name!r}; there are {nearest_first(name, PROFILES)}")
     return dict(pairs)
+
+
+def parse_bodies(words: list[str]) -> list[dict[str, str]]:
+    """Read ``b=child,tall_adult``: the profiles of each pair of bodies; one pair without words."""
+    several = [
+        [f"{person}={name}" for name in names.split(",")] if equals else [person]
+        for person, equals, names in (word.partition("=") for word in words)
+    ]
+    return [parse_profiles(list(one_each)) for one_each in product(*several)]
 
 
 def requested_scales(
@@ -232,9 +267,10 @@ def known_segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
 
 
 def _first_line(
-    duo: TwoPersonCapture, scales: tuple[list[str], list[str]], profiles: Mapping[str, str]
+    duo: TwoPersonCapture, scales: tuple[list[str], list[str]], profile: list[str]
 ) -> str:
     """Say what is about to be done: it takes a while."""
+    profiles = {person: names for person, _, names in (word.partition("=") for word in profile)}
     changes = [
         f"person {person} to {', '.join([*words, *filter(None, [profiles.get(person)])])}"
         for person, words in zip(PEOPLE, scales, strict=True)

@@ -182,7 +182,7 @@ def _positions(
 ) -> list[PersonMotion]:
     """Return the people as fits in the axes of the file hold them, in metres, y up."""
     return [
-        replace(person, motion=to_y_up(fit.positions(person.skeleton), form.up))
+        replace(person, motion=to_y_up(fit.positions(person.skeleton), form.up).astype(np.float32))
         for fit, person in zip(fits, people, strict=True)
     ]
 

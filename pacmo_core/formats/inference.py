@@ -133,14 +133,14 @@ def implausible(
     if not faults or len(faults) < len(known):
         return None
     number, fault = faults[0]
-    up, trunk = stated[number], dict(known)[number].trunk
+    up, trunk = stated[number], dict(known)[number].trunk.astype(np.float32)
     if up is None:
         return number, f"a person {fault} with the upward axis that the file states"
     found = _main_axis(trunk if up == "y" else from_y_up(trunk, up))
     return number, f"a person {fault}: read with {up} up, as stated; the trunk is along {found}"
 
 
-def _main_axis(vectors: NDArray[np.float64]) -> str:
+def _main_axis(vectors: Motion) -> str:
     """Name the axis that vectors (T, 3) are nearest to: ``z``, or ``−z``."""
     mean = vectors.mean(axis=0)
     axis = int(np.abs(mean).argmax())

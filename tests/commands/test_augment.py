@@ -146,6 +146,25 @@ def test_a_single_name_makes_a_pair_and_a_profile_is_taken_by_name(
     assert after[forearm] / before[forearm] == pytest.approx(1.1, abs=1e-3)
 
 
+def test_several_bodies_come_as_a_folder_each_as_if_alone(
+    files: list[Path], tmp_path: Path
+) -> None:
+    words = [*files, *UNIT, "--a-scale", "head=1.1"]
+    said = pacmo(*words, "--profile", "b=child,long_arms", "--out", tmp_path / "out")
+    assert said.exit_code == 0, said.output
+    assert "person a to head=1.1 and person b to child,long_arms ..." in said.output
+    for name in ("child", "long_arms"):
+        out = tmp_path / name
+        assert pacmo(*words, "--profile", f"b={name}", "--out", out).exit_code == 0
+        alone, among = read(out), read(tmp_path / "out" / name)
+        for one, other in ((alone.person_a, among.person_a), (alone.person_b, among.person_b)):
+            np.testing.assert_allclose(other, one, atol=1e-4)
+        assert (tmp_path / "out" / name / "duo_A.html").is_file()
+    refused(pacmo(*words, "--profile", "b=child,long_arms", "--out", tmp_path / "x.parquet"),
+            "wanted a folder for 2 pairs of bodies")  # fmt: skip
+    refused(pacmo(*words, "--profile", "b=child,", "--out", out), "PERSON=NAME")
+
+
 def played(page: Path) -> list[dict[str, Any]]:
     """Read the scenes of a page."""
     (text,) = re.findall(r'id="motions">(.*?)</script>', page.read_text(encoding="utf-8"))
