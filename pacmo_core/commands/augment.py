@@ -33,7 +33,7 @@ from pacmo_core.commands.captures import (
     read_two_people,
     write_two_people,
 )
-from pacmo_core.commands.measured import measure_written
+from pacmo_core.commands.measured import measure_written, write_variation_page
 from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     PEOPLE,
@@ -44,7 +44,6 @@ from pacmo_core.commands.reading import (
     Preset,
     ReadOptions,
 )
-from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.names import nearest_first
 from pacmo_core.formats.base import FormatError

@@ -36,7 +36,7 @@ from pacmo_core.commands.captures import (
     two_sources,
     write_two_people,
 )
-from pacmo_core.commands.measured import measure_written
+from pacmo_core.commands.measured import measure_written, write_variation_page
 from pacmo_core.commands.place import in_project
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
@@ -49,7 +49,6 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     to_model_joints,
 )
-from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
