@@ -137,7 +137,7 @@ def implausible(
     if up is None:
         return number, f"a person {fault} with the upward axis that the file states"
     found = _main_axis(trunk if up == "y" else from_y_up(trunk, up))
-    return number, f"a person {fault}: read with {up} up, as stated; the trunk is along {found}"
+    return number, f"{up} up was stated, but the trunk of a person is along {found} throughout"
 
 
 def _main_axis(vectors: Motion) -> str:
