@@ -342,7 +342,8 @@ def _check_plausible(form: Format, sequence: RawSequence, interaction: Interacti
     if not states_unit_or_axis(form):
         return
     people = (interaction.person_a, interaction.person_b)
-    fault = implausible([(interaction.skeleton, motion) for motion in people])
+    up = getattr(form, "up_axis", None) or getattr(form, "up", None)
+    fault = implausible([(interaction.skeleton, motion) for motion in people], [up, up])
     if fault:
         raise FormatError(sequence.files[min(fault[0], len(sequence.files) - 1)], fault[1])
 

@@ -2,7 +2,11 @@
 
 import subprocess
 import sys
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+
+import pytest
 
 RUN = Path(__file__).parents[1] / "run"
 # The script, with an installation that takes as long as the test says and tolerates no other.
@@ -51,3 +55,14 @@ def test_of_two_setups_at_once_one_installs_and_the_other_waits_for_it(tmp_path)
             process.stdin.flush()
         assert [process.wait(timeout=120) for process in (one, other)] == [0, 0]
     assert (tmp_path / "installed").read_text() == "once "
+
+
+def test_setup_says_that_it_is_done_and_what_to_do_next(capsys: pytest.CaptureFixture[str]) -> None:
+    loader = SourceFileLoader("run_script", str(RUN))
+    run = module_from_spec(spec_from_loader("run_script", loader))
+    loader.exec_module(run)
+    run.set_up = lambda: None
+    run.main(["setup"])
+    said = capsys.readouterr().out
+    assert said.count("\n") == 1
+    assert said.startswith("set up: ./run ")

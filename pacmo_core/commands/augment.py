@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -21,18 +22,18 @@ from pacmo_core.augmentation.bodies import (
     profile_scales,
     segment_scales,
 )
-from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
+from pacmo_core.augmentation.filter import VariationLimits
 from pacmo_core.augmentation.run import report_measurements
-from pacmo_core.commands.bvh_fidelity import Fidelity
 from pacmo_core.commands.captures import (
     ToOtherUnit,
     ToOtherUp,
     TwoPersonCapture,
-    WrittenCapture,
     check_output,
+    is_parquet,
     read_two_people,
     write_two_people,
 )
+from pacmo_core.commands.measured import measure_written, write_variation_page
 from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     PEOPLE,
@@ -43,14 +44,10 @@ from pacmo_core.commands.reading import (
     Preset,
     ReadOptions,
 )
-from pacmo_core.commands.variation_page import write_variation_page
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.names import nearest_first
-from pacmo_core.figures.variations import limit_text, measurement_summary
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
-from pacmo_core.interaction_mesh.mesh import ground_supports
-from pacmo_core.interaction_mesh.report import measure_motions
 from pacmo_core.project.workspace import PARAMS, CommandError, errors_in_one_line, one_line
 from pacmo_core.store.files import StoreError, default_params_file
 
@@ -104,6 +101,12 @@ Out = Annotated[Path, typer.Option(help="a folder or FILE.bvh for BVH files, or 
 AScale = Annotated[list[str], typer.Option("--a-scale", help="SEGMENT=SCALE of person a")]
 BScale = Annotated[list[str], typer.Option("--b-scale", help="SEGMENT=SCALE of person b")]
 Profile = Annotated[list[str], typer.Option("--profile", help="PERSON=NAME: b=child, a=long_arms")]
+Profiles = Annotated[
+    list[str],
+    typer.Option(
+        "--profile", help="PERSON=NAME: b=child; b=child,tall_adult for several, each in a folder"
+    ),
+]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
 Params = Annotated[
     Path | None,
@@ -124,7 +127,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     out: Out,
     a_scale: AScale = [],  # noqa: B006  # typer copies it
     b_scale: BScale = [],  # noqa: B006
-    profile: Profile = [],  # noqa: B006
+    profile: Profiles = [],  # noqa: B006
     clip: Clip = "",
     form: FormatName = None,
     preset: Preset = None,
@@ -144,6 +147,8 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo augment data/clips/motions.parquet --clip NAME --profile b=tall_adult --out x.parquet
 
+    pacmo augment DUO_A.bvh DUO_B.bvh --profile b=child,tall_adult,long_arms --out bodies
+
     A segment is a bone by its anatomical name, such as left_forearm or right_thigh, whatever its
     joints are called; uniform is all of them. The message for an unknown name lists the known ones.
     Scales and a profile of the same person multiply. The command reads the same formats as
@@ -156,31 +161,47 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         solving = read_solver_section(params or present_params())
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
-        profiles = parse_profiles(profile)
-        if not any(factors_of_people) and not profiles:
+        profiles = parse_bodies(profile)
+        if not any(factors_of_people) and not any(profiles):
             raise CommandError("nothing to change: give --a-scale, --b-scale or --profile")
         duo = read_two_people(files, options, clip).in_space(to_unit, to_up, out)
-        check_output(duo, out)
-        scales = requested_scales(duo, factors_of_people, profiles)
-        typer.echo(_first_line(duo, (a_scale, b_scale), profiles))
-        label = "_".join([*(f"{p}-{w}" for p, words in zip(PEOPLE, (a_scale, b_scale), strict=True)
-                            for w in words), *profile]).replace("=", "-")  # fmt: skip
-        solution = retarget(prepare(duo.scene, solving.solver), np.concatenate(scales)[None])
-        moved = duo.moved(_split_people(duo, solution.points[0]))
-        written = write_two_people(moved, scales, label, out)
-        figures = report_measurements(solution.reports[0])
-        figures |= measure_written(duo, written, scales, solving.solver)
-        if line := duo.rig_line(out):
-            typer.echo(line)
-        for line in _report_lines(figures, solving.limits, written.fidelity):
-            typer.echo(line)
-        page = write_variation_page(duo, written, figures, solving.limits, out)
-        is_within = not exceeded_limits(figures, solving.limits)
-        within = "; all measurements are within the limits for training" if is_within else ""
-        paths = ", ".join(map(str, written.files))
-        typer.echo(
-            f"{len(solution.points[0])} frames in {paths}; beside the source in {page}{within}"
-        )
+        places = _places(out, profiles)
+        for place in places:
+            check_output(duo, place)
+        scales = [requested_scales(duo, factors_of_people, of_pair) for of_pair in profiles]
+        typer.echo(_first_line(duo, (a_scale, b_scale), profile))
+        bodies = np.stack([np.concatenate(pair) for pair in scales])
+        solution = retarget(prepare(duo.scene, solving.solver), bodies)
+        words = [f"{p}-{w}" for p, of_person in zip(PEOPLE, (a_scale, b_scale), strict=True)
+                 for w in of_person]  # fmt: skip
+        for number, (place, of_pair) in enumerate(zip(places, profiles, strict=True)):
+            label = "_".join([*words, *map("-".join, of_pair.items())]).replace("=", "-")
+            moved = duo.moved(_split_people(duo, solution.points[number]))
+            written = write_two_people(moved, scales[number], label, place)
+            solved = report_measurements(solution.reports[number])
+            measured = measure_written(
+                duo, [written.people], [scales[number]], solving.solver, solved
+            )
+            page = write_variation_page(duo, [written.people], measured, solving.limits, place)
+            named = f" as {duo.name}~{label}" if is_parquet(place) else ""
+            fidelity = written.fidelity  # its touches are among the measurements
+            lines = [
+                duo.rig_line(place),
+                fidelity.error_line() if fidelity.is_inexact else "",
+                *measured.lines(solving.limits),
+                f"{len(duo.people[0].times)} frames in {', '.join(map(str, written.files))}{named}"
+                f"; beside the source in {page}",
+            ]
+            typer.echo("\n".join(filter(None, lines)))
+
+
+def _places(out: Path, profiles: list[dict[str, str]]) -> list[Path]:
+    """Return the output of each pair of bodies: a folder for each, by its profiles, of several."""
+    if len(profiles) == 1:
+        return [out]
+    if out.suffix and not out.is_dir():
+        raise CommandError(f"{out}: wanted a folder for {len(profiles)} pairs of bodies")
+    return [out / "_".join(of_pair.values()) for of_pair in profiles]
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -206,6 +227,15 @@ def parse_profiles(words: list[str]) -> dict[str, str]:
         if name not in PROFILES:
             raise CommandError(f"no profile {name!r}; there are {nearest_first(name, PROFILES)}")
     return dict(pairs)
+
+
+def parse_bodies(words: list[str]) -> list[dict[str, str]]:
+    """Read ``b=child,tall_adult``: the profiles of each pair of bodies; one pair without words."""
+    several = [
+        [f"{person}={name}" for name in names.split(",")] if equals else [person]
+        for person, equals, names in (word.partition("=") for word in words)
+    ]
+    return [parse_profiles(list(one_each)) for one_each in product(*several)]
 
 
 def requested_scales(
@@ -236,9 +266,10 @@ def known_segment_scales(body: Body, factors: Mapping[str, float]) -> Scales:
 
 
 def _first_line(
-    duo: TwoPersonCapture, scales: tuple[list[str], list[str]], profiles: Mapping[str, str]
+    duo: TwoPersonCapture, scales: tuple[list[str], list[str]], profile: list[str]
 ) -> str:
     """Say what is about to be done: it takes a while."""
+    profiles = {person: names for person, _, names in (word.partition("=") for word in profile)}
     changes = [
         f"person {person} to {', '.join([*words, *filter(None, [profiles.get(person)])])}"
         for person, words in zip(PEOPLE, scales, strict=True)
@@ -252,40 +283,6 @@ def _split_people(duo: TwoPersonCapture, points: Scales) -> tuple[Motion, Motion
     n_a = len(duo.people[0].skeleton.joints)
     a, b = points[:, :n_a], points[:, n_a:]
     return a.astype(np.float32), b.astype(np.float32)
-
-
-def measure_written(
-    duo: TwoPersonCapture,
-    written: WrittenCapture,
-    scales: tuple[Scales, Scales],
-    settings: Settings,
-) -> dict[str, float]:
-    """Measure the motion of the files that were written against the capture.
-
-    Returns
-    -------
-    by the names of ``interaction_mesh.Report``
-    """
-    scene = duo.scene
-    points = np.concatenate([person.motion for person in written.people], axis=1, dtype=np.float64)
-    supports = ground_supports(scene, settings.support)
-    both = np.concatenate(scales)[None]
-    measured = measure_motions(scene, settings, supports, both, points[..., None])
-    return {name: float(value[0]) for name, value in measured.items()}
-
-
-def _report_lines(
-    figures: dict[str, float], limits: VariationLimits, fidelity: Fidelity
-) -> Iterator[str]:
-    """Yield the lines that summarise the measurements."""
-    yield measurement_summary(figures)
-    if fidelity.max_error:
-        yield fidelity.error_line()  # the summary has the contacts in the files
-    exceeded = exceeded_limits(figures, limits)
-    worst_first = sorted(exceeded, key=lambda name: -exceeded[name])
-    if worst_first:
-        texts = [limit_text(name, figures[name], asdict(limits)[name]) for name in worst_first]
-        yield f"outside the limits for training: {'; '.join(texts)}"
 
 
 @contextmanager

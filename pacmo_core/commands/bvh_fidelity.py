@@ -14,7 +14,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
-from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
+from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.formats.inverse_kinematics import (
+    CONTACT_DISTANCE,
+    contact_targets,
+    proximity_weights,
+)
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.reaction.stance import find_stance
 
@@ -22,6 +27,7 @@ from pacmo_core.reaction.stance import find_stance
 # 1. It fades in and out, as a step in a weight would cause a jerk.
 PLANTED_WEIGHT = 100.0
 PLANTED_FADE = 0.05  # seconds, standard deviation
+RESOLUTION = 5e-5  # metres: the largest error that is printed as nothing
 
 
 def planted_weights(person: PersonMotion) -> NDArray[np.float64]:
@@ -38,6 +44,21 @@ def planted_weights(person: PersonMotion) -> NDArray[np.float64]:
 def frame_rate(person: PersonMotion) -> float:
     """Frames per second."""
     return float(1 / np.median(np.diff(person.times)))
+
+
+def pair_targets(a: PersonMotion, b: PersonMotion) -> list[tuple[Motion, NDArray[np.float64]]]:
+    """Return what constant bones shall meet of two people: for each the aims and their weights.
+
+    Returns
+    -------
+    (T, J, 3) metres and (T, J), of person a and of person b
+    """
+    aims = contact_targets(a.motion, b.motion)
+    near = proximity_weights(a.motion, b.motion)
+    return [
+        (aim, weights + planted_weights(person))
+        for person, aim, weights in zip((a, b), aims, near, strict=True)
+    ]
 
 
 @dataclass(frozen=True)
@@ -65,11 +86,10 @@ class Fidelity:
 
     @classmethod
     def of(cls, wanted: Sequence[PersonMotion], found: Sequence[PersonMotion]) -> "Fidelity":
-        """Compare the motions of person a and person b with those of the files."""
+        """Compare the motions of person a and person b, or of one, with those of the files."""
         pairs = list(zip(wanted, found, strict=True))
         errors = [np.linalg.norm(back.motion - person.motion, axis=-1) for person, back in pairs]
-        touch = _contacts(wanted[0].motion, wanted[1].motion)
-        in_file = _contacts(found[0].motion, found[1].motion)
+        touch, in_file = _contacts(wanted), _contacts(found)
         slides = [_slides(person, (person.motion, back.motion)) for person, back in pairs]
         slide, slide_in_file = np.concatenate(slides, axis=1)
         return cls(
@@ -89,12 +109,17 @@ class Fidelity:
         sums = (a + b for a, b in zip(astuple(self)[1:], astuple(other)[1:], strict=True))
         return Fidelity(max_error, *sums)
 
+    @property
+    def is_inexact(self) -> bool:
+        """Whether a joint is off by what would be printed as more than nothing."""
+        return self.max_error > RESOLUTION
+
     def error_line(self) -> str:
-        """Say how far joints in BVH files are from where they were to be."""
+        """Say how far joints in the files are from where they were to be."""
         mean = 1e3 * self.summed_error / max(self.n_joints, 1)
         return (
-            f"bones in BVH cannot stretch, so joints are off by {mean:.1f} mm on average, "
-            f"{1e3 * self.max_error:.1f} mm at most"
+            "in the files, against the exact motion: bones of this format cannot stretch, so "
+            f"joints are off by {mean:.1f} mm on average, {1e3 * self.max_error:.1f} mm at most"
         )
 
     def line(self) -> str:
@@ -102,7 +127,9 @@ class Fidelity:
         parts = [self.error_line()]
         if self.n_planted:
             added = 100 * (self.slide_in_file - self.slide) / self.n_planted
-            parts.append(f"standing feet slide {added:+.2f} cm/s")
+            speed = format_fixed(added, 2)
+            more = "less" if speed.startswith("−") else "more"
+            parts.append(f"standing feet slide {speed.lstrip('−')} cm/s {more}")
         if self.contacts:
             share = 100 * self.contacts_held / self.contacts
             parts.append(f"{share:.1f} % of the touches (joints within 10 cm) are kept")
@@ -121,9 +148,12 @@ def _slides(person: PersonMotion, motions: tuple[Motion, Motion]) -> NDArray[np.
     return np.concatenate(found, axis=1)
 
 
-def _contacts(a: Motion, b: Motion) -> NDArray[np.bool_]:
-    """``(J_a, T, J_b)``: whether joints of two people are in contact; one joint at a time."""
-    return np.stack(
+def _contacts(people: Sequence[PersonMotion]) -> NDArray[np.bool_]:
+    """``(J_a, T, J_b)``: whether joints of two people are in contact; (0,) of one person."""
+    if len(people) < 2:
+        return np.zeros(0, np.bool_)
+    a, b = (person.motion for person in people)
+    return np.stack(  # one joint at a time
         [np.linalg.norm(b - joint[:, None], axis=-1) < CONTACT_DISTANCE
          for joint in np.moveaxis(a, 1, 0)]
     )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, planted_weights
+from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, pair_targets
 from pacmo_core.commands.reading import (
     PEOPLE,
     ReadOptions,
@@ -26,7 +26,6 @@ from pacmo_core.formats.base import check_up
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.inference import UNIT_NAMES
-from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     ONE_PERSON_FORMATS,
@@ -102,6 +101,7 @@ class TwoPersonCapture:
     people : person a and person b, without bones of length zero
     keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
     space : of BVH files that are not
+    joints_of : what else a BVH file has the joints of
     """
 
     name: str
@@ -110,6 +110,7 @@ class TwoPersonCapture:
     people: tuple[PersonMotion, PersonMotion]
     keeps_hierarchy: bool = True
     space: OutputSpace = OutputSpace()
+    joints_of: str = "capture"
 
     def file_of(self, number: int) -> Path:
         """Return the file of person a, 0, or b, 1."""
@@ -151,7 +152,7 @@ class TwoPersonCapture:
             return "written on the rig of the capture, in its unit and axes"
         whom = "" if not any(own) else f"person {PEOPLE[own.index(False)]} "
         return (
-            f"{whom}written on the joints of the motion, not on a rig of the capture, in "
+            f"{whom}written with the joints of the {self.joints_of}, on no rig of the capture, in "
             f"{self.space} (--to-unit, --to-up)"
         )
 
@@ -274,9 +275,15 @@ def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMot
         raise CommandError(f"{text}: wanted two frames or more at the same time")
     cut = replace(slow, times=at, motion=slow.motion[: len(at)])
     same = replace(fast, times=at, motion=resample(fast.motion, fast.times, at))
-    rates = f"{1 / steps[0]:g} and {1 / steps[1]:g} frames a second"
-    typer.echo(printable(f"{text}: {rates}: both at {1 / max(steps):g}"))
+    rates = f"{rate_text(1 / steps[0])} and {rate_text(1 / steps[1])} frames a second"
+    typer.echo(printable(f"{text}: {rates}: both at {rate_text(1 / max(steps))}"))
     return (cut, same) if slow is a else (same, cut)
+
+
+def rate_text(fps: float) -> str:
+    """Return a frame rate as it was meant: a Frame Time of 0.033333 s is 30 frames a second."""
+    whole = round(fps)
+    return f"{whole if np.isclose(fps, whole, rtol=1e-4, atol=0) else fps:.6g}"
 
 
 def _check_same_times(a: PersonMotion, b: PersonMotion, text: str) -> None:
@@ -349,12 +356,9 @@ def write_two_people(
             writer.add(f"{duo.name}~{label}", pair)
         return WrittenCapture([out], duo.people, Fidelity())
     files, written = _output_files(duo, out), []
-    weights = proximity_weights(a.motion, b.motion)
-    aims = contact_targets(a.motion, b.motion)
-    for number, person in enumerate(duo.people):
-        aimed = replace(person, motion=aims[number])
-        of_joints = weights[number] + planted_weights(person)
-        targets = PersonTargets(aimed, of_joints, scales[number])
+    for number, (aims, weights) in enumerate(pair_targets(a, b)):
+        aimed = replace(duo.people[number], motion=aims)
+        targets = PersonTargets(aimed, weights, scales[number])
         written.append(_write_person(duo, number, targets, files[number]))
     fidelity = Fidelity.of(duo.people, written)
     return WrittenCapture(files, (written[0], written[1]), fidelity)

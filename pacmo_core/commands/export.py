@@ -9,6 +9,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, planted_weights
+from pacmo_core.commands.captures import rate_text
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -26,8 +28,9 @@ from pacmo_core.figures.body_mesh import make_skin
 from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
 from pacmo_core.figures.viewer import Scene
-from pacmo_core.formats.base import check_up
-from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones
+from pacmo_core.formats.base import check_up, to_y_up
+from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
+from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import from_y_up, resample, sample_times
 from pacmo_core.formats.write_bvh import format_bvh_of_fit
 from pacmo_core.formats.write_gltf import (
@@ -101,7 +104,7 @@ def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Pat
     fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
     written = scene if fps is None else resample_scene(scene, fps)
     files, errors = WRITERS[suffix](out, written, form)
-    rate = f"{len(written.times)} frames at {_fps(written):.6g} frames a second"
+    rate = f"{len(written.times)} frames at {rate_text(_fps(written))} frames a second"
     return files, "; ".join(filter(None, (rate, errors)))
 
 
@@ -146,18 +149,42 @@ def _convert(scene: Scene, form: ExportOptions) -> list[Motion]:
 def _fit_people(scene: Scene, form: ExportOptions) -> tuple[list[ConstantBoneMotion], str]:
     """Fit constant bones to both people, in metres and the axes of the file; summarise the errors.
 
+    What the bones cannot hold is left to the same joints as in files of ``react`` and ``augment``.
     The fits are placed, not the motions: it is the files whose feet stand on the floor.
     """
-    motions = [from_y_up(motion, form.up) for motion in scene.people]
-    bodies = scene.skeletons
-    fits = [fit_bones(motion, body) for motion, body in zip(motions, bodies, strict=True)]
-    positions = [fit.positions(body) for fit, body in zip(fits, bodies, strict=True)]
-    errors = [
-        np.linalg.norm(fitted - motion, axis=-1)
-        for fitted, motion in zip(positions, motions, strict=True)
+    people = [
+        PersonMotion(body, scene.times, motion)
+        for body, motion in zip(scene.skeletons, scene.people, strict=True)
     ]
-    shift = _shift(positions, [body.root for body in bodies], form)
-    return [replace(fit, root=fit.root + shift) for fit in fits], _error_summary(errors)
+    fits = [fit_bones(from_y_up(person.motion, form.up), person.skeleton) for person in people]
+    found = _positions(fits, people, form)
+    fidelity = Fidelity.of(people, found)
+    if fidelity.is_inexact:
+        targets = (
+            pair_targets(people[0], people[1])
+            if len(people) == 2
+            else [(person.motion, 1 + planted_weights(person)) for person in people]
+        )
+        fits = [
+            reach_targets(fit, from_y_up(aims, form.up), weights, person.skeleton)
+            for fit, person, (aims, weights) in zip(fits, people, targets, strict=True)
+        ]
+        found = _positions(fits, people, form)
+        fidelity = Fidelity.of(people, found)
+    in_file = [from_y_up(person.motion, form.up) for person in found]
+    shift = _shift(in_file, [body.root for body in scene.skeletons], form)
+    placed = [replace(fit, root=fit.root + shift) for fit in fits]
+    return placed, fidelity.line() if fidelity.is_inexact else ""
+
+
+def _positions(
+    fits: list[ConstantBoneMotion], people: list[PersonMotion], form: ExportOptions
+) -> list[PersonMotion]:
+    """Return the people as fits in the axes of the file hold them, in metres, y up."""
+    return [
+        replace(person, motion=to_y_up(fit.positions(person.skeleton), form.up).astype(np.float32))
+        for fit, person in zip(fits, people, strict=True)
+    ]
 
 
 def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
@@ -207,15 +234,6 @@ def _write_bytes(out: Path, content: bytes) -> None:
         partial.write_bytes(content)
 
 
-def _error_summary(errors: list[NDArray[np.float64]]) -> str:
-    millimetres = 1000 * np.concatenate([error.ravel() for error in errors])
-    return (
-        f"bones of this format cannot stretch: joints are off by {millimetres.mean():.1f} mm "
-        "on average, "
-        f"{millimetres.max():.1f} at most"
-    )
-
-
 WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]]] = {
     ".bvh": _bvh,
     ".glb": _gltf,
@@ -237,7 +255,12 @@ ToFps = Annotated[
 ToUp = Annotated[str, typer.Option(help="up axis of the file, y or z")]
 ToUnit = Annotated[str, typer.Option(help="metres per unit of the file, or m, cm, mm, in")]
 Ground = Annotated[
-    bool, typer.Option("--ground", help="put the feet on the floor: the lowest joint at height 0")
+    bool,
+    typer.Option(
+        "--ground",
+        help="put the lowest joint of the clip on the floor, height 0; the feet of the other "
+        "person, or of other frames, may stay above it",
+    ),
 ]
 Centre = Annotated[
     bool, typer.Option("--centre", help="move the middle of the people above the origin")

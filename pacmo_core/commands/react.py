@@ -286,16 +286,20 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
         files, fidelity = write_reactions(reactions, out, space)
-        if fidelity.max_error:
+        if fidelity.is_inexact:
             typer.echo(fidelity.line())
-        typer.echo(_files_line(len(motions), len(at), files))
+        typer.echo(_files_line(len(motions), len(at), files, name))
 
 
-def _files_line(samples: int, frames: int, files: list[Path]) -> str:
+def _files_line(samples: int, frames: int, files: list[Path], name: str) -> str:
     """Say which files are of the partner and which are the reactions."""
     text = f"{samples} x {frames} frames"
     if len(files) == 1:
-        return f"{text} in {files[0]}: person_a is the partner, person_b the reaction"
+        last = f" ... {name}#{samples - 1:04d}" if samples > 1 else ""
+        return (
+            f"{text} in {files[0]} as {name}#0000{last}: person_a is the partner, "
+            "person_b the reaction"
+        )
     reactions = f"{files[1]}{f' ... {files[-1]}' if samples > 1 else ''}"
     return f"{text}: the partner in {files[0]}, the reaction in {reactions}"
 

@@ -301,7 +301,7 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
         for source, form, of_file in zip(sources, forms, used, strict=True)
     ]
     if any(states_unit_or_axis(FORMATS[form]) for form in forms):
-        check_plausible([source.file for source in sources], people)
+        check_plausible([source.file for source in sources], people, [*map(_stated_up, used)])
     for line in _inference_lines(sources, inferred, found):
         typer.echo(printable(line))
     return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
@@ -370,7 +370,9 @@ def _inference_lines(
             }
             text = ", ".join(words[name](value) for name, value in settings.items())
             files = files_by_text.setdefault(text, [])
-            stature = "" if of_file.stature is None else f" ({of_file.stature:.2f} m tall)"
+            stature = (
+                "" if of_file.stature is None else f" ({of_file.stature:.2f} m tall by the legs)"
+            )
             if f"{source.file}{stature}" not in files:
                 files.append(f"{source.file}{stature}")
             options[text] = [f"--from-{name}" for name in settings]
@@ -380,15 +382,27 @@ def _inference_lines(
     ]
 
 
-def check_plausible(files: Sequence[Path], people: Sequence[PersonMotion]) -> None:
+def _stated_up(settings: Mapping[str, Any]) -> str | None:
+    """Return the upward axis by which a file was read; None if it is in the file."""
+    preset: str = settings.get("preset", "pair")
+    return settings.get("up") or PRESETS[preset].up
+
+
+def check_plausible(
+    files: Sequence[Path], people: Sequence[PersonMotion], stated: Sequence[str | None]
+) -> None:
     """Refuse a person whom no unit and axis that are right would give.
+
+    Parameters
+    ----------
+    stated : the upward axis of each file; None if it is in the file
 
     Raises
     ------
     CommandError
         With the file and the reason.
     """
-    fault = implausible([(person.skeleton, person.motion) for person in people])
+    fault = implausible([(person.skeleton, person.motion) for person in people], stated)
     if fault:
         number, reason = fault
         raise CommandError(f"{files[number]}: {reason} (--from-unit, --from-up)")

@@ -36,6 +36,7 @@ from pacmo_core.commands.captures import (
     two_sources,
     write_two_people,
 )
+from pacmo_core.commands.measured import measure_written, write_variation_page
 from pacmo_core.commands.place import in_project
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
@@ -51,10 +52,7 @@ from pacmo_core.commands.reading import (
 from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.figures.variations import MEASURES
 from pacmo_core.formats.registry import PersonMotion
-from pacmo_core.interaction_mesh.mesh import ground_supports
-from pacmo_core.interaction_mesh.report import measure_motions
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
@@ -69,13 +67,6 @@ Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same int
 
 Scales = NDArray[np.float64]
 People = tuple[PersonMotion, PersonMotion]
-MEASURED = (
-    "contacts_kept",
-    "knee_change_p95",
-    "added_foot_skate",
-    "below_floor",
-    "peak_acceleration_ratio",
-)
 
 
 def vary(  # noqa: PLR0913  # typer reads the options off the signature
@@ -133,12 +124,18 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         written, fidelity, people = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
-        if fidelity.max_error:
+        if fidelity.is_inexact:
             typer.echo(fidelity.line())
-        typer.echo(_measured_line(duo, people, [scales for _, scales in variations]))
+        solving = read_solver_section(present_params())
+        bodies = [(a, b) for _, (a, b) in variations]
+        measured = measure_written(duo, people, bodies, solving.solver)
+        for line in measured.lines(solving.limits):
+            typer.echo(line)
+        page = write_variation_page(duo, people, measured, solving.limits, out)
+        named = f" as {_some(_names(duo, samples))}" if is_parquet(out) else ""
         typer.echo(
             f"{len(variations)} x {len(duo.people[0].times)} frames in "
-            f"{', '.join(map(str, written[:4]))}{' ...' if written[4:] else ''}"
+            f"{_some(written)}{named}; beside the source in {page}"
         )
 
 
@@ -153,7 +150,7 @@ def _select_joints(
     )
     has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
     keeps = duo.keeps_hierarchy and has_same_names and not options.joints
-    return replace(duo, people=(a, b), keeps_hierarchy=keeps)
+    return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model")
 
 
 def _variations(
@@ -193,25 +190,13 @@ def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
     return files
 
 
-def _measured_line(
-    duo: TwoPersonCapture,
-    people: Sequence[People],
-    scales: Sequence[Scales],
-) -> str:
-    """Measure what was written against the capture, and say it, as means over the samples."""
-    points = [np.concatenate([p.motion for p in pair], axis=1, dtype=np.float64) for pair in people]
-    settings = read_solver_section(present_params()).solver
-    supports = ground_supports(duo.scene, settings.support)
-    bodies = np.stack([np.concatenate(pair) for pair in scales])
-    found = measure_motions(duo.scene, settings, supports, bodies, np.stack(points, axis=-1))
-    text = {name: MEASURES[name].text(float(found[name].mean())) for name in MEASURED}
-    return (
-        f"contacts kept {text['contacts_kept']}, in 95 % of the frames knees change by at most "
-        f"{text['knee_change_p95']}, standing feet slide {text['added_foot_skate']} more than "
-        f"captured, below the floor {text['below_floor']}, peak acceleration "
-        f"{text['peak_acceleration_ratio']} the capture's"
-        f"{' (means of the samples)' if len(people) > 1 else ''}"
-    )
+def _names(duo: TwoPersonCapture, samples: int) -> list[str]:
+    """Name the samples in a Parquet file."""
+    return [f"{duo.name}~{number:04d}" for number in range(samples)]
+
+
+def _some(things: Sequence[object]) -> str:
+    return f"{', '.join(map(str, things[:4]))}{' ...' if things[4:] else ''}"
 
 
 def _write(
@@ -226,8 +211,9 @@ def _write(
     moved = [duo.moved((pair.person_a, pair.person_b)) for pair, _ in variations]
     if is_parquet(places[0]):
         with write_motions(places[0], duo.people[0].skeleton) as writer:
-            for number, (pair, _) in enumerate(variations):
-                writer.add(f"{duo.name}~{number:04d}", pair)
+            names = _names(duo, len(variations))
+            for name, (pair, _) in zip(names, variations, strict=True):
+                writer.add(name, pair)
         return places, Fidelity(), [one.people for one in moved]
     files, people, fidelity = list[Path](), list[People](), Fidelity()
     for number, (one, (_, scales), out) in enumerate(zip(moved, variations, places, strict=True)):

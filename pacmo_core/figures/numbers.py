@@ -1,4 +1,7 @@
-"""The one notation of numbers in reports: three significant digits, a minus sign, powers of ten."""
+"""The one notation of numbers: three significant digits, a minus sign, powers of ten.
+
+Measurements with a unit have a fixed number of decimals instead (``format_fixed``).
+"""
 
 from collections.abc import Mapping
 from decimal import Decimal
@@ -20,6 +23,14 @@ def format_number(value: float) -> str:
     else:
         mantissa, _, exponent = f"{size:.2e}".partition("e")
         text = mantissa + _power(int(exponent))
+    return f"−{text}" if value < 0 else text
+
+
+def format_fixed(value: float, decimals: int) -> str:
+    """Format a number with fixed decimals: 12.0, −0.31; 0 where all of them are zero."""
+    text = f"{abs(value):,.{decimals}f}"
+    if not text.strip("0.,"):
+        return "0"
     return f"−{text}" if value < 0 else text
 
 

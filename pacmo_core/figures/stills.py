@@ -18,6 +18,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton, bare_names
@@ -25,7 +26,8 @@ from pacmo_core.data.skeleton import Skeleton, bare_names
 Array = NDArray[np.float64]
 
 COLOURS = ("#0072b2", "#d55e00")  # the viewer's: person a blue, person b vermilion
-FLOOR, SHADOW = "#f4f1ec", "#d9d3c8"
+FLOOR, SHADOW, METRES = "#f4f1ec", "#d9d3c8", "#e7e2d9"
+FOLLOW_SECONDS = 1.0  # over which the picture of a film moves
 ELEVATION = 0.24  # radians by which the camera looks down
 
 # Diameter in metres, by a word in the name of the bone's child; the first match applies.
@@ -108,9 +110,39 @@ def fit_view(
     ----------
     min_width : metres
     """
-    both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)[list(frames)]
-    flat = project(both.astype(np.float64), camera)[..., :2].reshape(-1, 2)
-    low, high = flat.min(axis=0) - MARGIN, flat.max(axis=0) + MARGIN
+    low, high = _extent(interaction, camera)
+    frames = list(frames)
+    return _box(low[frames].min(axis=0), high[frames].max(axis=0), min_width)
+
+
+def follow_people(interaction: Interaction, camera: Camera, min_width: float) -> list[Box]:
+    """Return a rectangle for each frame, which follows both people and shows them completely.
+
+    Its ends are means over ``FOLLOW_SECONDS`` of the outermost ends in as many seconds: smooth, and
+    outside of both people in every frame.
+
+    Parameters
+    ----------
+    min_width : metres
+    """
+    size = 2 * round(FOLLOW_SECONDS / 2 * interaction.fps) + 1
+    outermost = (minimum_filter1d, maximum_filter1d)
+    ends = [
+        uniform_filter1d(outer(end, size, axis=0, mode="nearest"), size, axis=0, mode="nearest")
+        for end, outer in zip(_extent(interaction, camera), outermost, strict=True)
+    ]
+    return [_box(low, high, min_width) for low, high in zip(*ends, strict=True)]
+
+
+def _extent(interaction: Interaction, camera: Camera) -> tuple[Array, Array]:
+    """``(T, 2)`` each, metres: the lowest and highest ends of both people in the picture."""
+    both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)
+    flat = project(both.astype(np.float64), camera)[..., :2]
+    return flat.min(axis=1), flat.max(axis=1)
+
+
+def _box(low: Array, high: Array, min_width: float) -> Box:
+    low, high = low - MARGIN, high + MARGIN
     width = max(min_width, high[0] - low[0], (high[1] - low[1]) / ASPECT)
     left, bottom = 0.5 * (low + high) - 0.5 * width * np.array([1.0, ASPECT])
     return Box(float(left), float(bottom), float(width))
@@ -267,15 +299,36 @@ def _draw_frames(path: Path, clip: Interaction, writer: AbstractMovieWriter) -> 
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))
     camera = choose_camera(clip)
-    box = fit_view(clip, range(len(clip.times)), camera, _MIN_VIEW)
+    boxes = follow_people(clip, camera, _MIN_VIEW)
     with writer.saving(figure, str(path), _DPI):
-        for frame in range(len(clip.times)):
+        for frame, box in enumerate(boxes):
             axes.clear()
+            _draw_metres(axes, camera, box)
             draw_interaction(axes, clip, frame, camera=camera, box=box)
             axes.text(
                 0.97, 0.95, _time_label(clip.times, frame), transform=axes.transAxes, ha="right"
             )
             writer.grab_frame()
+
+
+def _draw_metres(axes: Axes, camera: Camera, box: Box) -> None:
+    """Draw the lines of whole metres on the floor, as the picture moves over it."""
+    towards = np.cross(camera.right, np.array([0.0, 1.0, 0.0]))
+    corners = np.array(
+        [
+            camera.centre + right * camera.right - up / np.sin(ELEVATION) * towards
+            for right in (box.left, box.left + box.width)
+            for up in (box.bottom, box.bottom + ASPECT * box.width)
+        ]
+    )
+    low, high = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
+    lines = []
+    for axis in (0, 2):
+        for metre in np.arange(low[axis], high[axis] + 1):
+            line = np.stack([low, high])
+            line[:, axis], line[:, 1] = metre, camera.centre[1]
+            lines.append(project(line, camera)[:, :2])
+    axes.add_collection(LineCollection(lines, linewidths=0.8, colors=METRES, zorder=-1))
 
 
 def _time_label(times: NDArray[np.float64], frame: int) -> str:

@@ -1,16 +1,19 @@
 """Measurements of variations in words, tables of them, and the worst variation by each."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.clips import Panel, PlayedClip
-from pacmo_core.figures.numbers import format_number
-from pacmo_core.figures.tables import Cell, Line, Table, make_entry
+from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.figures.tables import Entry, Line, Table, make_entry
 from pacmo_core.metrics.catalogue import HIGHER, LOWER, UNKNOWN, Metric
 
 Measurements = Mapping[str, float]
+
+# Of a measured value, by its unit: further digits are below what anybody sees.
+DECIMALS = {"mm": 1, "cm": 2, "cm/s": 2, "°": 1, "%": 1, "×": 2}
 
 
 @dataclass(frozen=True)
@@ -37,10 +40,18 @@ class Measure:
         """The head of its column."""
         return Metric(self.label, self.better, self.unit, self.meaning)
 
+    def number(self, value: float) -> str:
+        """Return a measured value in the unit, with its decimals."""
+        return format_fixed(self.factor * value, DECIMALS[self.unit])
+
     def text(self, value: float) -> str:
         """Return a measured value with its unit."""
-        space = "" if self.unit in ("", "°", "×") else " "
-        return f"{format_number(self.factor * value)}{space}{self.unit}"
+        space = "" if self.unit in ("°", "×") else " "
+        return f"{self.number(value)}{space}{self.unit}"
+
+    def bound_text(self, limit: float) -> str:
+        """Return a limit in words: ``at most 30.0°``."""
+        return f"{'at least' if self.better == HIGHER else 'at most'} {self.text(limit)}"
 
     def fault(self, value: float) -> float:
         """Return by how much a value is worse than perfect; 0 or below where it has no fault."""
@@ -143,7 +154,22 @@ MEASURES = {
 TABLE_MEASURES = tuple(name for name in MEASURES if name not in ("seam_ratio", "primal_residual"))
 WORST_BY = tuple(name for name, measure in MEASURES.items() if measure.perfect is not None)
 
-_NO_LIMIT: Cell = {"missing": "no limit"}
+# What a command prints of a variation.
+PRINTED = (
+    "near_distance_error",
+    "contacts_kept",
+    "knee_change_p95",
+    "elbow_change_p95",
+    "spine_change_p95",
+    "pelvis_height_error",
+    "support_height_error",
+    "below_floor",
+    "added_foot_skate",
+    "capsule_penetration",
+    "peak_acceleration_ratio",
+)
+
+_NO_LIMIT = make_entry({"missing": "no limit"}, "")
 
 KINDS = {
     "uniform": ("One body scaled", "all bones by one factor"),
@@ -194,56 +220,62 @@ def _in_units(name: str, cell: Measurements) -> Measurements:
     return {key: MEASURES[name].factor * value for key, value in cell.items()}
 
 
-def measurement_summary(measurements: Measurements) -> str:
-    """Return the measurements of a variation in one line."""
+def measurement_lines(
+    measurements: Measurements, limits: Measurements, worse: Mapping[str, str]
+) -> list[str]:
+    """Return a line for each of ``PRINTED``: the value, its limit, and in whom it is worse.
 
-    def text(name: str) -> str:
-        return MEASURES[name].text(measurements[name])
-
-    return (
-        f"near distances changed by {text('near_distance_error')} "
-        f"({text('near_distance_error_naive')} if only scaled), "
-        f"contacts kept {text('contacts_kept')}, "
-        f"in 95 % of the frames knees change by at most {text('knee_change_p95')}, "
-        f"elbows by {text('elbow_change_p95')}, the spine by {text('spine_change_p95')}, "
-        f"pelvis height off by {text('pelvis_height_error')}, "
-        f"standing feet slide {text('added_foot_skate')} more than captured, "
-        f"peak acceleration {text('peak_acceleration_ratio')} the capture's, "
-        f"penetration {text('capsule_penetration')}, "
-        f"below the floor {text('below_floor')}"
-    )
+    Parameters
+    ----------
+    limits : of those that have one
+    worse : the person, of measurements that are those of a person
+    """
+    lines = []
+    for name in PRINTED:
+        measure = MEASURES[name]
+        notes = []
+        if name == "near_distance_error":
+            naive = "near_distance_error_naive"
+            notes.append(f"{MEASURES[naive].text(measurements[naive])} if only scaled")
+        if name in limits:
+            notes.append(f"wanted {measure.bound_text(limits[name])}")
+        if name in worse and measure.number(measurements[name]) != "0":
+            notes.append(f"person {worse[name]}")
+        value = measure.text(measurements[name])
+        lines.append(f"  {measure_label(name):<18}{value:>11}  {', '.join(notes)}".rstrip())
+    return lines
 
 
 def limits_table(
-    measurements: Measurements, limits: Mapping[str, float], exceeded: Iterable[str]
+    columns: Sequence[tuple[str, Measurements, Collection[str]]], limits: Measurements
 ) -> Table:
-    """Return a table of one variation: its measurements beside the limits for training.
+    """Return a table of variations: their measurements beside the limits.
 
     Marked: beyond its limit.
 
     Parameters
     ----------
-    exceeded : names of the measurements beyond their limits
+    columns : of each variation its label, its measurements, and the names of those beyond limits
     """
-    beyond = set(exceeded)
     lines = []
     for name, measure in MEASURES.items():
-        if name in measurements:
+        if name in columns[0][1]:
             label = " ".join(filter(None, (measure.label, measure.better, measure.unit)))
-            mark = "worst" if name in beyond else ""
-            value = make_entry({"mean": measure.factor * measurements[name]}, mark)
-            limit = {"mean": measure.factor * limits[name]} if name in limits else _NO_LIMIT
-            entries = (value, make_entry(limit, ""))
-            lines.append(Line(label, measure.meaning, is_model=False, entries=entries))
-    heads = ("Variation", "Limit")
+            entries = [
+                Entry(measure.number(measurements[name]), "", "worst" if name in beyond else "", "")
+                for _, measurements, beyond in columns
+            ]
+            limit = Entry(measure.number(limits[name]), "", "", "") if name in limits else _NO_LIMIT
+            entries.append(limit)
+            lines.append(Line(label, measure.meaning, is_model=False, entries=tuple(entries)))
+    heads = [*(label for label, _, _ in columns), "Limit"]
     return Table(tuple(Metric(head, UNKNOWN, "", "") for head in heads), tuple(lines))
 
 
 def limit_text(name: str, value: float, limit: float) -> str:
     """Return a measurement beyond its limit in words: ``knees 41.2°, wanted at most 30.0°``."""
     measure = MEASURES[name]
-    bound = "at least" if measure.better == HIGHER else "at most"
-    return f"{measure_label(name)} {measure.text(value)}, wanted {bound} {measure.text(limit)}"
+    return f"{measure_label(name)} {measure.text(value)}, wanted {measure.bound_text(limit)}"
 
 
 def worst_by_measure(rows: Iterable[tuple[str, Measurements]]) -> dict[str, list[str]]:

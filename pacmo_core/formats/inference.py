@@ -28,6 +28,7 @@ from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.base import Format
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import unstated_settings
+from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.rigs import fitting_rigs, plain_names
 from pacmo_core.formats.table import Table
 
@@ -106,7 +107,9 @@ def states_unit_or_axis(form: Format | type[Any]) -> bool:
     return any(field.name in _FACTS for field in fields(form))  # type: ignore[arg-type]
 
 
-def implausible(people: Sequence[tuple[Skeleton, Motion]]) -> tuple[int, str] | None:
+def implausible(
+    people: Sequence[tuple[Skeleton, Motion]], stated: Sequence[str | None]
+) -> tuple[int, str] | None:
     """Find a person whose stature or posture no unit and axis that are right would give.
 
     A posture is a fault only if no other person is upright: someone may be carried.
@@ -114,6 +117,8 @@ def implausible(people: Sequence[tuple[Skeleton, Motion]]) -> tuple[int, str] | 
     Parameters
     ----------
     people : of one world, metres, y up
+    stated : the upward axis of the file of each, ``y`` or ``z``, by which it was read; None if the
+        file itself states it
 
     Returns
     -------
@@ -128,7 +133,18 @@ def implausible(people: Sequence[tuple[Skeleton, Motion]]) -> tuple[int, str] | 
     if not faults or len(faults) < len(known):
         return None
     number, fault = faults[0]
-    return number, f"a person {fault}: wanted another upward axis than the one that was stated"
+    up, trunk = stated[number], dict(known)[number].trunk.astype(np.float32)
+    if up is None:
+        return number, f"a person {fault} with the upward axis that the file states"
+    found = _main_axis(trunk if up == "y" else from_y_up(trunk, up))
+    return number, f"{up} up was stated, but the trunk of a person is along {found} throughout"
+
+
+def _main_axis(vectors: Motion) -> str:
+    """Name the axis that vectors (T, 3) are nearest to: ``z``, or ``−z``."""
+    mean = vectors.mean(axis=0)
+    axis = int(np.abs(mean).argmax())
+    return f"{'−' if mean[axis] < 0 else ''}{'xyz'[axis]}"
 
 
 def _stature_text(posture: Posture) -> str:

@@ -20,7 +20,15 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_JOINTS, printable
 from pacmo_core.data.skeleton import Skeleton, bare_names
 from pacmo_core.formats.base import read_content
-from pacmo_core.formats.rigs import RIGS, Rig, fitting_rigs, plain_name, plain_names, rig_of_model
+from pacmo_core.formats.rigs import (
+    RIGS,
+    Rig,
+    contained_rigs,
+    fitting_rigs,
+    plain_name,
+    plain_names,
+    rig_of_model,
+)
 
 FILE_SUFFIXES = (".json", ".toml", ".csv")
 # A hand that a rig lacks, beyond the wrist along the forearm, in lengths of the forearm.
@@ -223,7 +231,10 @@ def _by_rig(
         kind = "near" if place.is_near else "mid-point" if len(place.joints) > 1 else ""
         if kind:
             notes[kind].append(f"{joint} = {' + '.join(found[joint])}")
-    text = f"joints named by the preset {rig.name}"
+    # A rig after which the file names its joints, mixamorig:Hips, and which names some of them.
+    part = [r for r in contained_rigs(rig, plain) if all(j.startswith(r) for j in plain.values())]
+    more = f" ({part[0]}'s and more)" if part else ""
+    text = f"joints named by the preset {rig.name}{more}"
     if notes["mid-point"]:
         text += f"; mid-points: {', '.join(notes['mid-point'])}"
     if notes["near"]:

@@ -233,6 +233,12 @@ def fitting_rigs(joints: Iterable[str]) -> list[Rig]:
     return [rig for rig in fitting if not any(rig.required < other.required for other in fitting)]
 
 
+def contained_rigs(rig: Rig, joints: Iterable[str]) -> list[str]:
+    """Name the rigs that fit a file too, but whose joints are some of this rig's."""
+    present = set(joints)
+    return [r.name for r in RIGS.values() if r.required <= present and r.required < rig.required]
+
+
 def rig_of_model(joints: Sequence[str]) -> Rig | None:
     """Return the smallest rig that has a point for each of a model's joints; None without one."""
     rigs = [rig for rig in RIGS.values() if all(rig.points_of(joint) for joint in joints)]

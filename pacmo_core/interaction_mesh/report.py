@@ -165,7 +165,7 @@ def measure_unlimited(
     points: Array,
 ) -> dict[str, Array]:
     """Measure everything else, as ``measure_motions``."""
-    people = [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
+    people = measure_people(scene, is_support, scales, points)
     common = common_scale(scene, scales)
     motions = scale_scene(scene, points, 1 / common)
     near, far = measure_distances(scene, settings, motions)
@@ -179,6 +179,13 @@ def measure_unlimited(
         "far_distance_error": far,
         "near_distance_error_naive": near_distance_error(scene, settings, naive),
     }
+
+
+def measure_people(
+    scene: Scene, is_support: NDArray[np.bool_], scales: Array, points: Array
+) -> list[dict[str, Array]]:
+    """Measure each person alone: of ``measure_motions``, what is that of one person."""
+    return [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
 
 
 def _measure_person(

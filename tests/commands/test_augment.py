@@ -103,6 +103,7 @@ def test_parquet_comes_out_as_the_solver_gives_it(stored: Path, tmp_path: Path) 
     assert said.exit_code == 0, said.output
     ((name, found),) = stream_motions(out)
     assert name == "one~b-left_forearm-1.2"
+    assert f"in {out} as {name}; " in said.output
     scales = np.ones((1, 28))
     scales[0, 14 + FOREARM] = 1.2
     wanted = retarget(prepare(scene_from(CLIP), read_solver_section(PARAMS).solver), scales).points[
@@ -145,6 +146,25 @@ def test_a_single_name_makes_a_pair_and_a_profile_is_taken_by_name(
     assert after[forearm] / before[forearm] == pytest.approx(1.1, abs=1e-3)
 
 
+def test_several_bodies_come_as_a_folder_each_as_if_alone(
+    files: list[Path], tmp_path: Path
+) -> None:
+    words = [*files, *UNIT, "--a-scale", "head=1.1"]
+    said = pacmo(*words, "--profile", "b=child,long_arms", "--out", tmp_path / "out")
+    assert said.exit_code == 0, said.output
+    assert "person a to head=1.1 and person b to child,long_arms ..." in said.output
+    for name in ("child", "long_arms"):
+        out = tmp_path / name
+        assert pacmo(*words, "--profile", f"b={name}", "--out", out).exit_code == 0
+        alone, among = read(out), read(tmp_path / "out" / name)
+        for one, other in ((alone.person_a, among.person_a), (alone.person_b, among.person_b)):
+            np.testing.assert_allclose(other, one, atol=1e-4)
+        assert (tmp_path / "out" / name / "duo_A.html").is_file()
+    refused(pacmo(*words, "--profile", "b=child,long_arms", "--out", tmp_path / "x.parquet"),
+            "wanted a folder for 2 pairs of bodies")  # fmt: skip
+    refused(pacmo(*words, "--profile", "b=child,", "--out", out), "PERSON=NAME")
+
+
 def played(page: Path) -> list[dict[str, Any]]:
     """Read the scenes of a page."""
     (text,) = re.findall(r'id="motions">(.*?)</script>', page.read_text(encoding="utf-8"))
@@ -178,7 +198,7 @@ def test_the_page_states_measurements_beside_limits(stored: Path, tmp_path: Path
     )
     assert said.exit_code == 0, said.output
     assert re.search(
-        r"outside the limits for training: elbows .*°, wanted at most 1.00×10⁻⁶°", said.output
+        r"beyond the limits of what looks natural .*: elbows .*°, wanted at most 0°", said.output
     )
     html = (tmp_path / "out.html").read_text(encoding="utf-8")
     at = html.index("Elbows ↓ °")
@@ -362,8 +382,8 @@ def test_the_command_says_what_it_does_and_whether_the_limits_hold(
             "solving 20 frames of two people, person a to long_arms and person b to "
             "left_forearm=1.2 ..."
         )
-    assert lines[0][-1].endswith("; all measurements are within the limits for training")
-    assert "within the limits" not in lines[1][-1]
+    assert lines[0][-2].startswith("all within the limits of what looks natural")
+    assert lines[1][-2].startswith("beyond the limits of what looks natural")
 
 
 def test_a_folder_of_settings_is_called_a_folder(stored: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from pacmo_core.api import save, synthesise, train
+from pacmo_core.commands.captures import rate_text
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.reading import ReadOptions, parse_unit, words_of
 from pacmo_core.commands.view import read_scenes
@@ -172,7 +173,9 @@ def test_a_unit_or_an_axis_that_makes_no_person_is_refused_in_every_command(
     }[command]
     before = sorted(tmp_path.iterdir())
     refused(pacmo(command, *files, "--from-unit", 1), "duo_A.bvh", "a person of 1", "0.01 times")
-    refused(pacmo(command, *files, "--from-up", "z"), "duo_A.bvh", "lying while standing")
+    refused(
+        pacmo(command, *files, "--from-up", "z"), "duo_A.bvh", "z up was stated, but", "is along y"
+    )
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -209,7 +212,8 @@ def test_vary_takes_two_rigs_and_writes_the_joints_of_the_model(
         written = read_bvh(tmp_path / "varied" / name)
         assert {"spine_base", "left_hand"} <= set(written.joints)
         assert abs(written.positions()).max() < 10  # metres
-    assert "not on a rig of the capture, in metres, y up (--to-unit, --to-up)" in said.stdout
+    assert "written with the joints of the model" in said.stdout
+    assert "on no rig of the capture, in metres, y up (--to-unit, --to-up)" in said.stdout
     plain = read_bvh(tmp_path / "varied" / "duo_A.bvh").positions()
     other = pacmo(*words, "--b-scale", "left_forearm=1.2", "--to-unit", "cm", "--to-up", "z")
     assert "in centimetres, z up" in other.stdout
@@ -257,6 +261,10 @@ def test_people_of_two_rates_meet_at_the_lower(pair: list[Path], tmp_path: Path)
         said = pacmo("export", word, "--out", tmp_path / f"{name}.npz")
         assert said.exit_code == 0, said.output
     assert "30 and 120 frames a second: both at 30" in said.stdout
+    stated = {"0.0333333": "30", "0.033333": "30", "0.008333": "120", "0.0083417": "119.88",
+              "0.016667": "60", "0.0333667": "29.97", "0.041708": "23.9762"}  # fmt: skip
+    for frame_time, rate in stated.items():
+        assert rate_text(1 / float(frame_time)).startswith(rate)
     with np.load(tmp_path / "same.npz") as same, np.load(tmp_path / "fast.npz") as other:
         np.testing.assert_allclose(other["person_b"], same["person_b"], atol=1e-2)
     # A rate that is stated for one.

@@ -51,7 +51,7 @@ def test_a_bvh_goes_in_again_whatever_its_axis_and_unit(
 ) -> None:
     said = export("one", "--out", "out/x.bvh", "--to-up", up, "--to-unit", unit)
     assert said.exit_code == 0, said.output
-    assert "0.0 mm on average" in said.stdout
+    assert "off by" not in said.stdout, "nothing is"
     pairs = BvhPairs(
         preset="pair", unit=unit, up=up, fps=None, end_sites=False, skip_frames=0,
         max_root_distance=None,
@@ -71,9 +71,14 @@ def test_the_command_says_how_far_constant_bones_moved_the_joints(tmp_path: Path
     with write_motions(tmp_path / "shaken.parquet", NTU25) as writer:
         writer.add("one", Interaction(NTU25, CLIP.times, shaken, shaken))
     far = np.linalg.norm(fit_bones(shaken, NTU25).positions(NTU25) - shaken, axis=-1) * 1000
-    for name in ("x.bvh", "x.glb"):
-        said = export("shaken.parquet:one", "--out", name).stdout
-        assert f"by {far.mean():.1f} mm on average, {far.max():.1f} at most" in said
+    said = [export("shaken.parquet:one", "--out", name).stdout for name in ("x.bvh", "x.glb")]
+    for mean, largest in (
+        re.findall(r"off by ([\d.]+) mm on average, ([\d.]+)", s)[0] for s in said
+    ):
+        # All joints are met as well as may be; the plain fit only points each bone.
+        assert 0.5 * far.mean() < float(mean) < far.mean()
+        assert float(mean) < float(largest) < far.max()
+    assert said[0].partition(";")[2] == said[1].partition(";")[2]
 
 
 def gltf(file: Path) -> dict:

@@ -135,3 +135,24 @@ def test_react_prints_what_is_in_the_files(
     ((_, exact),) = stream_motions(tmp_path / "exact.parquet")
     said = run(*words, "--out", tmp_path / "files")
     check(said, (exact.person_a, exact.person_b), read(tmp_path / "files", exact.skeleton))
+
+
+def test_export_prints_what_is_in_the_files_as_react_does(
+    reaction_weights: Path, tmp_path: Path
+) -> None:
+    words = ["react", *capture("clips", tmp_path), "--person", "a", "--weights", reaction_weights]
+    run(*words, "--out", tmp_path / "exact.parquet")
+    ((name, exact),) = stream_motions(tmp_path / "exact.parquet")
+    (tmp_path / "files").mkdir()
+    word = f"{tmp_path / 'exact.parquet'}:{name}"
+    said = run("export", word, "--out", tmp_path / "files" / "x.bvh")
+    found = read(tmp_path / "files", exact.skeleton)
+    check(said, (exact.person_a, exact.person_b), found)
+    # The same bones are posed by the same rule: files of both are as far from the motion.
+    of_react = run(*words, "--out", tmp_path / "again")
+    figures = [[float(x) for x in re.findall(r"([\d.]+) mm", text)] for text in (said, of_react)]
+    assert figures[0] == pytest.approx(figures[1], abs=0.5)
+    # One person, and bones that are constant already.
+    alone = run("export", tmp_path / "files" / "x_A.bvh", "--out", tmp_path / "alone.bvh",
+                "--from-unit", 1, "--from-up", "y")  # fmt: skip
+    assert "off by" not in alone

@@ -68,7 +68,8 @@ def test_parquet_holds_an_interaction_a_sample_as_the_python_call_gives_it(
     out = tmp_path / "out.parquet"
     words = ["--clip", "one", "--person", "b", "--weights", weights, "--to-fps", 60, "--samples", 3]
     option = "--finish" if finish else "--no-finish"
-    assert pacmo(stored, *words, option, "--seed", 5, "--out", out).exit_code == 0
+    said = pacmo(stored, *words, option, "--seed", 5, "--out", out)
+    assert f"in {out} as one#0000 ... one#0002: " in said.output
     found = dict(stream_motions(out))
     assert list(found) == ["one#0000", "one#0001", "one#0002"]
 
@@ -125,10 +126,10 @@ def test_in_bvh_files_feet_stand_and_contacts_are_closed_as_in_the_points(
     for file in ("x.parquet", "x.bvh"):
         said = pacmo(tmp_path / "motions.parquet", *words, "--out", tmp_path / file)
         assert said.exit_code == 0, said.output
-    kept = re.search(r"slide ([+-][\d.]+) cm/s; ([\d.]+) % of the touches", said.stdout)
+    kept = re.search(r"slide ([\d.]+) cm/s (\w+); ([\d.]+) % of the touches", said.stdout)
     assert kept is not None, said.stdout
-    assert float(kept[1]) < 0.05
-    assert float(kept[2]) >= 95  # the partner's bones, which are noisy, are not constant
+    assert kept[2] == "less" or float(kept[1]) < 0.05
+    assert float(kept[3]) >= 95  # the partner's bones, which are noisy, are not constant
     for number, made in enumerate(dict(stream_motions(tmp_path / "x.parquet")).values()):
         files = [read_bvh(tmp_path / f"x_{number}_{person}.bvh") for person in "AB"]
         joints = made.skeleton.joints

@@ -11,6 +11,7 @@ from pacmo_core.augmentation.bodies import measure_body, profile_scales
 from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.figures.variations import PRINTED
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import build_skeleton_prior
 from pacmo_core.skeleton_prior.kinematics import find_limbs
@@ -19,7 +20,9 @@ from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.state import model_config, model_state
-from tests.commands.test_augment import CLIP, FOREARM, UNIT, files, read, refused, stored
+from tests.commands.test_augment import CLIP, FOREARM, UNIT, files, played, read, refused, stored
+from tests.commands.test_augment import pacmo as augment
+from tests.figures.samples import unpack_motion
 from tests.skeleton_prior.examples import START
 
 __all__ = ["files", "stored"]  # fixtures
@@ -52,6 +55,7 @@ def test_a_body_that_is_asked_for_has_its_bones(stored: Path, weights: Path, tmp
     )
     assert said.exit_code == 0, said.output
     found = dict(stream_motions(out))
+    assert f"in {out} as {', '.join(found)}; " in said.output
     assert len(found) == 3
     wanted = bone_lengths(CLIP.person_b, SBU15)
     wanted[:, FOREARM] *= 1.2
@@ -72,7 +76,13 @@ def test_a_profile_is_that_of_augment_and_what_became_of_the_motion_is_said(
         *(stored, "--clip", "one", "--weights", weights, "--profile", "b=child", "--out", out)
     )
     assert said.exit_code == 0, said.output
-    assert "contacts kept" in said.output and "standing feet slide" in said.output
+    of_augment = augment(stored, "--clip", "one", "--profile", "b=child", "--out", tmp_path / "a")
+    ours, theirs = (
+        [line[2:20].strip() for line in text.splitlines() if line.startswith("  ")]
+        for text in (said.output, of_augment.output)
+    )
+    assert ours == theirs and len(ours) == len(PRINTED)
+    assert "of what looks natural (augment.limits of params.yaml)" in said.output
     ((_, pair),) = stream_motions(out)
     before = bone_lengths(CLIP.person_b, SBU15)
     scales = profile_scales(measure_body(CLIP.person_b, SBU15), "child")
@@ -90,6 +100,24 @@ def test_drawn_bodies_differ_and_come_as_a_folder_each(
     assert abs(bodies[0] / bodies[1] - 1).max() > 1e-3
     texts = [(out / "1" / "duo_B.bvh").read_bytes() for out in folders]
     assert texts[0] == texts[1], "the same seed draws the same"
+
+
+def test_a_page_plays_the_source_beside_the_samples(
+    files: list[Path], weights: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    said = pacmo(*files, *UNIT, "--weights", weights, "--samples", 7, "--out", out)
+    page = out / "duo_A.html"
+    assert f"beside the source in {page}" in said.output
+    scenes = played(page)
+    assert [scene["label"] for scene in scenes] == [
+        "source",
+        *(f"variation {number}" for number in range(5)),
+    ]
+    shown = unpack_motion(scenes[2]["motions"][1], np.array(scenes[2]["origin"]), scenes[2]["step"])
+    found = read(out / "1")
+    written = found.person_b[:, found.skeleton.indices(SBU15.joints)]
+    np.testing.assert_allclose(shown, written.reshape(-1, 3), atol=1e-3)
 
 
 def test_samples_do_not_write_over_the_capture_that_they_come_from(

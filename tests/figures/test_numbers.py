@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pacmo_core.figures.numbers import (
     format_estimate,
+    format_fixed,
     format_number,
     format_printed,
     format_range,
@@ -33,6 +34,17 @@ def read(text: str) -> Decimal:
 )  # fmt: skip
 def test_numbers_are_short_and_keep_the_digits_that_count(value: float, text: str) -> None:
     assert format_number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "text"),
+    [
+        (12.34, 1, "12.3"), (-0.314, 2, "−0.31"), (-0.004, 2, "0"), (3e-6, 1, "0"), (0.0, 2, "0"),
+        (-0.0, 1, "0"), (1234.5, 2, "1,234.50"), (0.05, 0, "0"), (100.0, 0, "100"),
+    ],
+)  # fmt: skip
+def test_fixed_decimals_end_at_nothing(value: float, decimals: int, text: str) -> None:
+    assert format_fixed(value, decimals) == text
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False).filter(lambda x: not 0 < abs(x) < 1e-290))

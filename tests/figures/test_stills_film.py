@@ -1,6 +1,7 @@
 """Truth: what Pillow reads back; what ffmpeg, where there is one, says of its file."""
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +9,38 @@ import pytest
 from PIL import Image
 
 from pacmo_core.figures import stills
-from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
+from pacmo_core.figures.stills import (
+    ASPECT,
+    check_gif_rate,
+    choose_camera,
+    find_ffmpeg,
+    follow_people,
+    project,
+    write_film,
+)
 from tests.figures.samples import interaction
 
 CLIP = interaction(1, n_frames=5, fps=25.0)
+
+
+def test_the_picture_of_a_film_follows_both_people_smoothly_and_shows_them_completely() -> None:
+    clip = interaction(2, n_frames=100, fps=25.0)
+    # They walk 10 m, and one of them 2 m away from the other and back.
+    walk = np.linspace(0, 10, 100)[:, None, None] * np.array([1.0, 0, 0])
+    apart = np.sin(np.linspace(0, np.pi, 100))[:, None, None] * np.array([0.5, 0, 2.0])
+    a, b = (clip.person_a + walk, clip.person_b + walk + apart)
+    clip = replace(clip, person_a=a.astype(np.float32), person_b=b.astype(np.float32))
+    camera = choose_camera(clip)
+    boxes = follow_people(clip, camera, 1.9)
+    flat = project(np.concatenate([clip.person_a, clip.person_b], axis=1), camera)[..., :2]
+    corners = np.array([[[box.left, box.bottom],
+                         [box.left + box.width, box.bottom + ASPECT * box.width]]
+                        for box in boxes])  # fmt: skip
+    assert (flat.min(axis=1) >= corners[:, 0]).all() and (flat.max(axis=1) <= corners[:, 1]).all()
+    widths = np.ptp(corners, axis=1)[:, 0]
+    assert widths.max() < 0.5 * np.ptp(flat[..., 0]), "not of the whole walk"
+    steps = np.abs(np.diff(corners, n=2, axis=0)).max()
+    assert steps < 0.02, "metres: the picture does not jerk"
 
 
 def test_a_gif_has_a_frame_a_frame_that_lasts_as_long_and_loops(tmp_path: Path) -> None:

@@ -12,13 +12,14 @@ from pacmo_core.augmentation.filter import VariationLimits
 from pacmo_core.figures import Report, render_report
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import (
+    DECIMALS,
     MEASURES,
     TABLE_MEASURES,
     WORST_BY,
     ShownVariation,
     limit_text,
     limits_table,
-    measurement_summary,
+    measurement_lines,
     played_variation,
     variation_label,
     variation_table,
@@ -63,13 +64,32 @@ def page() -> tuple[Report, str]:
     return whole, render_report(whole)
 
 
-def test_measurements_are_summarised_in_practical_units() -> None:
-    text = measurement_summary(FIGURES)
-    for words in (
-        *("5.70 mm", "205 mm if only scaled", "99.0 %", "−0.310 cm/s", "0.400 cm"),
-        *("elbows by 17.0°", "1.21×"),
-    ):
-        assert words in text
+def test_measurements_have_a_line_each_in_practical_units_beside_limit_and_person() -> None:
+    worse = {"elbow_change_p95": "b", "knee_change_p95": "a", "below_floor": "a"}
+    figures = FIGURES | {"below_floor": 1e-6}
+    lines = measurement_lines(figures, {"elbow_change_p95": 60.0, "contacts_kept": 0.8}, worse)
+    assert [" ".join(line.split()) for line in lines] == [
+        "near distances 5.7 mm 205.0 mm if only scaled",
+        "contacts kept 99.0 % wanted at least 80.0 %",
+        "knees 3.2° person a",
+        "elbows 17.0° wanted at most 60.0°, person b",
+        "spine 4.0°",
+        "pelvis height 1.30 cm",
+        "below the floor 0 cm",
+        "added foot skate −0.31 cm/s",
+        "penetration 0.40 cm",
+        "peak acceleration 1.21×",
+    ]
+
+
+@given(st.sampled_from(sorted(MEASURES)), st.floats(-1e4, 1e4))
+def test_a_measurement_has_the_decimals_of_its_unit(name: str, value: float) -> None:
+    measure = MEASURES[name]
+    number = measure.number(value).replace(",", "").replace("−", "-")
+    assert re.fullmatch(r"0|-?\d+\.\d{1,2}", number)
+    wanted = measure.factor * value
+    assert abs(float(number) - wanted) <= 0.5001 * 10 ** -DECIMALS[measure.unit]
+    assert number == "0" or float(number) != 0
 
 
 def test_the_gallery_plays_after_the_clips_source_first_and_says_what_is_worst() -> None:
@@ -80,9 +100,7 @@ def test_the_gallery_plays_after_the_clips_source_first_and_says_what_is_worst()
     assert 'data-clip="2"' in gallery
     captions = re.findall(r"<figcaption>.*?<span>(.*?)</span>", gallery)
     assert captions == ["Source", "b: child", "both bodies sampled, r0001"]
-    assert (
-        "<b>b: child</b> is the worst by knees (3.20°); left out of training for knees" in gallery
-    )
+    assert "<b>b: child</b> is the worst by knees (3.2°); left out of training for knees" in gallery
     assert "is the worst by contacts kept (99.0 %)</li>" in gallery
     assert gallery.count('class="worst"') == 2
     assert "salsa&lt;1&gt;" in gallery
@@ -166,9 +184,12 @@ def test_a_limit_is_stated_in_the_unit_of_its_measurement() -> None:
 
 
 def test_measurements_stand_beside_their_limits_and_those_beyond_are_marked() -> None:
-    table = limits_table(FIGURES, {"elbow_change_p95": 10.0}, ["elbow_change_p95"])
+    columns = [("0", FIGURES, ["elbow_change_p95"]), ("1", FAULTLESS, [])]
+    table = limits_table(columns, {"elbow_change_p95": 10.0})
+    assert [metric.label for metric in table.metrics] == ["0", "1", "Limit"]
     lines = {line.label: line.entries for line in table.lines}
-    value, limit = lines["Elbows ↓ °"]
+    value, other, limit = lines["Elbows ↓ °"]
     assert (value.value, value.mark, limit.value) == ("17.0", "worst", "10.0")
-    value, limit = lines["Knees ↓ °"]
-    assert (value.value, value.mark, limit.value, limit.reason) == ("3.20", "", "–", "no limit")
+    assert (other.value, other.mark) == ("0", "")
+    value, _, limit = lines["Knees ↓ °"]
+    assert (value.value, value.mark, limit.value, limit.reason) == ("3.2", "", "–", "no limit")

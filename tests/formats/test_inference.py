@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.posture import CMU_UNIT
+from pacmo_core.formats.base import to_y_up
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.inference import implausible, infer_settings, states_unit_or_axis
 from pacmo_core.formats.ntu import Ntu
@@ -65,11 +66,13 @@ def test_cmu_files_are_in_the_unit_of_cmu() -> None:
 
 def test_a_person_whom_a_wrong_unit_makes_is_found_with_a_unit_that_would_not() -> None:
     skeleton, (a, b) = mixamo(CLIP)
-    assert implausible([(skeleton, a), (skeleton, b)]) is None
-    number, reason = implausible([(skeleton, a), (skeleton, b / np.float32(0.0254))]) or (-1, "")
+    up = ["y", "y"]
+    assert implausible([(skeleton, a), (skeleton, b)], up) is None
+    inches = b / np.float32(0.0254)
+    number, reason = implausible([(skeleton, a), (skeleton, inches)], up) or (-1, "")
     assert number == 1
     assert "wanted 0.5 to 2.6 m; 0.0254 times the unit would give" in reason
-    _, reason = implausible([(skeleton, a * np.float32(0.01))]) or (-1, "")
+    _, reason = implausible([(skeleton, a * np.float32(0.01))], ["y"]) or (-1, "")
     assert "a person of 0.0" in reason
 
 
@@ -78,10 +81,23 @@ def test_someone_who_is_carried_by_an_upright_person_is_no_fault() -> None:
     # As of a wrong axis: what is upright lies, and walks along what is taken for up.
     walk = 0.2 * np.sin(np.arange(len(b)) / 9)[:, None, None] * np.array([0.0, 1.0, 0.0])
     turned = (from_y_up(b, "z") + walk).astype(np.float32)
-    fault = implausible([(skeleton, turned)])
+    fault = implausible([(skeleton, turned)], ["y"])
     assert fault is not None
-    assert "lying while standing" in fault[1]
-    assert implausible([(skeleton, a), (skeleton, turned)]) is None
+    assert fault[1] == "y up was stated, but the trunk of a person is along z throughout"
+    assert implausible([(skeleton, a), (skeleton, turned)], ["y", "y"]) is None
+    unknown = implausible([(skeleton, turned)], [None])
+    assert unknown is not None
+    assert unknown[1].endswith("with the upward axis that the file states")
+
+
+def test_the_axis_that_is_found_is_one_of_the_file() -> None:
+    skeleton, (a, _) = mixamo(CLIP)
+    walk = 0.2 * np.sin(np.arange(len(a)) / 9)[:, None, None] * np.array([0.0, 0.0, 1.0])
+    in_file = a + walk
+    for up, wanted in (("z", "y"), ("y", "")):
+        found = implausible([(skeleton, to_y_up(in_file.astype(np.float32), up))], [up])
+        text = f"z up was stated, but the trunk of a person is along {wanted} throughout"
+        assert found == ((0, text) if wanted else None)
 
 
 def test_only_formats_whose_unit_or_axis_someone_states_are_checked() -> None:

@@ -62,6 +62,19 @@ def test_exactly_one_preset_fits_a_capture_of_its_rig(name: str) -> None:
     assert [rig.name for rig in fitting_rigs(plain_names(CAPTURES[name].joints))] == [name]
 
 
+def test_a_rig_with_more_than_mixamos_joints_is_said_to_have_them() -> None:
+    more = star(
+        "mixamorig:Hips mixamorig:Spine mixamorig:Spine1 mixamorig:Spine2 mixamorig:Spine3 "
+        "mixamorig:Neck mixamorig:Head "
+        + both(f"{SIDES} HandEnd HandThumb1", "Left", "Right", "mixamorig:")
+    )
+    said = name_joints(more, SBU15, StatedNames()).description
+    assert said.startswith("joints named by the preset duo_mocap (mixamo's and more)")
+    plain = name_joints(CAPTURES["mixamo"], SBU15, StatedNames()).description
+    assert plain.startswith("joints named by the preset mixamo")
+    assert "and more" not in plain
+
+
 def test_names_are_compared_whatever_their_case_prefix_and_side() -> None:
     assert plain_name("mixamorig:LeftUpLeg") == plain_name("left_up_leg") == "leftupleg"
     assert plain_name("L_Hip") == plain_name("HipLeft") == plain_name("left hip") == "lefthip"

@@ -63,7 +63,7 @@ def test_captures_that_a_wrong_unit_or_axis_makes_impossible_are_quarantined(
         q.sequence: q.reason for q in read_rows(Path("s/quarantine.parquet"), QuarantineRecord)
     }
     assert "a person of 3" in reasons["inches"]
-    assert "lying while standing" in reasons["lying"]
+    assert "y up was stated, but the trunk of a person is along z" in reasons["lying"]
 
 
 def test_captures_beside_the_scripts_of_the_default_are_synthetic(

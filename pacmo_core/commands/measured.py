@@ -1,0 +1,156 @@
+"""What ``augment`` and ``vary`` say of the motions that they wrote: lines, and a page."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
+from pacmo_core.commands.captures import TwoPersonCapture, is_parquet
+from pacmo_core.commands.reading import PEOPLE
+from pacmo_core.commands.view import scene_of_people
+from pacmo_core.data.names import file_stem
+from pacmo_core.figures.variations import limit_text, limits_table, measure_label, measurement_lines
+from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
+from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.interaction_mesh import Settings
+from pacmo_core.interaction_mesh.mesh import ground_supports
+from pacmo_core.interaction_mesh.report import measure_motions, measure_people
+from pacmo_core.store.files import write_text
+
+Scales = NDArray[np.float64]
+WITHOUT_SOLVER = {"primal_residual": 0.0}
+# What a page plays of a long capture: more would be slow to open.
+MAX_FPS, MAX_FRAMES = 60.0, 3600
+LIMITS = "limits of what looks natural (augment.limits of params.yaml)"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Measurements of one or more variations of a capture.
+
+    Parameters
+    ----------
+    samples : of each variation, by the names of ``interaction_mesh.Report``
+    worse : the person, a or b, in whom a measurement is worse; without those that are of both, or
+        equal
+    """
+
+    samples: tuple[Mapping[str, float], ...]
+    worse: Mapping[str, str]
+
+    @property
+    def means(self) -> dict[str, float]:
+        """The mean of each measurement over the variations."""
+        return {
+            name: float(np.mean([sample[name] for sample in self.samples]))
+            for name in self.samples[0]
+        }
+
+    def lines(self, limits: VariationLimits) -> Iterator[str]:
+        """Yield the lines that a command prints."""
+        count = len(self.samples)
+        means = f", means of {count} samples" if count > 1 else ""
+        yield f"against the capture, measured in what was written{means}:"
+        yield from measurement_lines(self.means, asdict(limits), self.worse)
+        exceeded = [exceeded_limits(sample, limits) for sample in self.samples]
+        beyond = sum(map(bool, exceeded))
+        if not beyond:
+            yield f"all within the {LIMITS}"
+        elif count > 1:
+            names = Counter(name for sample in exceeded for name in sample).most_common()
+            texts = [f"{measure_label(name)} ({number})" for name, number in names]
+            yield f"{beyond} of {count} samples beyond the {LIMITS}: {', '.join(texts)}"
+        else:
+            worst_first = sorted(exceeded[0], key=lambda name: -exceeded[0][name])
+            (sample,) = self.samples
+            texts = [limit_text(name, sample[name], asdict(limits)[name]) for name in worst_first]
+            yield f"beyond the {LIMITS}: {'; '.join(texts)}"
+
+
+def measure_written(
+    duo: TwoPersonCapture,
+    people: Sequence[tuple[PersonMotion, PersonMotion]],
+    scales: Sequence[tuple[Scales, Scales]],
+    settings: Settings,
+    solved: Mapping[str, float] = WITHOUT_SOLVER,
+) -> Measured:
+    """Measure motions as they were written against the capture.
+
+    Parameters
+    ----------
+    people : of each variation
+    scales : of the bones of its two bodies, (E,) each
+    solved : what a solver says of itself, by the names of ``interaction_mesh.Report``
+    """
+    points = [np.concatenate([p.motion for p in pair], axis=1, dtype=np.float64) for pair in people]
+    supports = ground_supports(duo.scene, settings.support)
+    bodies = np.stack([np.concatenate(pair) for pair in scales])
+    motions = np.stack(points, axis=-1)
+    found = measure_motions(duo.scene, settings, supports, bodies, motions)
+    samples = tuple(
+        {**solved, **{name: float(values[number]) for name, values in found.items()}}
+        for number in range(len(people))
+    )
+    a, b = measure_people(duo.scene, supports, bodies, motions)
+    apart = {name: float((b[name] - a[name]).mean()) for name in a}
+    worse = {name: PEOPLE[int(by > 0)] for name, by in apart.items() if by}
+    return Measured(samples, worse)
+
+
+def write_variation_page(
+    duo: TwoPersonCapture,
+    variations: Sequence[tuple[PersonMotion, PersonMotion]],
+    measured: Measured,
+    limits: VariationLimits,
+    out: Path,
+) -> Path:
+    """Write the page beside the written files.
+
+    Parameters
+    ----------
+    duo : the capture
+    variations : the two people of each, as they are in the files; the page has the first ones
+    measured : their measurements
+    limits : of what looks natural
+    out : of the command: a file or a folder
+
+    Returns
+    -------
+    its path: FILE.html beside FILE.bvh and FILE.parquet, NAME.html in a folder
+    """
+    in_folder = not is_parquet(out) and out.suffix.lower() != ".bvh"
+    page = out / f"{file_stem(duo.name)}.html" if in_folder else out.with_suffix(".html")
+    labels = [f"variation {number}" for number in range(min(len(variations), MAX_CLIPS - 1))]
+    labels = labels if len(variations) > 1 else ["variation"]
+    shown_people = zip(labels, variations, strict=False)
+    scenes = [_scene("source", duo.people), *(_scene(*shown) for shown in shown_people)]
+    columns = [
+        (label, figures, set(exceeded_limits(figures, limits)))
+        for label, figures in zip(labels, measured.samples, strict=False)
+    ]
+    table = limits_table(columns, asdict(limits))
+    shown = _shown_frames(duo.people[0])
+    n_frames = len(duo.people[0].times)
+    played = "" if n_frames == len(shown) else f", {len(shown):,} of {n_frames:,} frames"
+    what = "variation" if len(labels) == 1 else f"{len(labels)} of {len(variations)} variations"
+    title = f"{duo.name}: source and {what}{played}"
+    write_text(page, render_viewer(scenes, contact=0.1, title=title, table=table))
+    return page
+
+
+def _scene(label: str, people: tuple[PersonMotion, PersonMotion]) -> Scene:
+    frames = _shown_frames(people[0])
+    times = people[0].times[frames] - people[0].times[0]
+    shown = [replace(person, times=times, motion=person.motion[frames]) for person in people]
+    return scene_of_people(label, shown)
+
+
+def _shown_frames(person: PersonMotion) -> list[int]:
+    """List the frames that the page plays: at most ``MAX_FPS``, from the start ``MAX_FRAMES``."""
+    fps = float(1 / np.median(np.diff(person.times)))
+    step = max(1, round(fps / MAX_FPS))
+    return list(range(0, len(person.times), step))[:MAX_FRAMES]

@@ -1,0 +1,67 @@
+"""Truth: a motion that is moved by a known distance."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pacmo_core.commands.augment import read_solver_section
+from pacmo_core.commands.captures import TwoPersonCapture
+from pacmo_core.commands.measured import Measured, measure_written
+from pacmo_core.formats.registry import PersonMotion
+from tests.commands.test_augment import CLIP
+
+SECTION = read_solver_section(Path("params.yaml"))
+A, B = (
+    PersonMotion(CLIP.skeleton, CLIP.times, motion) for motion in (CLIP.person_a, CLIP.person_b)
+)
+DUO = TwoPersonCapture("one", (Path("one.npz"),), ({}, {}), (A, B))
+SAME = np.ones(len(CLIP.skeleton.bones))
+
+
+def lowered(person: PersonMotion, metres: float) -> PersonMotion:
+    down = np.array([0, metres, 0], np.float32)
+    return replace(person, motion=person.motion - down)
+
+
+def measured(*people: tuple[PersonMotion, PersonMotion]) -> Measured:
+    return measure_written(DUO, people, [(SAME, SAME)] * len(people), SECTION.solver)
+
+
+@pytest.mark.parametrize(("person", "depths"), [("a", (0.05, 0.01)), ("b", (0.0, 0.05))])
+def test_a_measurement_is_of_the_person_in_whom_it_is_worse(
+    person: str, depths: tuple[float, float]
+) -> None:
+    found = measured((lowered(A, depths[0]), lowered(B, depths[1])))
+    assert found.means["below_floor"] == pytest.approx(0.05, abs=1e-5)
+    assert found.worse["below_floor"] == person
+    (line,) = (text for text in found.lines(SECTION.limits) if "below the floor" in text[:20])
+    assert (
+        line.split() == f"below the floor 5.00 cm wanted at most 1.00 cm, person {person}".split()
+    )
+
+
+def test_the_last_line_says_what_is_beyond_and_in_how_many() -> None:
+    (*_, one) = measured((A, lowered(B, 0.05))).lines(SECTION.limits)
+    assert one.startswith(
+        "beyond the limits of what looks natural (augment.limits of params.yaml): "
+    )
+    assert "below the floor 5.00 cm, wanted at most 1.00 cm" in one
+    first, *_, two = measured((A, B), (A, lowered(B, 0.05))).lines(SECTION.limits)
+    assert "means of 2 samples" in first
+    assert two.startswith("1 of 2 samples beyond the limits")
+    assert "below the floor (1)" in two
+    (*_, none) = measured((A, B)).lines(SECTION.limits)
+    assert none == "all within the limits of what looks natural (augment.limits of params.yaml)"
+
+
+def test_a_motion_that_is_the_capture_has_changed_by_nothing() -> None:
+    found = measured((A, B))
+    for text in (
+        "near distances 0 mm",
+        "contacts kept 100.0 %",
+        "knees 0°",
+        "below the floor 0 cm",
+    ):
+        assert any(" ".join(line.split()).startswith(text) for line in found.lines(SECTION.limits))
