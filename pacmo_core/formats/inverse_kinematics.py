@@ -6,6 +6,7 @@ targets, and ``inverse_kinematics`` spreads what is left over the body by weight
 """
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,9 +170,12 @@ def aim_bones(
 ) -> tuple[Array, Array]:
     """Rotate joints from the root outwards so that their bones point to the targets (Kabsch).
 
+    Beyond a joint without a target, a bone points to the nearest joints that have one, as if all
+    joints between were stiff. A root without a target is where these joints come nearest theirs.
+
     Parameters
     ----------
-    targets : (T, 3) positions of some joints, the root among them
+    targets : (T, 3) positions of some joints
     local : (T, J, 3, 3), which determine what positions leave undetermined
 
     Returns
@@ -186,19 +190,86 @@ def aim_bones(
     )
     for joint, parent in enumerate(parents):
         parent_rotation = rotations_world[:, parent] if parent >= 0 else np.eye(3)[None]
-        base = targets[joint] if parent < 0 else positions[:, parent]
-        positions[:, joint] = base + (
-            rotate_vectors(parent_rotation, offsets[:, joint]) if parent >= 0 else 0
-        )
-        ends = [c for c, p in enumerate(parents) if p == joint and c in targets]
+        chains = _chains_to_targets(parents, targets, joint)
         rotations_world[:, joint] = parent_rotation @ local[:, joint]
-        if ends:
-            directions = np.stack([targets[end] - positions[:, joint] for end in ends], axis=1)
+        levers, ends = np.zeros((len(local), 0, 3)), np.zeros((len(local), 0, 3))
+        if chains:
+            levers = np.stack([_lever(chain, offsets, local) for chain in chains], axis=1)
+            ends = np.stack([targets[chain[-1]] for chain in chains], axis=1)
+        if parent >= 0:
+            positions[:, joint] = positions[:, parent] + rotate_vectors(
+                parent_rotation, offsets[:, joint]
+            )
+        elif joint in targets:
+            positions[:, joint] = targets[joint]
+        else:
+            middle, end = levers.mean(axis=1), ends.mean(axis=1)
             rotations_world[:, joint] = _nearest_rotations(
-                directions, offsets[:, ends], rotations_world[:, joint]
+                ends - end[:, None], levers - middle[:, None], local[:, joint]
+            )
+            positions[:, joint] = end - rotate_vectors(rotations_world[:, joint], middle)
+        if chains:
+            rotations_world[:, joint] = _nearest_rotations(
+                ends - positions[:, joint, None], levers, rotations_world[:, joint]
             )
         solution[:, joint] = np.swapaxes(parent_rotation, -1, -2) @ rotations_world[:, joint]
-    return targets[0], solution
+    return positions[:, 0], solution
+
+
+def _chains_to_targets(
+    parents: Sequence[int], targets: Collection[int], joint: int
+) -> list[tuple[int, ...]]:
+    """List the joints on the way from a joint to each of the nearest below that have a target."""
+    chains: list[tuple[int, ...]] = []
+    for child in [c for c, parent in enumerate(parents) if parent == joint]:
+        below = [()] if child in targets else _chains_to_targets(parents, targets, child)
+        chains += [(child, *chain) for chain in below]
+    return chains
+
+
+def _lever(chain: Sequence[int], offsets: Array, local: Array) -> Array:
+    """``(T, 3)``: from a joint to the end of a chain below it, in the joint's frame."""
+    lever = offsets[:, chain[-1]]
+    for joint in reversed(chain[:-1]):
+        lever = offsets[:, joint] + rotate_vectors(local[:, joint], lever)
+    return lever
+
+
+@dataclass(frozen=True)
+class PointTargets:
+    """Where K points of the body shall be.
+
+    Parameters
+    ----------
+    shares : (K, J) of each joint's position in each point's; a row sums to 1
+    positions : (T, K, 3)
+    weights : (T, K), of the squared distances
+    """
+
+    shares: Array
+    positions: Array
+    weights: Array
+
+    def frames(self, part: slice) -> "PointTargets":
+        """Select frames."""
+        return PointTargets(self.shares, self.positions[part], self.weights[part])
+
+    def gaps(self, positions: Array) -> Array:
+        """``(T, K, 3)``: from the points of a body whose joints are at (T, J, 3)."""
+        gaps: Array = self.positions - self.shares @ positions
+        return gaps
+
+    def of_joints(self) -> dict[int, Array]:
+        """``(T, 3)`` of each joint: where it is if all points are met, as far as points tell."""
+        known: dict[int, Array] = {}
+        for row in np.argsort((self.shares != 0).sum(axis=1), kind="stable"):
+            parts = np.flatnonzero(self.shares[row]).tolist()
+            unknown = [joint for joint in parts if joint not in known]
+            if len(unknown) == 1:
+                others = [self.shares[row, j] * known[j] for j in parts if j in known]
+                rest = self.positions[:, row] - np.sum(others, axis=0)
+                known[unknown[0]] = rest / self.shares[row, unknown[0]]
+        return known
 
 
 def inverse_kinematics(
@@ -208,27 +279,42 @@ def inverse_kinematics(
     offsets: Array,
     initial: tuple[Array, Array],
 ) -> tuple[Array, Array]:
-    """Pose the tree by least squares of the weighted distances to the targets.
+    """Pose the tree by least squares of the weighted distances of joints to their targets.
+
+    Parameters
+    ----------
+    targets : (T, 3) positions of K joints
+    weights : (T, K), of the squared distances, in the order of ``targets``
+    offsets, initial : as of ``reach_points``
+    """
+    shares = np.eye(len(parents))[list(targets)]
+    points = PointTargets(shares, np.stack(list(targets.values()), axis=1), weights)
+    return reach_points(parents, points, offsets, initial)
+
+
+def reach_points(
+    parents: Sequence[int], targets: PointTargets, offsets: Array, initial: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Pose the tree by least squares of the weighted distances of points to their targets.
 
     Levenberg-Marquardt (Marquardt 1963), each frame with its own damping: where bones are shorter
     or longer than the targets want, plain Gauss-Newton steps may lead away from the targets.
 
     Parameters
     ----------
-    targets : (T, 3) positions of K joints, the root among them
-    weights : (T, K), of the squared distances, in the order of ``targets``
+    targets : of the points
     offsets : (T, J, 3) from the parent, in the parent's frame
     initial : root and local rotations, as ``aim_bones`` gives them
     """
     root, local = initial[0].copy(), initial[1].copy()
     for first in range(0, len(root), FRAMES_PER_BATCH):
         part = slice(first, first + FRAMES_PER_BATCH)
-        aims = {joint: positions[part] for joint, positions in targets.items()}
+        aims, bones = targets.frames(part), offsets[part]
         pose, damping = (root[part], local[part]), np.full(len(root[part]), DAMPING)
-        cost = _cost(parents, aims, weights[part], offsets[part], pose)
+        cost = _cost(parents, aims, bones, pose)
         for _ in range(N_STEPS):
-            trial = _damped_step(parents, aims, weights[part], offsets[part], pose, damping)
-            trial_cost = _cost(parents, aims, weights[part], offsets[part], trial)
+            trial = _damped_step(parents, aims, bones, pose, damping)
+            trial_cost = _cost(parents, aims, bones, trial)
             better = trial_cost < cost
             for values, found in zip((*pose, cost), (*trial, trial_cost), strict=True):
                 values[better] = found[better]
@@ -237,16 +323,12 @@ def inverse_kinematics(
 
 
 def _cost(
-    parents: Sequence[int],
-    targets: dict[int, Array],
-    weights: Array,
-    offsets: Array,
-    pose: tuple[Array, Array],
+    parents: Sequence[int], targets: PointTargets, offsets: Array, pose: tuple[Array, Array]
 ) -> Array:
     """``(T,)``: the weighted squared distances to the targets."""
     positions, _ = forward_kinematics(parents, pose[0], offsets, pose[1])
-    gaps = np.stack([targets[joint] - positions[:, joint] for joint in targets], axis=1)
-    cost: Array = (weights * np.square(gaps).sum(axis=-1)).sum(axis=1)
+    squared = np.square(targets.gaps(positions)).sum(axis=-1)
+    cost: Array = (targets.weights * squared).sum(axis=1)
     return cost
 
 
@@ -256,10 +338,9 @@ def rotate_vectors(frames: Array, vectors: Array) -> Array:
     return solution
 
 
-def _damped_step(  # the problem, the pose and the damping
+def _damped_step(
     parents: Sequence[int],
-    targets: dict[int, Array],
-    weights: Array,
+    targets: PointTargets,
     offsets: Array,
     pose: tuple[Array, Array],
     damping: Array,
@@ -267,11 +348,13 @@ def _damped_step(  # the problem, the pose and the damping
     """Return the pose after a Gauss-Newton step; ``damping`` (T,) is of each frame's rotations."""
     root, local = pose
     positions, rotations_world = forward_kinematics(parents, root, offsets, local)
-    inner = sorted(set(parents) - {-1})
-    rows = list(targets)
-    roots = np.sqrt(weights)[..., None]
-    jacobian = _jacobian(parents, positions, inner, rows) * np.repeat(roots, 3, axis=1)
-    residual = np.stack([targets[joint] - positions[:, joint] for joint in rows], axis=1) * roots
+    rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
+    inner = sorted(set().union(*(_ancestors(parents, joint) for joint in rows)))
+    roots = np.sqrt(targets.weights)[..., None]
+    jacobian = _jacobian(parents, positions, inner, rows)
+    jacobian = np.einsum("kr,trxv->tkxv", targets.shares[:, rows], jacobian) * roots[..., None]
+    jacobian = jacobian.reshape(len(root), -1, jacobian.shape[-1])
+    residual = targets.gaps(positions) * roots
     normal = jacobian.swapaxes(1, 2) @ jacobian
     scale = np.square(positions - positions.mean(axis=1, keepdims=True)).sum(axis=-1).mean(axis=1)
     diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
@@ -290,17 +373,22 @@ def _damped_step(  # the problem, the pose and the damping
     return moved, turned
 
 
+def _ancestors(parents: Sequence[int], joint: int) -> list[int]:
+    ancestors = []
+    while (joint := parents[joint]) >= 0:
+        ancestors.append(joint)
+    return ancestors
+
+
 def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: list[int]) -> Array:
-    """``(T, 3 K, 3 + 3 I)``: derivatives by the root and by rotations of inner joints."""
+    """``(T, R, 3, 3 + 3 I)``: of joints ``rows``, by the root and by rotations of inner joints."""
     jacobian = np.zeros((len(positions), len(rows), 3, 1 + len(inner), 3))
     jacobian[..., 0, :] = np.eye(3)
     for row, joint in enumerate(rows):
-        ancestor = parents[joint]
-        while ancestor >= 0:
+        for ancestor in _ancestors(parents, joint):
             lever = positions[:, joint] - positions[:, ancestor]
             jacobian[:, row, :, 1 + inner.index(ancestor)] = -_cross(lever)
-            ancestor = parents[ancestor]
-    return jacobian.reshape(len(positions), 3 * len(rows), -1)
+    return jacobian.reshape(len(positions), len(rows), 3, -1)
 
 
 def _cross(vectors: Array) -> Array:

@@ -1,13 +1,14 @@
-"""Write BVH: a motion as a new file (metres, y up), or a file with another body and motion.
+"""Write BVH: a motion as a new file (metres, y up), a file with another body, or on a file's rig.
 
 A rewritten file keeps its hierarchy, channels, unit and axes. Its own rotations are kept as far as
 the new bone directions allow, so that what positions leave undetermined (the twist of a limb, the
 rotation of a hand) stays as captured. Where several bones leave one joint, the angles between them
-are fitted to the new motion, as a file holds them constant.
+are fitted to the new motion, as a file holds them constant. A motion on a rig leaves the hierarchy
+and all offsets as they are, and takes what positions leave undetermined from the file's mean pose.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +20,18 @@ from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
 from pacmo_core.formats.inverse_kinematics import (
+    PointTargets,
     aim_bones,
     fit_rest_directions,
     inverse_kinematics,
+    reach_points,
 )
-from pacmo_core.formats.rotations import GIMBAL_LOCK, axis_rotations, euler_angles_near
+from pacmo_core.formats.rotations import (
+    GIMBAL_LOCK,
+    axis_rotations,
+    continuous_euler_angles,
+    euler_angles_near,
+)
 
 # The rotation order: gimbal lock, where the middle angle is a right angle, lies where people look
 # straight up or down.
@@ -157,7 +165,63 @@ def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str
     offsets = _displacements(bvh, rest, scales)
     initial = aim_bones(bvh.parents, of_joint, offsets, _local_rotations(bvh))
     root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, offsets, initial)
-    return _format_rewritten(bvh, rest, _rows(bvh, root, offsets, local))
+    return _format_rewritten(bvh, rest, _rows(bvh, root, offsets, local, euler_angles_near))
+
+
+def write_on_rig(file: Path, bvh: Bvh, targets: PointTargets, fps: float) -> str:
+    """Write a motion on the hierarchy and the bones of a file (inverse kinematics).
+
+    Rotations start from the mean pose of the file: joints that carry no target, such as fingers,
+    keep it against their parents.
+
+    Parameters
+    ----------
+    file : for messages
+    bvh : the file as read
+    targets : of points of its joints, in file units and the file's world
+    fps : frames per second of the targets
+
+    Raises
+    ------
+    FormatError
+        If a joint has not three rotation channels, or the root no position channels.
+    """
+    _check_channels(file, bvh)
+    n_frames = len(targets.positions)
+    offsets = np.repeat(
+        _displacements(bvh, bvh.offsets, np.ones(len(bvh.joints))).mean(axis=0)[None],
+        n_frames,
+        axis=0,
+    )
+    mean_pose = _mean_rotations(_local_rotations(bvh))
+    local = np.repeat(mean_pose[None], n_frames, axis=0)
+    initial = aim_bones(bvh.parents, targets.of_joints(), offsets, local)
+    root, local = reach_points(bvh.parents, targets, offsets, initial)
+    still = np.repeat(bvh.motion[:1], n_frames, axis=0)
+    posed = replace(bvh, frame_time=1 / fps, motion=still)
+    return format_file(posed, _rows(posed, root, offsets, local, continuous_euler_angles))
+
+
+def _mean_rotations(rotations: Array) -> Array:
+    """``(J, 3, 3)``: the rotations nearest to the means of (T, J, 3, 3) (Moakher 2002)."""
+    u, _, right = np.linalg.svd(rotations.mean(axis=0))
+    u[..., -1] *= np.linalg.det(u @ right)[:, None]
+    mean: Array = u @ right
+    return mean
+
+
+def change_unit(bvh: Bvh, factor: float) -> Bvh:
+    """Multiply all lengths of a file: offsets, and the channels of positions."""
+    motion = bvh.motion.copy()
+    for _, column, channel in _columns(bvh):
+        if channel.endswith("position"):
+            motion[:, column] *= factor
+    return replace(bvh, offsets=factor * bvh.offsets, motion=motion)
+
+
+def format_file(bvh: Bvh, rows: Array) -> str:
+    """Write a file's hierarchy with a motion (T, C) in its channels."""
+    return _format_rewritten(bvh, bvh.offsets, rows)
 
 
 def _check_channels(file: Path, bvh: Bvh) -> None:
@@ -201,13 +265,19 @@ def _columns(bvh: Bvh) -> Iterator[tuple[int, int, str]]:
             column += 1
 
 
-def _rows(bvh: Bvh, root: Array, offsets: Array, local: Array) -> Array:
-    """``(T, C)``: the motion, in the file's channels."""
+def _rows(
+    bvh: Bvh,
+    root: Array,
+    offsets: Array,
+    local: Array,
+    euler_angles: Callable[[Array, Sequence[int], Array], Array],
+) -> Array:
+    """``(T, C)``: the motion, in the file's channels; angles near those of the file's motion."""
     rows = np.zeros_like(bvh.motion)
     for joint, columns in _rotation_columns(bvh).items():
         order = ["xyz".index(name[0]) for name in columns]
         columns_of_joint = list(columns.values())
-        rows[:, columns_of_joint] = euler_angles_near(
+        rows[:, columns_of_joint] = euler_angles(
             local[:, joint], order, bvh.motion[:, columns_of_joint]
         )
     start = root - bvh.offsets[0]
