@@ -281,7 +281,9 @@ def _array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[np.gener
     return shape, dtype
 
 
-def _check_array(file: Path, name: str, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> None:
+def _check_array(
+    file: Path, name: str, shape: tuple[int, ...], dtype: np.dtype[np.generic]
+) -> None:
     if dtype.kind not in _ARRAY_KINDS:
         what = "Python objects, which are pickled" if dtype.hasobject else str(dtype)
         raise FormatError(file, f"{name}: wanted plain numbers or text; got {what}")

@@ -55,9 +55,8 @@ def with_lengths(motion: Array, lengths: Array, ground: Array, skeleton: Skeleto
     ground : (T,) metres, height of the ground beneath the body
     skeleton : of the motion
     """
-    own, wanted = (
-        lengths_by_joint(values, skeleton) for values in (median_lengths(motion, skeleton), lengths)
-    )
+    own = lengths_by_joint(median_lengths(motion.astype(np.float32), skeleton), skeleton)
+    wanted = lengths_by_joint(lengths, skeleton)
     shins = [foot[0] for foot in feet(skeleton)]
     legs = [joint for ankle in shins for joint in (ankle, skeleton.parents[ankle]) if joint in own]
     ratio = sum(wanted[j] for j in legs or own) / sum(own[j] for j in legs or own)

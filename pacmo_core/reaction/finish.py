@@ -21,7 +21,7 @@ Weights are per frame and D^2 is in seconds, so the result depends little on the
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -181,7 +181,7 @@ def find_targets(
 
 
 def _ground(motion: Motion, fps: float, skeleton: Skeleton) -> Array:
-    """``(T,)`` metres: the height of the ground beneath a body, that of its lowest joint if legless."""
+    """``(T,)`` metres: the height of the ground beneath a body; without legs its lowest joint."""
     if not feet(skeleton):
         return np.full(len(motion), float(motion[..., 1].min()))
     floor = find_floor(motion, find_stance(motion, fps, skeleton), skeleton)
