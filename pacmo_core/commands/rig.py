@@ -74,7 +74,10 @@ class TargetRig:
         shares[:, [self.bvh.joints.index(name) for name in self.joints]] = self.weights
         positions = from_y_up(aims, space.up).astype(np.float64) / space.unit
         targets = PointTargets(shares, positions, weights)
-        return write_on_rig(self.file, self._in_unit(space), targets, frame_rate(person))
+        bvh = self._in_unit(space)
+        return write_on_rig(
+            self.file, bvh, targets, person.skeleton, space.unit, frame_rate(person)
+        )
 
     def copied(self, person: PersonMotion, space: OutputSpace) -> str:
         """Write the motion of the file itself at the times of a person."""

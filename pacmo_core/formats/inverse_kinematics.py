@@ -3,13 +3,18 @@
 Bones that leave one joint keep their angles to each other, so that not every pose can be reached.
 ``fit_rest_directions`` fits these angles to the whole motion, ``aim_bones`` points bones at the
 targets, and ``inverse_kinematics`` spreads what is left over the body by weighted least squares.
+
+Positions leave the twist of a limb undetermined. Where a knee or an elbow is known as a hinge, the
+bone above it is twisted so that the limb bends about the hinge's axis.
 """
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.interaction import Motion
 
@@ -24,6 +29,10 @@ N_STEPS = 10
 # factors by which it changes after a step that was better, and one that was not.
 DAMPING, LEAST_DAMPING, EASE, TIGHTEN = 1e-3, 1e-5, 0.25, 16.0
 FRAMES_PER_BATCH = 128  # bounds memory
+
+# Share of the twist that a bone takes over from its parent, relative to that by which a hinge, bent
+# by a right angle, turns it: a limb that is nearly straight does not tell where its hinge is.
+TWIST_SHARE = 0.03
 
 # Weights of targets near the other person or the ground, in addition to 1, and the distances in
 # metres at which they have fallen to 1/e. They change smoothly with the motion: a step in a weight
@@ -165,8 +174,54 @@ def _mean_directions(bones: Array, rest: Array) -> Array:
     return aligned
 
 
+@dataclass(frozen=True)
+class Hinge:
+    """A knee or an elbow: the bone below it bends about one axis of the bone above.
+
+    Parameters
+    ----------
+    joint, end : knee and ankle, or elbow and wrist; the bone above begins at the joint's parent
+    axis : (3,) unit vector in the frame of that parent, about which a bend is positive
+    smoothing : frames, standard deviation of the filter on the twist
+    """
+
+    joint: int
+    end: int
+    axis: Array
+    smoothing: float = 0.0
+
+    def twisted(self, frames: Array, above: Array, below: Array) -> Array:
+        """Twist the frames (T, 3, 3) of the bone above, so that the limb bends about the axis.
+
+        Parameters
+        ----------
+        above, below : (T, 3), the bones that the limb shall have
+        """
+        along, onward = (
+            bone / np.maximum(np.linalg.norm(bone, axis=-1, keepdims=True), 1e-12)
+            for bone in (above, below)
+        )
+        axis = frames @ self.axis
+        axis -= (axis * along).sum(axis=-1, keepdims=True) * along
+        bend = np.cross(along, onward)
+        bend *= np.linalg.norm(bend, axis=-1, keepdims=True)
+        # In the frame that is given, so that the body's turning does not count as twisting.
+        wanted = np.swapaxes(frames, -1, -2) @ (TWIST_SHARE * axis + bend)[..., None]
+        if self.smoothing:
+            wanted = gaussian_filter1d(wanted, self.smoothing, axis=0, mode="nearest")
+        wanted = rotate_vectors(frames, wanted[..., 0])
+        sine = (np.cross(axis, wanted) * along).sum(axis=-1)
+        angle = np.arctan2(sine, (axis * wanted).sum(axis=-1))
+        twisted: Array = _rotation(along * angle[:, None]) @ frames
+        return twisted
+
+
 def aim_bones(
-    parents: Sequence[int], targets: dict[int, Array], offsets: Array, local: Array
+    parents: Sequence[int],
+    targets: dict[int, Array],
+    offsets: Array,
+    local: Array,
+    hinges: Mapping[int, Hinge] | None = None,
 ) -> tuple[Array, Array]:
     """Rotate joints from the root outwards so that their bones point to the targets (Kabsch).
 
@@ -177,6 +232,7 @@ def aim_bones(
     ----------
     targets : (T, 3) positions of some joints
     local : (T, J, 3, 3), which determine what positions leave undetermined
+    hinges : by the joint at which the bone above begins; of joints with targets
 
     Returns
     -------
@@ -212,6 +268,13 @@ def aim_bones(
             rotations_world[:, joint] = _nearest_rotations(
                 ends - positions[:, joint, None], levers, rotations_world[:, joint]
             )
+        if hinges and joint in hinges:
+            hinge = hinges[joint]
+            rotations_world[:, joint] = hinge.twisted(
+                rotations_world[:, joint],
+                targets[hinge.joint] - positions[:, joint],
+                targets[hinge.end] - targets[hinge.joint],
+            )
         solution[:, joint] = np.swapaxes(parent_rotation, -1, -2) @ rotations_world[:, joint]
     return positions[:, 0], solution
 
@@ -244,15 +307,26 @@ class PointTargets:
     shares : (K, J) of each joint's position in each point's; a row sums to 1
     positions : (T, K, 3)
     weights : (T, K), of the squared distances
+    stiffness : of joints, the weights of squared angles in radians from ``rest``
+    rest : (J, 3, 3) local rotations; those of joints without a stiffness are not used
     """
 
     shares: Array
     positions: Array
     weights: Array
+    stiffness: Mapping[int, float] = field(default_factory=dict)
+    rest: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
     def frames(self, part: slice) -> "PointTargets":
         """Select frames."""
-        return PointTargets(self.shares, self.positions[part], self.weights[part])
+        return replace(self, positions=self.positions[part], weights=self.weights[part])
+
+    def bends(self, local: Array) -> Array:
+        """``(T, S, 3)`` radians: rotation vectors from ``rest`` of the joints with a stiffness."""
+        joints = list(self.stiffness)
+        turned = np.swapaxes(self.rest[joints], -1, -2) @ local[:, joints]
+        bends: Array = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec()
+        return bends.reshape(*turned.shape[:2], 3)
 
     def gaps(self, positions: Array) -> Array:
         """``(T, K, 3)``: from the points of a body whose joints are at (T, J, 3)."""
@@ -325,10 +399,13 @@ def reach_points(
 def _cost(
     parents: Sequence[int], targets: PointTargets, offsets: Array, pose: tuple[Array, Array]
 ) -> Array:
-    """``(T,)``: the weighted squared distances to the targets."""
+    """``(T,)``: the weighted squared distances to the targets, and angles from the rest."""
     positions, _ = forward_kinematics(parents, pose[0], offsets, pose[1])
     squared = np.square(targets.gaps(positions)).sum(axis=-1)
     cost: Array = (targets.weights * squared).sum(axis=1)
+    if targets.stiffness:
+        weights = np.array(list(targets.stiffness.values()))
+        cost += (weights * np.square(targets.bends(pose[1])).sum(axis=-1)).sum(axis=1)
     return cost
 
 
@@ -349,7 +426,7 @@ def _damped_step(
     root, local = pose
     positions, rotations_world = forward_kinematics(parents, root, offsets, local)
     rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
-    inner = sorted(set().union(*(_ancestors(parents, joint) for joint in rows)))
+    inner = sorted({a for joint in rows for a in _ancestors(parents, joint)})
     roots = np.sqrt(targets.weights)[..., None]
     jacobian = _jacobian(parents, positions, inner, rows)
     jacobian = np.einsum("kr,trxv->tkxv", targets.shares[:, rows], jacobian) * roots[..., None]
@@ -360,6 +437,16 @@ def _damped_step(
     diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
     normal += np.eye(len(diagonal)) * (damping * scale)[:, None, None] * diagonal
     gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
+    bends = targets.bends(local) if targets.stiffness else np.zeros((len(root), 0, 3))
+    for number, (joint, stiffness) in enumerate(targets.stiffness.items()):
+        if joint in inner:
+            # A small rotation in the world changes the rotation vector, in the joint's frame, by
+            # itself: the angles from the rest are small.
+            part = slice(3 + 3 * inner.index(joint), 6 + 3 * inner.index(joint))
+            normal[:, part, part] += stiffness * np.eye(3)
+            gradient[:, part, 0] -= stiffness * rotate_vectors(
+                rotations_world[:, joint], bends[:, number]
+            )
     solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
     moved, turned = root + solution[:, :3], local.copy()
     for index, joint in enumerate(inner):
