@@ -42,9 +42,9 @@ from pacmo_core.formats.rotations import (
 ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
 # Length of an End Site relative to the bone before it: short, as no joint of the motion is there.
 END_SITE_SHARE = 0.1
-# Of joints of the trunk on a rig, in square metres a squared radian: a bend of 20 degrees costs what
-# an error of 1 cm does.
-TRUNK_STIFFNESS = 8e-4
+# Of joints of the trunk on a rig, in square metres a squared radian: a bend of 20 degrees costs as
+# much as an error of 3.5 cm of a joint.
+TRUNK_STIFFNESS = 1e-2
 TWIST_SMOOTHING = 0.1  # seconds, standard deviation of the filter on the twist of a limb
 MIN_BEND = 0.05  # mean sine of the angle by which a limb bends, below which it stays straight
 

@@ -49,3 +49,63 @@ def mixamo(clip: Interaction, prefix: str = "mixamorig:") -> tuple[Skeleton, lis
         for motion in (clip.person_a, clip.person_b)
     ]
     return skeleton, motions
+
+
+# Offsets in centimetres of an adult in a T-pose, y up, facing z: the parent, then x of the left side.
+_T_POSE = {
+    "Hips": ("", 0, 100, 0),
+    "Spine": ("Hips", 0, 10, -1),
+    "Spine1": ("Spine", 0, 12, 0),
+    "Spine2": ("Spine1", 0, 13, 0),
+    "Neck": ("Spine2", 0, 15, 1),
+    "Head": ("Neck", 0, 10, 3),
+    **{
+        f"{side}{name}": (parent.replace("*", side), sign * x, y, z)
+        for side, sign in (("Left", 1), ("Right", -1))
+        for name, parent, x, y, z in (
+            ("Shoulder", "Spine2", 6, 10, 0),
+            ("Arm", "*Shoulder", 13, -1, 0),
+            ("ForeArm", "*Arm", 28, 0, 0),
+            ("Hand", "*ForeArm", 26, 0, 0),
+            *(
+                (f"Hand{finger}{n}", "*Hand" if n == 1 else f"*Hand{finger}{n - 1}", *place)
+                for finger, z in (("Thumb", 4), ("Index", 3), ("Middle", 0), ("Ring", -2))
+                for n, place in ((1, (9, 0, z)), (2, (4, 0, 0)), (3, (3, 0, 0)))
+            ),
+            ("UpLeg", "Hips", 9, -5, 0),
+            ("Leg", "*UpLeg", 0, -44, 1),
+            ("Foot", "*Leg", 0, -43, -2),
+            ("ToeBase", "*Foot", 0, -6, 13),
+        )
+    },
+}
+
+
+def t_pose(size: float = 1.0, n_frames: int = 2) -> str:
+    """Write Mixamo's rig with fingers, in a T-pose, as BVH in centimetres.
+
+    Parameters
+    ----------
+    size : relative to an adult of 1.75 m
+    """
+
+    def lines(name: str) -> list[str]:
+        parent, *offset = _T_POSE[name]
+        place = " ".join(f"{size * value:.4f}" for value in offset) if parent else "0 0 0"
+        below = [child for child, (of, *_) in _T_POSE.items() if of == name]
+        inner = [line for child in below for line in lines(child)]
+        end = ["End Site", "{", f"OFFSET 0 {size:.4f} 0", "}"]
+        channels = "3" if parent else "6 Xposition Yposition Zposition"
+        return [
+            f"{'JOINT' if parent else 'ROOT'} mixamorig:{name}",
+            "{",
+            f"OFFSET {place}",
+            f"CHANNELS {channels} Zrotation Xrotation Yrotation",
+            *(inner or end),
+            "}",
+        ]
+
+    root = f"0 {size * _T_POSE['Hips'][2]:.4f} 0"
+    rows = [" ".join([root, *["0"] * (3 * len(_T_POSE))])] * n_frames
+    header = ["MOTION", f"Frames: {n_frames}", "Frame Time: 0.0333333"]
+    return "\n".join(["HIERARCHY", *lines("Hips"), *header, *rows, ""])
