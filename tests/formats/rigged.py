@@ -51,7 +51,8 @@ def mixamo(clip: Interaction, prefix: str = "mixamorig:") -> tuple[Skeleton, lis
     return skeleton, motions
 
 
-# Offsets in centimetres of an adult in a T-pose, y up, facing z: the parent, then x of the left side.
+ROTATIONS = "Zrotation Xrotation Yrotation"
+# Joints of an adult in a T-pose who faces z: the parent, and the offset in cm, x to the left.
 _T_POSE = {
     "Hips": ("", 0, 100, 0),
     "Spine": ("Hips", 0, 10, -1),
@@ -81,31 +82,35 @@ _T_POSE = {
 }
 
 
-def t_pose(size: float = 1.0, n_frames: int = 2) -> str:
+def t_pose(size: float = 1.0, *, has_reference: bool = False) -> str:
     """Write Mixamo's rig with fingers, in a T-pose, as BVH in centimetres.
 
     Parameters
     ----------
     size : relative to an adult of 1.75 m
+    has_reference : whether the hips have a parent on the floor, which alone has positions
     """
+    joints = {name: tuple(of) for name, of in _T_POSE.items()}
+    root = "Hips"
+    if has_reference:
+        root = "Reference"
+        joints = {root: ("", 0, 0, 0), **joints, "Hips": (root, 0, 100, 0)}
+    place = joints[root][1:]
 
     def lines(name: str) -> list[str]:
-        parent, *offset = _T_POSE[name]
-        place = " ".join(f"{size * value:.4f}" for value in offset) if parent else "0 0 0"
-        below = [child for child, (of, *_) in _T_POSE.items() if of == name]
-        inner = [line for child in below for line in lines(child)]
+        parent, *offset = joints[name]
+        text = " ".join(f"{size * value:.4f}" for value in offset) if parent else "0 0 0"
+        below = [child for child, (of, *_) in joints.items() if of == name]
         end = ["End Site", "{", f"OFFSET 0 {size:.4f} 0", "}"]
-        channels = "3" if parent else "6 Xposition Yposition Zposition"
         return [
             f"{'JOINT' if parent else 'ROOT'} mixamorig:{name}",
             "{",
-            f"OFFSET {place}",
-            f"CHANNELS {channels} Zrotation Xrotation Yrotation",
-            *(inner or end),
+            f"OFFSET {text}",
+            f"CHANNELS {'3' if parent else '6 Xposition Yposition Zposition'} {ROTATIONS}",
+            *([line for child in below for line in lines(child)] or end),
             "}",
         ]
 
-    root = f"0 {size * _T_POSE['Hips'][2]:.4f} 0"
-    rows = [" ".join([root, *["0"] * (3 * len(_T_POSE))])] * n_frames
-    header = ["MOTION", f"Frames: {n_frames}", "Frame Time: 0.0333333"]
-    return "\n".join(["HIERARCHY", *lines("Hips"), *header, *rows, ""])
+    row = " ".join(f"{size * value:.4f}" for value in (*place, *[0] * (3 * len(joints))))
+    header = ["MOTION", "Frames: 2", "Frame Time: 0.0333333"]
+    return "\n".join(["HIERARCHY", *lines(root), *header, row, row, ""])
