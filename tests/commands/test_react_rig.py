@@ -173,7 +173,13 @@ def test_a_rig_that_does_not_fit_is_one_line(captures: list[Path], tmp_path: Pat
     rig = tmp_path / "rig.bvh"
     rig.write_text(t_pose().replace("LeftHand\n", "Q7\n").replace("RightHand\n", "Q8\n"))
     refused(pacmo(captures[0], "--rig", rig, "--out", out), "rig.bvh", "left_wrist", "right_wrist")
-    named = ["--joints", "b=left_wrist=mixamorig:Q7", "--joints", "b=right_wrist=mixamorig:Q8"]
+    hands = [("left", "Q7"), ("right", "Q8")]
+    named = [
+        word
+        for side, joint in hands
+        for point in ("wrist", "hand")
+        for word in ("--joints", f"b={side}_{point}=mixamorig:{joint}")
+    ]
     said = pacmo(captures[0], "--rig", rig, *named, "--out", out)
     assert said.exit_code == 0, said.output
     refused(pacmo(captures[0], "--rig", tmp_path / "none.bvh", "--out", out), "none.bvh")
