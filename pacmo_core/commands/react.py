@@ -339,15 +339,14 @@ def _space(to_unit: str | None, to_up: str | None, default: OutputSpace) -> Outp
 
 def _files_line(reactions: Reactions, files: list[Path], space: OutputSpace) -> str:
     """Say which files are of the partner and which are the reactions, and on whose body."""
-    samples = len(reactions.samples)
+    samples, rig = len(reactions.samples), reactions.rig
     text = f"{samples} x {len(reactions.times)} frames"
-    rig = reactions.rig
+    body = f"bone lengths of {rig.file}" if rig else "a body of the model's choosing (--rig)"
     if len(files) == 1:
-        body = f", with the bone lengths of {rig.file}" if rig else ""
-        return f"{text} in {files[0]}: person_a is the partner, person_b the reaction{body}"
+        return f"{text} in {files[0]}: person_a is the partner, person_b the reaction, with {body}"
     made = f"{files[1]}{f' ... {files[-1]}' if samples > 1 else ''}"
     if rig is None:
-        return f"{text}: the partner in {files[0]}, the reaction in {made}"
+        return f"{text}: the partner in {files[0]}, the reaction in {made}, with {body}"
     partner = "as captured" if reactions.partner_rig else "on the joints of the model"
     return (
         f"{text}: the partner in {files[0]}, {partner}; the reaction in {made}, on the rig of "
