@@ -44,8 +44,16 @@ from pacmo_core.store.motions import read_motion, read_names, write_motions
 MIN_BONE_LENGTH = 1e-3  # metres: a bone that is shorter in every frame has no length
 
 
-ToUnit = Annotated[str, typer.Option(help="metres per unit of BVH files, or m, cm, mm, in")]
-ToUp = Annotated[str, typer.Option(help="up axis of BVH files, y or z")]
+ToUnit = Annotated[
+    str | None,
+    typer.Option(
+        help="metres per unit of BVH files, or m, cm, mm, in; default: m, or that of --rig"
+    ),
+]
+ToUp = Annotated[
+    str | None,
+    typer.Option(help="up axis of BVH files, y or z; default: y, or that of --rig"),
+]
 ToOtherUnit = Annotated[
     str | None,
     typer.Option(

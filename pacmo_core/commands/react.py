@@ -25,6 +25,7 @@ from pacmo_core.commands.captures import (
     some_clips,
 )
 from pacmo_core.commands.reading import (
+    PEOPLE,
     FormatName,
     FromFps,
     FromUnit,
@@ -32,12 +33,14 @@ from pacmo_core.commands.reading import (
     Joints,
     Preset,
     ReadOptions,
+    ReadPerson,
     Source,
     check_unit,
     parse_unit,
     read_people,
     to_model_joints,
 )
+from pacmo_core.commands.rig import TargetRig, read_rig, rig_of
 from pacmo_core.commands.weights import (
     TRAINED_HERE,
     check_weights,
@@ -114,6 +117,8 @@ class Reactions:
     times : (T,) float64, seconds
     partner : (T, J, 3) float32, metres
     samples : (S, T, J, 3) float32, metres
+    rig : on which BVH files of the reaction are; None for the joints of the model
+    partner_rig : of whom a copy is the partner's BVH file; None for the joints of the model
     """
 
     name: str
@@ -121,6 +126,8 @@ class Reactions:
     times: NDArray[np.float64]
     partner: Motion
     samples: Motion
+    rig: TargetRig | None = None
+    partner_rig: TargetRig | None = None
 
 
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
@@ -167,17 +174,25 @@ def _write_bvh(
     people = [replace(partner, motion=sample) for sample in reactions.samples]
     near = [proximity_weights(partner.motion, person.motion) for person in people]
     weights = np.max([of_partner for of_partner, _ in near], axis=0) + planted_weights(partner)
-    text = bvh_text(partner, partner.motion, weights, space)
+    rig, of_partner = reactions.rig, reactions.partner_rig
+    text_of, found_in = (rig.text, rig.read_back) if rig else (bvh_text, read_back)
+    partner_text = (
+        of_partner.copied(partner, space)
+        if of_partner
+        else bvh_text(partner, partner.motion, weights, space)
+    )
+    partner_in = of_partner.read_back if of_partner else read_back
     files: list[Path] = []
     fidelity = Fidelity()
     for number, (person, (_, weights)) in enumerate(zip(people, near, strict=True)):
         _, aims = contact_targets(partner.motion, person.motion)
         weights = weights + planted_weights(person)
-        texts = (text, bvh_text(person, aims, weights, space))
         pair = [folder / f"{stem}_{number}_{name}.bvh" for name in "AB"]
+        texts = (partner_text, text_of(person, aims, weights, space))
         for file, of_file in zip(pair, texts, strict=True):
             write_text(file, of_file)
-        found = [read_back(file, person, asdict(space)) for file in pair]
+        settings = asdict(space)
+        found = [partner_in(pair[0], partner, settings), found_in(pair[1], person, settings)]
         fidelity += Fidelity.of((partner, person), found)
         files += pair
     return files, fidelity
@@ -210,6 +225,13 @@ Finish = Annotated[
     bool,
     typer.Option(help="exact bones, planted feet, closed contacts; of --stream, exact bones only"),
 ]
+Rig = Annotated[
+    Path | None,
+    typer.Option(
+        help="FILE.bvh of the person who reacts: the reaction gets its bone lengths, and BVH files "
+        "its hierarchy, unit and axes"
+    ),
+]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
 
 
@@ -230,8 +252,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     from_up: FromUp = [],  # noqa: B006
     from_fps: FromFps = [],  # noqa: B006
     joints: Joints = [],  # noqa: B006
-    to_unit: ToUnit = "m",
-    to_up: ToUp = "y",
+    rig: Rig = None,
+    to_unit: ToUnit = None,
+    to_up: ToUp = None,
     to_fps: ToFps = None,
     stream: Live = False,
     finish: Finish = True,
@@ -241,6 +264,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     pacmo react walk.bvh --samples 8 --to-fps 120 --out reactions.parquet
 
     pacmo react walk.bvh --from-unit cm --from-up y --joints mixamo --to-unit cm --out reaction.bvh
+
+    pacmo react anna.bvh --rig ben.bvh --out reaction.bvh
 
     pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
 
@@ -254,6 +279,11 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     otherwise. Reactions are finished: bones have exact lengths, feet in stance do not slide, and
     the contacts that are predicted are closed; --no-finish leaves them as generated.
 
+    The body of a reaction is the model's choice. --rig names a BVH file of the person who shall
+    react: the reaction is finished with that body's bone lengths, and BVH files are on its
+    hierarchy, in its unit and axes. --from-unit, --from-up and --joints with b= before the value
+    are of this file (with a= where the partner is person b).
+
     --stream reacts frame by frame. A frame is a line: the time in seconds, then x y z of every
     joint in the order of the model, in metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z],
     ...]}. The reaction is a line of the same format, {"time": 0.1, "reactions": [[[x, y, z], ...],
@@ -266,42 +296,115 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         chosen = check_request(samples, options, weights)
         random = torch.Generator().manual_seed(seed)
         if stream:
-            _check_stream({"PARTNER": partner, "--out": out, "--clip": clip, **options.given()})
+            given = {"PARTNER": partner, "--out": out, "--clip": clip, "--rig": rig}
+            _check_stream({**given, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(chosen, live)
             return
         partner, out = _check_files(partner, more, out)
-        space = OutputSpace(parse_unit(to_unit, "--to-unit"), to_up)
-        check_reactions_output(out, space)
+        _check_finish(rig, finish)
+        check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(partner, clip)))
         model, source = load_reaction_model(chosen), Source(partner, person or "a", person)
-        capture = to_model_joints(_capture(source, options, clip), model.skeleton, source, options)
-        name = clip or partner.stem
+        people = _read(source, rig, model.skeleton, options, clip)
+        capture, name = people.partner, clip or partner.stem
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
         if finish:
-            motions = finish_reactions(model, partner_motion, motions)
+            motions = finish_reactions(model, partner_motion, motions, people.lengths)
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
-        reactions = Reactions(name, model.skeleton, at - at[0], partner_poses, motions)
+        space = _space(to_unit, to_up, people.space)
+        reactions = Reactions(
+            name, model.skeleton, at - at[0], partner_poses, motions, people.rig,
+            people.copied_partner(at, space),
+        )  # fmt: skip
         files, fidelity = write_reactions(reactions, out, space)
-        if fidelity.is_inexact:
-            typer.echo(fidelity.line())
-        typer.echo(_files_line(len(motions), len(at), files, name))
+        lines = [fidelity.line()] if fidelity.is_inexact else []
+        typer.echo("\n".join([*lines, _files_line(reactions, files, space)]))
 
 
-def _files_line(samples: int, frames: int, files: list[Path], name: str) -> str:
-    """Say which files are of the partner and which are the reactions."""
-    text = f"{samples} x {frames} frames"
+def _check_finish(rig: Path | None, finish: bool) -> None:
+    if rig and not finish:
+        raise CommandError(f"--rig {rig}: the finish makes the body; leave out --no-finish")
+
+
+def _space(to_unit: str | None, to_up: str | None, default: OutputSpace) -> OutputSpace:
+    return OutputSpace(
+        default.unit if to_unit is None else parse_unit(to_unit, "--to-unit"),
+        default.up if to_up is None else to_up,
+    )
+
+
+def _files_line(reactions: Reactions, files: list[Path], space: OutputSpace) -> str:
+    """Say which files are of the partner and which are the reactions, and on whose body."""
+    samples, rig = len(reactions.samples), reactions.rig
+    text = f"{samples} x {len(reactions.times)} frames"
+    body = f"bone lengths of {rig.file}" if rig else "a body of the model's choosing (--rig)"
     if len(files) == 1:
+        name = reactions.name
         last = f" ... {name}#{samples - 1:04d}" if samples > 1 else ""
         return (
             f"{text} in {files[0]} as {name}#0000{last}: person_a is the partner, "
-            "person_b the reaction"
+            f"person_b the reaction, with {body}"
         )
-    reactions = f"{files[1]}{f' ... {files[-1]}' if samples > 1 else ''}"
-    return f"{text}: the partner in {files[0]}, the reaction in {reactions}"
+    made = f"{files[1]}{f' ... {files[-1]}' if samples > 1 else ''}"
+    if rig is None:
+        return f"{text}: the partner in {files[0]}, the reaction in {made}, with {body}"
+    partner = "as captured" if reactions.partner_rig else "on the joints of the model"
+    return (
+        f"{text}: the partner in {files[0]}, {partner}; the reaction in {made}, on the rig of "
+        f"{rig.file}; both in {space}"
+    )
+
+
+@dataclass(frozen=True)
+class ReactingPeople:
+    """The partner, and who reacts.
+
+    Parameters
+    ----------
+    partner : on the joints of the model
+    rig : of the person who reacts; None to leave the body to the model
+    partner_rig : the partner's, if that is a BVH file and the other's is known
+    """
+
+    partner: PersonMotion
+    rig: TargetRig | None = None
+    partner_rig: TargetRig | None = None
+
+    @property
+    def lengths(self) -> NDArray[np.float64] | None:
+        """``(E,)`` metres: the bones of the person who reacts."""
+        return self.rig.lengths if self.rig else None
+
+    @property
+    def space(self) -> OutputSpace:
+        """The unit and axis of BVH files, unless others are stated."""
+        return self.rig.space if self.rig else OutputSpace()
+
+    def copied_partner(self, at: NDArray[np.float64], space: OutputSpace) -> TargetRig | None:
+        """Return the partner's rig if a file at these times can hold the capture itself."""
+        own = self.partner_rig
+        has_same_times = np.array_equal(at, self.partner.times)
+        return own if own and has_same_times and own.space.up == space.up else None
+
+
+def _read(
+    source: Source, rig: Path | None, skeleton: Skeleton, options: ReadOptions, clip: str
+) -> ReactingPeople:
+    """Read the partner, and the rig of the other, each with its own options."""
+    of_partner = options.of_person(source.label) if rig else options
+    read = _capture(source, of_partner, clip)
+    if rig is None:
+        return ReactingPeople(to_model_joints(read.motion, skeleton, source, options))
+    label = PEOPLE[source.label == PEOPLE[0]]
+    of_rig = read_rig(Source(rig, label, None), skeleton, options.of_person(label))
+    if names_clips(source.file, clip) or of_partner.format_of(source.file) != "bvh":
+        return ReactingPeople(to_model_joints(read.motion, skeleton, source, options), of_rig)
+    own = rig_of(source, read, skeleton, options)
+    return ReactingPeople(own.motion, of_rig, own)
 
 
 def _check_files(partner: Path | None, more: list[str], out: Path | None) -> tuple[Path, Path]:
@@ -318,7 +421,7 @@ def _check_files(partner: Path | None, more: list[str], out: Path | None) -> tup
     return partner, out
 
 
-def _capture(source: Source, options: ReadOptions, clip: str) -> PersonMotion:
+def _capture(source: Source, options: ReadOptions, clip: str) -> ReadPerson:
     if names_clips(source.file, clip):
         if not clip:
             raise CommandError(
@@ -326,9 +429,10 @@ def _capture(source: Source, options: ReadOptions, clip: str) -> PersonMotion:
             )
         if options.describes_files:
             raise CommandError(f"{source.file}: clips of a store take no option of other formats")
-        return select_person(read_clip(source.file, clip), source.person, clip)
+        clip_of_store = read_clip(source.file, clip)
+        return ReadPerson(select_person(clip_of_store, source.person, clip), {})
     (person,) = read_people([source], options.of_captures([source.file]), clip)
-    return person.motion
+    return person
 
 
 def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArray[np.float64]:

@@ -25,7 +25,7 @@ from pacmo_core.formats.inference import (
     infer_settings,
     states_unit_or_axis,
 )
-from pacmo_core.formats.joint_names import FILE_SUFFIXES, name_joints, parse_joints
+from pacmo_core.formats.joint_names import FILE_SUFFIXES, JointNames, name_joints, parse_joints
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     FORMATS,
@@ -159,6 +159,17 @@ class ReadOptions:
                     else f"clips of a store take no {option}"
                 )
         return options
+
+    def of_person(self, person: str) -> "ReadOptions":
+        """Leave out the words that are for the other person alone."""
+        of_other = tuple(f"{other}=" for other in PEOPLE if other != person)
+
+        def own(words: Sequence[str]) -> list[str]:
+            return [word for word in words if not word.startswith(of_other)]
+
+        return replace(
+            self, unit=own(self.unit), up=own(self.up), fps=own(self.fps), joints=own(self.joints)
+        )
 
     def names(self, form: str) -> set[str]:
         """Return the names of settings that an option may give captures of a format.
@@ -411,7 +422,15 @@ def check_plausible(
 def to_model_joints(
     person: PersonMotion, skeleton: Skeleton, source: Source, options: ReadOptions
 ) -> PersonMotion:
-    """Select the joints of a model, by name, by a preset or as the options state them; say how.
+    """Select the joints of a model in a capture, as ``name_model_joints`` finds them."""
+    names = name_model_joints(person, skeleton, source, options)
+    return replace(person, skeleton=skeleton, motion=names.apply(person.motion))
+
+
+def name_model_joints(
+    person: PersonMotion, skeleton: Skeleton, source: Source, options: ReadOptions
+) -> JointNames:
+    """Find the joints of a model, by name, by a preset or as the options state them; say how.
 
     Raises
     ------
@@ -425,4 +444,4 @@ def to_model_joints(
         raise CommandError(f"{source.file}: {fault}") from fault
     if names.description:
         typer.echo(printable(f"{source.file}: {names.description}"))
-    return replace(person, skeleton=skeleton, motion=names.apply(person.motion))
+    return names

@@ -3,14 +3,17 @@
 Bones that leave one joint keep their angles to each other, so that not every pose can be reached.
 ``fit_rest_directions`` fits these angles to the whole motion, ``aim_bones`` points bones at the
 targets, and ``inverse_kinematics`` spreads what is left over the body by weighted least squares.
+
+Positions leave the twist of a limb undetermined. Where a knee or an elbow is known as a hinge, the
+bone above it is twisted so that the limb bends about the hinge's axis.
 """
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.interaction import Motion
@@ -24,11 +27,15 @@ N_REST_ROUNDS = 10  # of alternating between rest directions and rotations
 N_STEPS = 10
 # Weight of each joint's squared turn in radians from its initial rotation, relative to the squared
 # size of the skeleton. Positions alone hardly resist the kink of a spine, whose bones are short.
-STIFFNESS = 4e-4
+STIFFNESS = 2e-3
 # Of a rotation, relative to the squared size of the skeleton: in the first step, at least, and the
 # factors by which it changes after a step that was better, and one that was not.
 DAMPING, LEAST_DAMPING, EASE, TIGHTEN = 1e-3, 1e-5, 0.25, 16.0
 FRAMES_PER_BATCH = 128  # bounds memory
+
+# Share of the twist that a bone takes over from its parent, relative to that by which a hinge, bent
+# by a right angle, turns it: a limb that is nearly straight does not tell where its hinge is.
+TWIST_SHARE = 0.03
 
 # Weights of targets near the other person or the ground, in addition to 1, and the distances in
 # metres at which they have fallen to 1/e. They change smoothly with the motion: a step in a weight
@@ -170,15 +177,65 @@ def _mean_directions(bones: Array, rest: Array) -> Array:
     return aligned
 
 
-def aim_bones(
-    parents: Sequence[int], targets: dict[int, Array], offsets: Array, local: Array
-) -> tuple[Array, Array]:
-    """Rotate joints from the root outwards so that their bones point to the targets (Kabsch).
+@dataclass(frozen=True)
+class Hinge:
+    """A knee or an elbow: the bone below it bends about one axis of the bone above.
 
     Parameters
     ----------
-    targets : (T, 3) positions of some joints, the root among them
+    joint, end : knee and ankle, or elbow and wrist; the bone above begins at the joint's parent
+    axis : (3,) unit vector in the frame of that parent, about which a bend is positive
+    smoothing : frames, standard deviation of the filter on the twist
+    """
+
+    joint: int
+    end: int
+    axis: Array
+    smoothing: float = 0.0
+
+    def twisted(self, frames: Array, above: Array, below: Array) -> Array:
+        """Twist the frames (T, 3, 3) of the bone above, so that the limb bends about the axis.
+
+        Parameters
+        ----------
+        above, below : (T, 3), the bones that the limb shall have
+        """
+        along, onward = (
+            bone / np.maximum(np.linalg.norm(bone, axis=-1, keepdims=True), 1e-12)
+            for bone in (above, below)
+        )
+        axis = frames @ self.axis
+        axis -= (axis * along).sum(axis=-1, keepdims=True) * along
+        bend = np.cross(along, onward)
+        bend *= np.linalg.norm(bend, axis=-1, keepdims=True)
+        # In the frame that is given, so that the body's turning does not count as twisting.
+        wanted = np.swapaxes(frames, -1, -2) @ (TWIST_SHARE * axis + bend)[..., None]
+        if self.smoothing:
+            wanted = gaussian_filter1d(wanted, self.smoothing, axis=0, mode="nearest")
+        wanted = rotate_vectors(frames, wanted[..., 0])
+        sine = (np.cross(axis, wanted) * along).sum(axis=-1)
+        angle = np.arctan2(sine, (axis * wanted).sum(axis=-1))
+        twisted: Array = _rotation(along * angle[:, None]) @ frames
+        return twisted
+
+
+def aim_bones(
+    parents: Sequence[int],
+    targets: dict[int, Array],
+    offsets: Array,
+    local: Array,
+    hinges: Mapping[int, Hinge] | None = None,
+) -> tuple[Array, Array]:
+    """Rotate joints from the root outwards so that their bones point to the targets (Kabsch).
+
+    Beyond a joint without a target, a bone points to the nearest joints that have one, as if all
+    joints between were stiff. A root without a target is where these joints come nearest theirs.
+
+    Parameters
+    ----------
+    targets : (T, 3) positions of some joints
     local : (T, J, 3, 3), which determine what positions leave undetermined
+    hinges : by the joint at which the bone above begins; of joints with targets
 
     Returns
     -------
@@ -192,19 +249,106 @@ def aim_bones(
     )
     for joint, parent in enumerate(parents):
         parent_rotation = rotations_world[:, parent] if parent >= 0 else np.eye(3)[None]
-        base = targets[joint] if parent < 0 else positions[:, parent]
-        positions[:, joint] = base + (
-            rotate_vectors(parent_rotation, offsets[:, joint]) if parent >= 0 else 0
-        )
-        ends = [c for c, p in enumerate(parents) if p == joint and c in targets]
+        chains = _chains_to_targets(parents, targets, joint)
         rotations_world[:, joint] = parent_rotation @ local[:, joint]
-        if ends:
-            directions = np.stack([targets[end] - positions[:, joint] for end in ends], axis=1)
+        levers, ends = np.zeros((len(local), 0, 3)), np.zeros((len(local), 0, 3))
+        if chains:
+            levers = np.stack([_lever(chain, offsets, local) for chain in chains], axis=1)
+            ends = np.stack([targets[chain[-1]] for chain in chains], axis=1)
+        if parent >= 0:
+            positions[:, joint] = positions[:, parent] + rotate_vectors(
+                parent_rotation, offsets[:, joint]
+            )
+        elif joint in targets:
+            positions[:, joint] = targets[joint]
+        else:
+            middle, end = levers.mean(axis=1), ends.mean(axis=1)
             rotations_world[:, joint] = _nearest_rotations(
-                directions, offsets[:, ends], rotations_world[:, joint]
+                ends - end[:, None], levers - middle[:, None], local[:, joint]
+            )
+            positions[:, joint] = end - rotate_vectors(rotations_world[:, joint], middle)
+        if chains:
+            rotations_world[:, joint] = _nearest_rotations(
+                ends - positions[:, joint, None], levers, rotations_world[:, joint]
+            )
+        if hinges and joint in hinges:
+            hinge = hinges[joint]
+            rotations_world[:, joint] = hinge.twisted(
+                rotations_world[:, joint],
+                targets[hinge.joint] - positions[:, joint],
+                targets[hinge.end] - targets[hinge.joint],
             )
         solution[:, joint] = np.swapaxes(parent_rotation, -1, -2) @ rotations_world[:, joint]
-    return targets[0], solution
+    return positions[:, 0], solution
+
+
+def _chains_to_targets(
+    parents: Sequence[int], targets: Collection[int], joint: int
+) -> list[tuple[int, ...]]:
+    """List the joints on the way from a joint to each of the nearest below that have a target."""
+    chains: list[tuple[int, ...]] = []
+    for child in [c for c, parent in enumerate(parents) if parent == joint]:
+        below = [()] if child in targets else _chains_to_targets(parents, targets, child)
+        chains += [(child, *chain) for chain in below]
+    return chains
+
+
+def _lever(chain: Sequence[int], offsets: Array, local: Array) -> Array:
+    """``(T, 3)``: from a joint to the end of a chain below it, in the joint's frame."""
+    lever = offsets[:, chain[-1]]
+    for joint in reversed(chain[:-1]):
+        lever = offsets[:, joint] + rotate_vectors(local[:, joint], lever)
+    return lever
+
+
+@dataclass(frozen=True)
+class PointTargets:
+    """Where K points of the body shall be.
+
+    Parameters
+    ----------
+    shares : (K, J) of each joint's position in each point's; a row sums to 1
+    positions : (T, K, 3)
+    weights : (T, K), of the squared distances
+    stiffness : of joints, the weights of squared angles in radians from ``rest``
+    rest : (J, 3, 3) local rotations, or (T, J, 3, 3) of each frame; those of joints without a
+        stiffness are not used
+    """
+
+    shares: Array
+    positions: Array
+    weights: Array
+    stiffness: Mapping[int, float] = field(default_factory=dict)
+    rest: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
+
+    def frames(self, part: slice) -> "PointTargets":
+        """Select frames."""
+        rest = self.rest[part] if self.rest.ndim == np.ndim(self.positions) + 1 else self.rest
+        return replace(self, positions=self.positions[part], weights=self.weights[part], rest=rest)
+
+    def bends(self, local: Array) -> Array:
+        """``(T, S, 3)`` radians: rotation vectors from ``rest`` of the joints with a stiffness."""
+        joints = list(self.stiffness)
+        turned = np.swapaxes(self.rest[..., joints, :, :], -1, -2) @ local[:, joints]
+        bends: Array = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec()
+        return bends.reshape(*turned.shape[:2], 3)
+
+    def gaps(self, positions: Array) -> Array:
+        """``(T, K, 3)``: from the points of a body whose joints are at (T, J, 3)."""
+        gaps: Array = self.positions - self.shares @ positions
+        return gaps
+
+    def of_joints(self) -> dict[int, Array]:
+        """``(T, 3)`` of each joint: where it is if all points are met, as far as points tell."""
+        known: dict[int, Array] = {}
+        for row in np.argsort((self.shares != 0).sum(axis=1), kind="stable"):
+            parts = np.flatnonzero(self.shares[row]).tolist()
+            unknown = [joint for joint in parts if joint not in known]
+            if len(unknown) == 1:
+                others = [self.shares[row, j] * known[j] for j in parts if j in known]
+                rest = self.positions[:, row] - np.sum(others, axis=0)
+                known[unknown[0]] = rest / self.shares[row, unknown[0]]
+        return known
 
 
 def inverse_kinematics(
@@ -214,35 +358,50 @@ def inverse_kinematics(
     offsets: Array,
     initial: tuple[Array, Array],
 ) -> tuple[Array, Array]:
-    """Pose the tree by least squares of the weighted distances to the targets.
+    """Pose the tree by least squares of the weighted distances of joints to their targets.
 
     Joints are stiff: turns from the initial rotations cost a little.
+
+    Parameters
+    ----------
+    targets : (T, 3) positions of K joints
+    weights : (T, K), of the squared distances, in the order of ``targets``
+    offsets, initial : as of ``reach_points``
+    """
+    shares = np.eye(len(parents))[list(targets)]
+    positions = np.stack(list(targets.values()), axis=1)
+    centred = positions - positions.mean(axis=1, keepdims=True)
+    stiffness = STIFFNESS * float(np.square(centred).sum(axis=(1, 2)).mean())
+    inner = sorted({a for joint in targets for a in _ancestors(parents, joint)})
+    points = PointTargets(
+        shares, positions, weights, dict.fromkeys(inner, stiffness), rest=initial[1]
+    )
+    return reach_points(parents, points, offsets, initial)
+
+
+def reach_points(
+    parents: Sequence[int], targets: PointTargets, offsets: Array, initial: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Pose the tree by least squares of the weighted distances of points to their targets.
 
     Levenberg-Marquardt (Marquardt 1963), each frame with its own damping: where bones are shorter
     or longer than the targets want, plain Gauss-Newton steps may lead away from the targets.
 
     Parameters
     ----------
-    targets : (T, 3) positions of K joints, the root among them
-    weights : (T, K), of the squared distances, in the order of ``targets``
+    targets : of the points
     offsets : (T, J, 3) from the parent, in the parent's frame
     initial : root and local rotations, as ``aim_bones`` gives them
     """
     root, local = initial[0].copy(), initial[1].copy()
     for first in range(0, len(root), FRAMES_PER_BATCH):
         part = slice(first, first + FRAMES_PER_BATCH)
-        problem = _Problem(
-            parents,
-            {joint: positions[part] for joint, positions in targets.items()},
-            weights[part],
-            offsets[part],
-            initial[1][part],
-        )
+        aims, bones = targets.frames(part), offsets[part]
         pose, damping = (root[part], local[part]), np.full(len(root[part]), DAMPING)
-        cost = problem.cost(pose)
+        cost = _cost(parents, aims, bones, pose)
         for _ in range(N_STEPS):
-            trial = problem.damped_step(pose, damping)
-            trial_cost = problem.cost(trial)
+            trial = _damped_step(parents, aims, bones, pose, damping)
+            trial_cost = _cost(parents, aims, bones, trial)
             better = trial_cost < cost
             for values, found in zip((*pose, cost), (*trial, trial_cost), strict=True):
                 values[better] = found[better]
@@ -250,86 +409,17 @@ def inverse_kinematics(
     return root, local
 
 
-@dataclass(frozen=True)
-class _Problem:
-    """The least squares problem of some frames; parameters as in ``inverse_kinematics``.
-
-    Parameters
-    ----------
-    rest : (T, J, 3, 3), the local rotations from which turns cost
-    """
-
-    parents: Sequence[int]
-    targets: dict[int, Array]
-    weights: Array
-    offsets: Array
-    rest: Array
-
-    @cached_property
-    def inner(self) -> list[int]:
-        """The joints that turn."""
-        return sorted(set(self.parents) - {-1})
-
-    @cached_property
-    def squared_size(self) -> Array:
-        """``(T,)``: squared distances of the targets from their centre, summed."""
-        positions = np.stack(list(self.targets.values()), axis=1)
-        centred = positions - positions.mean(axis=1, keepdims=True)
-        size: Array = np.square(centred).sum(axis=(1, 2))
-        return size
-
-    def cost(self, pose: tuple[Array, Array]) -> Array:
-        """``(T,)``: the weighted squared distances to the targets, and the turns."""
-        positions, _ = forward_kinematics(self.parents, pose[0], self.offsets, pose[1])
-        distances = (self.weights * np.square(self._gaps(positions)).sum(axis=-1)).sum(axis=1)
-        turns = np.square(self._turns(pose[1])).sum(axis=(1, 2))
-        cost: Array = distances + STIFFNESS * self.squared_size * turns
-        return cost
-
-    def damped_step(self, pose: tuple[Array, Array], damping: Array) -> tuple[Array, Array]:
-        """Return the pose after a Gauss-Newton step; damping (T,) is of each frame's rotations."""
-        root, local = pose
-        positions, rotations_world = forward_kinematics(self.parents, root, self.offsets, local)
-        inner, rows = self.inner, list(self.targets)
-        roots = np.sqrt(self.weights)[..., None]
-        jacobian = _jacobian(self.parents, positions, inner, rows) * np.repeat(roots, 3, axis=1)
-        residual = self._gaps(positions) * roots
-        normal = jacobian.swapaxes(1, 2) @ jacobian
-        stiffness = STIFFNESS * self.squared_size
-        diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
-        normal += (
-            np.eye(len(diagonal))
-            * diagonal
-            * (damping * self.squared_size + stiffness)[:, None, None]
-        )
-        gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
-        frames = [
-            rotations_world[:, self.parents[joint]]
-            if self.parents[joint] >= 0
-            else np.broadcast_to(np.eye(3), (len(root), 3, 3))
-            for joint in inner
-        ]
-        turns = np.stack(
-            [rotate_vectors(frame, turn)
-             for frame, turn in zip(frames, np.moveaxis(self._turns(local), 1, 0), strict=True)],
-            axis=1,
-        )  # fmt: skip
-        gradient[:, 3:, 0] -= stiffness[:, None] * turns.reshape(len(root), -1)
-        solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
-        moved, turned = root + solution[:, :3], local.copy()
-        for index, (joint, frame) in enumerate(zip(inner, frames, strict=True)):
-            rotation = _rotation(solution[:, 3 + 3 * index : 6 + 3 * index])
-            turned[:, joint] = np.swapaxes(frame, -1, -2) @ rotation @ frame @ local[:, joint]
-        return moved, turned
-
-    def _gaps(self, positions: Array) -> Array:
-        """``(T, K, 3)``: from joints to their targets."""
-        return np.stack([aim - positions[:, joint] for joint, aim in self.targets.items()], axis=1)
-
-    def _turns(self, local: Array) -> Array:
-        """``(T, I, 3)`` radians: turns of inner joints from their rest, in the parent's frame."""
-        turned = local[:, self.inner] @ np.swapaxes(self.rest[:, self.inner], -1, -2)
-        return Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(local), -1, 3)
+def _cost(
+    parents: Sequence[int], targets: PointTargets, offsets: Array, pose: tuple[Array, Array]
+) -> Array:
+    """``(T,)``: the weighted squared distances to the targets, and angles from the rest."""
+    positions, _ = forward_kinematics(parents, pose[0], offsets, pose[1])
+    squared = np.square(targets.gaps(positions)).sum(axis=-1)
+    cost: Array = (targets.weights * squared).sum(axis=1)
+    if targets.stiffness:
+        weights = np.array(list(targets.stiffness.values()))
+        cost += (weights * np.square(targets.bends(pose[1])).sum(axis=-1)).sum(axis=1)
+    return cost
 
 
 def rotate_vectors(frames: Array, vectors: Array) -> Array:
@@ -338,17 +428,67 @@ def rotate_vectors(frames: Array, vectors: Array) -> Array:
     return solution
 
 
+def _damped_step(
+    parents: Sequence[int],
+    targets: PointTargets,
+    offsets: Array,
+    pose: tuple[Array, Array],
+    damping: Array,
+) -> tuple[Array, Array]:
+    """Return the pose after a Gauss-Newton step; ``damping`` (T,) is of each frame's rotations."""
+    root, local = pose
+    positions, rotations_world = forward_kinematics(parents, root, offsets, local)
+    rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
+    inner = sorted({a for joint in rows for a in _ancestors(parents, joint)})
+    roots = np.sqrt(targets.weights)[..., None]
+    jacobian = _jacobian(parents, positions, inner, rows)
+    jacobian = np.einsum("kr,trxv->tkxv", targets.shares[:, rows], jacobian) * roots[..., None]
+    jacobian = jacobian.reshape(len(root), -1, jacobian.shape[-1])
+    residual = targets.gaps(positions) * roots
+    normal = jacobian.swapaxes(1, 2) @ jacobian
+    scale = np.square(positions - positions.mean(axis=1, keepdims=True)).sum(axis=-1).mean(axis=1)
+    diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
+    normal += np.eye(len(diagonal)) * (damping * scale)[:, None, None] * diagonal
+    gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
+    bends = targets.bends(local) if targets.stiffness else np.zeros((len(root), 0, 3))
+    for number, (joint, stiffness) in enumerate(targets.stiffness.items()):
+        if joint in inner:
+            # A small rotation in the world changes the rotation vector, in the joint's frame, by
+            # itself: the angles from the rest are small.
+            part = slice(3 + 3 * inner.index(joint), 6 + 3 * inner.index(joint))
+            normal[:, part, part] += stiffness * np.eye(3)
+            gradient[:, part, 0] -= stiffness * rotate_vectors(
+                rotations_world[:, joint], bends[:, number]
+            )
+    solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
+    moved, turned = root + solution[:, :3], local.copy()
+    for index, joint in enumerate(inner):
+        rotation = _rotation(solution[:, 3 + 3 * index : 6 + 3 * index])
+        parent_rotation = (
+            rotations_world[:, parents[joint]] if parents[joint] >= 0 else np.eye(3)[None]
+        )
+        turned[:, joint] = (
+            np.swapaxes(parent_rotation, -1, -2) @ rotation @ parent_rotation @ local[:, joint]
+        )
+    return moved, turned
+
+
+def _ancestors(parents: Sequence[int], joint: int) -> list[int]:
+    ancestors = []
+    while (joint := parents[joint]) >= 0:
+        ancestors.append(joint)
+    return ancestors
+
+
 def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: list[int]) -> Array:
-    """``(T, 3 K, 3 + 3 I)``: derivatives by the root and by rotations of inner joints."""
+    """``(T, R, 3, 3 + 3 I)``: of joints ``rows``, by the root and by rotations of inner joints."""
     jacobian = np.zeros((len(positions), len(rows), 3, 1 + len(inner), 3))
     jacobian[..., 0, :] = np.eye(3)
     for row, joint in enumerate(rows):
-        ancestor = parents[joint]
-        while ancestor >= 0:
+        for ancestor in _ancestors(parents, joint):
             lever = positions[:, joint] - positions[:, ancestor]
             jacobian[:, row, :, 1 + inner.index(ancestor)] = -_cross(lever)
-            ancestor = parents[ancestor]
-    return jacobian.reshape(len(positions), 3 * len(rows), -1)
+    return jacobian.reshape(len(positions), len(rows), 3, -1)
 
 
 def _cross(vectors: Array) -> Array:

@@ -64,17 +64,40 @@ def euler_angles_near(rotations: Array, order: Sequence[int], reference: Array) 
     ----------
     reference : (T, 3) degrees, such as those of the file before its motion changed
     """
+    return _nearest_angles(_both_angles(rotations, order), reference)
+
+
+def continuous_euler_angles(rotations: Array, order: Sequence[int], reference: Array) -> Array:
+    """``(T, 3)`` degrees: Euler angles of a motion, each nearest to those of the frame before.
+
+    Parameters
+    ----------
+    reference : (T, 3) degrees, of which the first are those before the first frame
+    """
+    both = _both_angles(rotations, order)
+    angles, before = np.zeros_like(reference), reference[:1]
+    for frame in range(len(angles)):
+        before = _nearest_angles(both[frame : frame + 1], before)
+        angles[frame] = before[0]
+    return angles
+
+
+def _nearest_angles(both: Array, reference: Array) -> Array:
+    """``(T, 3)``: of the two triples of each frame (T, 2, 3), and their full turns, the nearest."""
+    candidates = both + 360 * np.rint((reference[:, None] - both) / 360)
+    distance = np.square(candidates - reference[:, None]).sum(axis=-1)
+    nearest: Array = candidates[np.arange(len(both)), distance.argmin(axis=1)]
+    return nearest
+
+
+def _both_angles(rotations: Array, order: Sequence[int]) -> Array:
+    """``(T, 2, 3)`` degrees: the two triples of Euler angles that give each rotation."""
     principal = _principal_angles(rotations, order)
     # 180 degrees more in the outer two and a mirrored middle angle give the same rotation.
     alternative = np.stack(
         [principal[:, 0] + 180, 180 - principal[:, 1], principal[:, 2] + 180], axis=-1
     )
-    candidates = [
-        angles + 360 * np.rint((reference - angles) / 360) for angles in (principal, alternative)
-    ]
-    distance = [np.square(angles - reference).sum(axis=1, keepdims=True) for angles in candidates]
-    nearest: Array = np.where(distance[0] <= distance[1], candidates[0], candidates[1])
-    return nearest
+    return np.stack([principal, alternative], axis=1)
 
 
 def _principal_angles(rotations: Array, order: Sequence[int]) -> Array:

@@ -1,7 +1,7 @@
 """A table of joints: two people in one NPZ, Parquet or CSV file, with all that describes them.
 
 The file states joints, parents, frame rate or times, unit, upward axis and the positions of
-``person_a`` and ``person_b``; whatever else it holds is ignored. ``table_npz`` and
+``person_a`` and ``person_b``; whatever else it holds is ignored. ``tables`` and
 ``table_columns`` read the files, this module checks them, and ``write_tables`` writes them.
 """
 
@@ -28,10 +28,9 @@ from pacmo_core.formats.base import (
 from pacmo_core.formats.labels import CAPTURES_CSV
 from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.table_columns import csv_arrays, table_arrays
-from pacmo_core.formats.table_npz import npz_arrays
 from pacmo_core.formats.table_parquet import parquet_columns
 from pacmo_core.formats.table_traps import check_layout, parents_hint, unit_hint, unit_of_word
-from pacmo_core.formats.tables import sequence_name
+from pacmo_core.formats.tables import npz_arrays, sequence_name
 
 PEOPLE = ("person_a", "person_b")
 KEYS = ("joints", "parents", "fps", "times", "unit", "up", *PEOPLE)

@@ -9,7 +9,8 @@ motion g to the motion x that minimises
     + w_f sum |min(y_foot - floor, 0)|^2                 feet below the floor
     + w_c sum |max(|x_i - y_j| - d, 0)|^2                predicted contacts (``contacts``)
 
-subject to bones of the person's own lengths, their medians over the clip. It is solved by
+subject to bones of the person's own lengths, their medians over the clip, or of lengths that are
+given: then the body first gets these where it stands (``bones.with_lengths``). It is solved by
 projective dynamics (Bouaziz et al. 2014, *Projective dynamics: fusing constraint projections for
 fast simulation*), with the bones' multipliers of ADMM (Overby et al. 2017, *ADMM projective
 dynamics*): the projections on floor, contacts and bones change from one iteration to the next, the
@@ -36,6 +37,7 @@ from pacmo_core.reaction.bones import (
     resized,
     set_bone_lengths,
     set_legs,
+    with_lengths,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
 from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, frame_runs
@@ -104,6 +106,7 @@ def finish(
     times: NDArray[np.float64],
     skeleton: Skeleton,
     contact_model: Array,
+    lengths: Array | None = None,
 ) -> Motion:
     """Return the reaction with exact bones, planted feet and closed contacts.
 
@@ -113,16 +116,25 @@ def finish(
     times : (T,) float64, seconds
     skeleton : of both people
     contact_model : of ``contacts.learn_contacts``
+    lengths : (E,) metres, of the bones; None for the reaction's own. Contacts are those that the
+        generated body predicts
 
     Returns
     -------
     (T, J, 3) float32, metres
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
-    lengths = median_lengths(reaction, skeleton)
+    own = median_lengths(reaction, skeleton)
     whole = resolve_turns(reaction.astype(np.float64), fps, skeleton)
-    stepping = take_steps(whole, lengths, fps, skeleton).astype(np.float32)
-    targets = find_targets(stepping, lengths, partner, fps, skeleton, contact_model)
+    stepping = take_steps(whole, own, fps, skeleton).astype(np.float32)
+    contacts = predict_contacts(stepping, partner, fps, skeleton, contact_model)
+    if lengths is not None:
+        ground = _ground(stepping, fps, skeleton)
+        resized_body = with_lengths(stepping.astype(np.float64), lengths, ground, skeleton)
+        stepping = resized_body.astype(np.float32)
+    targets = find_targets(
+        stepping, own if lengths is None else lengths, partner, fps, skeleton, contacts
+    )
     motion = stepping.astype(np.float64)
     result = np.zeros_like(motion)
     for first, end, share in _parts(len(motion)):
@@ -139,9 +151,9 @@ def find_targets(
     partner: Motion,
     fps: float,
     skeleton: Skeleton,
-    contact_model: Array,
+    contacts: Contacts,
 ) -> Targets:
-    """Find stances, the floor and contacts of a reaction whose bones get ``lengths``, (E,)."""
+    """Find stances and the floor of a reaction whose bones get ``lengths``, (E,)."""
     motion = reaction.astype(np.float64)
     anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
     stance = find_stance(reaction, fps, skeleton)
@@ -164,9 +176,16 @@ def find_targets(
             for joint in joints[1:]:
                 parent = skeleton.parents[joint]
                 _set_length(anchor[phase], parent, joint, length_of[joint])
-    contacts = predict_contacts(reaction, partner, fps, skeleton, contact_model)
     rests = _support(motion, anchor, stands, floor, skeleton)
     return Targets(lengths, anchor, stands, rests, floor, contacts)
+
+
+def _ground(motion: Motion, fps: float, skeleton: Skeleton) -> Array:
+    """``(T,)`` metres: the height of the ground beneath a body; without legs its lowest joint."""
+    if not feet(skeleton):
+        return np.full(len(motion), float(motion[..., 1].min()))
+    floor = find_floor(motion, find_stance(motion, fps, skeleton), skeleton)
+    return floor.at(motion[:, skeleton.root].astype(np.float64))
 
 
 def _support(

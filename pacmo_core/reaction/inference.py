@@ -103,7 +103,12 @@ def react_all(
     return reactions
 
 
-def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Motion) -> Motion:
+def finish_reactions(
+    model: ReactionModel,
+    partner: PartnerMotion,
+    reactions: Motion,
+    lengths: NDArray[np.float64] | None = None,
+) -> Motion:
     """Finish the reactions to one partner: exact bones, planted feet, closed contacts.
 
     Parameters
@@ -111,6 +116,7 @@ def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Mo
     model : that generated them, and whose model of contacts is applied
     partner : PartnerMotion
     reactions : (S, T_out, J, 3) float32, metres, in the world
+    lengths : (E,) metres, of the bones of the person who reacts; None for each reaction's own
 
     Returns
     -------
@@ -121,7 +127,7 @@ def finish_reactions(model: ReactionModel, partner: PartnerMotion, reactions: Mo
     # Another number of threads rounds differently.
     with threadpool_limits(1, user_api="blas"):
         finished = [
-            finish(reaction, poses, partner.out_times, model.skeleton, contact_model)
+            finish(reaction, poses, partner.out_times, model.skeleton, contact_model, lengths)
             for reaction in reactions
         ]
     return np.stack(finished)

@@ -75,6 +75,7 @@ def test_measurements_have_a_line_each_in_practical_units_beside_limit_and_perso
         "elbows 17.0° wanted at most 60.0°, person b",
         "spine 4.0°",
         "pelvis height 1.30 cm",
+        "feet's height 0.40 cm",
         "below the floor 0 cm",
         "added foot skate −0.31 cm/s",
         "penetration 0.40 cm",

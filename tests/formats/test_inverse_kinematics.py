@@ -5,12 +5,15 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.formats.inverse_kinematics import (
+    Hinge,
+    PointTargets,
     aim_bones,
     contact_targets,
     fit_rest_directions,
     forward_kinematics,
     inverse_kinematics,
     proximity_weights,
+    reach_points,
 )
 
 # A root with a fork, an arm of three, a leg of two.
@@ -199,3 +202,73 @@ def _bends(places: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(bones, axis=-1)
     cosines = (bones[1:] * bones[:-1]).sum(axis=-1) / (lengths[1:] * lengths[:-1])
     return np.degrees(np.arccos(cosines))[None]
+
+
+# Of the joints above: two of them, a mid-point, and a point beyond the end of the arm.
+SHARES = np.zeros((5, COUNT))
+SHARES[0, 0] = SHARES[1, 2] = SHARES[2, 5] = 1
+SHARES[3, [4, 6]] = 0.5
+SHARES[4, [2, 3]] = -0.5, 1.5
+
+
+def test_points_between_and_beyond_joints_are_met() -> None:
+    root, moved, local = pose(7)
+    places, _ = forward_kinematics(PARENTS, root, moved, local)
+    points = PointTargets(SHARES, SHARES @ places, np.ones((len(root), len(SHARES))))
+    straight = np.broadcast_to(np.eye(3), local.shape)
+    known = points.of_joints()
+    assert set(known) == {0, 2, 3, 5}
+    for joint, found in known.items():
+        np.testing.assert_allclose(found, places[:, joint], atol=1e-9)
+    initial = aim_bones(PARENTS, known, moved, straight)
+    found_root, found = reach_points(PARENTS, points, moved, initial)
+    reached, _ = forward_kinematics(PARENTS, found_root, moved, found)
+    np.testing.assert_allclose(SHARES @ reached, SHARES @ places, atol=1e-4)
+
+
+def test_bones_beyond_a_joint_without_a_target_point_to_the_next_that_has_one() -> None:
+    root, moved, _ = pose(8)
+    turn = Rotation.from_euler("xyz", [0.8, -0.4, 2.0]).as_matrix()
+    straight = np.broadcast_to(np.eye(3), (len(root), COUNT, 3, 3))
+    turned = straight.copy()
+    turned[:, 0] = turn
+    places, _ = forward_kinematics(PARENTS, root, moved, turned)
+    for joints in ((0, 3, 5), (3, 5, 6)):  # with a target of the root, and without
+        wanted = {joint: places[:, joint] for joint in joints}
+        found = aim_bones(PARENTS, wanted, moved, straight)
+        reached, _ = forward_kinematics(PARENTS, *_posed(found, moved))
+        np.testing.assert_allclose(reached, places, atol=1e-4)
+
+
+def test_stiff_joints_stay_near_their_rest() -> None:
+    parents = (-1, 0, 1, 2, 3)
+    offsets = np.tile([[0.0, 0, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0]], (1, 1, 1))
+    straight = np.tile(np.eye(3), (1, 5, 1, 1))
+    shares = np.eye(5)[[0, 1, 4]]
+    far = np.array([[[0.0, 0, 0], [0, 1, 0], [1.2, 3.4, 0]]])
+    angles = {}
+    for stiffness in (1e-3, 10.0):
+        targets = PointTargets(
+            shares, far, np.ones((1, 3)), dict.fromkeys((1, 2, 3), stiffness), straight[0]
+        )
+        _, found = reach_points(parents, targets, offsets, (np.zeros((1, 3)), straight))
+        angles[stiffness] = np.linalg.norm(targets.bends(found)[0], axis=-1)
+    assert (angles[10.0] < 0.5 * angles[1e-3]).all()
+
+
+def test_a_limb_bends_about_the_axis_of_its_hinge() -> None:
+    parents, axis = (-1, 0, 1), np.array([0.0, 0, 1])
+    offsets = np.tile([[0.0, 0, 0], [0, -1, 0], [0, -1, 0]], (20, 1, 1))
+    random = np.random.default_rng(9)
+    local = np.tile(np.eye(3), (20, 3, 1, 1))
+    local[:, 0] = Rotation.random(20, random_state=9).as_matrix()
+    local[:, 1] = Rotation.from_rotvec(random.uniform(0.5, 2.4, (20, 1)) * axis).as_matrix()
+    places, _ = forward_kinematics(parents, np.zeros((20, 3)), offsets, local)
+    wanted = {joint: places[:, joint] for joint in range(3)}
+    straight = np.broadcast_to(np.eye(3), local.shape)
+    _, found = aim_bones(parents, wanted, offsets, straight, {0: Hinge(1, 2, axis)})
+    bends = Rotation.from_matrix(found[:, 1]).as_rotvec()
+    assert np.abs(bends[:, :2]).max() < 0.15
+    assert np.abs(bends[:, 2]).min() > 0.49
+    _, free = aim_bones(parents, wanted, offsets, straight)
+    assert np.abs(Rotation.from_matrix(free[:, 1]).as_rotvec()[:, :2]).max() > 1

@@ -5,7 +5,11 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from pacmo_core.formats.rotations import axis_rotations, euler_angles_near
+from pacmo_core.formats.rotations import (
+    axis_rotations,
+    continuous_euler_angles,
+    euler_angles_near,
+)
 from pacmo_core.formats.write_bvh import zxy_angles
 
 
@@ -56,3 +60,14 @@ def test_of_all_angles_those_nearest_to_others_are_found(order: tuple[int, ...])
         product(order, degrees), order, degrees + random.normal(0, 3, (60, 3))
     )
     np.testing.assert_allclose(found, degrees, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_angles_of_a_motion_do_not_jump(order: tuple[int, ...]) -> None:
+    # Through a right angle of the middle axis, where the other of the two triples is the nearer.
+    t = np.linspace(0, 1, 200)
+    degrees = np.stack([300 * t, 40 + 110 * t, -250 * t], axis=1)
+    found = continuous_euler_angles(product(order, degrees), order, degrees)
+    np.testing.assert_allclose(found, degrees, atol=1e-6)
+    near_first = continuous_euler_angles(product(order, degrees), order, 0 * degrees + degrees[0])
+    np.testing.assert_allclose(near_first, degrees, atol=1e-6)

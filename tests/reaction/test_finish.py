@@ -74,6 +74,22 @@ def test_bones_keep_their_median_lengths_whatever_the_motion(seed, n_frames):
     np.testing.assert_allclose(found, np.tile(expected, (n_frames, 1)), rtol=1e-6, atol=3e-7)
 
 
+@pytest.mark.parametrize("size", [0.85, 0.95, 1.15])
+def test_a_body_of_given_bones_meets_the_hand_that_the_generated_one_meets(size):
+    partner, reaction, times = standing()
+    lengths = size * np.median(bone_lengths(reaction, SBU15), axis=0)
+    before = gap(partner, reaction)
+    after = finish(reaction, partner, times, SBU15, CLOSING, lengths)
+    found = bone_lengths(after, SBU15)
+    np.testing.assert_allclose(found, np.tile(lengths, (len(times), 1)), atol=1e-6)
+    nearest = before.argmin()
+    assert gap(partner, after)[nearest] == pytest.approx(0.04, abs=0.06)
+    np.testing.assert_allclose(
+        after[:, FEET][..., [0, 2]], reaction[:, FEET][..., [0, 2]], atol=0.03
+    )
+    assert np.ptp(after[:, FEET], axis=0).max() < 0.01  # they stand
+
+
 def test_a_motion_that_needs_no_finish_hardly_moves():
     partner, reaction, times = standing()
     assert np.abs(finish(reaction, partner, times, SBU15, NONE) - reaction).max() < 1e-3

@@ -1,0 +1,126 @@
+"""A rig: the hierarchy and the bones of a person in a BVH file, on which a motion is written."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pacmo_core.commands.bvh_fidelity import frame_rate
+from pacmo_core.commands.captures import OutputSpace
+from pacmo_core.commands.reading import (
+    ReadOptions,
+    ReadPerson,
+    Source,
+    name_model_joints,
+    read_people,
+)
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.bvh import Bvh, read_bvh
+from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.inverse_kinematics import PointTargets
+from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion, read_partner
+from pacmo_core.formats.resample import from_y_up
+from pacmo_core.formats.write_bvh import change_unit, format_file, write_on_rig
+from pacmo_core.project.workspace import CommandError
+from pacmo_core.reaction.bones import median_lengths
+
+
+@dataclass(frozen=True)
+class TargetRig:
+    """A person's BVH file, and the joints of a model in it.
+
+    Parameters
+    ----------
+    file : as it was read
+    bvh : its hierarchy and motion
+    space : its unit and upward axis
+    joints : its C joints, without End Sites
+    weights : (J, C) of these in each of the model's
+    motion : the joints of the model in the file
+    """
+
+    file: Path
+    bvh: Bvh
+    space: OutputSpace
+    joints: tuple[str, ...]
+    weights: NDArray[np.float64]
+    motion: PersonMotion
+
+    @property
+    def lengths(self) -> NDArray[np.float64]:
+        """``(E,)`` metres: the bones of the model on this body."""
+        return median_lengths(self.motion.motion, self.motion.skeleton)
+
+    def text(
+        self,
+        person: PersonMotion,
+        aims: Motion,
+        weights: NDArray[np.float64],
+        space: OutputSpace,
+    ) -> str:
+        """Write a motion of the model's joints as a BVH file on the rig.
+
+        Parameters
+        ----------
+        aims : (T, J, 3) float32, metres, y up, in place of the person's own motion
+        weights : (T, J), of the squared distances to them
+        space : of the file
+        """
+        shares = np.zeros((len(self.weights), len(self.bvh.joints)))
+        shares[:, [self.bvh.joints.index(name) for name in self.joints]] = self.weights
+        positions = from_y_up(aims, space.up).astype(np.float64) / space.unit
+        targets = PointTargets(shares, positions, weights)
+        bvh = self._in_unit(space)
+        return write_on_rig(
+            self.file, bvh, targets, person.skeleton, space.unit, frame_rate(person)
+        )
+
+    def copied(self, person: PersonMotion, space: OutputSpace) -> str:
+        """Write the motion of the file itself at the times of a person."""
+        bvh = self._in_unit(space)
+        return format_file(replace(bvh, frame_time=1 / frame_rate(person)), bvh.motion)
+
+    def read_back(
+        self, file: Path, person: PersonMotion, settings: Mapping[str, Any]
+    ) -> PersonMotion:
+        """Read the motion of the model's joints in a BVH file on the rig."""
+        found = read_partner(file, "bvh", settings, person=None, clip="")
+        rows = found.skeleton.indices(self.joints)
+        motion = np.einsum("jc,tcx->tjx", self.weights, found.motion[:, rows])
+        return replace(person, motion=motion.astype(np.float32))
+
+    def _in_unit(self, space: OutputSpace) -> Bvh:
+        return change_unit(self.bvh, self.space.unit / space.unit)
+
+
+def read_rig(source: Source, model: Skeleton, options: ReadOptions) -> TargetRig:
+    """Read the rig of the person who reacts.
+
+    Raises
+    ------
+    CommandError, FormatError
+        If it is no BVH file, or joints of the model are not named in it.
+    """
+    if source.file.suffix.lower() != ".bvh":
+        raise CommandError(f"{source.file}: wanted a rig as a .bvh file")
+    (read,) = read_people([source], replace(options, form="bvh"), "")
+    return rig_of(source, read, model, options)
+
+
+def rig_of(source: Source, read: ReadPerson, model: Skeleton, options: ReadOptions) -> TargetRig:
+    """Return the rig of a person who was read from a BVH file."""
+    names = name_model_joints(read.motion, model, source, options)
+    settings: dict[str, Any] = {**DEFAULT_SETTINGS["bvh"], **read.settings}
+    pairs = BvhPairs(**settings)
+    return TargetRig(
+        source.file,
+        read_bvh(source.file),
+        OutputSpace(pairs.metres(source.file), pairs.up_axis),
+        read.motion.skeleton.joints,
+        names.weights,
+        replace(read.motion, skeleton=model, motion=names.apply(read.motion.motion)),
+    )

@@ -1,0 +1,193 @@
+"""Reactions on a person's rig. Truth: the rig's own file, and the Parquet file of a reaction."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from typer.testing import CliRunner, Result
+
+from pacmo_core.api import synthesise
+from pacmo_core.commands.cli import app
+from pacmo_core.commands.weights import PACKAGED
+from pacmo_core.data.interaction import Interaction, bone_lengths
+from pacmo_core.data.segments import feet
+from pacmo_core.data.skeleton import Skeleton, mirror_by_name
+from pacmo_core.formats.bvh import Bvh, read_bvh
+from pacmo_core.formats.joint_names import StatedNames, name_joints
+from pacmo_core.formats.resample import from_y_up
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.reaction.stance import find_stance
+from pacmo_core.store.motions import stream_motions
+from tests.formats.rigged import mixamo, t_pose
+
+CLIP = next(c for name, c in synthesise(4).items() if name.startswith("handshake"))
+SIZES = (0.62, 0.9, 1.1)  # of the adult of ``t_pose``: a child, and two adults
+
+
+def pacmo(*words: object) -> Result:
+    return CliRunner().invoke(app, ["react", *map(str, words), "--weights", str(PACKAGED)])
+
+
+def refused(said: Result, *texts: str) -> None:
+    assert said.exit_code == 1, said.output
+    assert said.stderr.count("\n") == 1, said.stderr
+    for text in texts:
+        assert text in said.stderr
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> list[Path]:
+    """Write two people who shake hands on Mixamo's joints, in centimetres, y up."""
+    skeleton, motions = mixamo(CLIP)
+    files = [tmp_path / "anna.bvh", tmp_path / "ben.bvh"]
+    for file, motion in zip(files, motions, strict=True):
+        file.write_text(format_bvh(100 * motion, CLIP.fps, skeleton))
+    return files
+
+
+def read_reaction(file: Path) -> Interaction:
+    ((_, made),) = stream_motions(file)
+    return made
+
+
+def model_joints(bvh: Bvh, model: Skeleton, unit: float) -> np.ndarray:
+    """Return ``(T, J, 3)`` metres: the joints of the model in a file on Mixamo's rig."""
+    names = tuple(name for i, name in enumerate(bvh.joints) if i not in bvh.end_sites)
+    rows = [bvh.joints.index(name) for name in names]
+    parents = tuple(names.index(bvh.joints[p]) if (p := bvh.parents[r]) >= 0 else -1 for r in rows)
+    skeleton = Skeleton("rig", names, parents, mirror_by_name(names))
+    found = name_joints(skeleton, model, StatedNames())
+    return found.apply((unit * bvh.positions()[:, rows]).astype(np.float32))
+
+
+def rotations(bvh: Bvh) -> dict[str, np.ndarray]:
+    """Return the angles (T, 3) of each joint, in degrees about z, x and y."""
+    names = [name for name, of in zip(bvh.joints, bvh.channels, strict=True) if of]
+    first = range(3, bvh.motion.shape[1], 3)
+    return {name: bvh.motion[:, c : c + 3] for name, c in zip(names, first, strict=True)}
+
+
+def touches(made: Interaction, reaction: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(reaction[:, :, None] - made.person_a[:, None], axis=-1) < 0.1
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_reaction_is_on_the_rig_that_is_named(
+    captures: list[Path], tmp_path: Path, size: float
+) -> None:
+    rig = tmp_path / "rig.bvh"
+    rig.write_text(t_pose(size))
+    for out in ("x.bvh", "x.parquet"):
+        said = pacmo(captures[0], "--rig", rig, "--out", tmp_path / out)
+        assert said.exit_code == 0, said.output
+        assert str(rig) in said.stdout.splitlines()[-1]
+    wanted, found = read_bvh(rig), read_bvh(tmp_path / "x_0_B.bvh")
+    for name in ("joints", "parents", "channels", "end_sites"):
+        assert getattr(found, name) == getattr(wanted, name)
+    np.testing.assert_allclose(found.offsets, wanted.offsets, atol=1e-5)
+    made = read_reaction(tmp_path / "x.parquet")
+    on_rig = model_joints(found, made.skeleton, 0.01)
+    # Bones of the Parquet file are those of the rig, where the rig has one in their place.
+    of_rig = bone_lengths(model_joints(wanted, made.skeleton, 0.01), made.skeleton)[0]
+    lengths = bone_lengths(made.person_b, made.skeleton)
+    np.testing.assert_allclose(lengths, np.tile(of_rig, (len(lengths), 1)), atol=1e-5)
+    assert np.linalg.norm(on_rig - made.person_b, axis=-1).mean() < 0.015
+    near = touches(made, made.person_b)
+    assert near.sum() > 50  # hands meet, whatever the size
+    assert (near & touches(made, on_rig)).sum() >= 0.9 * near.sum()
+    stance = find_stance(made.person_b, made.fps, made.skeleton)
+    for foot, stands in zip(feet(made.skeleton), stance, strict=True):
+        off = on_rig[stands][:, list(foot)] - made.person_b[stands][:, list(foot)]
+        assert np.linalg.norm(off, axis=-1).max() < 5e-3
+    for joint, angles in rotations(found).items():
+        if re.search(r"Hand(Thumb|Index|Ring)", joint):  # as in the rig
+            np.testing.assert_allclose(angles, 0, atol=1e-4)
+        assert np.abs(np.diff(angles, axis=0)).max() < 90  # no angle goes round
+
+
+def test_knees_and_elbows_bend_about_the_axes_of_the_rig(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.bvh"
+    rig.write_text(t_pose())
+    assert pacmo(captures[0], "--rig", rig, "--out", tmp_path / "x.bvh").exit_code == 0
+    found = read_bvh(tmp_path / "x_0_B.bvh")
+    angles_of, bent = rotations(found), []
+    for joint, axis in (("ForeArm", 2), ("Leg", 1)):  # of Zrotation Xrotation Yrotation
+        for side in ("Left", "Right"):
+            angles = np.abs(angles_of[f"mixamorig:{side}{joint}"])
+            bent.append(angles[:, axis].max())
+            assert np.quantile(np.delete(angles, axis, axis=1), 0.95) < 10
+    assert max(bent[:2]) > 40
+    assert max(bent[2:]) > 20
+
+
+def test_the_partner_is_the_capture_itself(captures: list[Path], tmp_path: Path) -> None:
+    said = pacmo(captures[0], "--rig", captures[1], "--out", tmp_path / "x.bvh")
+    assert said.exit_code == 0, said.output
+    given, found = read_bvh(captures[0]), read_bvh(tmp_path / "x_0_A.bvh")
+    assert found.joints == given.joints
+    np.testing.assert_allclose(found.offsets, given.offsets, atol=1e-6)
+    np.testing.assert_allclose(found.motion, given.motion, atol=1e-5)
+    assert found.frame_time == pytest.approx(given.frame_time, rel=1e-6)
+
+
+@pytest.mark.parametrize("given", [[], ["--to-unit", "m", "--to-up", "z"]])
+def test_files_are_in_the_unit_and_axes_of_the_rig_or_those_that_are_stated(
+    captures: list[Path], tmp_path: Path, given: list[str]
+) -> None:
+    rig = tmp_path / "rig.bvh"
+    rig.write_text(t_pose(0.95, has_reference=True))
+    for out in ("x.bvh", "x.parquet"):
+        words = given if out == "x.bvh" else []
+        said = pacmo(captures[0], "--rig", rig, *words, "--to-fps", 15, "--out", tmp_path / out)
+        assert said.exit_code == 0, said.output
+    made = read_reaction(tmp_path / "x.parquet")
+    unit, up = (1.0, "z") if given else (0.01, "y")
+    wanted = from_y_up(made.person_b, up)
+    found = read_bvh(tmp_path / "x_0_B.bvh")
+    assert found.joints[0] == "mixamorig:Reference"
+    on_rig = model_joints(found, made.skeleton, unit)
+    assert np.linalg.norm(on_rig - wanted, axis=-1).mean() < 0.015
+    # At another rate the partner is on the joints of the model.
+    partner = read_bvh(tmp_path / "x_0_A.bvh")
+    assert set(made.skeleton.joints) <= set(partner.joints)
+
+
+def test_a_file_says_which_joints_it_has_in_which_order(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "x.parquet"
+    assert pacmo(captures[0], "--out", out).exit_code == 0
+    skeleton = json.loads(pl.read_parquet_metadata(out)["skeleton"])
+    made = read_reaction(out)
+    assert tuple(skeleton["joints"]) == made.skeleton.joints
+    assert len(skeleton["parents"]) == made.person_b.shape[1]
+
+
+def test_a_rig_that_does_not_fit_is_one_line(captures: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "out.bvh"
+    rig = tmp_path / "rig.bvh"
+    rig.write_text(t_pose().replace("LeftHand\n", "Q7\n").replace("RightHand\n", "Q8\n"))
+    refused(pacmo(captures[0], "--rig", rig, "--out", out), "rig.bvh", "left_wrist", "right_wrist")
+    hands = [("left", "Q7"), ("right", "Q8")]
+    named = [
+        word
+        for side, joint in hands
+        for point in ("wrist", "hand")
+        for word in ("--joints", f"b={side}_{point}=mixamorig:{joint}")
+    ]
+    said = pacmo(captures[0], "--rig", rig, *named, "--out", out)
+    assert said.exit_code == 0, said.output
+    refused(pacmo(captures[0], "--rig", tmp_path / "none.bvh", "--out", out), "none.bvh")
+    refused(pacmo(captures[0], "--rig", tmp_path / "ben.fbx", "--out", out), "ben.fbx", ".bvh")
+    refused(pacmo(captures[0], "--rig", rig, "--no-finish", "--out", out), "--no-finish")
+    refused(pacmo("--stream", "--rig", rig), "--rig")
+    rig.write_text(t_pose().replace("3 Zrotation Xrotation Yrotation", "1 Xrotation"))
+    text = rig.read_text().splitlines()
+    rows = [" ".join(row.split()[: 6 + text.count("CHANNELS 1 Xrotation")]) for row in text[-2:]]
+    rig.write_text("\n".join([*text[:-2], *rows, ""]))
+    refused(pacmo(captures[0], "--rig", rig, "--out", out), "wanted three to write")
