@@ -125,7 +125,7 @@ def measure_motions(
     -------
     (V,) each, by the names of ``Report``
     """
-    people = measure_people(scene, is_support, scales, points)
+    people = [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
     common = common_scale(scene, scales)
     motions = scale_scene(scene, points, 1 / common)
     contacts = [
@@ -143,13 +143,6 @@ def measure_motions(
         "far_distance_error": far,
         "near_distance_error_naive": near_distance_error(scene, settings, naive),
     }
-
-
-def measure_people(
-    scene: Scene, is_support: NDArray[np.bool_], scales: Array, points: Array
-) -> list[dict[str, Array]]:
-    """Measure each person alone: of ``measure_motions``, what is that of one person."""
-    return [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
 
 
 def _measure_person(
@@ -183,6 +176,13 @@ def _measure_person(
         if name == "knee":
             measures["knee_change_apart"] = _mean(changes[is_apart].reshape(-1, points.shape[-1]))
     return measures
+
+
+def measure_people(
+    scene: Scene, is_support: NDArray[np.bool_], scales: Array, points: Array
+) -> list[dict[str, Array]]:
+    """Measure each person alone: of ``measure_motions``, what is that of one person."""
+    return [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
 
 
 def angle_changes(scene: Scene, points: Array, person: int, name: str) -> Array:
