@@ -320,9 +320,15 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             name, model.skeleton, at - at[0], partner_poses, motions, people.rig,
             people.copied_partner(at, space),
         )  # fmt: skip
-        files, fidelity = write_reactions(reactions, out, space)
-        lines = [fidelity.line()] if fidelity.is_inexact else []
-        typer.echo("\n".join([*lines, _files_line(reactions, files, space)]))
+        _write(reactions, out, space)
+
+
+def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
+    """Write the files; say how well they hold the motions, and what they are."""
+    files, fidelity = write_reactions(reactions, out, space)
+    if fidelity.is_inexact:
+        typer.echo(fidelity.line())
+    typer.echo(_files_line(reactions, files, space))
 
 
 def _check_finish(rig: Path | None, finish: bool) -> None:
