@@ -9,7 +9,7 @@ those of the generated motion. Legs follow by inverse kinematics.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
@@ -31,6 +31,8 @@ MAX_REACH, MAX_TURN = 0.33, np.pi / 4
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
+MAX_SPEED = 3.0  # metres per second, of an ankle that swings: a body that is too fast glides on
+FADE_SECONDS = 0.2  # from steps to a glide
 
 
 def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) -> Array:
@@ -54,7 +56,8 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
     legs = [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
     result, nowhere = motion.copy(), np.full(motion.shape[:2], -np.inf)
     for glide in glides:
-        wanted = _stepping(motion[glide], headings[glide], fps, skeleton)
+        steps = _stepping(motion[glide], headings[glide], fps, skeleton)
+        wanted = _within_speed(motion[glide], steps, fps, skeleton)
         body = set_bone_lengths(motion[glide], lengths, skeleton)
         set_legs(body, wanted, nowhere[glide], lengths, skeleton)
         result[glide, legs] = body[:, legs]
@@ -133,6 +136,26 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
             result[:, joints] += smooth_step(done) * (path[there] - path[here])
             result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]) ** 2
     return result
+
+
+def _within_speed(glide: Array, steps: Array, fps: float, skeleton: Skeleton) -> Array:
+    """Return a mean of two motions ``(T, J, 3)``: steps, as far as no ankle is too fast in them.
+
+    A foot that swings goes about three times as fast as the body, on average and at its peak.
+    """
+    ankles = [foot[0] for foot in feet(skeleton)]
+    sliding, stepping = (
+        np.linalg.norm(np.diff(motion[:, ankles], axis=0), axis=-1) * fps
+        for motion in (glide, steps)
+    )
+    excess = np.maximum(stepping - MAX_SPEED, 0) / np.maximum(stepping - sliding, 1e-9)
+    allowed = 1 - excess.clip(0, 1).max(axis=1)
+    allowed = np.minimum(allowed[[0, *range(len(allowed))]], allowed[[*range(len(allowed)), -1]])
+    # The filter's kernel reaches as far as the minimum: the share is nowhere above what is allowed.
+    half = max(1, round(FADE_SECONDS * fps))
+    lowest = minimum_filter1d(allowed, 2 * half + 1, mode="nearest")
+    share = gaussian_filter1d(lowest, half / 3, mode="nearest", radius=half)[:, None, None]
+    return glide + share * (steps - glide)
 
 
 def _beneath(foot: Array, root: Array, headings: Array) -> Array:
