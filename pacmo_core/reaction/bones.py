@@ -44,7 +44,12 @@ def set_bone_lengths(motion: Array, lengths: Array, skeleton: Skeleton) -> Array
 
 
 def set_legs(
-    motion: Array, wanted: Array, floor: Array, lengths: Array, skeleton: Skeleton
+    motion: Array,
+    wanted: Array,
+    floor: Array,
+    lengths: Array,
+    skeleton: Skeleton,
+    slack: float = 0.0,
 ) -> None:
     """Move knees and feet, in place, so that feet are where they are wanted and not below a floor.
 
@@ -55,6 +60,9 @@ def set_legs(
     floor : (..., J) metres, height below which a joint must not be; -inf for all but feet
     lengths : (E,) metres
     skeleton : of the motion
+    slack : share of a leg's length that it approaches gradually. A knee goes the faster the
+        straighter it is, without bound; a leg with slack is never quite straight, and an ankle
+        is up to the slack off its place.
     """
     length_of = lengths_by_joint(lengths, skeleton)
     for ankle, *beyond in feet(skeleton):
@@ -69,6 +77,7 @@ def set_legs(
             target,
             _ahead(motion, skeleton),
             length_of,
+            slack,
         )
         for joint in beyond:
             parent = skeleton.parents[joint]
@@ -85,6 +94,7 @@ def _bend(
     target: Array,
     ahead: Array,
     length_of: dict[int, float],
+    slack: float,
 ) -> None:
     """Place knee and ankle of a leg; an ankle out of reach is placed in the target's direction.
 
@@ -95,7 +105,7 @@ def _bend(
     start = motion[..., hip, :]
     line = target - start
     distance = np.linalg.norm(line, axis=-1, keepdims=True)
-    reach = distance.clip(abs(upper - lower), upper + lower)
+    reach = _softened(distance, upper + lower, slack).clip(abs(upper - lower), upper + lower)
     before, along = (resized(x, np.array(1.0)) for x in (motion[..., ankle, :] - start, line))
     bend = _turned(_across(motion[..., knee, :] - start, before), before, along)
     front = _turned(ahead, DOWN, along)
@@ -104,6 +114,15 @@ def _bend(
     aside = np.sqrt(np.maximum(upper**2 - forward**2, 0))
     motion[..., knee, :] = start + forward * along + aside * resized(bend, np.array(1.0))
     motion[..., ankle, :] = start + reach * along
+
+
+def _softened(distance: Array, full: float, slack: float) -> Array:
+    """Return distances as they are up to the slack; greater ones go to the full one at infinity."""
+    if not slack:
+        return distance
+    free, width = (1 - slack) * full, max(slack * full, MIN_LENGTH)
+    beyond = np.maximum(distance - free, 0)
+    return np.minimum(distance, free - width * np.expm1(-beyond / width))
 
 
 def _ahead(motion: Array, skeleton: Skeleton) -> Array:

@@ -32,6 +32,7 @@ MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
 MAX_SPEED = 3.0  # metres per second, of an ankle that swings: a body that is too fast glides on
+SLACK = 0.02  # of the legs' length, of ``set_legs``
 FADE_SECONDS = 0.2  # from steps to a glide
 
 
@@ -59,8 +60,11 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
         steps = _stepping(motion[glide], headings[glide], fps, skeleton)
         wanted = _within_speed(motion[glide], steps, fps, skeleton)
         body = set_bone_lengths(motion[glide], lengths, skeleton)
-        set_legs(body, wanted, nowhere[glide], lengths, skeleton)
-        result[glide, legs] = body[:, legs]
+        gliding, stepping = body.copy(), body
+        set_legs(gliding, motion[glide], nowhere[glide], lengths, skeleton, SLACK)
+        set_legs(stepping, wanted, nowhere[glide], lengths, skeleton, SLACK)
+        # Legs change by what steps change: other bones are not yet of their lengths.
+        result[glide, legs] += stepping[:, legs] - gliding[:, legs]
     return result
 
 
