@@ -31,7 +31,7 @@ MAX_REACH, MAX_TURN = 0.33, np.pi / 4
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
-MAX_SPEED = 3.0  # metres per second, of an ankle that swings: a body that is too fast glides on
+MAX_SPEED = 3.0  # metres per second, of a joint of legs that step: a faster body glides on
 SLACK = 0.02  # of the legs' length, of ``set_legs``
 FADE_SECONDS = 0.2  # from steps to a glide
 
@@ -57,14 +57,14 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
     legs = [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
     result, nowhere = motion.copy(), np.full(motion.shape[:2], -np.inf)
     for glide in glides:
-        steps = _stepping(motion[glide], headings[glide], fps, skeleton)
-        wanted = _within_speed(motion[glide], steps, fps, skeleton)
+        wanted = _stepping(motion[glide], headings[glide], fps, skeleton)
         body = set_bone_lengths(motion[glide], lengths, skeleton)
         gliding, stepping = body.copy(), body
-        set_legs(gliding, motion[glide], nowhere[glide], lengths, skeleton, SLACK)
-        set_legs(stepping, wanted, nowhere[glide], lengths, skeleton, SLACK)
+        for legs_of, feet_of in ((gliding, motion[glide]), (stepping, wanted)):
+            set_legs(legs_of, feet_of, nowhere[glide], lengths, skeleton, SLACK)
         # Legs change by what steps change: other bones are not yet of their lengths.
-        result[glide, legs] += stepping[:, legs] - gliding[:, legs]
+        change = stepping[:, legs] - gliding[:, legs]
+        result[glide, legs] += _share(motion[glide][:, legs], change, fps) * change
     return result
 
 
@@ -142,24 +142,27 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
     return result
 
 
-def _within_speed(glide: Array, steps: Array, fps: float, skeleton: Skeleton) -> Array:
-    """Return a mean of two motions ``(T, J, 3)``: steps, as far as no ankle is too fast in them.
+def _share(legs: Array, change: Array, fps: float) -> Array:
+    """``(T, 1, 1)``: how much of a change lets no joint of the legs go too fast, 1 where all does.
 
-    A foot that swings goes about three times as fast as the body, on average and at its peak.
+    A foot that swings goes about three times as fast as the body. Where that is too fast, the feet
+    glide: less than they did, or as they did.
+
+    Parameters
+    ----------
+    legs, change : (T, K, 3) metres
+    fps : frames per second
     """
-    ankles = [foot[0] for foot in feet(skeleton)]
-    sliding, stepping = (
-        np.linalg.norm(np.diff(motion[:, ankles], axis=0), axis=-1) * fps
-        for motion in (glide, steps)
+    before, after = (
+        np.linalg.norm(np.diff(motion, axis=0), axis=-1) * fps for motion in (legs, legs + change)
     )
-    excess = np.maximum(stepping - MAX_SPEED, 0) / np.maximum(stepping - sliding, 1e-9)
+    excess = np.maximum(after - MAX_SPEED, 0) / np.maximum(after - before, 1e-9)
     allowed = 1 - excess.clip(0, 1).max(axis=1)
-    allowed = np.minimum(allowed[[0, *range(len(allowed))]], allowed[[*range(len(allowed)), -1]])
-    # The filter's kernel reaches as far as the minimum: the share is nowhere above what is allowed.
+    # The kernel reaches as far as the minimum: the share is nowhere above what is allowed.
     half = max(1, round(FADE_SECONDS * fps))
-    lowest = minimum_filter1d(allowed, 2 * half + 1, mode="nearest")
-    share = gaussian_filter1d(lowest, half / 3, mode="nearest", radius=half)[:, None, None]
-    return glide + share * (steps - glide)
+    lowest = minimum_filter1d(np.append(allowed, allowed[-1]), 2 * half + 1, mode="nearest")
+    share: Array = gaussian_filter1d(lowest, half / 3, mode="nearest", radius=half)
+    return share[:, None, None]
 
 
 def _beneath(foot: Array, root: Array, headings: Array) -> Array:
