@@ -34,7 +34,7 @@ STEP_HEIGHT = 0.08  # metres
 MAX_SPEED = 3.0  # metres per second, of a joint of legs that step: a faster body glides on
 MAX_ACCELERATION = 60.0  # metres per second squared, of the same
 SLACK = 0.02  # of the legs' length, of ``set_legs``
-FADE_SECONDS = 0.12  # from steps to a glide
+FADE_SECONDS = 0.15  # from steps to a glide
 
 
 def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) -> Array:
