@@ -47,7 +47,7 @@ def test_without_names_every_joint_is_a_key_and_no_foot_slides():
     found, reasons = measure_plausibility(real, table.context)
     no_feet = "the skeleton names no feet"
     assert reasons == {"foot_skate": no_feet, "ground_penetration": no_feet}
-    assert set(found) == {"penetration", "bone_variation", "jerk"}
+    assert set(found) == {"penetration", "bone_variation", "jerk", "jolts"}
 
 
 def standing(offset, drift, n=11):
