@@ -1,4 +1,4 @@
-"""Plausibility of reactions: feet, ground, bones, jerk, jolts; distances between the bodies over time.
+"""Plausibility of reactions: feet, ground, bones, jerk, jolts; distances between bodies over time.
 
 The joints that these metrics use (root, feet, hands, head) are found by name in any skeleton.
 """
