@@ -179,6 +179,15 @@ METRICS = {
         "third derivative of joint positions, smoothed",
         partner_independent=True,
     ),
+    "jolts": Metric(
+        "Jolts",
+        LOWER,
+        "",
+        "share of reactions with a joint of greater acceleration than in any real one",
+        tolerance=1.0,
+        exact_for_real=True,
+        partner_independent=True,
+    ),
     "penetration": Metric(
         "Penetration",
         CLOSER_TO_REAL,
@@ -223,7 +232,7 @@ PARTNER_COLUMNS = (
 )
 CONTACT_COLUMNS = ("contacts_met", "contacts_met_near", "false_contacts", "contact_f1")
 PLAUSIBILITY_COLUMNS = (
-    *("foot_skate", "ground_penetration", "bone_variation", "jerk", "penetration"),
+    *("foot_skate", "ground_penetration", "bone_variation", "jerk", "jolts", "penetration"),
 )
 FURTHER_COLUMNS = ("multimodality", "f2id_infinity", "ave")
 PUBLISHED_COLUMNS = (

@@ -1,4 +1,4 @@
-"""Plausibility of reactions: feet, ground, bones, jerk; distances between the bodies over time.
+"""Plausibility of reactions: feet, ground, bones, jerk, jolts; distances between bodies over time.
 
 The joints that these metrics use (root, feet, hands, head) are found by name in any skeleton.
 """
@@ -134,6 +134,31 @@ def jerk(row: Reactions, *, smoothing: float) -> Array:
         size = np.linalg.norm(derivative[inner], axis=-1)
         sums.append((size.sum(), size.size))
     return np.array(sums, dtype=np.float64).T
+
+
+def jolts(row: Reactions, real: Reactions) -> Array:
+    """Return which reactions have a jolt, 0 or 1, and ones, (2, n).
+
+    A jolt is an acceleration of a joint that is greater than all of the real reactions. Means over
+    time hide it: a knee that jumps in one frame of a thousand is seen, and changes no mean.
+    """
+    most = max(peak_acceleration(*motion) for motion in zip(real.motions, real.times, strict=True))
+    peaks = [peak_acceleration(*motion) for motion in zip(row.motions, row.times, strict=True)]
+    return np.array([[peak > most for peak in peaks], np.ones(len(peaks))], dtype=np.float64)
+
+
+def peak_acceleration(motion: NDArray[np.float32], times: Array) -> float:
+    """Return the greatest acceleration of a joint between neighbouring frames, m/s²; 0 of two.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    times : (T,) seconds
+    """
+    steps = np.diff(times)[:, None, None]
+    velocity = np.diff(motion.astype(np.float64), axis=0) / steps
+    change = np.diff(velocity, axis=0) / ((steps[1:] + steps[:-1]) / 2)
+    return float(np.linalg.norm(change, axis=-1).max(initial=0.0))
 
 
 def smooth(values: NDArray[np.float32], times: Array, width: float) -> Array:

@@ -20,18 +20,25 @@ from pacmo_core.metrics.contact import (
 from pacmo_core.metrics.context import EvaluationContext
 from pacmo_core.metrics.displacement import Motions
 from pacmo_core.metrics.diversity import feature_distances
-from pacmo_core.metrics.plausibility import bone_variation, foot_skate, ground_penetration, jerk
+from pacmo_core.metrics.plausibility import (
+    bone_variation,
+    foot_skate,
+    ground_penetration,
+    jerk,
+    jolts,
+)
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.row_metrics import Estimates, Reasons, as_estimate
 
 
 def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
-    """Measure feet, ground, bones, jerk and penetration; return reasons for missing ones."""
+    """Measure feet, ground, bones, jerk, jolts and penetration; return reasons for missing ones."""
     settings = context.settings
     sums = {
         "penetration": penetration(row, settings.body, radius=settings.body_radius),
         "bone_variation": bone_variation(row, settings.body),
         "jerk": jerk(row, smoothing=settings.smoothing),
+        "jolts": jolts(row, context.real),
     }
     if not settings.body.feet:
         reason = "the skeleton names no feet"

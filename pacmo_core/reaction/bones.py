@@ -15,7 +15,8 @@ from pacmo_core.data.skeleton import Skeleton
 Array = NDArray[np.float64]
 
 MIN_LENGTH = 1e-9  # metres, below which a bone has no direction
-MIN_BEND = 1e-4  # metres from the line from hip to ankle, within which a knee is straight
+MIN_BEND = 0.02  # metres ahead of the line from hip to ankle, at least, of the direction of a knee
+DOWN = np.array([0.0, -1.0, 0.0])
 
 
 def median_lengths(motion: Motion, skeleton: Skeleton) -> Array:
@@ -69,7 +70,12 @@ def with_lengths(motion: Array, lengths: Array, ground: Array, skeleton: Skeleto
 
 
 def set_legs(
-    motion: Array, wanted: Array, floor: Array, lengths: Array, skeleton: Skeleton
+    motion: Array,
+    wanted: Array,
+    floor: Array,
+    lengths: Array,
+    skeleton: Skeleton,
+    slack: float = 0.0,
 ) -> None:
     """Move knees and feet, in place, so that feet are where they are wanted and not below a floor.
 
@@ -80,6 +86,9 @@ def set_legs(
     floor : (..., J) metres, height below which a joint must not be; -inf for all but feet
     lengths : (E,) metres
     skeleton : of the motion
+    slack : share of a leg's length that it approaches gradually. A knee goes the faster the
+        straighter it is, without bound; a leg with slack is never quite straight, and an ankle
+        is up to the slack off its place.
     """
     length_of = lengths_by_joint(lengths, skeleton)
     for ankle, *beyond in feet(skeleton):
@@ -94,6 +103,7 @@ def set_legs(
             target,
             _ahead(motion, skeleton),
             length_of,
+            slack,
         )
         for joint in beyond:
             parent = skeleton.parents[joint]
@@ -110,41 +120,63 @@ def _bend(
     target: Array,
     ahead: Array,
     length_of: dict[int, float],
+    slack: float,
 ) -> None:
     """Place knee and ankle of a leg; an ankle out of reach is placed in the target's direction.
 
-    The knee stays on its side of the line from hip to ankle; one on the line bends ahead.
+    The direction in which the knee bends turns with the line from hip to ankle, and is ahead.
     """
     hip, knee, ankle = leg
     upper, lower = length_of[knee], length_of[ankle]
     start = motion[..., hip, :]
     line = target - start
     distance = np.linalg.norm(line, axis=-1, keepdims=True)
-    reach = distance.clip(abs(upper - lower), upper + lower)
-    along = resized(line, np.array(1.0))
-    bend = _across(motion[..., knee, :] - start, along)
-    for other in (ahead, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])):
-        is_straight = np.linalg.norm(bend, axis=-1, keepdims=True) < MIN_BEND
-        bend = np.where(is_straight, _across(other, along), bend)
+    reach = _softened(distance, upper + lower, slack).clip(abs(upper - lower), upper + lower)
+    before, along = (resized(x, np.array(1.0)) for x in (motion[..., ankle, :] - start, line))
+    bend = _turned(_across(motion[..., knee, :] - start, before), before, along)
+    front = _turned(ahead, DOWN, along)
+    bend += np.maximum(MIN_BEND - _dot(bend, front), 0) * front
     forward = (upper**2 - lower**2 + reach**2) / (2 * np.maximum(reach, MIN_LENGTH))
     aside = np.sqrt(np.maximum(upper**2 - forward**2, 0))
     motion[..., knee, :] = start + forward * along + aside * resized(bend, np.array(1.0))
     motion[..., ankle, :] = start + reach * along
 
 
+def _softened(distance: Array, full: float, slack: float) -> Array:
+    """Return distances as they are up to the slack; greater ones go to the full one at infinity."""
+    if not slack:
+        return distance
+    free, width = (1 - slack) * full, max(slack * full, MIN_LENGTH)
+    beyond = np.maximum(distance - free, 0)
+    return np.minimum(distance, free - width * np.expm1(-beyond / width))
+
+
 def _ahead(motion: Array, skeleton: Skeleton) -> Array:
-    """``(..., 3)``: the direction in which the body faces, over the ground; zeros if not known."""
+    """``(..., 3)``: the unit vector in which the body faces, over the ground; z if not known."""
     knees = {skeleton.parents[foot[0]] for foot in feet(skeleton)}
+    facing = np.zeros((*motion.shape[:-2], 3))
     for left, right in skeleton.left_right:
         if {left, right} == knees:
             hips = [motion[..., skeleton.parents[knee], :] for knee in (left, right)]
-            return np.cross(hips[0] - hips[1], [0.0, 1.0, 0.0])
-    return np.zeros((*motion.shape[:-2], 3))
+            facing = np.cross(hips[0] - hips[1], [0.0, 1.0, 0.0])
+    length = np.linalg.norm(facing, axis=-1, keepdims=True)
+    return np.where(length > MIN_LENGTH, facing / np.maximum(length, MIN_LENGTH), [0.0, 0.0, 1.0])
+
+
+def _turned(vectors: Array, start: Array, end: Array) -> Array:
+    """Turn vectors at right angles to a unit vector by the least turn from it to another."""
+    share = _dot(vectors, end) / np.maximum(1 + _dot(start, end), MIN_LENGTH)
+    return np.asarray(vectors - share * (start + end))
+
+
+def _dot(first: Array, second: Array) -> Array:
+    """Return the inner products of vectors ``(..., 3)``, ``(..., 1)``."""
+    return np.asarray((first * second).sum(axis=-1, keepdims=True))
 
 
 def _across(vectors: Array, along: Array) -> Array:
     """Return the part of vectors ``(..., 3)`` that is at right angles to unit vectors."""
-    return np.asarray(vectors - (vectors * along).sum(axis=-1, keepdims=True) * along)
+    return np.asarray(vectors - _dot(vectors, along) * along)
 
 
 def raised(bone: Array, lowest: Array) -> Array:

@@ -9,7 +9,7 @@ those of the generated motion. Legs follow by inverse kinematics.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
@@ -31,6 +31,10 @@ MAX_REACH, MAX_TURN = 0.33, np.pi / 4
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
+MAX_SPEED = 3.0  # metres per second, of a joint of legs that step: a faster body glides on
+MAX_ACCELERATION = 60.0  # metres per second squared, of the same
+SLACK = 0.02  # of the legs' length, of ``set_legs``
+FADE_SECONDS = 0.15  # from steps to a glide
 
 
 def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) -> Array:
@@ -52,12 +56,18 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
         return motion
     headings = find_headings(motion, fps, skeleton)
     legs = [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
-    result, nowhere = motion.copy(), np.full(motion.shape[:2], -np.inf)
+    change = np.zeros((*motion.shape[:1], len(legs), 3))
+    nowhere = np.full(motion.shape[:2], -np.inf)
     for glide in glides:
         wanted = _stepping(motion[glide], headings[glide], fps, skeleton)
         body = set_bone_lengths(motion[glide], lengths, skeleton)
-        set_legs(body, wanted, nowhere[glide], lengths, skeleton)
-        result[glide, legs] = body[:, legs]
+        gliding, stepping = body.copy(), body
+        for legs_of, feet_of in ((gliding, motion[glide]), (stepping, wanted)):
+            set_legs(legs_of, feet_of, nowhere[glide], lengths, skeleton, SLACK)
+        # Legs change by what steps change: other bones are not yet of their lengths.
+        change[glide] = stepping[:, legs] - gliding[:, legs]
+    result = motion.copy()
+    result[:, legs] += _share(motion[:, legs], change, fps)[:, None, None] * change
     return result
 
 
@@ -133,6 +143,33 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
             result[:, joints] += smooth_step(done) * (path[there] - path[here])
             result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]) ** 2
     return result
+
+
+def _share(legs: Array, change: Array, fps: float) -> Array:
+    """``(T,)``: how much of a change makes no joint of the legs too fast; 1 where all of it does.
+
+    A foot that swings goes about three times as fast as the body. Where that is too fast, or where
+    a glide begins or ends in motion, feet glide, less than they did or as they did.
+
+    Parameters
+    ----------
+    legs, change : (T, K, 3) metres
+    fps : frames per second
+    """
+    allowed = np.ones(len(legs))
+    for order, limit in ((1, MAX_SPEED), (2, MAX_ACCELERATION)):
+        before, after = (
+            np.linalg.norm(np.diff(motion, n=order, axis=0), axis=-1) * fps**order
+            for motion in (legs, legs + change)
+        )
+        excess = np.maximum(after - limit, 0) / np.maximum(after - before, 1e-9)
+        fits = 1 - excess.clip(0, 1).max(axis=1)
+        frames = slice(order - 1, order - 1 + len(fits))
+        allowed[frames] = np.minimum(allowed[frames], fits)
+    # The minimum reaches as far as the kernel, and one frame farther, as the differences do.
+    half = max(1, round(FADE_SECONDS * fps))
+    lowest = minimum_filter1d(allowed, 2 * (half + 1) + 1, mode="nearest")
+    return np.asarray(gaussian_filter1d(lowest, half / 3, mode="nearest", radius=half))
 
 
 def _beneath(foot: Array, root: Array, headings: Array) -> Array:

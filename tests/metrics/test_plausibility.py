@@ -13,6 +13,8 @@ from pacmo_core.metrics.plausibility import (
     foot_skate,
     ground_penetration,
     jerk,
+    jolts,
+    peak_acceleration,
     smooth,
 )
 from pacmo_core.metrics.row_plausibility import measure_multimodality, measure_plausibility
@@ -47,7 +49,7 @@ def test_without_names_every_joint_is_a_key_and_no_foot_slides():
     found, reasons = measure_plausibility(real, table.context)
     no_feet = "the skeleton names no feet"
     assert reasons == {"foot_skate": no_feet, "ground_penetration": no_feet}
-    assert set(found) == {"penetration", "bone_variation", "jerk"}
+    assert set(found) == {"penetration", "bone_variation", "jerk", "jolts"}
 
 
 def standing(offset, drift, n=11):
@@ -122,6 +124,24 @@ def test_the_jerk_of_a_cubic_path_is_its_third_derivative():
     long = replace(row, motions=[path] * 4, partners=[path] * 4, times=[times] * 4)
     numerator, denominator = jerk(long, smoothing=1e-4)
     assert ratio((numerator, denominator)) == pytest.approx(6, rel=0.01)
+
+
+def test_the_peak_acceleration_of_a_parabola_is_its_second_derivative_at_any_times():
+    times = np.sort(np.random.default_rng(6).uniform(0, 1, 40))
+    path = np.zeros((40, 3, 3))
+    path[:, 1, 0] = 1.5 * times**2
+    assert peak_acceleration(path, times) == pytest.approx(3.0, rel=1e-6)
+    assert peak_acceleration(path[:2], times[:2]) == 0
+
+
+def test_one_joint_that_jumps_in_one_frame_is_a_jolt_and_real_motion_has_none():
+    real = standing_row(1.0, 0.3)
+    shaken = [m + np.float32(1e-3) * (np.arange(11) % 2)[:, None, None] for m in real.motions]
+    real = replace(real, motions=[m.astype(np.float32) for m in shaken])
+    assert ratio(jolts(real, real)) == 0
+    motions = [m.copy() for m in real.motions]
+    motions[2][5:, 1, 0] += 0.1
+    assert ratio(jolts(replace(real, motions=motions), real)) == 1 / 4
 
 
 def test_multimodality_is_the_mean_distance_of_the_features_of_one_partners_reactions():
