@@ -103,11 +103,15 @@ def _retype(g: Grammar, table: pa.Table) -> pa.Table:
     if kind == 0:
         return table.set_column(index, name, pa.array([str(value) for value in values]))
     if kind == 1 and isinstance(values[0], list):
-        ragged = [value[: g.integer(0, len(value) + 1)] for value in values]
+        # A null is of another alteration before this one.
+        ragged = [value and value[: g.integer(0, len(value) + 1)] for value in values]
         return table.set_column(index, name, pa.array(ragged))
     if kind == 2:
-        column = table.column(index).dictionary_encode() if isinstance(values[0], str) else values
-        return table.set_column(index, name, column if kind == 3 else pa.array(values))
+        column = table.column(index)
+        is_text = isinstance(values[0], str)
+        return table.set_column(
+            index, name, column.dictionary_encode() if is_text else pa.array(values)
+        )
     return table.set_column(index, name, pa.array([1] * len(values), pa.int8()))
 
 
