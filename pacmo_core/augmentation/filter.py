@@ -80,6 +80,7 @@ class VariationLimits:
     knee_change_p95: float
     elbow_change_p95: float
     spine_change_p95: float
+    spine_bend: float
     pelvis_height_error: float
     support_height_error: float
     trunk_change: float

@@ -18,7 +18,11 @@ from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.interaction_mesh.mesh import ground_supports
-from pacmo_core.interaction_mesh.report import measure_motions, measure_people
+from pacmo_core.interaction_mesh.report import (
+    measure_motions,
+    measure_people,
+    without_common_scale,
+)
 from pacmo_core.store.files import write_text
 
 Scales = NDArray[np.float64]
@@ -95,7 +99,7 @@ def measure_written(
         {**solved, **{name: float(values[number]) for name, values in found.items()}}
         for number in range(len(people))
     )
-    a, b = measure_people(duo.scene, supports, bodies, motions)
+    a, b = measure_people(duo.scene, supports, *without_common_scale(duo.scene, bodies, motions))
     apart = {name: float((b[name] - a[name]).mean()) for name in a}
     worse = {name: PEOPLE[int(by > 0)] for name, by in apart.items() if by}
     return Measured(samples, worse)

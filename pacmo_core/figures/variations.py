@@ -91,6 +91,9 @@ MEASURES = {
     ),
     "elbow_change_p95": Measure("Elbows", LOWER, "°", "the same of elbows", perfect=0),
     "spine_change_p95": Measure("Spine", LOWER, "°", "the same within the spine", perfect=0),
+    "spine_bend": Measure(
+        "Spine, one joint", LOWER, "°", "by which it bends further, in the worst frame", perfect=0
+    ),
     "pelvis_height_error": Measure(
         "Pelvis height",
         LOWER,
@@ -161,6 +164,7 @@ PRINTED = (
     "knee_change_p95",
     "elbow_change_p95",
     "spine_change_p95",
+    "spine_bend",
     "pelvis_height_error",
     "support_height_error",
     "below_floor",

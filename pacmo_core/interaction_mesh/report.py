@@ -1,7 +1,8 @@
 """Measurements of a variation: what changed that the other body does not explain.
 
 Each is of the person for whom it is worse. Angles, heights and speeds are compared with the source,
-contacts and penetration with the source at the same frame.
+contacts and penetration with the source at the same frame, all without the scale that both bodies
+have in common: a scene that is scaled as a whole has no fault.
 """
 
 from dataclasses import dataclass
@@ -119,34 +120,37 @@ class Report:
 
 
 def measure_motions(
-    scene: Scene,
-    settings: Settings,
-    is_support: NDArray[np.bool_],
-    scales: Array,
-    points: Array,
+    scene: Scene, settings: Settings, is_support: NDArray[np.bool_], scales: Array, points: Array
 ) -> dict[str, Array]:
     """Measure motions (T, N, 3, V), metres, of bodies (V, E).
+
+    All is relative to the scale that both bodies have in common.
 
     Returns
     -------
     (V,) each, by the names of ``Report``
     """
-    common = common_scale(scene, scales)
-    motions = scale_scene(scene, points, 1 / common)
+    scales, motions = without_common_scale(scene, scales, points)
     return {
-        **measure_limited(scene, settings, scales / common[:, None], motions),
-        **measure_unlimited(scene, settings, is_support, scales, points),
+        **measure_limited(scene, settings, scales, motions),
+        **measure_unlimited(scene, settings, is_support, scales, motions),
     }
+
+
+def without_common_scale(scene: Scene, scales: Array, points: Array) -> tuple[Array, Array]:
+    """Divide bodies (V, E) and motions (T, N, 3, V) by the scale that both have in common."""
+    common = common_scale(scene, scales)
+    return scales / common[:, None], scale_scene(scene, points, 1 / common)
 
 
 def measure_limited(
     scene: Scene, settings: Settings, scales: Array, motions: Array
 ) -> dict[str, Array]:
-    """Measure what decides whether an attempt is accepted, as ``measure_motions``.
+    """Measure what decides whether an attempt is accepted.
 
     Parameters
     ----------
-    scales, motions : relative to the common scale
+    scales, motions : without the common scale
     """
     return {
         "contacts_kept": contacts_kept(scene, motions, settings.contact_distance, 0.0),
@@ -158,18 +162,12 @@ def measure_limited(
 
 
 def measure_unlimited(
-    scene: Scene,
-    settings: Settings,
-    is_support: NDArray[np.bool_],
-    scales: Array,
-    points: Array,
+    scene: Scene, settings: Settings, is_support: NDArray[np.bool_], scales: Array, motions: Array
 ) -> dict[str, Array]:
-    """Measure everything else, as ``measure_motions``."""
-    people = measure_people(scene, is_support, scales, points)
-    common = common_scale(scene, scales)
-    motions = scale_scene(scene, points, 1 / common)
+    """Measure everything else; parameters as of ``measure_limited``."""
+    people = measure_people(scene, is_support, scales, motions)
     near, far = measure_distances(scene, settings, motions)
-    naive = naive_scaling(scene, scales / common[:, None])
+    naive = naive_scaling(scene, scales)
     return {
         **{name: np.maximum(people[0][name], people[1][name]) for name in people[0]},
         "contacts_kept_with_slack": contacts_kept(
@@ -182,10 +180,10 @@ def measure_unlimited(
 
 
 def measure_people(
-    scene: Scene, is_support: NDArray[np.bool_], scales: Array, points: Array
+    scene: Scene, is_support: NDArray[np.bool_], scales: Array, motions: Array
 ) -> list[dict[str, Array]]:
-    """Measure each person alone: of ``measure_motions``, what is that of one person."""
-    return [_measure_person(scene, is_support, scales, points, person) for person in (0, 1)]
+    """Measure each person alone: of ``measure_unlimited``, what is that of one person."""
+    return [_measure_person(scene, is_support, scales, motions, person) for person in (0, 1)]
 
 
 def _measure_person(

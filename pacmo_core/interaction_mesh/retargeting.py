@@ -153,16 +153,17 @@ def _solve_windows(
                 qualities[row].append(result.quality)
     displacement = (total - scene.points[..., None]).astype(np.float32)
     vectors = total[:, scene.bones[:, 1]] - total[:, scene.bones[:, 0]]
-    motions = project_bone_lengths(scene, displacement, vectors, scales)
     limits = source.settings.limits
     worst = [max(parts, key=lambda q: q.limit_ratio(limits)) for parts in qualities]
     # Padded as the attempts are: sums along few columns round differently.
     columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
+    padded = scales[columns]
+    motions = project_bone_lengths(
+        scene, displacement.take(columns, axis=-1), vectors.take(columns, axis=-1), padded
+    )
     with single_blas_thread():
-        whole = measure_limited(
-            scene, source.settings, scales[columns], np.take(motions, columns, axis=-1)
-        )
-    return motions, [
+        whole = measure_limited(scene, source.settings, padded, motions)
+    return motions[..., : len(scales)], [
         Quality(**(asdict(quality) | {name: float(values[v]) for name, values in whole.items()}))
         for v, quality in enumerate(worst)
     ]
@@ -194,11 +195,13 @@ def _variations(
     scene, settings = source.scene, source.settings
     # Padded as the attempts are: sums along few columns round differently.
     columns = np.resize(np.arange(len(rows)), padded_width(len(rows)))
-    padded = scales[rows][columns]
+    padded, motions = scales[rows][columns], motions.take(columns, axis=-1)
     common = common_scale(scene, padded)
-    points = scale_scene(scene, motions[..., columns], common)
     with single_blas_thread():
-        measured = measure_unlimited(scene, settings, source.is_support, padded, points)
+        measured = measure_unlimited(
+            scene, settings, source.is_support, padded / common[:, None], motions
+        )
+    points = scale_scene(scene, motions, common)
     reports = tuple(
         Report(**(asdict(quality) | {name: float(values[v]) for name, values in measured.items()}))
         for v, quality in enumerate(qualities)

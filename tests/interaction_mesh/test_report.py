@@ -20,7 +20,7 @@ from pacmo_core.interaction_mesh.report import (
     seam_ratios,
     trunk_change,
 )
-from pacmo_core.interaction_mesh.scene import naive_scaling
+from pacmo_core.interaction_mesh.scene import naive_scaling, scale_scene
 from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 
@@ -147,6 +147,19 @@ def test_a_translated_body_has_foot_skate_only_while_it_moves():
     )
     drift = still_scene.points + np.linspace(0, 0.11, 12)[:, None, None] * [1.0, 0, 0]
     assert report(still_scene, drift).added_foot_skate == pytest.approx(0.01 * 30, rel=1e-4)
+
+
+def test_a_scene_that_is_scaled_as_a_whole_has_no_fault():
+    source = touching_scene(0, 20)
+    is_support = build_energy(source, SETTINGS).is_support
+    for factor in (0.7, 1.4):
+        scales = np.full((1, len(source.bones)), factor)
+        points = scale_scene(source, source.points[..., None], np.array([factor]))
+        measured = measure_motions(source, SETTINGS, is_support, scales, points)
+        for name in ("added_foot_skate", "support_height_error", "below_floor", "knee_change"):
+            assert measured[name][0] == pytest.approx(0, abs=1e-6), name
+        for name in ("peak_acceleration_ratio", "contacts_kept"):
+            assert measured[name][0] == pytest.approx(1, abs=1e-6), name
 
 
 def test_a_jump_is_a_seam_and_the_source_has_none():

@@ -248,7 +248,10 @@ def test_different_skeletons_converge_to_the_energy_of_the_oracle():
     assert ours == pytest.approx(theirs, rel=1e-3)
 
 
-def test_a_variation_has_the_same_bytes_in_any_batch():
+@pytest.mark.parametrize("window_seconds", [40.0, 0.5])
+def test_a_variation_has_the_same_bytes_in_any_batch(monkeypatch, window_seconds):
+    monkeypatch.setattr(module, "WINDOW_SECONDS", window_seconds)
+    monkeypatch.setattr(module, "OVERLAP_SECONDS", window_seconds / 4)
     source = scene(6)
     scales = np.random.default_rng(0).uniform(0.8, 1.2, size=(MAX_BATCH + 5, 10))
     prepared = prepare(source, SETTINGS)

@@ -60,6 +60,7 @@ LIMITS = {
     "spine_change_p95": 90.0,
     "pelvis_height_error": 1.0,
     "support_height_error": 1.0,
+    "spine_bend": 180.0,
     "trunk_change": 2.0,
     "below_floor": 1.0,
     "added_foot_skate": 0.1,
