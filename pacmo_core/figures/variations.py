@@ -72,9 +72,6 @@ MEASURES = {
     "near_distance_error_naive": Measure(
         "Near, scaled", UNKNOWN, "mm", "the same if each body is only scaled", factor=1e3
     ),
-    "far_distance_error": Measure(
-        "Far distances", LOWER, "mm", "the same for all other pairs of joints", factor=1e3
-    ),
     "contacts_kept": Measure(
         "Contacts kept",
         HIGHER,

@@ -101,5 +101,11 @@ class Iterates:
 
     def select(self, bodies: NDArray[np.intp]) -> None:
         """Keep some of the bodies."""
-        for values in (self._last, self._values, self._steps):
-            values[:] = [part.take(bodies, axis=-1) for part in values]
+        self._last = [part.take(bodies, axis=-1) for part in self._last]
+        for values in (self._values, self._steps):
+            values[:] = [self._select_added(part, bodies) for part in values]
+
+    def _select_added(self, values: Single, bodies: NDArray[np.intp]) -> Single:
+        selected = np.zeros((*values.shape[:-1], len(bodies)), np.float32)
+        values[: self._count].take(bodies, axis=-1, out=selected[: self._count], mode="clip")
+        return selected

@@ -20,12 +20,10 @@ from pacmo_core.interaction_mesh.body_parts import (
     trunk_joints,
 )
 from pacmo_core.interaction_mesh.capsules import capsule_penetration
-from pacmo_core.interaction_mesh.linear_algebra import batched_product
 from pacmo_core.interaction_mesh.mesh import support_steps
 from pacmo_core.interaction_mesh.scene import (
     Array,
     Scene,
-    Single,
     common_scale,
     naive_scaling,
     scale_scene,
@@ -75,9 +73,8 @@ class Report:
     contacts_kept : fraction of the pairs and frames in contact in the source that are in contact by
         the same distance
     contacts_kept_with_slack : the same, with a slack on the distance afterwards
-    near_distance_error, far_distance_error : metres, mean change of the distances between joints
-        of the two bodies, of pairs near in the source and of all others, before the scene is scaled
-        as a whole
+    near_distance_error : metres, mean change of the distances between joints of the two bodies, of
+        pairs near in the source, before the scene is scaled as a whole
     near_distance_error_naive : the same of naive scaling (``scene.naive_scaling``)
     attempt : number of the attempt, from 0
     primal_residual : largest relative error of a bone length before it is set to its target
@@ -111,7 +108,6 @@ class Report:
     contacts_kept: float
     contacts_kept_with_slack: float
     near_distance_error: float
-    far_distance_error: float
     near_distance_error_naive: float
     attempt: int
     primal_residual: float
@@ -166,15 +162,13 @@ def measure_unlimited(
 ) -> dict[str, Array]:
     """Measure everything else; parameters as of ``measure_limited``."""
     people = measure_people(scene, is_support, scales, motions)
-    near, far = measure_distances(scene, settings, motions)
     naive = naive_scaling(scene, scales)
     return {
         **{name: np.maximum(people[0][name], people[1][name]) for name in people[0]},
         "contacts_kept_with_slack": contacts_kept(
             scene, motions, settings.contact_distance, settings.contact_slack
         ),
-        "near_distance_error": near,
-        "far_distance_error": far,
+        "near_distance_error": near_distance_error(scene, settings, motions),
         "near_distance_error_naive": near_distance_error(scene, settings, naive),
     }
 
@@ -375,28 +369,8 @@ def contacts_kept(scene: Scene, points: Array, distance: float, slack: float) ->
     return total / count if count else np.ones(len(total))
 
 
-def measure_distances(scene: Scene, settings: Settings, points: Array) -> tuple[Array, Array]:
-    """Return the mean change of near and of far distances between the bodies, (V,) metres each.
-
-    Without near pairs their error is 0.
-    """
-    n_bodies = points.shape[-1]
-    sums, counts = np.zeros((2, n_bodies)), np.zeros(2)
-    for pose, frame in zip(scene.points, points, strict=True):
-        before = _inter_body_distances(scene, pose[..., None])
-        near = before[:, 0] < settings.near_distance
-        after = _inter_body_distances(scene, frame)
-        np.subtract(before, after, out=after)
-        weights: Single = np.stack([near, ~near]).astype(np.float32)
-        np.abs(after, out=after)
-        sums += batched_product(weights, after)
-        counts += [near.sum(), (~near).sum()]
-    near_error, far_error = sums / counts.clip(min=1)[:, None]
-    return near_error, far_error
-
-
 def near_distance_error(scene: Scene, settings: Settings, points: Array) -> Array:
-    """Return the near part of ``measure_distances``, (V,), without measuring other pairs."""
+    """Return ``Report.near_distance_error``, (V,); zero without near pairs."""
     total, count = np.zeros(points.shape[-1]), 0
     for first in range(0, len(points), FRAMES_PER_BATCH):
         batch = slice(first, first + FRAMES_PER_BATCH)
@@ -409,19 +383,6 @@ def near_distance_error(scene: Scene, settings: Settings, points: Array) -> Arra
         total += np.abs(after - before[frames, joints_a, joints_b, None]).sum(axis=0)
         count += len(frames)
     return total / max(1, count)
-
-
-def _inter_body_distances(scene: Scene, pose: Array) -> Single:
-    """``(J_a J_b, V)`` float32 metres."""
-    # Relative to the centre of the frame: a common offset would cost float32 its digits.
-    centred = (pose - pose.mean(axis=0)).astype(np.float32).transpose(1, 0, 2)
-    a, b = centred[:, : scene.n_joints[0], None], centred[:, None, scene.n_joints[0] :]
-    squared = part = np.zeros((a.shape[1], b.shape[2], pose.shape[-1]), dtype=np.float32)
-    for axis_a, axis_b in zip(a, b, strict=True):
-        part = np.subtract(axis_a, axis_b, out=None if part is squared else part)
-        squared += np.multiply(part, part, out=part)
-    distances: Single = np.sqrt(squared, out=squared).reshape(-1, pose.shape[-1])
-    return distances
 
 
 def peak_acceleration_ratio(source: Array, body: Array) -> Array:

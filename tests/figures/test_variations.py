@@ -31,7 +31,6 @@ from tests.figures.samples import interaction, report
 FIGURES = {
     "near_distance_error": 0.0057,
     "near_distance_error_naive": 0.205,
-    "far_distance_error": 0.01,
     "contacts_kept": 0.99,
     "contacts_kept_with_slack": 1.0,
     "knee_change_p95": 3.2,
