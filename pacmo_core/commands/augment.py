@@ -34,7 +34,6 @@ from pacmo_core.commands.captures import (
     write_two_people,
 )
 from pacmo_core.commands.measured import measure_written, write_variation_page
-from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     PEOPLE,
     FormatName,
@@ -48,7 +47,13 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.names import nearest_first
 from pacmo_core.formats.base import FormatError
 from pacmo_core.interaction_mesh import Settings, prepare, retarget
-from pacmo_core.project.workspace import PARAMS, CommandError, errors_in_one_line, one_line
+from pacmo_core.project.workspace import (
+    PARAMS,
+    CommandError,
+    errors_in_one_line,
+    in_project,
+    one_line,
+)
 from pacmo_core.store.files import StoreError, default_params_file
 
 

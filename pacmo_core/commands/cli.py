@@ -11,7 +11,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from pacmo_core.commands.place import enter_project
+from pacmo_core.project.workspace import enter_project
 
 # Name: module of this package, function or typer application in it, first line of its help.
 COMMANDS = {

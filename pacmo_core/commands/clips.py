@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from pacmo_core.commands.place import in_project
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import ReactionName, is_reaction
 from pacmo_core.formats.registry import format_of
@@ -17,6 +16,7 @@ from pacmo_core.project.workspace import (
     VARIATIONS_FOLDER,
     CommandError,
     errors_in_one_line,
+    in_project,
 )
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.motions import read_names

@@ -221,7 +221,7 @@ def fetch_dataset(
     return outcome
 
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 _SBU_EXAMPLES = """\b
 Examples:

@@ -24,6 +24,7 @@ from pacmo_core.commands.captures import (
     read_clip,
     some_clips,
 )
+from pacmo_core.commands.reaction_checks import motion_lines
 from pacmo_core.commands.reading import (
     PEOPLE,
     FormatName,
@@ -55,7 +56,6 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps, check_up
 from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import PersonMotion, select_person
-from pacmo_core.metrics.plausibility import peak_acceleration
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
@@ -202,9 +202,10 @@ def _write_bvh(
 MIN_FRAMES = 4  # of a cubic spline
 MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused, in parts
 
-PartnerFile = Annotated[Path | None, typer.Argument(help="a capture of one person, or of two")]
-# Taken so that a second file is refused with the reason, not as wrong usage.
-More = Annotated[list[str], typer.Argument(hidden=True, metavar="")]
+# A list, so that a second file is refused with the reason, not as wrong usage.
+PartnerFile = Annotated[
+    list[Path], typer.Argument(help="one capture, of one person or of two", metavar="PARTNER")
+]
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
 Weights = Annotated[
     Path | None,
@@ -237,8 +238,7 @@ Live = Annotated[bool, typer.Option("--stream", help="react to frames on standar
 
 
 def react(  # noqa: PLR0913  # typer reads the options off the signature
-    partner: PartnerFile = None,
-    more: More = [],  # noqa: B006  # typer copies it
+    partner: PartnerFile = [],  # noqa: B006  # typer copies it
     *,
     out: Out = None,
     weights: Weights = None,
@@ -280,8 +280,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     otherwise. Reactions are finished: bones have exact lengths, feet in stance do not slide, and
     the contacts that are predicted are closed; --no-finish leaves them as generated.
 
-    The body of a reaction is the model's choice. --rig names a BVH file of the person who shall
-    react: the reaction is finished with that body's bone lengths, and BVH files are on its
+    The body of a reaction is the model's choice. --rig names a BVH file of the person who
+    reacts: the reaction is finished with that body's bone lengths, and BVH files are on its
     hierarchy, in its unit and axes. --from-unit, --from-up and --joints with b= before the value
     are of this file (with a= where the partner is person b).
 
@@ -302,13 +302,13 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(chosen, live)
             return
-        partner, out = _check_files(partner, more, out)
+        file, out = _check_files(partner, out)
         _check_finish(rig, finish)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
-        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(partner, clip)))
-        model, source = load_reaction_model(chosen), Source(partner, person or "a", person)
+        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)))
+        model, source = load_reaction_model(chosen), Source(file, person or "a", person)
         people = _read(source, rig, model.skeleton, options, clip)
-        capture, name = people.partner, clip or partner.stem
+        capture, name = people.partner, clip or file.stem
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
@@ -325,15 +325,15 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
-    """Write the files; say how well they hold the motions, and what they are."""
+    """Write the files; say how the motion is, how well they hold it, and what they are."""
     files, fidelity = write_reactions(reactions, out, space)
+    for line in motion_lines(
+        reactions.skeleton, reactions.times, reactions.partner, reactions.samples
+    ):
+        typer.echo(line)
     if fidelity.is_inexact:
         typer.echo(fidelity.line())
-    for line in [
-        _files_line(reactions, files, space),
-        *jolt_lines(reactions.samples, reactions.times),
-    ]:
-        typer.echo(line)
+    typer.echo(_files_line(reactions, files, space))
 
 
 def _check_finish(rig: Path | None, finish: bool) -> None:
@@ -418,18 +418,18 @@ def _read(
     return ReactingPeople(own.motion, of_rig, own)
 
 
-def _check_files(partner: Path | None, more: list[str], out: Path | None) -> tuple[Path, Path]:
+def _check_files(partner: list[Path], out: Path | None) -> tuple[Path, Path]:
     """Return the partner and the output; refuse a second capture."""
-    if partner is None or out is None:
+    if not partner or out is None:
         raise CommandError("give a PARTNER and --out, or --stream")
-    parts = [str(partner), *more] if more else str(partner).split("+")
-    if more or (len(parts) > 1 and not partner.exists()):
+    parts = [str(file) for file in partner] if len(partner) > 1 else str(partner[0]).split("+")
+    if len(partner) > 1 or (len(parts) > 1 and not partner[0].exists()):
         raise CommandError(
             "react takes one partner and generates the other person; got "
             f"{' and '.join(parts)}: name one of them, or, to change the bodies of two captured "
             "people, use pacmo augment or pacmo vary"
         )
-    return partner, out
+    return partner[0], out
 
 
 def _capture(source: Source, options: ReadOptions, clip: str) -> ReadPerson:
@@ -500,24 +500,3 @@ def _stream(weights: Path, options: dict[str, Any]) -> None:
     for line in react_to_lines(lines, live, len(skeleton.joints)):
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()
-
-
-# Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
-MAX_ACCELERATION = 150.0
-
-
-def jolt_lines(samples: Motion, times: NDArray[np.float64]) -> list[str]:
-    """Return a line for each sample in which a joint accelerates more than people do.
-
-    Parameters
-    ----------
-    samples : (S, T, J, 3) metres
-    times : (T,) seconds
-    """
-    peaks = [peak_acceleration(sample, times) for sample in samples]
-    return [
-        f"sample {number} has a jolt: a joint accelerates by {peak:.0f} m/s², wanted at most "
-        f"{MAX_ACCELERATION:.0f}; another --seed gives other samples"
-        for number, peak in enumerate(peaks)
-        if peak > MAX_ACCELERATION
-    ]

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import typer
 from ruamel.yaml import YAML
 
-from pacmo_core.commands.place import enter_project
 from pacmo_core.commands.study_store import GENERATED, REAL
 from pacmo_core.figures.history import (
     COMPARED_METRICS,
@@ -33,6 +32,7 @@ from pacmo_core.project.workspace import (
     REPORT_WITH_HISTORY,
     STUDY,
     CommandError,
+    enter_project,
     errors_in_one_line,
 )
 from pacmo_core.project.workspace import LOCK as WRITER_LOCK

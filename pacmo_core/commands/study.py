@@ -12,11 +12,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from pacmo_core.commands.place import in_project
 from pacmo_core.commands.study_clips import CUTOFF_HZ, sample_items
 from pacmo_core.commands.study_store import GENERATED, REAL, Answer, Study, write_study
 from pacmo_core.metrics.survey import Share, fit_mixed, share
-from pacmo_core.project.workspace import MOTIONS, CommandError, reading_errors_in_one_line
+from pacmo_core.project.workspace import (
+    MOTIONS,
+    CommandError,
+    in_project,
+    reading_errors_in_one_line,
+)
 from pacmo_core.store.files import write_text
 
 app = typer.Typer(

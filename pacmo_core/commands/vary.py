@@ -37,7 +37,6 @@ from pacmo_core.commands.captures import (
     write_two_people,
 )
 from pacmo_core.commands.measured import measure_written, write_variation_page
-from pacmo_core.commands.place import in_project
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
     FormatName,
@@ -54,7 +53,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.models import load_skeleton_prior
-from pacmo_core.project.workspace import CommandError
+from pacmo_core.project.workspace import CommandError, in_project
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.motions import write_motions

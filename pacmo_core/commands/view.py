@@ -17,7 +17,6 @@ from pacmo_core.commands.captures import (
     some_clips,
     two_sources,
 )
-from pacmo_core.commands.place import in_project
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -35,6 +34,7 @@ from pacmo_core.project.workspace import (
     MOTIONS,
     VARIATIONS_FOLDER,
     CommandError,
+    in_project,
     reading_errors_in_one_line,
 )
 from pacmo_core.store.files import write_text

@@ -48,6 +48,20 @@ def segment_differences(
     return points, coefficients
 
 
+def penetration_depths(scene: Scene) -> Array:
+    """Return the depth of the deepest pair of capsules, (T,) metres; negative if all are apart."""
+    _, _, distances = closest_fractions(scene)
+    depths: Array = (_reach(scene) - distances).max(axis=1)
+    return depths
+
+
+def _reach(scene: Scene) -> Array:
+    """``(E_a E_b,)`` metres: the distance within which two bones are in each other."""
+    n_a, radii = scene.n_bones[0], capsule_radii(scene)
+    reach: Array = (radii[:n_a, None] + radii[n_a:]).reshape(-1)
+    return reach
+
+
 def capsule_penetration(scene: Scene, points: Array) -> Array:
     """Return by how much the capsules of the two bodies are deeper in each other than the source's.
 
@@ -62,8 +76,7 @@ def capsule_penetration(scene: Scene, points: Array) -> Array:
     -------
     (V,) metres
     """
-    n_a, radii = scene.n_bones[0], capsule_radii(scene)
-    reach = (radii[:n_a, None] + radii[n_a:]).reshape(-1)
+    n_a, reach = scene.n_bones[0], _reach(scene)
     _, _, distances = closest_fractions(scene)
     largest = np.zeros(points.shape[-1])
     for frames in _batches(len(points)):

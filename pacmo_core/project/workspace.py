@@ -1,6 +1,8 @@
 """Paths of a project's folder, the errors of its commands, and its log.
 
-All paths are relative to the project's root, in which every command runs. The log is written
+All paths are relative to the project's root, in which every command runs but ``./run pacmo``: that
+stays in the user's folder, where the user's files are, and names the project's in
+``PACMO_PROJECT``. Without the variable the present folder is the project's. The log is written
 twice: a JSON object a line in ``history/log.jsonl``, a line of text on stderr.
 """
 
@@ -43,6 +45,8 @@ HISTORY_PAGE = HISTORY / "history.html"
 REPORT_WITH_HISTORY = HISTORY / "report.html"
 VARIATIONS_FOLDER = Path("data/variations")
 MOTIONS = "motions.parquet"  # in every folder of clips
+
+PROJECT_VARIABLE = "PACMO_PROJECT"
 
 # Exit codes; 2, typer's and argparse's own, is wrong usage.
 EXIT_FAILED, EXIT_REJECTED, EXIT_BUSY, EXIT_INTERRUPTED = 1, 3, 4, 130
@@ -145,3 +149,14 @@ def _console_handler() -> _ConsoleHandler:
 def log_event(event: str, level: int = logging.INFO, **facts: object) -> None:
     """Log an event in words, with its facts as fields of the JSON line."""
     log.log(level, event, extra={"facts": facts})
+
+
+def in_project(path: Path) -> Path:
+    """Return a path of the project: as it is where the command runs in the project's root."""
+    root = os.environ.get(PROJECT_VARIABLE)
+    return path if not root or Path(root).resolve() == Path.cwd() else Path(root) / path
+
+
+def enter_project() -> None:
+    """Change to the project's root, for a command that works on the whole of it."""
+    os.chdir(os.environ.get(PROJECT_VARIABLE) or ".")

@@ -1,0 +1,86 @@
+"""What ``pacmo react`` says of the motion it made: feet that glide, bodies in each other, jolts.
+
+Of the motion itself, whatever file it is written to. No captured reaction is needed: feet are
+compared with the partner's, the rest with limits that captured people keep.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.interaction_mesh.capsules import penetration_depths
+from pacmo_core.interaction_mesh.scene import Scene
+from pacmo_core.metrics.plausibility import find_body_joints, peak_acceleration
+
+# Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
+MAX_ACCELERATION = 150.0
+# Metres: the bodies are modelled as capsules, and captured hugs are up to 8 cm deep.
+MAX_DEPTH = 0.08
+# Seconds, standard deviation of the kernel by which ankles are smoothed.
+SMOOTHING = 0.1
+MAX_LINES = 8
+
+Times = NDArray[np.float64]
+
+
+def motion_lines(skeleton: Skeleton, times: Times, partner: Motion, samples: Motion) -> list[str]:
+    """Return a line of all samples, and one for each sample that people would not move like.
+
+    Parameters
+    ----------
+    times : (T,) seconds, evenly spaced
+    partner, samples : (T, J, 3) and (S, T, J, 3) metres
+    """
+    peaks = [peak_acceleration(sample, times) for sample in samples]
+    parts, faults = [], []
+    if ankles := list(find_body_joints(skeleton).ankles):
+        glides = _range([100 * _glide(sample[:, ankles], times) for sample in samples], 1)
+        own = format_fixed(100 * _glide(partner[:, ankles], times), 1)
+        parts.append(f"the slower foot moves at {glides} cm/s on average (the partner's at {own})")
+    try:
+        depths = [_depths(skeleton, times, partner, sample) for sample in samples]
+    except ValueError as fault:
+        parts.append(f"how deep the bodies are in each other is not measured ({fault})")
+    else:
+        deepest = [100 * max(0.0, float(depth.max())) for depth in depths]
+        parts.append(f"the bodies are at most {_range(deepest, 1)} cm deep in each other")
+        faults += [
+            f"sample {number}: the bodies are {format_fixed(most, 1)} cm deep in each other at "
+            f"{times[depth.argmax()]:.2f} s, wanted at most {100 * MAX_DEPTH:.0f} cm"
+            for number, (most, depth) in enumerate(zip(deepest, depths, strict=True))
+            if most > 100 * MAX_DEPTH
+        ]
+    parts.append(f"joints accelerate by at most {_range(peaks, 0)} m/s²")
+    faults += [
+        f"sample {number} has a jolt: a joint accelerates by {peak:.0f} m/s², wanted at most "
+        f"{MAX_ACCELERATION:.0f}"
+        for number, peak in enumerate(peaks)
+        if peak > MAX_ACCELERATION
+    ]
+    if len(faults) > MAX_LINES:
+        faults[MAX_LINES:] = [f"and {len(faults) - MAX_LINES} more of this kind"]
+    hint = ["another --seed gives other samples"] if faults else []
+    return [f"the motion of the reaction: {'; '.join(parts)}", *faults, *hint]
+
+
+def _range(values: list[float], decimals: int) -> str:
+    """Format one value, or the least and the greatest."""
+    low, high = (format_fixed(value, decimals) for value in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
+
+
+def _glide(ankles: Motion, times: Times) -> float:
+    """Return the mean horizontal speed of the slower ankle in metres per second."""
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    path = gaussian_filter1d(ankles[..., [0, 2]].astype(np.float64), SMOOTHING / step, axis=0)
+    speeds = np.linalg.norm(np.diff(path, axis=0), axis=-1) / step
+    return float(speeds.min(axis=1).mean())
+
+
+def _depths(skeleton: Skeleton, times: Times, partner: Motion, sample: Motion) -> Times:
+    """``(T,)`` metres."""
+    fps = (len(times) - 1) / (times[-1] - times[0])
+    return penetration_depths(Scene((partner, sample), (skeleton, skeleton), fps))
