@@ -7,7 +7,8 @@ and their steps f_j = v_j - v_j-1,
 
     v = sum a_j v_j,   a = argmin |sum a_j f_j|_P^2   with   sum a_j = 1
 
-in the norm of the penalties P, in which T does not expand. Iterates are collected anew after each
+in the norm of the penalties P, in which T does not expand if all bounds are convex (the least
+length of a bone is not). Iterates are collected anew after each
 combination (Banerjee, Suryanarayana and Pask (2016), *Periodic Pulay method*): a combination in
 every iteration, from iterates that are combinations, amplifies the noise of float32.
 """

@@ -5,7 +5,7 @@ its scale and l_e its mean length,
 
     E(U) = 1/2 sum_t |L_t U_t - r_t|^2                                      Laplacian deformation
          + 1/2 sum_t sum_e w_e |dU_e - (s_e - 1) v_e|^2                     posture
-         + 1/2 sum_t sum_hinges w |b (d_lower - d_upper)|^2                 knees and elbows
+         + 1/2 sum_t sum_hinges w |b (d_lower - d_upper)|^2                 knees, elbows, spine
          + 1/2 trunk_shape sum_t sum_trunk |q_i(U_t) - mean q|^2            trunk shape
          + 1/2 root sum_t a_t |U_root - (0, g_t, 0)|^2                      place of the roots
          + 1/2 sum_t sum_pairs c_ij |U_i - U_j|^2                           contact
@@ -17,8 +17,9 @@ its scale and l_e its mean length,
 where dU_e is the displacement of the end of bone e relative to its beginning; r_t is what L_t does
 to the source when each bone is scaled alone along its own direction; d = (dU_e - (s_e - 1) v_e) /
 l_e of the two bones of a hinge, and b a length (``HINGE_LENGTH``); q_i is U_i less the displacement
-of the same trunk with its bones scaled along their own directions; g keeps the person's lowest
-joints at their height. The terms are built in ``mesh``. All are quadratic, and all targets are
+of the same trunk with its bones scaled along their own directions; g is the height by which the
+root rises if all bones grow along their own directions while the lowest joints keep their height;
+a_t is 1 in stance, and AIRBORNE_FRACTION of it in a jump. The terms are built in ``mesh``. All are quadratic, and all targets are
 linear in the scales, so that the whole energy is
 
     E(U; s) = 1/2 <U, H U> - <U, G (s - 1)> + 1/2 <s - 1, R (s - 1)>.

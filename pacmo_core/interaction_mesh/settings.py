@@ -38,7 +38,7 @@ class Weights:
     ----------
     distance_softening : metres added to every distance, of which the Laplacian weights are the
         inverse; bounds the weight of touching joints
-    interaction_range : metres at which a Laplacian weight between the bodies has fallen by 1/e
+    interaction_range : metres at which a Laplacian weight between the bodies has fallen to 1/e
     posture : of bones and hinges
     trunk_shape : weight on the deformation of each trunk
     root : weight on the displacement of each root from its place in the source
