@@ -19,8 +19,8 @@ to the source when each bone is scaled alone along its own direction; d = (dU_e 
 l_e of the two bones of a hinge, and b a length (``HINGE_LENGTH``); q_i is U_i less the displacement
 of the same trunk with its bones scaled along their own directions; g is the height by which the
 root rises if all bones grow along their own directions while the lowest joints keep their height;
-a_t is 1 in stance, and AIRBORNE_FRACTION of it in a jump. The terms are built in ``mesh``. All are quadratic, and all targets are
-linear in the scales, so that the whole energy is
+a_t is 1 in stance and ``mesh.AIRBORNE_FRACTION`` in a jump. The terms are built in ``mesh``. All
+are quadratic, and all targets are linear in the scales, so that the whole energy is
 
     E(U; s) = 1/2 <U, H U> - <U, G (s - 1)> + 1/2 <s - 1, R (s - 1)>.
 
