@@ -29,7 +29,7 @@ class Shape:
 WIDE = Shape(width=64, n_points=65, modes=(24, 16, 8, 8, 8, 16, 24))
 FPS, SECONDS = 30.0, 4.0
 SKELETON = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
-NOISE = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
+NOISE = GaussianRandomField(alpha=2.0, tau=5.0, n_frequencies=16, period=1.25)
 NOISE_CHANNELS = 4
 
 

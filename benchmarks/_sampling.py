@@ -17,7 +17,7 @@ from pacmo_core.reaction.windows import PartnerMotion, mean_duration
 
 Times = NDArray[np.float64]
 
-FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=16, period=1.25)
+FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_frequencies=16, period=1.25)
 SWAY = 0.1  # metres, standard deviation of each coordinate of each joint
 N_INSTANTS = 101
 N_NOISES = 2

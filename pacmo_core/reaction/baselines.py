@@ -229,7 +229,7 @@ def build_regression_training(
 
 def _regression_loss(model: Generator, pairs: MotionPairs) -> Tensor:
     """Return the mean squared error over time, in normalised units."""
-    no_noise = pairs.partner.new_zeros(len(pairs), 0, 2 * model.config.noise.n_modes)
+    no_noise = pairs.partner.new_zeros(len(pairs), 0, 2 * model.config.noise.n_frequencies)
     error = (model(no_noise, pairs.condition) - pairs.reaction) / model.normalisation.scale
     loss: Tensor = (error.square().mean(dim=-1) @ trapezoid_weights(model.points)).mean()
     return loss
@@ -240,7 +240,7 @@ def _regression_config(skeleton: Skeleton, settings: RegressionSettings) -> Gene
     return GeneratorConfig(
         skeleton,
         u_shape_config(settings, channels + 3, channels),
-        GaussianRandomField(alpha=2.0, tau=5.0, n_modes=1, period=settings.period),
+        GaussianRandomField(alpha=2.0, tau=5.0, n_frequencies=1, period=settings.period),
         noise_channels=0,
         actions=(),
         action_channels=0,

@@ -287,7 +287,7 @@ def _generator_config(
     noise = GaussianRandomField(
         alpha=settings.noise_alpha,
         tau=settings.noise_tau,
-        n_modes=settings.noise_modes,
+        n_frequencies=settings.noise_modes,
         period=settings.period,
     )
     return GeneratorConfig(

@@ -7,11 +7,12 @@ import torch
 
 from pacmo_core.operators.random_field import GaussianRandomField
 
-FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=32, period=1.25)
+FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_frequencies=32, period=1.25)
 
 
 def covariance(lag: torch.Tensor) -> torch.Tensor:
-    k = 2 * math.pi * torch.arange(1, 33, dtype=torch.float64) / 1.25
+    # Of all whole numbers, also the negative ones.
+    k = 2 * math.pi * torch.arange(-31, 32, dtype=torch.float64) / 1.25
     power = (k**2 + 25.0) ** -2.0
     return torch.cos(lag[..., None] * k) @ (power / power.sum())
 
@@ -57,6 +58,6 @@ def test_the_field_repeats_after_its_period() -> None:
 
 
 def test_a_smoother_field_has_less_power_in_high_modes() -> None:
-    rough = GaussianRandomField(alpha=1.0, tau=5.0, n_modes=32, period=1.25)
+    rough = GaussianRandomField(alpha=1.0, tau=5.0, n_frequencies=32, period=1.25)
     assert FIELD.power()[8:].sum() < rough.power()[8:].sum()
     assert FIELD.power().sum().item() == pytest.approx(1)

@@ -24,7 +24,7 @@ from pacmo_core.reaction.windows import (
 )
 from tests.reaction.problems import PACMO_LONG, clips, delayed_mirror
 
-FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_modes=8, period=1.25)
+FIELD = GaussianRandomField(alpha=2.0, tau=5.0, n_frequencies=8, period=1.25)
 
 
 @pytest.fixture(scope="module")

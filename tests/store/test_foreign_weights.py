@@ -76,7 +76,7 @@ FAULTS: dict[str, Alter] = {
     "action_channels must be positive": setting("config", "actions", value=["a"]),
     "channels and modes must be at least 1": setting("config", "uno", "lifting", value=0),
     "input channels": setting("config", "noise_channels", value=-1),
-    "n_modes must be": setting("config", "noise", "n_modes", value=10**9),
+    "n_frequencies must be": setting("config", "noise", "n_frequencies", value=10**9),
 }
 
 
