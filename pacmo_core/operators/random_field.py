@@ -35,7 +35,8 @@ class GaussianRandomField:
     def __post_init__(self) -> None:
         if not (0 < self.n_frequencies <= MAX_GRID and self.period > 0):
             raise ValueError(
-                f"n_frequencies must be 1 to {MAX_GRID}, period > 0; got {self.n_frequencies}, {self.period}"
+                f"n_frequencies must be 1 to {MAX_GRID}, period > 0; "
+                f"got {self.n_frequencies}, {self.period}"
             )
 
     def power(self) -> Tensor:
@@ -57,7 +58,7 @@ class GaussianRandomField:
         return normal * self.power().sqrt().repeat_interleave(2).float().to(normal.device)
 
     def basis(self, times: Tensor) -> Tensor:
-        """``(T, 2 K)`` float32: cosine and sine of each frequency at ``(T,)`` times; 1 and 0 first."""
+        """``(T, 2 K)`` float32: cosine and sine of each frequency at ``(T,)`` times."""
         order = torch.arange(self.n_frequencies, dtype=torch.float64, device=times.device)
         angle = 2 * math.pi / self.period * torch.outer(times.double(), order)
         return torch.stack([angle.cos(), angle.sin()], dim=-1).flatten(1).float()
