@@ -38,8 +38,10 @@ class EnergyScore:
     """The mean of the energy scores of several linear views of a motion.
 
     The distance of whole motions depends little on the pose, so four more views are scored: the
-    root's path, the pose relative to the root, the bones, and the velocity. The score of each view
-    is proper, that of the whole motion strictly proper.
+    root's path, the pose relative to the root, the bones, and the velocity. A blow is a short
+    motion of one hand or foot, which hardly counts in a distance over all joints: the places of
+    hands, feet and head relative to the root, and their velocities, are scored each alone, and the
+    scores averaged. The score of each view is proper, that of the whole motion strictly proper.
 
     Parameters
     ----------
@@ -47,12 +49,10 @@ class EnergyScore:
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
-        self.root = skeleton.root
+        self.root, self.ends = skeleton.root, list(skeleton.end_effectors)
         self.parents, self.children = torch.from_numpy(skeleton.bones).long().unbind(-1)
 
-    def __call__(
-        self, samples: Tensor, ground_truth: Tensor, weights: Tensor, spread: float = 1.0
-    ) -> Tensor:
+    def __call__(self, samples: Tensor, ground_truth: Tensor, weights: Tensor) -> Tensor:
         """Score normalised motions; lower is better.
 
         Parameters
@@ -60,14 +60,16 @@ class EnergyScore:
         samples : (K, B, T, 3 J), K at least 2 for each partner, T evenly spaced times
         ground_truth : (B, T, 3 J)
         weights : (T,), of the quadrature on [0, 1]
-        spread : factor of the spread term; 1 is the proper score, less favours less diversity
 
         Returns
         -------
         (B,)
         """
         views = zip(self._views(samples), self._views(ground_truth), strict=True)
-        return torch.stack([energy_score(*view, weights, spread) for view in views]).mean(dim=0)
+        scores = [energy_score(*view, weights) for view in views]
+        ends = zip(self._end_views(samples), self._end_views(ground_truth), strict=True)
+        scores += [energy_score(*view, weights).mean(dim=-1) for view in ends]
+        return torch.stack(scores).mean(dim=0)
 
     def _views(self, motion: Tensor) -> list[Tensor]:
         joints = motion.view(*motion.shape[:-1], -1, 3)
@@ -77,6 +79,14 @@ class EnergyScore:
         step = 1 / (motion.shape[-2] - 1)
         (velocity,) = torch.gradient(motion, spacing=step, dim=-2)
         return [motion, path, pose, BONE_SCALE * bones, SPEED_SCALE * velocity]
+
+    def _end_views(self, motion: Tensor) -> list[Tensor]:
+        """Return places and velocities of the end effectors, ``(..., E, T, 3)`` each."""
+        joints = motion.view(*motion.shape[:-1], -1, 3)
+        places = (joints[..., self.ends, :] - joints[..., [self.root], :]).movedim(-2, -3)
+        step = 1 / (motion.shape[-2] - 1)
+        (velocity,) = torch.gradient(places, spacing=step, dim=-2)
+        return [places, SPEED_SCALE * velocity]
 
 
 class ContactScore:
@@ -177,14 +187,14 @@ def energy_score(
 
     Parameters
     ----------
-    samples : (K, B, T, C), K at least 2
-    ground_truth : (B, T, C)
+    samples : (K, B, ..., T, C), K at least 2
+    ground_truth : (B, ..., T, C)
     weights : (T,), of the quadrature
-    spread : 1 for the proper score
+    spread : 1 for the proper score; less favours less diversity
 
     Returns
     -------
-    (B,), in units of a channel's root mean square
+    (B, ...), in units of a channel's root mean square
 
     Raises
     ------

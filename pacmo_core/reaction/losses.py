@@ -163,11 +163,11 @@ class WganLosses:
         self, reactions: Tensor, generated: Tensor, real: MotionPairs
     ) -> dict[str, Tensor]:
         """Return the mean energy scores of ``(S, B, N, 3 J)`` metres, and the same normalised."""
-        spread = self.settings.energy_score_spread
         ground_truth, _ = self._normalise(real)
-        motion = self.energy_score(generated, ground_truth, self.weights, spread)
+        motion = self.energy_score(generated, ground_truth, self.weights)
         scores = {"energy_score": motion.mean()}
         if self.settings.contact_score.is_used:
+            spread = self.settings.contact_score.spread
             contact = self.contact_score(reactions, real, self.weights, spread)
             scores["contact_score"] = self.contact_score.total(contact).mean()
         return scores

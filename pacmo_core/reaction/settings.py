@@ -108,6 +108,7 @@ class ContactScoreSettings:
     log_distance_weight : of the logarithm of these distances
     stance_weight : of ``exp(-speed / stance_speed)`` of the feet
     stance_speed : metres per second
+    spread : factor of the spread term in training; below 1, samples agree more on contacts
     """
 
     near_weight: float
@@ -115,6 +116,7 @@ class ContactScoreSettings:
     log_distance_weight: float
     stance_weight: float
     stance_speed: float
+    spread: float
 
     def __post_init__(self) -> None:
         if not (self.near_distance > 0 and self.stance_speed > 0):
@@ -182,7 +184,6 @@ class PacmoSettings:
     gradient_penalty_weight: float  # lambda of the gradient penalty (PaCMO, eq. 2)
     warmup_epochs: int  # in which the generator is trained on the energy score, without the critic
     energy_score_weight: float  # of the energy score in the generator's loss; 0 in the paper
-    energy_score_spread: float  # factor of its spread term; below 1: less error, less diversity
     contact_score: ContactScoreSettings  # what the energy score includes beside the motion
     bone_symmetry_weight: float  # of the squared length difference of mirrored bones, 1 / m^2
     bone_length_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off

@@ -87,8 +87,9 @@ def test_the_score_of_a_motion_is_the_mean_of_its_views():
     # |X - u| averages d' / 2 over the samples, less half of |X - X'| = d': nothing but round-off.
     assert float(EnergyScore(SBU15)(samples, truth, WEIGHTS)) == pytest.approx(0, abs=1e-3)
     both = EnergyScore(SBU15)(torch.stack([off, off]), truth, WEIGHTS)
-    # Whole motion and pose: d / sqrt(45); bones: 2 d / sqrt(42); path and speed do not change.
-    expected = (2 * d / 45**0.5 + 2 * d / 42**0.5) / 5
+    # Whole motion and pose: d / sqrt(45); bones: 2 d / sqrt(42); the hand, one of five ends:
+    # d / sqrt(3); path and speeds do not change.
+    expected = (2 * d / 45**0.5 + 2 * d / 42**0.5 + d / 3**0.5 / 5) / 7
     assert float(both) == pytest.approx(expected, rel=2e-3)
 
 
@@ -110,6 +111,7 @@ CONTACT = ContactScore(
         log_distance_weight=0.25,
         stance_weight=2.0,
         stance_speed=0.3,
+        spread=1.0,
     ),
 )
 
