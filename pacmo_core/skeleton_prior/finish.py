@@ -184,16 +184,26 @@ class _Bodies:
             self.root = self.root + shift
             self.targets = self.targets + shift[..., None, :]
         self.targets = planted
+        stood = self.root
         for _ in range(REACHING_STEPS):
-            self.follow()
+            self.follow(self.root - stood)
 
-    def follow(self) -> None:
-        """Move the root to where limbs that support reach; others keep the angle of their joint."""
-        holds, starts = self.given.holds, self.limb_starts()
-        shift = reach_ends(self.targets - starts, self.bent, holds[..., 0])
-        shift = smoothed(shift, SMOOTHING_SECONDS * self.given.fps)
-        self.root = self.root + shift
-        self.targets = self.targets + (1 - holds) * shift[..., None, :]
+    def follow(self, moved: Tensor) -> None:
+        """Move the root to where limbs that support reach; others keep the angle of their joint.
+
+        What is left, as where one leg is longer, turns the bones into the limbs' starts: hips tilt.
+        """
+        holds, before = self.given.holds, self.limb_starts()
+        shift = reach_ends(self.targets - before, self.bent, holds[..., 0], moved)
+        self.root = self.root + smoothed(shift, SMOOTHING_SECONDS * self.given.fps)
+        reach = self.targets - self.limb_starts()
+        missing = reach - normalize(reach, dim=-1) * self.bent[..., None]
+        given = smoothed(holds * missing, SMOOTHING_SECONDS * self.given.fps)
+        bones = self.bones[..., self.starts, :]
+        turned_bones = normalize(bones + given, dim=-1) * bones.norm(dim=-1, keepdim=True)
+        self.bones = self.bones.index_copy(-2, self.starts, turned_bones)
+        self.frame = multiply_joints(self.given.below, self.bones)
+        self.targets = self.targets + (1 - holds) * (self.limb_starts() - before)
 
     def settle(self, kept: Tensor) -> None:
         """Limbs that neither support nor touch keep their angle; nothing is below the floor."""
