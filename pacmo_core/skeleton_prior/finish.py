@@ -42,7 +42,7 @@ from pacmo_core.skeleton_prior.touches import Touches
 # Times that the root follows the feet and the feet's places the root.
 FOLLOWING_STEPS = 4
 # Times that the filtered root is moved to where limbs reach.
-REACHING_STEPS = 3
+REACHING_STEPS = 6
 # Seconds in which what holds a limb's end that supports fades in and out.
 FADE_SECONDS = 0.25
 # Seconds, standard deviation of the filter on what the root is moved by.
