@@ -234,15 +234,15 @@ def choose_network(weights: Path, asked: bool | None) -> tuple[bool, str]:
         If the evaluation of the weights cannot be read.
     """
     evidence = find_evidence(weights)
-    known = f"no {EVALUATION} compares these weights with their start"
-    if evidence is not None:
-        known = f"training changes the errors of the start as follows ({evidence})"
+    known = evidence or f"no {EVALUATION} compares these weights with their start"
     if asked is not None:
-        return asked, f"{'the network' if asked else 'the start alone'} is used, as asked: {known}"
-    if evidence is None or evidence.is_better:
-        return True, f"the network is used: {known}"
-    wanted = f"not shown to lower both by {MIN_GAIN:.0%} and clear of zero"
-    return False, f"the start alone is used: {known}, {wanted}; --network uses the network"
+        return asked, f"{'the network' if asked else 'the start alone'} is used, as asked ({known})"
+    if evidence is None:
+        return True, f"the network is used ({known})"
+    if evidence.is_better:
+        return True, f"the network is used, shown to be better than its start ({known})"
+    reason = f"the network is not shown to be better ({known}); --network uses it"
+    return False, f"the start alone is used: {reason}"
 
 
 def find_evidence(weights: Path) -> Evidence | None:

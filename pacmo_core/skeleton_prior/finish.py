@@ -9,10 +9,10 @@ iterations, without any weight that is learnt.
    have in the source, and knees and elbows their angle: the end of a limb lies on a sphere about
    its start, in the direction in which the network has it.
 2. **Stances.** The end of a limb that supports the body keeps its displacement for the whole
-   stance, with its lowest joint at the source's height; the root follows, so that legs reach at the
-   angle of their knees (``stances``).
+   stance, with its lowest joint at the source's height; the root follows, held to its place, and
+   hips tilt, so that legs reach at the angle of their knees (``stances``).
 3. **Touches.** Joints of the two people that touch in the source keep their offset: limbs that
-   support nothing move towards it from both sides, and both roots share what is left (``touches``).
+   support nothing move towards it from both sides (``touches``).
 
 Everything turns with a scene that is turned about the vertical, and nothing changes where bodies
 and motions are the source's.

@@ -126,10 +126,22 @@ CLEAR = {"start": 0.02, "trained": 0.01, "mean": 0.5, "low": 0.1, "high": 0.9}
 @pytest.mark.parametrize(
     ("jpd", "words", "wanted"),
     [
-        (CLEAR, (), "the network is used: training changes"),
-        ({**CLEAR, "low": -0.1}, (), "the start alone is used: training changes"),
-        ({**CLEAR, "mean": 0.15}, (), "the start alone is used: training changes"),
-        ({"start": 0.02, "trained": 0.01, "mean": 0.5}, (), "the start alone is used: "),
+        (CLEAR, (), "the network is used, shown to be better than its start (default"),
+        (
+            {**CLEAR, "low": -0.1},
+            (),
+            "the start alone is used: the network is not shown to be better (default",
+        ),
+        (
+            {**CLEAR, "mean": 0.15},
+            (),
+            "the start alone is used: the network is not shown to be better (default",
+        ),
+        (
+            {"start": 0.02, "trained": 0.01, "mean": 0.5},
+            (),
+            "the start alone is used: the network is not shown",
+        ),
         (CLEAR, ("--no-network",), "the start alone is used, as asked"),
         ({**CLEAR, "low": -0.1}, ("--network",), "the network is used, as asked"),
     ],
@@ -157,7 +169,7 @@ def test_without_evidence_of_these_weights_the_network_is_used(
     stored: Path, weights: Path, tmp_path: Path
 ) -> None:
     given = [stored, "--clip", "one", "--out", tmp_path / "out.parquet", "--weights"]
-    without = "the network is used: no reports/skeleton_prior.json compares these weights"
+    without = "the network is used (no reports/skeleton_prior.json compares these weights"
     assert without in pacmo(*given, weights).output
     there = evaluate(tmp_path, weights, E_r=CLEAR, JPD={**CLEAR, "low": -0.1})
     config, state = read_weights(there)
