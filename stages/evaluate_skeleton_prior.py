@@ -35,6 +35,7 @@ from pacmo_core.skeleton_prior.data import Example, canonical_frame, is_b_first
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.training import build_start
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
+from pacmo_core.store.files import file_hash
 from pacmo_core.store.motions import write_motions
 from stages.common.examples import stream_examples
 from stages.common.files import (
@@ -358,11 +359,20 @@ def main(paths: argparse.Namespace) -> None:
         "extractor": motion_features.fingerprint(evaluator.extractor),
         "tested": len(selected),
         "bodies": compare_bodies(one, train),
+        "weights": weights_hashes(paths.models, runs),
     }
     write_json(paths.scores, facts | {"train": len(train), "models": scores})
     with write_motions(paths.samples, test[0].template.skeleton) as writer:
         for name, motion in sorted((solver_samples(sampled) | samples).items()):
             writer.add(name, motion)
+
+
+def weights_hashes(models: Path, runs: PriorRuns) -> dict[str, dict[int, str]]:
+    """Hash the files of weights that the scores are of: by model, by seed."""
+    return {
+        name: {seed: file_hash(models / name / str(seed) / WEIGHTS) for seed in runs.seeds}
+        for name in runs.models
+    }
 
 
 def compare_bodies(model: SkeletonPrior, train: Sequence[Example]) -> dict[str, float]:

@@ -9,7 +9,9 @@ tests other motions, are pooled.
 An interval of one motion is Student's over seeds. That of all motions is over motions and seeds:
 the squared standard errors of the mean over the motions and over the seeds are added, and the
 degrees of freedom are those of the fewer units. ``gain`` is by how much a trained model's error is
-below the untrained start's, as a share of it, motion by motion and seed by seed.
+below the untrained start's, as a share of it, motion by motion and seed by seed. It names the files
+of weights that it is of by their hashes: ``pacmo vary`` reads it to choose between weights and
+their start.
 """
 
 import argparse
@@ -65,6 +67,7 @@ def main(priors_folder: Path, pooled_file: Path) -> None:
             rows[task].setdefault(dataset, {})[split] = pooled
         if MODEL in scores["models"]:
             gain = gain_over_start(scores["models"], params.confidence)
+            gain |= {"confidence": params.confidence, "weights": scores["weights"]}
             gains.setdefault(dataset, {})[split] = gain
     write_json(pooled_file, {**rows, "gain": gains, "data_facts": data_facts})
 
@@ -78,12 +81,16 @@ def folds_of_groups(runs: PriorRuns) -> dict[tuple[str, str], list[str]]:
 
 
 def join_folds(folds: list[dict[str, Any]]) -> dict[str, Any]:
-    """Join scores of folds, of which each tests other sources; ``train`` is their mean."""
+    """Join scores of folds, of which each tests other sources; ``train`` is their mean.
+
+    ``weights`` are the hashes of the weights of ``MODEL``.
+    """
     joined: dict[str, Any] = {
         "extractor": folds[0]["extractor"],
         "train": round(sum(fold["train"] for fold in folds) / len(folds)),
         "tested": sum(fold["tested"] for fold in folds),
         "bodies": folds[0]["bodies"],
+        "weights": [h for fold in folds for h in fold["weights"].get(MODEL, {}).values()],
         "models": {},
     }
     for fold in folds:
@@ -110,27 +117,30 @@ def over_units(seeds: list[Sources], confidence: float) -> dict[str, Any]:
 
 
 def gain_over_start(models: dict[str, Any], confidence: float) -> dict[str, Any]:
-    """Compute by how much training lowers the start's errors: interval and numbers of units."""
+    """Compute by how much training lowers the start's errors, and the numbers of units.
+
+    Returns
+    -------
+    ``motions`` and ``seeds``; of each of ``COMPARED`` the interval of the share, and the mean
+    errors of the ``start`` and of the ``trained`` model, metres
+    """
     ((start, *_), trained) = (
         [scores["retargeting"] for scores in models[name].values()] for name in (START, MODEL)
     )
     motions = [source for source in start if source != ALL_SOURCES]
     gains: dict[str, Any] = {"motions": len(motions), "seeds": len(trained)}
     for name, metrics in COMPARED.items():
-        shares = [
-            [
-                1 - total(scores[source], metrics) / total(start[source], metrics)
-                for scores in trained
-            ]
-            for source in motions
-        ]
-        gains[name] = interval(np.array(shares), confidence)
+        before = np.array([[error(start[source], metrics)] for source in motions])
+        after = np.array([[error(s[source], metrics) for s in trained] for source in motions])
+        gains[name] = interval(1 - after / before, confidence)
+        for row, errors in (("start", before), ("trained", after)):
+            gains[name][row] = float(f"{errors.mean():.6g}")
     return gains
 
 
-def total(scores: dict[str, float], metrics: tuple[str, ...]) -> float:
-    """Sum metrics of one motion."""
-    return sum(scores[metric] for metric in metrics)
+def error(scores: dict[str, float], metrics: tuple[str, ...]) -> float:
+    """Average metrics of one motion."""
+    return sum(scores[metric] for metric in metrics) / len(metrics)
 
 
 def interval(values: NDArray[np.float64], confidence: float) -> dict[str, float]:

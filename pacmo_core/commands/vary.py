@@ -1,7 +1,12 @@
-"""``pacmo vary``: retarget two people's motion to other bodies by a trained skeleton prior."""
+"""``pacmo vary``: retarget two people's motion to other bodies by a trained skeleton prior.
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+A skeleton prior adds a network to a start, a rule that needs no training. Where the evaluation of
+the same weights does not show that the network is better, the start alone makes the motions.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +14,7 @@ import numpy as np
 import torch
 import typer
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from pacmo_core.commands.augment import (
     AScale,
@@ -55,13 +61,26 @@ from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError, in_project
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
+from pacmo_core.skeleton_prior.training import build_start
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
+from pacmo_core.store.files import file_hash
 from pacmo_core.store.motions import write_motions
 
 WEIGHTS = in_project(Path("models/priors/default/random/kinematic/1/weights.safetensors"))
+# Of the project that weights lie in: what their training adds to the start (pool_skeleton_prior).
+EVALUATION = Path("reports/skeleton_prior.json")
+# Share of the start's errors that training must remove, on average and with an interval above 0.
+MIN_GAIN = 0.2
 
 Weights = Annotated[Path, typer.Option(help="a trained skeleton prior")]
 Samples = Annotated[int, typer.Option(min=1, help="number of interactions to sample")]
+Network = Annotated[
+    bool | None,
+    typer.Option(
+        "--network/--no-network",
+        help="use the network, or its start alone; by default what the evaluation shows is better",
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same interactions")]
 
 Scales = NDArray[np.float64]
@@ -79,6 +98,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     samples: Samples = 1,
     seed: Seed = 0,
     weights: Weights = WEIGHTS,
+    network: Network = None,
     clip: Clip = "",
     form: FormatName = None,
     preset: Preset = None,
@@ -97,6 +117,10 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo vary DUO_A.bvh DUO_B.bvh --profile b=child --samples 4 --weights W --out other
 
+    The network is used if reports/skeleton_prior.json of the project that the weights lie in shows
+    that these weights are better than their start, a rule without training, or if nothing there is
+    about them; else the start alone. --network and --no-network choose.
+
     Without scales and profiles the bodies are sampled too, a new one of person b for each sample.
     Several samples are written to folders 0, 1, ... of BVH files, or to one Parquet file. A capture
     of another skeleton than the model's is taken if the model's joints can be named in it
@@ -112,30 +136,139 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         profiles = parse_profiles(profile)
         check_request(samples, options, weights)
         model = load_skeleton_prior(weights)
-        synthetic = is_synthetic(first, clip)
-        typer.echo(trained_on_line(weights, synthetic_capture=synthetic))
+        typer.echo(trained_on_line(weights, synthetic_capture=is_synthetic(first, clip)))
+        uses_network, reason = choose_network(weights, network)
+        typer.echo(reason)
         duo = _select_joints(read_two_people(files, options, clip), model.config.skeleton, options)
         check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
         duo = duo.in_space(to_unit, to_up, out)
         places = _output_files(duo, samples, out)
         random = torch.Generator().manual_seed(seed)
-        variations = list(_variations(model, duo, factors_of_people, profiles, samples, random))
+        bodies = _bodies(model, duo, factors_of_people, profiles, samples, random)
+        if not uses_network and len(bodies) < samples:
+            typer.echo(f"the start makes one motion of a body: the {samples} samples are equal")
+        mover = model if uses_network else build_start(model.config)
+        variations = list(_variations(mover, duo, bodies, samples, random))
         written, fidelity, people = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
         if fidelity.is_inexact:
             typer.echo(fidelity.line())
-        solving = read_solver_section(present_params())
-        bodies = [(a, b) for _, (a, b) in variations]
-        measured = measure_written(duo, people, bodies, solving.solver)
-        for line in measured.lines(solving.limits):
-            typer.echo(line)
-        page = write_variation_page(duo, people, measured, solving.limits, out)
+        page = _say_measured(duo, variations, people, out)
         named = f" as {_some(_names(duo, samples))}" if is_parquet(out) else ""
         typer.echo(
             f"{len(variations)} x {len(duo.people[0].times)} frames in "
             f"{_some(written)}{named}; beside the source in {page}"
         )
+
+
+@dataclass(frozen=True)
+class ErrorGain:
+    """By how much training lowers an error of the start, on test motions.
+
+    Parameters
+    ----------
+    start, trained : metres, mean over motions
+    mean : share of the start's error, mean over motions
+    low, high : its interval over motions; None of one motion, which has no interval
+    """
+
+    start: float
+    trained: float
+    mean: float
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the gain is as large as is wanted, and its interval above zero."""
+        return self.mean >= MIN_GAIN and self.low is not None and self.low > 0
+
+    def __str__(self) -> str:
+        """Say the change: ``16.8 to 13.0 mm, -19 % (-41 to 4)``."""
+        change = f"{1e3 * self.start:.1f} to {1e3 * self.trained:.1f} mm, {-100 * self.mean:.0f} %"
+        if self.low is None or self.high is None:
+            return f"{change} (no interval)"
+        return f"{change} ({-100 * self.high:.0f} to {-100 * self.low:.0f})"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the training of weights adds to their start.
+
+    Parameters
+    ----------
+    split : the dataset and split of variations, with a slash between them
+    motions : how many were tested
+    confidence : of the intervals
+    gains : by the name of the error
+    """
+
+    split: str
+    motions: int
+    confidence: float
+    gains: Mapping[str, ErrorGain]
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the network is shown to be better than its start by every error."""
+        return all(gain.is_shown for gain in self.gains.values())
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        motions = f"{self.motions} motion{'s' if self.motions > 1 else ''}"
+        gains = "; ".join(f"{name} {gain}" for name, gain in self.gains.items())
+        return f"{self.split}, {motions}, {100 * self.confidence:.0f} % intervals: {gains}"
+
+
+def choose_network(weights: Path, asked: bool | None) -> tuple[bool, str]:
+    """Choose between the network and its start alone; say which, and why.
+
+    Parameters
+    ----------
+    asked : for the network, for the start, or for what is better
+
+    Raises
+    ------
+    CommandError
+        If the evaluation of the weights cannot be read.
+    """
+    evidence = find_evidence(weights)
+    known = evidence or f"no {EVALUATION} compares these weights with their start"
+    if asked is not None:
+        return asked, f"{'the network' if asked else 'the start alone'} is used, as asked ({known})"
+    if evidence is None:
+        return True, f"the network is used ({known})"
+    if evidence.is_better:
+        return True, f"the network is used, shown to be better than its start ({known})"
+    reason = f"the network is not shown to be better ({known}); --network uses it"
+    return False, f"the start alone is used: {reason}"
+
+
+def find_evidence(weights: Path) -> Evidence | None:
+    """Find what was measured of weights, by their content, in the project that they lie in.
+
+    Raises
+    ------
+    CommandError
+        If there is an evaluation that cannot be read.
+    """
+    files = [folder / EVALUATION for folder in weights.absolute().parents]
+    file = next(filter(Path.is_file, files), None)
+    if file is None:
+        return None
+    content = file_hash(weights)
+    try:
+        for dataset, splits in json.loads(file.read_text("utf-8"))["gain"].items():
+            for split, gain in splits.items():
+                if content in gain.get("weights", ()):
+                    errors = {name: gain[name] for name in ("E_r", "JPD")}
+                    facts = {"split": f"{dataset}/{split}", "gains": errors}
+                    return TypeAdapter(Evidence).validate_python({**gain, **facts})
+    except (ValueError, KeyError, TypeError, AttributeError) as fault:
+        reason = " ".join(str(fault).split())[:200]
+        raise CommandError(f"{file}: not an evaluation of skeleton priors: {reason}") from fault
+    return None
 
 
 def _select_joints(
@@ -152,28 +285,34 @@ def _select_joints(
     return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model")
 
 
-def _variations(
+def _bodies(
     model: SkeletonPrior,
     duo: TwoPersonCapture,
     factors_of_people: list[dict[str, float]],
     profiles: dict[str, str],
     samples: int,
     random: torch.Generator,
-) -> Iterator[tuple[Interaction, Scales]]:
-    """Yield interactions and the scales (2, E) of their bodies: given, or sampled."""
-    a, b = duo.people
-    source = Interaction(model.config.skeleton, a.times - a.times[0], a.motion, b.motion)
+) -> Scales:
+    """Return scales (V, 2, E) of bodies: the one that is asked for, or one for each sample."""
     if any(factors_of_people) or profiles:
-        scales = np.stack(requested_scales(duo, factors_of_people, profiles))[None]
-        (result,) = retarget(model, source, scales, samples=samples, random=random, finish=True)
-        yield from ((pair, scales[0]) for pair in result)
-        return
-    scales = generate_skeletons(model, samples, random=random)
-    variations = retarget(model, source, scales, samples=1, random=random, finish=True)
-    yield from (
-        (pair, scales_of_person)
-        for (pair,), scales_of_person in zip(variations, scales, strict=True)
-    )
+        return np.stack(requested_scales(duo, factors_of_people, profiles))[None]
+    return generate_skeletons(model, samples, random=random)
+
+
+def _variations(
+    mover: SkeletonPrior,
+    duo: TwoPersonCapture,
+    bodies: Scales,
+    samples: int,
+    random: torch.Generator,
+) -> Iterator[tuple[Interaction, Scales]]:
+    """Yield interactions and the scales (2, E) of their bodies, of which one has all samples."""
+    a, b = duo.people
+    source = Interaction(mover.config.skeleton, a.times - a.times[0], a.motion, b.motion)
+    each = samples // len(bodies)
+    motions = retarget(mover, source, bodies, samples=each, random=random, finish=True)
+    for pairs, scales in zip(motions, bodies, strict=True):
+        yield from ((pair, scales) for pair in pairs)
 
 
 def _output_files(duo: TwoPersonCapture, samples: int, out: Path) -> list[Path]:
@@ -196,6 +335,21 @@ def _names(duo: TwoPersonCapture, samples: int) -> list[str]:
 
 def _some(things: Sequence[object]) -> str:
     return f"{', '.join(map(str, things[:4]))}{' ...' if things[4:] else ''}"
+
+
+def _say_measured(
+    duo: TwoPersonCapture,
+    variations: list[tuple[Interaction, Scales]],
+    people: list[People],
+    out: Path,
+) -> Path:
+    """Print the measurements of what was written; return the page that is written of it."""
+    solving = read_solver_section(present_params())
+    bodies = [(a, b) for _, (a, b) in variations]
+    measured = measure_written(duo, people, bodies, solving.solver)
+    for line in measured.lines(solving.limits):
+        typer.echo(line)
+    return write_variation_page(duo, people, measured, solving.limits, out)
 
 
 def _write(

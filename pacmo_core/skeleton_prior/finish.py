@@ -9,10 +9,10 @@ iterations, without any weight that is learnt.
    have in the source, and knees and elbows their angle: the end of a limb lies on a sphere about
    its start, in the direction in which the network has it.
 2. **Stances.** The end of a limb that supports the body keeps its displacement for the whole
-   stance, with its lowest joint at the source's height; the root follows, so that legs reach at the
-   angle of their knees (``stances``).
+   stance, with its lowest joint at the source's height; the root follows, held to its place, and
+   hips tilt, so that legs reach at the angle of their knees (``stances``).
 3. **Touches.** Joints of the two people that touch in the source keep their offset: limbs that
-   support nothing move towards it from both sides, and both roots share what is left (``touches``).
+   support nothing move towards it from both sides (``touches``).
 
 Everything turns with a scene that is turned about the vertical, and nothing changes where bodies
 and motions are the source's.
@@ -42,7 +42,7 @@ from pacmo_core.skeleton_prior.touches import Touches
 # Times that the root follows the feet and the feet's places the root.
 FOLLOWING_STEPS = 4
 # Times that the filtered root is moved to where limbs reach.
-REACHING_STEPS = 3
+REACHING_STEPS = 6
 # Seconds in which what holds a limb's end that supports fades in and out.
 FADE_SECONDS = 0.25
 # Seconds, standard deviation of the filter on what the root is moved by.
@@ -184,16 +184,26 @@ class _Bodies:
             self.root = self.root + shift
             self.targets = self.targets + shift[..., None, :]
         self.targets = planted
+        stood = self.root
         for _ in range(REACHING_STEPS):
-            self.follow()
+            self.follow(self.root - stood)
 
-    def follow(self) -> None:
-        """Move the root to where limbs that support reach; others keep the angle of their joint."""
-        holds, starts = self.given.holds, self.limb_starts()
-        shift = reach_ends(self.targets - starts, self.bent, holds[..., 0])
-        shift = smoothed(shift, SMOOTHING_SECONDS * self.given.fps)
-        self.root = self.root + shift
-        self.targets = self.targets + (1 - holds) * shift[..., None, :]
+    def follow(self, moved: Tensor) -> None:
+        """Move the root to where limbs that support reach; others keep the angle of their joint.
+
+        What is left, as where one leg is longer, turns the bones into the limbs' starts: hips tilt.
+        """
+        holds, before = self.given.holds, self.limb_starts()
+        shift = reach_ends(self.targets - before, self.bent, holds[..., 0], moved)
+        self.root = self.root + smoothed(shift, SMOOTHING_SECONDS * self.given.fps)
+        reach = self.targets - self.limb_starts()
+        missing = reach - normalize(reach, dim=-1) * self.bent[..., None]
+        given = smoothed(holds * missing, SMOOTHING_SECONDS * self.given.fps)
+        bones = self.bones[..., self.starts, :]
+        turned_bones = normalize(bones + given, dim=-1) * bones.norm(dim=-1, keepdim=True)
+        self.bones = self.bones.index_copy(-2, self.starts, turned_bones)
+        self.frame = multiply_joints(self.given.below, self.bones)
+        self.targets = self.targets + (1 - holds) * (self.limb_starts() - before)
 
     def settle(self, kept: Tensor) -> None:
         """Limbs that neither support nor touch keep their angle; nothing is below the floor."""

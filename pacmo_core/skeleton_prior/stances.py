@@ -95,7 +95,7 @@ def planted_corrections(
     return corrections
 
 
-def reach_ends(offsets: Tensor, lengths: Tensor, weights: Tensor) -> Tensor:
+def reach_ends(offsets: Tensor, lengths: Tensor, weights: Tensor, moved: Tensor) -> Tensor:
     """Find the shift of the root with which limbs reach their ends at given lengths.
 
     Weighted least squares of the lengths, by Gauss-Newton; a limb is asked for its length only, so
@@ -106,6 +106,7 @@ def reach_ends(offsets: Tensor, lengths: Tensor, weights: Tensor) -> Tensor:
     offsets : (V, T, 2, L, 3), metres, from each limb's start to its end
     lengths : (V, T, 2, L), metres
     weights : (T, 2, L)
+    moved : (V, T, 2, 3), metres by which the root has been moved already
 
     Returns
     -------
@@ -119,5 +120,6 @@ def reach_ends(offsets: Tensor, lengths: Tensor, weights: Tensor) -> Tensor:
         directions = torch.nn.functional.normalize(left, dim=-1)
         weighted = weights[..., None] * directions
         pull = (weighted * (distances - lengths)[..., None]).sum(dim=-2)
+        pull = pull - (moved + shift) @ held
         shift = shift + torch.linalg.solve(weighted.mT @ directions + held, pull)
     return shift

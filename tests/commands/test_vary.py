@@ -1,5 +1,6 @@
 """Truth: the lengths that were asked for, and files that our own readers read back."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,13 @@ from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.figures.variations import PRINTED
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
-from pacmo_core.models import build_skeleton_prior
+from pacmo_core.models import build_skeleton_prior, load_skeleton_prior
+from pacmo_core.skeleton_prior.inference import retarget
 from pacmo_core.skeleton_prior.kinematics import find_limbs
 from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.settings import PriorConfig
+from pacmo_core.skeleton_prior.training import build_start
+from pacmo_core.store.files import file_hash
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.state import model_config, model_state
@@ -100,6 +104,101 @@ def test_drawn_bodies_differ_and_come_as_a_folder_each(
     assert abs(bodies[0] / bodies[1] - 1).max() > 1e-3
     texts = [(out / "1" / "duo_B.bvh").read_bytes() for out in folders]
     assert texts[0] == texts[1], "the same seed draws the same"
+
+
+def evaluate(folder: Path, weights: Path, **gains: dict[str, float]) -> Path:
+    """Write weights and their evaluation into a project; return the weights there."""
+    there = folder / "models" / "weights.safetensors"
+    there.parent.mkdir(exist_ok=True)
+    there.write_bytes(weights.read_bytes())
+    hashes = [file_hash(there)]
+    gain = {"motions": 4, "seeds": 1, "confidence": 0.95, "weights": hashes, **gains}
+    (folder / "reports").mkdir(exist_ok=True)
+    (folder / "reports" / "skeleton_prior.json").write_text(
+        json.dumps({"gain": {"default": {"random": gain}}})
+    )
+    return there
+
+
+CLEAR = {"start": 0.02, "trained": 0.01, "mean": 0.5, "low": 0.1, "high": 0.9}
+
+
+@pytest.mark.parametrize(
+    ("jpd", "words", "wanted"),
+    [
+        (CLEAR, (), "the network is used, shown to be better than its start (default"),
+        (
+            {**CLEAR, "low": -0.1},
+            (),
+            "the start alone is used: the network is not shown to be better (default",
+        ),
+        (
+            {**CLEAR, "mean": 0.15},
+            (),
+            "the start alone is used: the network is not shown to be better (default",
+        ),
+        (
+            {"start": 0.02, "trained": 0.01, "mean": 0.5},
+            (),
+            "the start alone is used: the network is not shown",
+        ),
+        (CLEAR, ("--no-network",), "the start alone is used, as asked"),
+        ({**CLEAR, "low": -0.1}, ("--network",), "the network is used, as asked"),
+    ],
+)
+def test_the_network_is_used_where_its_evaluation_shows_that_it_is_better(
+    stored: Path, weights: Path, tmp_path: Path, jpd: dict[str, float], words: tuple, wanted: str
+) -> None:
+    there = evaluate(tmp_path, weights, E_r=CLEAR, JPD=jpd)
+    out = tmp_path / "out.parquet"
+    body = ("--b-scale", "left_forearm=1.2")
+    said = pacmo(stored, "--clip", "one", "--weights", there, *body, *words, "--out", out)
+    assert said.exit_code == 0, said.output
+    assert wanted in said.output
+    assert "default/random, 4 motions, 95 % intervals: E_r 20.0 to 10.0 mm" in said.output
+    ((_, pair),) = stream_motions(out)
+    start = build_start(load_skeleton_prior(weights).config)
+    scales = np.ones((1, 2, len(SBU15.bones)))
+    scales[0, 1, FOREARM] = 1.2
+    ((of_start,),) = retarget(start, CLIP, scales, samples=1, random=None, finish=True)
+    is_start = np.allclose(pair.person_b, of_start.person_b, atol=1e-6)
+    assert is_start == ("the start alone" in wanted)
+
+
+def test_without_evidence_of_these_weights_the_network_is_used(
+    stored: Path, weights: Path, tmp_path: Path
+) -> None:
+    given = [stored, "--clip", "one", "--out", tmp_path / "out.parquet", "--weights"]
+    without = "the network is used (no reports/skeleton_prior.json compares these weights"
+    assert without in pacmo(*given, weights).output
+    there = evaluate(tmp_path, weights, E_r=CLEAR, JPD={**CLEAR, "low": -0.1})
+    config, state = read_weights(there)
+    write_weights(there, {**config, "settings": "of a later training"}, state)
+    assert without in pacmo(*given, there).output
+    report = tmp_path / "reports" / "skeleton_prior.json"
+    report.write_text("{}")
+    refused(pacmo(*given, there), f"{report}: not an evaluation of skeleton priors: 'gain'")
+
+
+def test_the_start_moves_sampled_bodies_and_makes_one_motion_of_each(
+    stored: Path, weights: Path, tmp_path: Path
+) -> None:
+    given = [stored, "--clip", "one", "--weights", weights, "--samples", 2, "--out"]
+    made = {}
+    for name, words in {"network": (), "start": ("--no-network",)}.items():
+        said = pacmo(*given, tmp_path / f"{name}.parquet", *words)
+        assert said.exit_code == 0 and "are equal" not in said.output
+        made[name] = [pair for _, pair in stream_motions(tmp_path / f"{name}.parquet")]
+    lengths = {
+        name: [bone_lengths(pair.person_b, SBU15).mean(axis=0) for pair in pairs]
+        for name, pairs in made.items()
+    }
+    np.testing.assert_allclose(lengths["start"], lengths["network"], rtol=1e-4)
+    body = ("--profile", "b=child", "--no-network")
+    said = pacmo(*given, tmp_path / "one.parquet", *body)
+    assert "the start makes one motion of a body: the 2 samples are equal" in said.output
+    first, second = (pair for _, pair in stream_motions(tmp_path / "one.parquet"))
+    np.testing.assert_array_equal(first.person_b, second.person_b)
 
 
 def test_a_page_plays_the_source_beside_the_samples(

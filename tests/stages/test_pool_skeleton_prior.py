@@ -56,6 +56,7 @@ def test_folds_are_pooled_over_their_motions():
             "bodies": {},
             "train": train,
             "tested": 4,
+            "weights": {"kinematic": {"1": f"hash of {source}"}, "m": {"1": "other"}},
             "models": {"m": {"1": {"t": task}}},
         }
 
@@ -63,6 +64,7 @@ def test_folds_are_pooled_over_their_motions():
     assert folds_of_groups(runs) == {("a", "x"): ["x_fold1", "x_fold2"], ("a", "y"): ["y"]}
     joined = join_folds([scores("s", 1.0, 10), scores("t", 5.0, 12)])
     assert (joined["train"], joined["tested"]) == (11, 8)
+    assert joined["weights"] == ["hash of s", "hash of t"]
     assert over_units([joined["models"]["m"]["1"]["t"]], 0.9)["all"]["E_r"]["mean"] == 3.0
 
 
@@ -111,6 +113,7 @@ def test_the_gain_is_the_share_of_the_starts_error_that_training_removes():
     found = gain_over_start({"start": start, "kinematic": trained}, 0.95)
     assert (found["motions"], found["seeds"]) == (2, 2)
     assert found["E_r"]["mean"] == pytest.approx(0.25)  # 50 % and nothing
+    assert (found["E_r"]["start"], found["E_r"]["trained"]) == (1.5, 1.0)  # of both characters
     assert found["JPD"]["mean"] == pytest.approx((-0.5 - 0.5 + 0.5 + 0) / 4)
 
 
