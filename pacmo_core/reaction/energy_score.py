@@ -66,10 +66,11 @@ class EnergyScore:
         -------
         (B,)
         """
-        views = zip(self._views(samples), self._views(ground_truth), strict=True)
+        views = zip(self.views(samples), self.views(ground_truth), strict=True)
         return torch.stack([energy_score(*view, weights, spread) for view in views]).mean(dim=0)
 
-    def _views(self, motion: Tensor) -> list[Tensor]:
+    def views(self, motion: Tensor) -> list[Tensor]:
+        """Return the linear views of ``(..., T, 3 J)`` on T evenly spaced times."""
         joints = motion.view(*motion.shape[:-1], -1, 3)
         path = joints[..., self.root, :]
         pose = (joints - path[..., None, :]).flatten(-2)
