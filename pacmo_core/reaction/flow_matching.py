@@ -12,6 +12,7 @@ in place of the noise, and flow time ``s`` is a further input.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -37,8 +38,8 @@ from pacmo_core.training.supervised import SupervisedTrainer
 
 FLOW_TIME_CHANNELS = 4  # cosines
 MIN_VARIANCE = 1e-6  # of the field in any direction, relative to the reactions' mean variance
-# From a state (B, T, C) and flow time (B, 1, 1) to the change of the state per unit of flow time.
-Velocity = Callable[[Tensor, Tensor], Tensor]
+# E[X_1 | X_s] of a state (B, T, C) and flow time (B, 1, 1).
+Prediction = Callable[[Tensor, Tensor], Tensor]
 
 
 @dataclass(frozen=True)
@@ -71,10 +72,10 @@ class FlowConfig(GeneratorConfig):
 class FlowGenerator(Generator):
     """A generator that integrates a velocity from a random field to a reaction.
 
-    The operator predicts the end of the path, ``E[X_1 | X_s]``, and the velocity is
-    ``(E[X_1 | X_s] - X_s) / (1 - s)``: so a state need not pass through the operator's few
-    channels. States are functions of continuous time as reactions are: each step's latent function
-    gives the velocity at any times, and so the state.
+    The operator predicts the end of the path, and ``(E[X_1 | X_s] - X_s) / (1 - s)`` is the
+    velocity: so a state need not pass through the operator's few channels. States are functions of
+    continuous time as reactions are: each step's latent function gives the velocity at any times,
+    and so the state.
 
     Parameters
     ----------
@@ -112,14 +113,12 @@ class FlowGenerator(Generator):
         """Integrate on the grid and keep each step's latent function: ``(L, B, n_steps C)``."""
         latents: list[Tensor] = []
 
-        def velocity(state: Tensor, flow_time: Tensor) -> Tensor:
+        def predict(state: Tensor, flow_time: Tensor) -> Tensor:
             inputs = self._flow_inputs(state, flow_time, condition, self.points)
             latents.append(self.uno.trunk(inputs))
-            end = self.uno.evaluate(latents[-1], inputs, self.uno.at_points)
-            return (end - state) / (1 - flow_time)
+            return self.uno.evaluate(latents[-1], inputs, self.uno.at_points)
 
-        start = self.config.noise.evaluate(noise, self.points)
-        integrate(velocity, start, self.config.n_steps)
+        integrate(predict, self.config.noise.evaluate(noise, self.points), self.config.n_steps)
         return torch.cat(latents, dim=-1)
 
     def evaluate(
@@ -129,36 +128,34 @@ class FlowGenerator(Generator):
         evaluation = self.uno.evaluation(times).to(latent.device)
         latents = iter(latent.chunk(self.config.n_steps, dim=-1))
 
-        def velocity(state: Tensor, flow_time: Tensor) -> Tensor:
+        def predict(state: Tensor, flow_time: Tensor) -> Tensor:
             inputs = self._flow_inputs(state, flow_time, condition, times)
-            end = self.uno.evaluate(next(latents), inputs, evaluation)
-            return (end - state) / (1 - flow_time)
+            return self.uno.evaluate(next(latents), inputs, evaluation)
 
-        start = self.config.noise.evaluate(noise, times)
-        end = integrate(velocity, start, self.config.n_steps)
+        end = integrate(predict, self.config.noise.evaluate(noise, times), self.config.n_steps)
         return self.normalisation.denormalise_reaction(end)
 
-    def velocity(self, state: Tensor, flow_time: Tensor, condition: Condition) -> Tensor:
-        """Return the velocity on the grid, for training.
+    def predict_end(self, state: Tensor, flow_time: Tensor, condition: Condition) -> Tensor:
+        """Predict ``E[X_1 | X_s]`` on the grid, for training.
 
         Parameters
         ----------
         state : (B, N, 3 J), normalised
-        flow_time : (B, 1, 1), in [0, 1)
+        flow_time : (B, 1, 1), in [0, 1]
         condition : the partner on the grid
 
         Returns
         -------
-        (B, N, 3 J), normalised, per unit of flow time
+        (B, N, 3 J), normalised
         """
         end: Tensor = self.uno(self._flow_inputs(state, flow_time, condition, self.points))
-        return (end - state) / (1 - flow_time)
+        return end
 
     def _flow_inputs(
         self, state: Tensor, flow_time: Tensor, condition: Condition, times: Tensor
     ) -> Tensor:
         # In the angle of ``flow_times``, whose steps are even.
-        angle = (1 - 2 * flow_time).acos()
+        angle = (1 - 2 * flow_time).clamp(-1, 1).acos()
         order = torch.arange(1, FLOW_TIME_CHANNELS + 1, device=state.device)
         channels = (order * angle).cos().expand(*state.shape[:2], -1)
         return self._with_condition(torch.cat([state, channels], dim=-1), condition, times)
@@ -173,47 +170,47 @@ def flow_times(share: Tensor) -> Tensor:
     return (1 - (math.pi * share).cos()) / 2
 
 
-def integrate(velocity: Velocity, start: Tensor, n_steps: int) -> Tensor:
-    """Integrate a velocity over flow time from 0 to 1 by Euler's method, at ``flow_times``.
+def integrate(predict: Prediction, start: Tensor, n_steps: int) -> Tensor:
+    """Integrate the velocity over flow time from 0 to 1 by Euler's method, at ``flow_times``.
 
     Parameters
     ----------
-    velocity : Velocity
+    predict : of the end, from which the velocity is ``(end - state) / (1 - s)``
     start : (B, T, C), the state at flow time 0
     n_steps : int
 
     Returns
     -------
-    (B, T, C), the state at flow time 1
+    (B, T, C), the state at flow time 1: the last prediction of the end
     """
     state = start
     times = flow_times(torch.arange(n_steps + 1, device=start.device) / n_steps).view(-1, 1, 1, 1)
-    for now, later in zip(times[:-1], times[1:], strict=True):
-        state = state + (later - now) * velocity(state, now)
+    for now, later in pairwise(times):
+        state = state.lerp(predict(state, now), ((later - now) / (1 - now)).to(state.dtype))
     return state
 
 
-def velocity_error(velocity: Velocity, start: Tensor, end: Tensor, flow_time: Tensor) -> Tensor:
-    """Return the error of a velocity at a point of the path from ``start`` to ``end``.
+def prediction_error(predict: Prediction, start: Tensor, end: Tensor, flow_time: Tensor) -> Tensor:
+    """Return the error at a point of a path: that of the velocity, times ``1 - s``.
 
     Parameters
     ----------
-    velocity : Velocity
+    predict : of the end
     start, end : (B, T, C), the states at flow times 0 and 1
-    flow_time : (B, 1, 1), in [0, 1)
+    flow_time : (B, 1, 1), in [0, 1]
 
     Returns
     -------
     (B, T, C)
     """
-    return velocity(start.lerp(end, flow_time), flow_time) - (end - start)
+    return predict(start.lerp(end, flow_time), flow_time) - end
 
 
 class FlowLoss:
-    """The mean squared error of the velocity in L2 over time.
+    """The squared error of the velocity in L2 over time, weighted by ``(1 - s)^2``.
 
-    The norm is that of the energy score's five linear views of a motion; the minimum is the same in
-    any norm. Errors are weighted by ``(1 - s)^2``, which makes them those of the predicted end.
+    The norm is that of the energy score's linear views of a motion: in any norm the same velocity
+    has the least error.
 
     Parameters
     ----------
@@ -225,20 +222,18 @@ class FlowLoss:
         self.weights = trapezoid_weights(model.points)
 
     def __call__(self, pairs: MotionPairs, random: torch.Generator) -> Tensor:
-        """Return the mean over pairs at random flow times, evenly spread over a batch: ``()``."""
+        """Return the mean over pairs, their flow times evenly spread: ``()``."""
         model, n, device = self.model, len(pairs), pairs.partner.device
         noise = model.sample_noise(n, random).to(device)
         share = (torch.arange(n) + torch.rand(n, generator=random)) / n
-        flow_time = flow_times(share)[:, None, None].to(device)
-        error = velocity_error(
-            lambda state, now: model.velocity(state, now, pairs.condition),
+        error = prediction_error(
+            lambda state, now: model.predict_end(state, now, pairs.condition),
             model.config.noise.evaluate(noise, model.points),
             model.normalisation.normalise_reaction(pairs.reaction),
-            flow_time,
+            flow_times(share)[:, None, None].to(device),
         )
-        views = self.views((1 - flow_time) * error)
-        squares = torch.stack([view.square().mean(dim=-1) @ self.weights for view in views])
-        return squares.mean()
+        squares = [view.square().mean(dim=-1) @ self.weights for view in self.views(error)]
+        return torch.stack(squares).mean()
 
 
 def build_training(
