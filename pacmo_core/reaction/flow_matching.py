@@ -72,10 +72,9 @@ class FlowConfig(GeneratorConfig):
 class FlowGenerator(Generator):
     """A generator that integrates a velocity from a random field to a reaction.
 
-    The operator predicts the end of the path, and ``(E[X_1 | X_s] - X_s) / (1 - s)`` is the
-    velocity: so a state need not pass through the operator's few channels. States are functions of
-    continuous time as reactions are: each step's latent function gives the velocity at any times,
-    and so the state.
+    The operator predicts the end of the path, ``E[X_1 | X_s]``; the velocity is
+    ``(E[X_1 | X_s] - X_s) / (1 - s)``. States are functions of continuous time as reactions are:
+    each step's latent function gives the prediction at any times, and so the state.
 
     Parameters
     ----------
@@ -116,7 +115,8 @@ class FlowGenerator(Generator):
         def predict(state: Tensor, flow_time: Tensor) -> Tensor:
             inputs = self._flow_inputs(state, flow_time, condition, self.points)
             latents.append(self.uno.trunk(inputs))
-            return self.uno.evaluate(latents[-1], inputs, self.uno.at_points)
+            out = self.uno.evaluate(latents[-1], inputs, self.uno.at_points)
+            return _end(out, state, flow_time)
 
         integrate(predict, self.config.noise.evaluate(noise, self.points), self.config.n_steps)
         return torch.cat(latents, dim=-1)
@@ -130,7 +130,8 @@ class FlowGenerator(Generator):
 
         def predict(state: Tensor, flow_time: Tensor) -> Tensor:
             inputs = self._flow_inputs(state, flow_time, condition, times)
-            return self.uno.evaluate(next(latents), inputs, evaluation)
+            out = self.uno.evaluate(next(latents), inputs, evaluation)
+            return _end(out, state, flow_time)
 
         end = integrate(predict, self.config.noise.evaluate(noise, times), self.config.n_steps)
         return self.normalisation.denormalise_reaction(end)
@@ -148,8 +149,8 @@ class FlowGenerator(Generator):
         -------
         (B, N, 3 J), normalised
         """
-        end: Tensor = self.uno(self._flow_inputs(state, flow_time, condition, self.points))
-        return end
+        out = self.uno(self._flow_inputs(state, flow_time, condition, self.points))
+        return _end(out, state, flow_time)
 
     def _flow_inputs(
         self, state: Tensor, flow_time: Tensor, condition: Condition, times: Tensor
@@ -159,6 +160,16 @@ class FlowGenerator(Generator):
         order = torch.arange(1, FLOW_TIME_CHANNELS + 1, device=state.device)
         channels = (order * angle).cos().expand(*state.shape[:2], -1)
         return self._with_condition(torch.cat([state, channels], dim=-1), condition, times)
+
+
+def _end(out: Tensor, state: Tensor, flow_time: Tensor) -> Tensor:
+    """Add to the operator's output what the state tells by itself.
+
+    That is ``E[X_1 | X_s]`` if reactions were distributed as the field: so a state need not pass
+    through the operator's few channels. The output counts as much as is left unknown.
+    """
+    variance = (1 - flow_time).square() + flow_time.square()
+    return flow_time / variance * state + (1 - flow_time) / variance.sqrt() * out
 
 
 def flow_times(share: Tensor) -> Tensor:
