@@ -19,6 +19,7 @@ from pacmo_core.reaction import flow_matching
 from pacmo_core.reaction.data import sample_motion_pairs
 from pacmo_core.reaction.flow_matching import (
     FlowGenerator,
+    FlowLoss,
     flow_times,
     integrate,
     prediction_error,
@@ -135,6 +136,31 @@ def test_an_operator_that_adds_nothing_leaves_a_field_that_has_arrived() -> None
     field = model.config.noise.evaluate(noise, model.points)
     found = model.normalisation.normalise_reaction(found)
     assert (found - field).norm() < 0.02 * field.norm()
+
+
+def test_a_reaction_is_the_integral_of_the_operators_predictions(trained: FlowGenerator) -> None:
+    condition = sample_motion_pairs(clips(3), 17).condition
+    noise = trained.sample_noise(3, torch.Generator().manual_seed(1))
+    with torch.no_grad():
+        end = integrate(
+            lambda state, now: trained.predict_end(state, now, condition),
+            trained.config.noise.evaluate(noise, trained.points),
+            trained.config.n_steps,
+        )
+        found = trained(noise, condition)
+    torch.testing.assert_close(found, trained.normalisation.denormalise_reaction(end))
+
+
+def test_the_loss_of_predictions_that_are_shifted_as_a_whole_is_known(
+    trained: FlowGenerator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pairs = sample_motion_pairs(clips(4), 17)
+    end = trained.normalisation.normalise_reaction(pairs.reaction)
+    loss, random = FlowLoss(trained), torch.Generator().manual_seed(0)
+    for shift in (0.0, 0.3):
+        monkeypatch.setattr(trained, "predict_end", lambda *_, d=shift: end + d)
+        # Of the five views the whole motion and the root's path are shifted.
+        assert float(loss(pairs, random)) == pytest.approx(2 / 5 * shift**2, abs=1e-7)
 
 
 def test_the_field_has_the_covariance_of_the_reactions_channels() -> None:
