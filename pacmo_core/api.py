@@ -145,7 +145,8 @@ def train(
 
     Parameters
     ----------
-    name : pacmo or a variant of it, pacmo_paper, regression, gru, autoencoder or matcher
+    name : pacmo or a variant of it, pacmo_paper, regression, gru, flow_matching, autoencoder or
+        matcher
     clips : training clips, a sequence or a mapping by name, all of one skeleton
     validation : on which the weights are selected; without, the last epoch's are taken
     actions : label of each clip, for a model that is conditioned on labels

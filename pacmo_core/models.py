@@ -152,6 +152,13 @@ _ROWS = (
         reader="baselines:gru_from_state",
     ),
     _reaction(
+        "flow_matching",
+        "Flow matching",
+        "FlowMatchingSettings",
+        "flow_matching:build_training",
+        reader="flow_matching:flow_generator_from_state",
+    ),
+    _reaction(
         "autoencoder",
         "Auto-encoder",
         "AutoencoderSettings",

@@ -40,7 +40,7 @@ def read_stages() -> dict[str, dict[str, Any]]:
         folder = Path(name)
         params = YAML(typ="safe").load(ROOT / "params.yaml")
         params["augmented"] |= {"folds": [1], "seeds": [1]}
-        params["runs"]["models"] = ["pacmo", "pacmo_paper", "regression", "gru"]
+        params["runs"]["models"] = ["pacmo", "pacmo_paper", "regression", "gru", "flow_matching"]
         params["runs"]["variants"] = list(params["train_pacmo_variants"])
         YAML(typ="safe").dump(params, folder / "params.yaml")
         shutil.copy(ROOT / "dvc.yaml", folder)
@@ -284,7 +284,7 @@ def test_modules_are_few_and_few_of_them_are_small():
         for folder in folders
         for file in (ROOT / folder).rglob("*.py")
     ]
-    assert len(lengths) <= 251
+    assert len(lengths) <= 252
     assert sum(length < 60 for length in lengths) <= 40
 
 

@@ -16,7 +16,7 @@ from pacmo_core.store.files import StoreError
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.loop import TrainingData, TrainingLoop
 from pacmo_core.training.state import model_config, model_state
-from tests.reaction.problems import AUTOENCODER, GRU, PACMO, REGRESSION, clips
+from tests.reaction.problems import AUTOENCODER, FLOW_MATCHING, GRU, PACMO, REGRESSION, clips
 from tests.reaction.test_matcher import SETTINGS as MATCHER
 
 ROOT = Path(__file__).parents[1]
@@ -25,6 +25,7 @@ SETTINGS: dict[str, Any] = {
     "pacmo_paper": replace(PACMO, action_channels=2),
     "regression": replace(REGRESSION, n_epochs=2),
     "gru": replace(GRU, n_epochs=2),
+    "flow_matching": replace(FLOW_MATCHING, n_epochs=2),
     "autoencoder": replace(AUTOENCODER, n_epochs=2),
     "matcher": replace(MATCHER, n_epochs=2),
 }

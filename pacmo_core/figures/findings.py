@@ -97,8 +97,9 @@ def _finish_clause(
         wanted: [_label(name) for name in baselines if (name in finished) == wanted]
         for wanted in (True, False)
     }
-    differing = " and ".join(groups[model not in finished])
-    if differing:
+    *others, last = groups[model not in finished] or [""]
+    if last:
+        differing = f"{', '.join(others)} and {last}" if others else last
         own, other = ("finished", "not") if model in finished else ("not finished", "finished")
         yield f"its reactions are {own}, those of {differing} are {other}"
 

@@ -265,6 +265,8 @@ ROWS = {
     "regression_without_finish": ("Regression without finish", "as the model generates them"),
     "gru": ("GRU", "baseline"),
     "gru_without_finish": ("GRU without finish", "as the model generates them"),
+    "flow_matching": ("Flow matching", "the same operator, trained on the velocity of a flow"),
+    "flow_matching_without_finish": ("Flow matching without finish", "as the model generates them"),
     "wrong_partner": ("Wrong partner", "real reactions, permuted among partners"),
     "real_pairs": ("Real pairs", "the tested pairs"),
     "pacmo_permuted": ("PaCMO, wrong partner", "its reactions, permuted among partners"),
@@ -288,11 +290,14 @@ MODELS = (
     *(*UNTRAINED, "pacmo", "pacmo_without_finish", *VARIANTS),
     *("pacmo_augmented", "pacmo_paper", "pacmo_paper_without_finish"),
     *("regression", "regression_without_finish", "gru", "gru_without_finish"),
+    *("flow_matching", "flow_matching_without_finish"),
 )
 # Models of which the report's first sentences speak.
-HEADLINE_MODELS = ("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru")
+HEADLINE_MODELS = (
+    *("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru", "flow_matching"),
+)
 # What a model has to beat, as far as a run has it.
-BASELINES = ("nearest_neighbour", "regression", "no_critic", "gru")
+BASELINES = ("nearest_neighbour", "regression", "no_critic", "gru", "flow_matching")
 MAIN_ROWS = ("real", "oracle", "wrong_partner", *MODELS, "pacmo_permuted")
 SAME_ACTION_ROWS = (
     *("real_pairs_same_action", "wrong_partner_same_action"),

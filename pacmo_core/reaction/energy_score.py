@@ -65,13 +65,14 @@ class EnergyScore:
         -------
         (B,)
         """
-        views = zip(self._views(samples), self._views(ground_truth), strict=True)
+        views = zip(self.views(samples), self.views(ground_truth), strict=True)
         scores = [energy_score(*view, weights) for view in views]
         ends = zip(self._end_views(samples), self._end_views(ground_truth), strict=True)
         scores += [energy_score(*view, weights).mean(dim=-1) for view in ends]
         return torch.stack(scores).mean(dim=0)
 
-    def _views(self, motion: Tensor) -> list[Tensor]:
+    def views(self, motion: Tensor) -> list[Tensor]:
+        """Return the linear views of ``(..., T, 3 J)`` on T evenly spaced times."""
         joints = motion.view(*motion.shape[:-1], -1, 3)
         path = joints[..., self.root, :]
         pose = (joints - path[..., None, :]).flatten(-2)

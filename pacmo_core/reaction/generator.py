@@ -39,10 +39,15 @@ class GeneratorConfig:
     actions: tuple[str, ...]
     action_channels: int
 
+    @property
+    def n_inputs(self) -> int:
+        """Channels of the operator's input."""
+        # A random field, a partner, two of time and one of duration, and labels.
+        inputs = self.noise_channels + 3 * len(self.skeleton.joints) + 3
+        return inputs + (self.action_channels if self.actions else 0)
+
     def __post_init__(self) -> None:
-        # Labels, a partner, a random field, and two of time and one of duration.
-        inputs = 3 * len(self.skeleton.joints) + self.noise_channels + 3
-        inputs += self.action_channels if self.actions else 0
+        inputs = self.n_inputs
         if min(self.noise_channels, self.action_channels) < 0 or self.uno.in_channels != inputs:
             raise ValueError(
                 f"the operator must have {inputs} input channels for {self.noise_channels} of noise"
@@ -120,10 +125,13 @@ class Generator(nn.Module):
         return self.normalisation.denormalise_reaction(out)
 
     def _inputs(self, noise: Tensor, condition: Condition, times: Tensor) -> Tensor:
+        return self._with_condition(self.config.noise.evaluate(noise, times), condition, times)
+
+    def _with_condition(self, channels: Tensor, condition: Condition, times: Tensor) -> Tensor:
+        """Append the partner, time, duration and label to ``(B, T, C)`` channels."""
         period, normalisation = self.config.uno.period, self.normalisation
-        field = self.config.noise.evaluate(noise, times)
         context = normalisation.time_and_duration(times, condition.log_duration, period)
-        parts = [field, normalisation.normalise_partner(condition.partner), context]
+        parts = [channels, normalisation.normalise_partner(condition.partner), context]
         if self.actions is not None:
             parts.append(self.actions(condition.action, times, period))
         return torch.cat(parts, dim=-1)
@@ -131,15 +139,17 @@ class Generator(nn.Module):
 
 def generator_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:
     """Rebuild a model from its configuration and ``training.state.model_state``."""
-    model = Generator(
-        GeneratorConfig(
-            skeleton=Skeleton.from_dict(config["skeleton"]),
-            uno=uno_config_from_dict(config["uno"]),
-            noise=GaussianRandomField(**config["noise"]),
-            noise_channels=config["noise_channels"],
-            actions=tuple(config["actions"]),
-            action_channels=config["action_channels"],
-        )
-    )
+    model = Generator(GeneratorConfig(**config_fields(config)))
     model.load_state_dict(dict(state))
     return model.requires_grad_(False)
+
+
+def config_fields(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a ``GeneratorConfig``, or of a class derived from it, from JSON."""
+    return {
+        **config,
+        "skeleton": Skeleton.from_dict(config["skeleton"]),
+        "uno": uno_config_from_dict(config["uno"]),
+        "noise": GaussianRandomField(**config["noise"]),
+        "actions": tuple(config["actions"]),
+    }

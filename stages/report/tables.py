@@ -35,6 +35,7 @@ Pooled = dict[str, Any]
 COMPARED_ROWS = (
     *("real", "oracle", "wrong_partner", *UNTRAINED, *model_names("reaction")),
     *("pacmo_without_finish", "regression_without_finish", "gru_without_finish"),
+    "flow_matching_without_finish",
 )
 COMPARED_COLUMNS = (
     *("contacts_met", "false_contacts", "f2id", "matching", "ape", "energy_score", "dispersion"),

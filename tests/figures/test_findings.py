@@ -62,6 +62,7 @@ def everywhere(outcome: str) -> dict[str, str]:
 def test_every_model_has_one_sentence() -> None:
     found = reaction_findings(pooled())
     subjects = ["PaCMO", "PaCMO, augmented", "PaCMO, as in the paper", "Regression", "GRU"]
+    subjects.append("Flow matching")
     assert [finding.subject for finding in found] == subjects
     assert all(finding.text.endswith(".") and "\n" not in finding.text for finding in found)
 
@@ -234,7 +235,7 @@ def test_a_difference_without_interval_has_too_few_units_for_a_verdict() -> None
 
 def test_a_finished_model_that_is_compared_with_unfinished_ones_says_so() -> None:
     found = reaction_findings(pooled(), ["pacmo", "pacmo_augmented"])
-    ours = "its reactions are finished, those of Regression and GRU are not"
+    ours = "its reactions are finished, those of Regression, GRU and Flow matching are not"
     assert ours in sentence(found, "PaCMO") and ours in sentence(found, "PaCMO, augmented")
     assert "finished" not in sentence(found, "PaCMO, as in the paper")
     scores = pooled()

@@ -11,6 +11,7 @@ from pacmo_core.reaction.settings import (
     AugmentationSettings,
     AutoencoderSettings,
     ContactScoreSettings,
+    FlowMatchingSettings,
     GruSettings,
     PacmoSettings,
     RegressionSettings,
@@ -148,4 +149,26 @@ REGRESSION = RegressionSettings(
     augmentation=AugmentationSettings(
         mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
     ),
+)
+FLOW_MATCHING = FlowMatchingSettings(
+    random_seed=0,
+    device="cpu",
+    n_points=17,
+    period=1.25,
+    width=8,
+    modes=[8, 6, 4, 4, 4, 6, 8],
+    noise_modes=8,
+    noise_alpha=2.0,
+    noise_tau=5.0,
+    noise_period=2.5,
+    noise_scale=0.5,
+    n_steps=4,
+    learning_rate=3e-3,
+    halve_learning_rate_every=20,
+    batch_size=8,
+    n_epochs=20,
+    validate_every=5,
+    checkpoint_every=5,
+    both_directions=False,
+    augmentation=REGRESSION.augmentation,
 )

@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, SplitRecord, write_rows
-from tests.reaction.problems import AUTOENCODER, GRU, PACMO, REGRESSION, clips
+from tests.reaction.problems import AUTOENCODER, FLOW_MATCHING, GRU, PACMO, REGRESSION, clips
 
 FACTS = ClipRecord(
     clip="", sequence="", dataset="toy", action="follow", subject_a="", subject_b="",
@@ -18,11 +18,12 @@ FACTS = ClipRecord(
 )  # fmt: skip
 SECTIONS = {
     "train_autoencoder": replace(AUTOENCODER, n_epochs=6),
+    "train_flow_matching": replace(FLOW_MATCHING, n_epochs=6),
     "train_gru": replace(GRU, n_epochs=6),
     "train_pacmo": replace(PACMO, n_epochs=6),
     "train_regression": replace(REGRESSION, n_epochs=6),
 }
-SEEDED = ("train_gru", "train_pacmo", "train_regression")
+SEEDED = ("train_flow_matching", "train_gru", "train_pacmo", "train_regression")
 
 
 def plain(values: object) -> object:

@@ -8,16 +8,19 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from pacmo_core.reaction import autoencoder, baselines, wgan
+from pacmo_core.reaction import autoencoder, baselines, flow_matching, wgan
 from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.loop import Snapshot, TrainingLoop
 from pacmo_core.training.state import model_state
-from tests.reaction.problems import AUTOENCODER, GRU, PACMO, clips
+from tests.reaction.problems import AUTOENCODER, FLOW_MATCHING, GRU, PACMO, clips
 
 HELD_OUT = clips(3, first_seed=90)
 FITS: dict[str, Callable[[], TrainingLoop[nn.Module]]] = {
     "autoencoder": lambda: autoencoder.build_training(clips(8), AUTOENCODER, validation=HELD_OUT),
     "gru": lambda: baselines.build_gru_training(clips(8), GRU, validation=HELD_OUT),
+    "flow_matching": lambda: flow_matching.build_training(
+        clips(8), FLOW_MATCHING, validation=HELD_OUT
+    ),
     "pacmo": lambda: wgan.build_training(clips(8), PACMO, validation=HELD_OUT),
 }
 
