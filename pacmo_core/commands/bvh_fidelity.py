@@ -133,6 +133,8 @@ class Fidelity:
         if self.contacts:
             share = 100 * self.contacts_held / self.contacts
             parts.append(f"{share:.1f} % of the touches (joints within 10 cm) are kept")
+        else:
+            parts.append("there are no touches (joints within 10 cm)")
         return "; ".join(parts)
 
 

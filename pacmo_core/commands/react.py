@@ -146,16 +146,30 @@ def check_reactions_output(out: Path, space: OutputSpace) -> None:
         raise CommandError(f"{out}: Parquet is always metres, y up; leave out --to-unit, --to-up")
 
 
-def write_reactions(
-    reactions: Reactions, out: Path, space: OutputSpace
-) -> tuple[list[Path], Fidelity]:
-    """Write the files, each atomically; return them and how well they hold the motions."""
+@dataclass(frozen=True)
+class Written:
+    """Files of reactions.
+
+    Parameters
+    ----------
+    files : in the order of the samples, the partner's before the reaction's
+    samples : (S, T, J, 3) float32, metres, as they are in the files
+    fidelity : how well the files hold the motions
+    """
+
+    files: list[Path]
+    samples: Motion
+    fidelity: Fidelity
+
+
+def write_reactions(reactions: Reactions, out: Path, space: OutputSpace) -> Written:
+    """Write the files, each atomically."""
     if is_parquet(out):
         with write_motions(out, reactions.skeleton) as writer:
             for number, reaction in enumerate(reactions.samples):
                 pair = Interaction(reactions.skeleton, reactions.times, reactions.partner, reaction)
                 writer.add(f"{reactions.name}#{number:04d}", pair)
-        return [out], Fidelity()
+        return Written([out], reactions.samples, Fidelity())
     folder, stem = (
         (out, file_stem(reactions.name))
         if not out.suffix or out.is_dir()
@@ -164,9 +178,7 @@ def write_reactions(
     return _write_bvh(reactions, folder, stem, space)
 
 
-def _write_bvh(
-    reactions: Reactions, folder: Path, stem: str, space: OutputSpace
-) -> tuple[list[Path], Fidelity]:
+def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace) -> Written:
     """Name files so that the preset ``pair`` finds the two people of each sample.
 
     The partner is the same in all samples: its joints are weighted by the nearest of them.
@@ -184,6 +196,7 @@ def _write_bvh(
     )
     partner_in = of_partner.read_back if of_partner else read_back
     files: list[Path] = []
+    samples: list[Motion] = []
     fidelity = Fidelity()
     for number, (person, (_, weights)) in enumerate(zip(people, near, strict=True)):
         _, aims = contact_targets(partner.motion, person.motion)
@@ -196,7 +209,8 @@ def _write_bvh(
         found = [partner_in(pair[0], partner, settings), found_in(pair[1], person, settings)]
         fidelity += Fidelity.of((partner, person), found)
         files += pair
-    return files, fidelity
+        samples.append(found[1].motion)
+    return Written(files, np.stack(samples), fidelity)
 
 
 MIN_FRAMES = 4  # of a cubic spline
@@ -326,14 +340,14 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
     """Write the files; say how the motion is, how well they hold it, and what they are."""
-    files, fidelity = write_reactions(reactions, out, space)
+    written = write_reactions(reactions, out, space)
     for line in motion_lines(
-        reactions.skeleton, reactions.times, reactions.partner, reactions.samples
+        reactions.skeleton, reactions.times, reactions.partner, written.samples
     ):
         typer.echo(line)
-    if fidelity.is_inexact:
-        typer.echo(fidelity.line())
-    typer.echo(_files_line(reactions, files, space))
+    if written.fidelity.is_inexact:
+        typer.echo(written.fidelity.line())
+    typer.echo(_files_line(reactions, written.files, space))
 
 
 def _check_finish(rig: Path | None, finish: bool) -> None:

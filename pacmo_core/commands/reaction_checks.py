@@ -1,7 +1,7 @@
 """What ``pacmo react`` says of the motion it made: feet that glide, bodies in each other, jolts.
 
-Of the motion itself, whatever file it is written to. No captured reaction is needed: feet are
-compared with the partner's, the rest with limits that captured people keep.
+Of the motion as it is in the files. No captured reaction is needed: feet are compared with the
+partner's, the rest with limits that captured people keep.
 """
 
 import numpy as np

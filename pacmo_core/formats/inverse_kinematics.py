@@ -1,8 +1,8 @@
-"""Inverse kinematics of a tree of rigid joints: rest directions and rotations that reach targets.
+"""Inverse kinematics of a tree of rigid joints: rotations that reach targets.
 
 Bones that leave one joint keep their angles to each other, so that not every pose can be reached.
-``fit_rest_directions`` fits these angles to the whole motion, ``aim_bones`` points bones at the
-targets, and ``inverse_kinematics`` spreads what is left over the body by weighted least squares.
+``aim_bones`` points bones at the targets, and ``inverse_kinematics`` spreads what is left over the
+body by weighted least squares.
 
 Positions leave the twist of a limb undetermined. Where a knee or an elbow is known as a hinge, the
 bone above it is twisted so that the limb bends about the hinge's axis.
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 # Weight that keeps a joint's present rotation, relative to squared bone length: it only determines
 # what positions leave undetermined.
 ROTATION_REGULARISATION = 1e-6
-N_REST_ROUNDS = 10  # of alternating between rest directions and rotations
 N_STEPS = 10
 # Weight of each joint's squared turn in radians from its initial rotation, relative to the squared
 # size of the skeleton. Positions alone hardly resist the kink of a spine, whose bones are short.
@@ -133,48 +132,6 @@ def forward_kinematics(
             )
             rotations_world[:, joint] = rotations_world[:, parent] @ local[:, joint]
     return positions, rotations_world
-
-
-def fit_rest_directions(
-    parents: Sequence[int], targets: dict[int, Array], offsets: Array, turnable: Collection[int]
-) -> Array:
-    """Fit the angles between bones that leave one joint to the targets of the whole motion.
-
-    Generalised Procrustes analysis: rotations of each frame (Kabsch) and the mean directions in
-    their frames alternate. Lengths do not change, nor does a bone that leaves its joint alone. The
-    bones of a joint as a whole stay in their rest pose: rotations in the file keep their meaning.
-
-    Parameters
-    ----------
-    targets : (T, 3) positions of some joints
-    offsets : (J, 3) from the parent, in the parent's frame
-    turnable : joints whose offsets may change
-
-    Returns
-    -------
-    (J, 3)
-    """
-    fitted = offsets.copy()
-    for joint in sorted(set(parents) & set(targets)):
-        ends = [c for c, p in enumerate(parents)
-                if p == joint and c in targets and c in turnable and offsets[c].any()]  # fmt: skip
-        if len(ends) > 1:
-            bones = np.stack([targets[end] - targets[joint] for end in ends], axis=1)
-            fitted[ends] = _mean_directions(bones, offsets[ends])
-    return fitted
-
-
-def _mean_directions(bones: Array, rest: Array) -> Array:
-    """``(n, 3)``: offsets of the lengths of ``rest`` that, rotated, are nearest to (T, n, 3)."""
-    offsets, lengths = rest, np.linalg.norm(rest, axis=-1, keepdims=True)
-    for _ in range(N_REST_ROUNDS):
-        rotations = _nearest_rotations(bones, offsets[None], np.eye(3))
-        means = np.einsum("tij,tni->nj", rotations, bones)
-        norms = np.linalg.norm(means, axis=-1, keepdims=True)
-        offsets = means * lengths / np.maximum(norms, np.finfo(np.float64).tiny)
-    (back,) = _nearest_rotations(rest[None], offsets[None], np.eye(3))
-    aligned: Array = offsets @ back.T
-    return aligned
 
 
 @dataclass(frozen=True)
@@ -407,6 +364,36 @@ def reach_points(
                 values[better] = found[better]
             damping = np.maximum(damping * np.where(better, EASE, TIGHTEN), LEAST_DAMPING)
     return root, local
+
+
+def steady_rotations(
+    parents: Sequence[int], local: Array, joints: Collection[int], smoothing: float
+) -> Array:
+    """Filter the world rotations of some joints over time; all others keep theirs.
+
+    Parameters
+    ----------
+    local : (T, J, 3, 3), rotations against the parent
+    smoothing : frames, standard deviation of the Gaussian filter
+
+    Returns
+    -------
+    (T, J, 3, 3) against the parent
+    """
+    _, world = forward_kinematics(
+        parents, np.zeros((len(local), 3)), np.zeros((*local.shape[:2], 3)), local
+    )
+    steady = world.copy()
+    for joint in joints:
+        filtered = gaussian_filter1d(world[:, joint], smoothing, axis=0, mode="nearest")
+        steady[:, joint] = _nearest_rotations(
+            filtered.swapaxes(1, 2), np.broadcast_to(np.eye(3), filtered.shape), world[:, joint]
+        )
+    result = steady.copy()
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            result[:, joint] = steady[:, parent].swapaxes(1, 2) @ steady[:, joint]
+    return result
 
 
 def _cost(

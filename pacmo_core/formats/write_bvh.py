@@ -24,11 +24,11 @@ from pacmo_core.formats.inverse_kinematics import (
     Hinge,
     PointTargets,
     aim_bones,
-    fit_rest_directions,
     forward_kinematics,
     inverse_kinematics,
     reach_points,
     rotate_vectors,
+    steady_rotations,
 )
 from pacmo_core.formats.rotations import (
     GIMBAL_LOCK,
@@ -45,6 +45,9 @@ END_SITE_SHARE = 0.1
 # Of joints of the trunk on a rig, in square metres a squared radian: a bend of 20 degrees costs as
 # much as an error of 3.5 cm of a joint.
 TRUNK_STIFFNESS = 1e-2
+# Of the pelvis, from its rotations filtered over time, and the filter's standard deviation.
+PELVIS_STIFFNESS = 5e-2
+STEADY_SECONDS = 0.15
 TWIST_SMOOTHING = 0.1  # seconds, standard deviation of the filter on the twist of a limb
 MIN_BEND = 0.05  # mean sine of the angle by which a limb bends, below which it stays straight
 
@@ -168,9 +171,8 @@ def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str
     """
     _check_channels(file, bvh)
     of_joint = {joint: targets.positions[:, k] for k, joint in enumerate(targets.joints)}
-    fixed = {joint for joint, names in enumerate(bvh.channels)
-             if not any(name.endswith("position") for name in names)}  # fmt: skip
-    rest = fit_rest_directions(bvh.parents, of_joint, bvh.offsets * scales[:, None], fixed)
+    # Directions stay those of the rest pose: the rotations are also those of a character's skin.
+    rest = bvh.offsets * scales[:, None]
     offsets = _displacements(bvh, rest, scales)
     initial = aim_bones(bvh.parents, of_joint, offsets, _local_rotations(bvh))
     root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, offsets, initial)
@@ -215,10 +217,19 @@ def write_on_rig(
         for limb in limbs
         if (axis := _hinge_axis(bvh.parents, bones, turned, limb, forward)) is not None
     }
-    stiffness = dict.fromkeys(_trunk(bvh.parents, limbs), TRUNK_STIFFNESS / unit**2)
+    trunk = _trunk(bvh.parents, limbs)
+    stiffness = dict.fromkeys(trunk, TRUNK_STIFFNESS / unit**2)
     initial = aim_bones(bvh.parents, targets.of_joints(), offsets, local, hinges)
     stiff = replace(targets, stiffness=stiffness, rest=pose)
     root, local = reach_points(bvh.parents, stiff, offsets, initial)
+    # Hips nearly in one line leave the pelvis two poses, between which frames choose each alone.
+    pelvis = sorted({bvh.parents[joint] for joint in trunk} - {-1, *trunk})
+    steady = steady_rotations(bvh.parents, local, [*pelvis, *trunk], STEADY_SECONDS * fps)
+    rest = np.repeat(pose[None], n_frames, axis=0)
+    rest[:, pelvis] = steady[:, pelvis]
+    stiffness |= dict.fromkeys(pelvis, PELVIS_STIFFNESS / unit**2)
+    stiff = replace(targets, stiffness=stiffness, rest=rest)
+    root, local = reach_points(bvh.parents, stiff, offsets, (root, steady))
     still = np.repeat(bvh.motion[:1], n_frames, axis=0)
     posed = replace(bvh, frame_time=1 / fps, motion=still)
     return format_file(posed, _rows(posed, root, offsets, local, continuous_euler_angles))

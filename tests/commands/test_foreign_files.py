@@ -58,11 +58,11 @@ def test_a_name_is_one_part_of_a_path(name: str) -> None:
 def test_reactions_to_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, name: str) -> None:
     out = tmp_path / "one" / "two" / "out"
     samples = CLIP.person_b[None]
-    files, _ = write_reactions(
+    written = write_reactions(
         Reactions(name, SBU15, CLIP.times, CLIP.person_a, samples), out, OutputSpace()
     )
-    assert {file.resolve().parent for file in files} == {out.resolve()}
-    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(files)
+    assert {file.resolve().parent for file in written.files} == {out.resolve()}
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(written.files)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -10,11 +10,11 @@ from pacmo_core.formats.inverse_kinematics import (
     PointTargets,
     aim_bones,
     contact_targets,
-    fit_rest_directions,
     forward_kinematics,
     inverse_kinematics,
     proximity_weights,
     reach_points,
+    steady_rotations,
 )
 
 # A root with a fork, an arm of three, a leg of two.
@@ -125,20 +125,27 @@ def test_joints_near_the_partner_or_the_ground_have_larger_weights() -> None:
     np.testing.assert_allclose(weights[:, 2], 1, atol=1e-3)
 
 
-def test_rest_directions_of_a_fork_are_those_of_the_motion() -> None:
-    random = np.random.default_rng(0)
-    parents, offsets = (-1, 0, 0, 0), random.normal(size=(4, 3))
-    turned = Rotation.from_rotvec([0.4, 0, 0]).apply(offsets[1])
-    held = offsets.copy()
-    held[1] = turned
-    turns = Rotation.random(20, random_state=1)
-    targets = {j: turns.apply(held[j]) if j else np.zeros((20, 3)) for j in range(4)}
-    fitted = fit_rest_directions(parents, targets, offsets, {1, 2, 3})
-    np.testing.assert_allclose(
-        np.linalg.norm(fitted, axis=1), np.linalg.norm(offsets, axis=1), atol=1e-9
-    )
-    angles = fitted[1:] @ fitted[1:].T
-    np.testing.assert_allclose(angles, held[1:] @ held[1:].T, atol=1e-6)
+def test_a_turn_from_one_frame_to_the_next_is_spread_and_other_joints_keep_theirs() -> None:
+    n_frames, steps = 40, 20
+    turns = np.repeat(Rotation.from_rotvec([0.2, 0, 0]).as_matrix()[None], n_frames, axis=0)
+    turns[steps:] = Rotation.from_rotvec([0.2, 1.0, 0]).as_matrix()
+    local = np.repeat(turns[:, None], COUNT, axis=1)
+    steady = steady_rotations(PARENTS, local, [1], 3.0)
+
+    def worlds(values: np.ndarray) -> np.ndarray:
+        at = np.zeros((n_frames, COUNT, 3))
+        return forward_kinematics(PARENTS, at[:, 0], at, values)[1]
+
+    before, after = worlds(local), worlds(steady)
+    others = [joint for joint in range(COUNT) if joint != 1]
+    np.testing.assert_allclose(after[:, others], before[:, others], atol=1e-12)
+    np.testing.assert_allclose(after[[0, -1], 1], before[[0, -1], 1], atol=1e-3)
+
+    def largest_turn(values: np.ndarray) -> float:
+        relative = values[:-1].swapaxes(1, 2) @ values[1:]
+        return Rotation.from_matrix(relative).magnitude().max()
+
+    assert largest_turn(after[:, 1]) < 0.25 * largest_turn(before[:, 1])
 
 
 def test_joints_at_the_limit_of_contact_are_aimed_nearer_and_others_stay() -> None:

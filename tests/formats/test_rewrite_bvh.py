@@ -91,6 +91,15 @@ def test_a_body_that_grew_as_a_whole_is_met_with_the_same_turns(tmp_path: Path) 
     np.testing.assert_allclose(found.motion[:, 3:9], bvh.motion[:, 3:9], atol=1e-4)
 
 
+def test_directions_of_the_rest_pose_are_those_of_the_file_for_any_motion(tmp_path: Path) -> None:
+    file, bvh = small(tmp_path)
+    places = bvh.positions() + np.random.default_rng(1).normal(scale=3, size=(3, 6, 3))
+    scales = np.array([1, 1.2, 0.8, 0.8, 1, 1])
+    found, miss = again(file, bvh, places, scales)
+    assert miss > 1  # such places cannot be met
+    np.testing.assert_allclose(found.offsets, bvh.offsets * scales[:, None], atol=1e-6)
+
+
 def test_a_joint_that_cannot_turn_freely_is_refused_by_name(tmp_path: Path) -> None:
     file = tmp_path / "hinge.bvh"
     text = TEXT.replace("CHANNELS 3 Zrotation Yrotation Xrotation", "CHANNELS 1 Xrotation")
