@@ -12,6 +12,7 @@ from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.commands.captures import TwoPersonCapture, is_parquet
 from pacmo_core.commands.reading import PEOPLE
 from pacmo_core.commands.view import scene_of_people
+from pacmo_core.data.interaction import min_point_distance
 from pacmo_core.data.names import file_stem
 from pacmo_core.figures.variations import limit_text, limits_table, measure_label, measurement_lines
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
@@ -41,25 +42,23 @@ class Measured:
     samples : of each variation, by the names of ``interaction_mesh.Report``
     worse : the person, a or b, in whom a measurement is worse; without those that are of both, or
         equal
+    has_contacts : whether joints of the two touch in the capture
     """
 
     samples: tuple[Mapping[str, float], ...]
     worse: Mapping[str, str]
-
-    @property
-    def means(self) -> dict[str, float]:
-        """The mean of each measurement over the variations."""
-        return {
-            name: float(np.mean([sample[name] for sample in self.samples]))
-            for name in self.samples[0]
-        }
+    has_contacts: bool
 
     def lines(self, limits: VariationLimits) -> Iterator[str]:
         """Yield the lines that a command prints."""
         count = len(self.samples)
         means = f", means of {count} samples" if count > 1 else ""
         yield f"against the capture, measured in what was written{means}:"
-        yield from measurement_lines(self.means, asdict(limits), self.worse)
+        absent = set() if self.has_contacts else {"contacts_kept"}
+        if absent:
+            yield "  no contacts to keep: in the capture no joints of the two are within 10 cm"
+        shown = [{k: v for k, v in sample.items() if k not in absent} for sample in self.samples]
+        yield from measurement_lines(shown, asdict(limits), self.worse)
         exceeded = [exceeded_limits(sample, limits) for sample in self.samples]
         beyond = sum(map(bool, exceeded))
         if not beyond:
@@ -102,7 +101,9 @@ def measure_written(
     a, b = measure_people(duo.scene, supports, *without_common_scale(duo.scene, bodies, motions))
     apart = {name: float((b[name] - a[name]).mean()) for name in a}
     worse = {name: PEOPLE[int(by > 0)] for name, by in apart.items() if by}
-    return Measured(samples, worse)
+    first, second = (person.motion for person in duo.people)
+    has_contacts = bool((min_point_distance(first, second) < settings.contact_distance).any())
+    return Measured(samples, worse, has_contacts)
 
 
 def write_variation_page(

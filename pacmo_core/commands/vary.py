@@ -133,7 +133,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     torch.set_num_threads(1)
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
-        profiles = parse_profiles(profile)
+        profiles = _one_profile_each(profile)
         check_request(samples, options, weights)
         model = load_skeleton_prior(weights)
         typer.echo(trained_on_line(weights, synthetic_capture=is_synthetic(first, clip)))
@@ -219,6 +219,12 @@ class Evidence:
         motions = f"{self.motions} motion{'s' if self.motions > 1 else ''}"
         gains = "; ".join(f"{name} {gain}" for name, gain in self.gains.items())
         return f"{self.split}, {motions}, {100 * self.confidence:.0f} % intervals: {gains}"
+
+
+def _one_profile_each(words: list[str]) -> dict[str, str]:
+    if several := [word for word in words if "," in word]:
+        raise CommandError(f"vary takes one profile a person in a call; got {several[0]}")
+    return parse_profiles(words)
 
 
 def choose_network(weights: Path, asked: bool | None) -> tuple[bool, str]:

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from statistics import fmean
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.clips import Panel, PlayedClip
@@ -87,6 +88,7 @@ MEASURES = {
         "Knees", LOWER, "°", "95th percentile of the change of the angle", perfect=0
     ),
     "elbow_change_p95": Measure("Elbows", LOWER, "°", "the same of elbows", perfect=0),
+    "shoulder_change_p95": Measure("Shoulders", LOWER, "°", "the same of shoulders"),
     "spine_change_p95": Measure("Spine", LOWER, "°", "the same within the spine", perfect=0),
     "spine_bend": Measure(
         "Spine, one joint", LOWER, "°", "by which it bends further, in the worst frame", perfect=0
@@ -160,6 +162,7 @@ PRINTED = (
     "contacts_kept",
     "knee_change_p95",
     "elbow_change_p95",
+    "shoulder_change_p95",
     "spine_change_p95",
     "spine_bend",
     "pelvis_height_error",
@@ -222,19 +225,26 @@ def _in_units(name: str, cell: Measurements) -> Measurements:
 
 
 def measurement_lines(
-    measurements: Measurements, limits: Measurements, worse: Mapping[str, str]
+    samples: Sequence[Measurements], limits: Measurements, worse: Mapping[str, str]
 ) -> list[str]:
-    """Return a line for each of ``PRINTED``: the value, its limit, and in whom it is worse.
+    """Return a line for each of ``PRINTED``: the mean, its limit, and in whom it is worse.
+
+    Of several samples also the worst of them, by its number.
 
     Parameters
     ----------
+    samples : measurements of each; those that are absent have no line
     limits : of those that have one
     worse : the person, of measurements that are those of a person
     """
     lines = []
-    for name in PRINTED:
+    measurements = {name: fmean(sample[name] for sample in samples) for name in samples[0]}
+    for name in (name for name in PRINTED if name in measurements):
         measure = MEASURES[name]
         notes = []
+        if len(samples) > 1:
+            number = max(range(len(samples)), key=lambda n: measure.fault(samples[n][name]))
+            notes.append(f"worst {measure.text(samples[number][name])} in sample {number}")
         if name == "near_distance_error":
             naive = "near_distance_error_naive"
             notes.append(f"{MEASURES[naive].text(measurements[naive])} if only scaled")

@@ -11,14 +11,17 @@ import pytest
 from typer.testing import CliRunner
 
 from pacmo_core.commands.cli import app
+from pacmo_core.commands.measured import Measured
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import SBU15, Skeleton
+from pacmo_core.figures.variations import MEASURES
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.registry import DEFAULT_SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.store.motions import stream_motions, write_motions
+from tests.augmentation.test_filter import LIMITS
 from tests.commands.test_augment import CLIP
 from tests.commands.test_react import weights as reaction_weights
 from tests.commands.test_vary import weights as prior_weights
@@ -156,3 +159,11 @@ def test_export_prints_what_is_in_the_files_as_react_does(
     alone = run("export", tmp_path / "files" / "x_A.bvh", "--out", tmp_path / "alone.bvh",
                 "--from-unit", 1, "--from-up", "y")  # fmt: skip
     assert "off by" not in alone
+
+
+def test_of_a_capture_without_contacts_none_are_said_to_be_kept() -> None:
+    sample = dict.fromkeys(MEASURES, 0.0) | {"contacts_kept": 1.0}
+    touching, apart = (list(Measured((sample,), {}, has).lines(LIMITS)) for has in (True, False))
+    assert [line for line in touching if line.startswith("  contacts kept")]
+    assert not [line for line in apart if line.startswith("  contacts kept")]
+    assert "  no contacts to keep: in the capture no joints of the two are within 10 cm" in apart

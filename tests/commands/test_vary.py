@@ -273,3 +273,12 @@ def test_the_names_of_joints_are_checked_before_the_weights(stored: Path, tmp_pa
     words = ["--clip", "one", "--out", tmp_path / "o.parquet", "--weights", tmp_path / "none"]
     said = pacmo(stored, *words, "--joints", "a=mixmo")
     refused(said, "no preset of joints 'mixmo'; wanted mixamo, ")
+
+
+def test_several_profiles_in_a_call_are_refused_in_a_line(
+    stored: Path, weights: Path, tmp_path: Path
+) -> None:
+    said = pacmo(stored, "--clip", "one", "--weights", weights, "--out", tmp_path / "o.parquet",
+                 "--profile", "b=child,tall_adult")  # fmt: skip
+    assert said.exit_code == 1
+    assert "vary takes one profile a person in a call; got b=child,tall_adult" in said.output
