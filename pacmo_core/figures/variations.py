@@ -171,6 +171,7 @@ PRINTED = (
     "added_foot_skate",
     "capsule_penetration",
     "peak_acceleration_ratio",
+    "seam_ratio",
 )
 
 _NO_LIMIT = make_entry({"missing": "no limit"}, "")

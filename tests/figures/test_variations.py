@@ -36,6 +36,7 @@ FIGURES = {
     "knee_change_p95": 3.2,
     "elbow_change_p95": 17.0,
     "shoulder_change_p95": 8.0,
+    "seam_ratio": 1.1,
     "spine_change_p95": 4.0,
     "pelvis_height_error": 0.013,
     "support_height_error": 0.004,
@@ -83,6 +84,7 @@ def test_measurements_have_a_line_each_in_practical_units_beside_limit_and_perso
         "added foot skate −0.31 cm/s",
         "penetration 0.40 cm",
         "peak acceleration 1.21×",
+        "jumps 1.10×",
     ]
 
 
