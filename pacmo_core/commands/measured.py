@@ -56,7 +56,7 @@ class Measured:
         yield f"against the capture, measured in what was written{means}:"
         absent = set() if self.has_contacts else {"contacts_kept"}
         if absent:
-            yield "  no contacts to keep: in the capture no joints of the two are within 10 cm"
+            yield "  no contacts to keep: no compared joints are within 10 cm in the capture"
         shown = [{k: v for k, v in sample.items() if k not in absent} for sample in self.samples]
         yield from measurement_lines(shown, asdict(limits), self.worse)
         exceeded = [exceeded_limits(sample, limits) for sample in self.samples]

@@ -166,4 +166,4 @@ def test_of_a_capture_without_contacts_none_are_said_to_be_kept() -> None:
     touching, apart = (list(Measured((sample,), {}, has).lines(LIMITS)) for has in (True, False))
     assert [line for line in touching if line.startswith("  contacts kept")]
     assert not [line for line in apart if line.startswith("  contacts kept")]
-    assert "  no contacts to keep: in the capture no joints of the two are within 10 cm" in apart
+    assert "  no contacts to keep: no compared joints are within 10 cm in the capture" in apart
