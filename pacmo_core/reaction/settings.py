@@ -155,32 +155,19 @@ class RegressionSettings:
 
 
 @dataclass(frozen=True)
-class FlowMatchingSettings:
-    """The ``train_flow_matching`` section."""
+class FlowMatchingSettings(RegressionSettings):
+    """The ``train_flow_matching`` section: a regression's, of the operator of a flow."""
 
-    random_seed: int
-    device: str  # cpu, cuda, or auto: cuda where available
-    n_points: int
-    period: float
-    width: int
-    modes: list[int]
     noise_modes: int  # of the random field at which a flow starts
     noise_alpha: float
     noise_tau: float
     noise_period: float
     noise_scale: float  # its standard deviation, relative to that of reactions
     n_steps: int  # of the integration that gives a reaction
-    learning_rate: float
-    halve_learning_rate_every: int  # epochs
-    batch_size: int
-    n_epochs: int
-    validate_every: int  # epochs; the weights of the best validation score are kept
-    checkpoint_every: int  # epochs
-    both_directions: bool
-    augmentation: AugmentationSettings
 
     def __post_init__(self) -> None:
-        check_positive(self, *LOOP_COUNTS, "n_steps")
+        super().__post_init__()
+        check_positive(self, "n_steps")
         if not self.noise_scale > 0:
             raise ValueError(f"noise_scale must be greater than 0; got {self.noise_scale}")
 
