@@ -25,6 +25,7 @@ from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.data import MotionPairs
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.settings import ContactScoreSettings
+from pacmo_core.reaction.turns import trunk_pairs
 
 # Metres. The first keeps the square root differentiable where joints coincide; the second bounds
 # the logarithm there.
@@ -32,6 +33,7 @@ DISTANCE_SOFTENING, LOG_OFFSET = 0.02, 0.05
 
 # Factors that bring the views of a motion to similar magnitudes.
 BONE_SCALE, SPEED_SCALE = 2.0, 0.25
+INSTANT_WEIGHT = 0.07  # of each score at instants, relative to the mean of those of whole motions
 
 
 class EnergyScore:
@@ -43,6 +45,11 @@ class EnergyScore:
     hands, feet and head relative to the root, and their velocities, are scored each alone, and the
     scores averaged. The score of each view is proper, that of the whole motion strictly proper.
 
+    In a norm over a whole motion the mean of many gaits, both feet gliding, or of turns to the left
+    and to the right, a trunk without width, is hardly worse than one of them. At an instant it is
+    far from all: a foot stands or swings. So the velocities of both feet together, and the vectors
+    from right to left hip and shoulder, are scored at each instant, and the scores averaged.
+
     Parameters
     ----------
     skeleton : Skeleton
@@ -51,6 +58,9 @@ class EnergyScore:
     def __init__(self, skeleton: Skeleton) -> None:
         self.root, self.ends = skeleton.root, list(skeleton.end_effectors)
         self.parents, self.children = torch.from_numpy(skeleton.bones).long().unbind(-1)
+        # Both ankles, and so on towards the toes.
+        self.feet = [list(joints) for joints in zip(*feet(skeleton), strict=False)]
+        self.trunk_pairs = trunk_pairs(skeleton)
 
     def __call__(self, samples: Tensor, ground_truth: Tensor, weights: Tensor) -> Tensor:
         """Score normalised motions; lower is better.
@@ -69,7 +79,12 @@ class EnergyScore:
         scores = [energy_score(*view, weights) for view in views]
         ends = zip(self._end_views(samples), self._end_views(ground_truth), strict=True)
         scores += [energy_score(*view, weights).mean(dim=-1) for view in ends]
-        return torch.stack(scores).mean(dim=0)
+        total = torch.stack(scores).mean(dim=0)
+        instants = zip(self._instant_views(samples), self._instant_views(ground_truth), strict=True)
+        one = torch.ones_like(weights[:1])
+        for view in instants:
+            total = total + INSTANT_WEIGHT * (energy_score(*view, one) @ weights)
+        return total
 
     def views(self, motion: Tensor) -> list[Tensor]:
         """Return the linear views of ``(..., T, 3 J)`` on T evenly spaced times."""
@@ -88,6 +103,16 @@ class EnergyScore:
         step = 1 / (motion.shape[-2] - 1)
         (velocity,) = torch.gradient(places, spacing=step, dim=-2)
         return [places, SPEED_SCALE * velocity]
+
+    def _instant_views(self, motion: Tensor) -> list[Tensor]:
+        """Return functions of each of the T times as motions of one time, ``(..., T, 1, C)``."""
+        joints = motion.view(*motion.shape[:-1], -1, 3)
+        step = 1 / (motion.shape[-2] - 1)
+        (velocity,) = torch.gradient(joints, spacing=step, dim=-3)
+        views = [SPEED_SCALE * velocity[..., pair, :].flatten(-2) for pair in self.feet]
+        across = (joints[..., left, :] - joints[..., right, :] for left, right in self.trunk_pairs)
+        views += [BONE_SCALE * vector for vector in across]
+        return [view[..., None, :] for view in views]
 
 
 class ContactScore:

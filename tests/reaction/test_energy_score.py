@@ -1,6 +1,7 @@
 """Truth: laws of one number, whose energy scores are integrals, and the definition written out."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +12,13 @@ from hypothesis import strategies as st
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.data import MotionPairs
-from pacmo_core.reaction.energy_score import ContactScore, EnergyScore, energy_score
+from pacmo_core.reaction.energy_score import (
+    BONE_SCALE,
+    SPEED_SCALE,
+    ContactScore,
+    EnergyScore,
+    energy_score,
+)
 from pacmo_core.reaction.settings import ContactScoreSettings
 from tests.reaction.problems import REST
 
@@ -183,3 +190,61 @@ def test_bodies_in_one_place_have_a_finite_gradient():
     total = CONTACT.total(CONTACT(samples, pair(still(1.0)), WEIGHTS)).sum()
     (gradient,) = torch.autograd.grad(total, samples)
     assert torch.isfinite(gradient).all()
+
+
+def test_velocities_of_feet_and_the_width_of_the_trunk_are_scored_at_each_instant():
+    # A foot that moves evenly by d over the clip in both samples, where the captured one stands.
+    d = 0.3
+    truth = torch.from_numpy(REST).float().flatten().expand(1, 5, 45)
+    score = EnergyScore(SBU15)
+    scores = []
+    for joint in (SBU15.joints.index("left_foot"), SBU15.joints.index("left_hip")):
+        moved = truth.clone()
+        moved[..., 3 * joint] += d * torch.linspace(0, 1, 5)
+        views = zip(score._instant_views(moved), score._instant_views(truth), strict=True)
+        norms = [(a - b).square().mean(dim=(-1, -2)).sqrt()[0] for a, b in views]
+        scores.append([float(norm @ WEIGHTS) for norm in norms])
+    speed = SPEED_SCALE * d / 6**0.5  # six channels, three of each foot
+    width = BONE_SCALE * d / 3**0.5 / 2  # a half of d on average
+    assert scores[0] == pytest.approx([speed, 0, 0], abs=1e-6)
+    assert scores[1] == pytest.approx([0, 0, width], abs=1e-6)
+
+
+def test_gaits_out_of_step_score_better_than_their_mean_that_glides():
+    random = torch.Generator().manual_seed(3)
+    times, n = torch.linspace(0, 1, 33), 400
+    weights = trapezoid_weights(times)
+    feet = [SBU15.joints.index(name) for name in ("left_foot", "right_foot")]
+    hand = SBU15.joints.index("left_hand")
+
+    def walks(phase: torch.Tensor) -> torch.Tensor:
+        """Feet that stand and swing by turns, of phase ``(N,)`` of a cycle; a hand anywhere."""
+        body = torch.from_numpy(REST).float().expand(len(phase), 33, 15, 3).clone()
+        for number, foot in enumerate(feet):
+            cycle = 3 * times + phase[:, None] + number / 2
+            body[:, :, foot, 2] += 0.5 * (cycle - (2 * math.pi * cycle).sin() / (2 * math.pi))
+        body[:, :, hand] += torch.randn(len(phase), 1, 3, generator=random)
+        return body.flatten(2)
+
+    truth = walks(torch.rand(n, generator=random))
+    gaits = torch.stack([walks(torch.rand(n, generator=random)) for _ in range(4)])
+    glide = gaits.clone()
+    for foot in feet:
+        channels = slice(3 * foot, 3 * foot + 3)
+        glide[..., channels] = truth[..., channels].mean(dim=0)
+
+    def ratio(score: Callable[[torch.Tensor], torch.Tensor]) -> float:
+        return float(score(glide).mean() / score(gaits).mean())
+
+    score = EnergyScore(SBU15)
+    whole = ratio(lambda motion: energy_score(motion, truth, weights))
+    assert 1 < whole < 1.1  # proper, but hardly seen
+    one = torch.ones(1)
+    instants = ratio(
+        lambda motion: energy_score(
+            score._instant_views(motion)[0], score._instant_views(truth)[0], one
+        )
+        @ weights
+    )
+    print(whole, instants)
+    assert instants > 1.4
