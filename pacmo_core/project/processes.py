@@ -141,25 +141,30 @@ def end_on_signal(clean_up: Callable[[], str]) -> Iterator[None]:
     """On SIGINT, SIGTERM or SIGHUP call ``clean_up``, print the line it returns, exit with 130.
 
     Further signals are ignored meanwhile. No ``finally`` of the block runs: nothing but
-    ``clean_up`` may be needed to end it.
+    ``clean_up`` may be needed to end it. After the block signals are ignored: the work is done, and
+    a process that only has to exit would otherwise end as if it were not.
     """
 
     def end(_number: int, _frame: object) -> None:
-        for number in SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
+        _ignore_signals()
         line = clean_up()
         # Not sys.stderr: the interrupted code may be writing to it.
         os.write(2, f"{line}\n".encode())
         os._exit(EXIT_INTERRUPTED)
 
-    handlers = {number: signal.signal(number, end) for number in SIGNALS}
+    for number in SIGNALS:
+        signal.signal(number, end)
     # ./run blocks them when it starts this process, so that none comes before the handlers are set.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     try:
         yield
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        _ignore_signals()
+
+
+def _ignore_signals() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def end_run(mark: Mapping[str, str], command: str) -> str:

@@ -4,7 +4,8 @@ A generator's mean over gaits in and out of step has none: both feet slide along
 Where both slide on the floor, far, they take steps in turn instead. Each foot stands until its
 turn, is lifted to its next place, and stands again. Places are those at which the foot would be in
 the middle of its stance, beneath the body as it travels and turns; it leaves from and arrives at
-those of the generated motion. Legs follow by inverse kinematics.
+those of the generated motion. Legs follow by inverse kinematics. The mean over moments at which
+people set out goes in jerks, which no steps can follow: so the body goes more evenly meanwhile.
 """
 
 import numpy as np
@@ -31,8 +32,10 @@ MAX_REACH, MAX_TURN = 0.33, np.pi / 4
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
-MAX_SPEED = 3.0  # metres per second, of a joint of legs that step: a faster body glides on
-MAX_ACCELERATION = 60.0  # metres per second squared, of the same
+# Of a joint of legs that step, in metres per second (squared), as in captured walking: a faster body
+# glides on.
+MAX_SPEED, MAX_ACCELERATION = 4.5, 90.0
+EVEN_SECONDS = 0.2  # standard deviation of the filter on the path of a body that glides
 SLACK = 0.02  # of the legs' length, of ``set_legs``
 FADE_SECONDS = 0.15  # from steps to a glide
 
@@ -58,7 +61,9 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
     legs = [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
     change = np.zeros((*motion.shape[:1], len(legs), 3))
     nowhere = np.full(motion.shape[:2], -np.inf)
+    motion = motion.copy()
     for glide in glides:
+        motion[glide] += _evening(motion[glide, skeleton.root], fps)[:, None]
         wanted = _stepping(motion[glide], headings[glide], fps, skeleton)
         body = set_bone_lengths(motion[glide], lengths, skeleton)
         gliding, stepping = body.copy(), body
@@ -66,9 +71,8 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
             set_legs(legs_of, feet_of, nowhere[glide], lengths, skeleton, SLACK)
         # Legs change by what steps change: other bones are not yet of their lengths.
         change[glide] = stepping[:, legs] - gliding[:, legs]
-    result = motion.copy()
-    result[:, legs] += _share(motion[:, legs], change, fps)[:, None, None] * change
-    return result
+    motion[:, legs] += _share(motion[:, legs], change, fps)[:, None, None] * change
+    return motion
 
 
 def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
@@ -143,6 +147,15 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
             result[:, joints] += smooth_step(done) * (path[there] - path[here])
             result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]) ** 2
     return result
+
+
+def _evening(path: Array, fps: float) -> Array:
+    """``(T, 3)`` metres over the floor, from a path ``(T, 3)`` to one of the same ends, smoother."""
+    first, last = path[:1], path[-1:]
+    # Reflected about its ends, the path keeps them.
+    longer = np.concatenate([2 * first - path[:0:-1], path, 2 * last - path[-2::-1]])
+    smooth = gaussian_filter1d(longer, EVEN_SECONDS * fps, axis=0)[len(path) - 1 : 2 * len(path) - 1]
+    return np.asarray((smooth - path) * [1, 0, 1])
 
 
 def _share(legs: Array, change: Array, fps: float) -> Array:

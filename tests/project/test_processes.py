@@ -36,3 +36,19 @@ def test_processes_are_found_by_their_mark_and_ended_with_their_children():
     assert not is_alive(parent.pid)
     parent.communicate()
     assert not is_alive(parent.pid)
+
+
+def test_a_signal_after_the_work_does_not_change_the_exit_code():
+    # atexit runs where a process that is done still has to end.
+    code = (
+        "import atexit, os, signal, sys\n"
+        "from pacmo_core.project.processes import end_on_signal\n"
+        "atexit.register(lambda: os.kill(os.getpid(), getattr(signal, sys.argv[1])))\n"
+        "with end_on_signal(lambda: 'interrupted'):\n"
+        "    pass\n"
+    )
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        done = subprocess.run(
+            [sys.executable, "-c", code, name], capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stderr) == (0, "")
