@@ -32,8 +32,8 @@ MAX_REACH, MAX_TURN = 0.33, np.pi / 4
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
-# Of a joint of legs that step, in metres per second (squared), as in captured walking: a faster body
-# glides on.
+# Of a joint of legs that step, in metres per second (squared), as in captured walking: a body that
+# is faster glides on.
 MAX_SPEED, MAX_ACCELERATION = 4.5, 90.0
 EVEN_SECONDS = 0.2  # standard deviation of the filter on the path of a body that glides
 SLACK = 0.02  # of the legs' length, of ``set_legs``
@@ -150,11 +150,13 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
 
 
 def _evening(path: Array, fps: float) -> Array:
-    """``(T, 3)`` metres over the floor, from a path ``(T, 3)`` to one of the same ends, smoother."""
+    """``(T, 3)`` metres over the floor, from a path to a smoother one of the same ends."""
     first, last = path[:1], path[-1:]
     # Reflected about its ends, the path keeps them.
     longer = np.concatenate([2 * first - path[:0:-1], path, 2 * last - path[-2::-1]])
-    smooth = gaussian_filter1d(longer, EVEN_SECONDS * fps, axis=0)[len(path) - 1 : 2 * len(path) - 1]
+    smooth = gaussian_filter1d(longer, EVEN_SECONDS * fps, axis=0)[
+        len(path) - 1 : 2 * len(path) - 1
+    ]
     return np.asarray((smooth - path) * [1, 0, 1])
 
 
