@@ -47,8 +47,9 @@ class EnergyScore:
 
     In a norm over a whole motion the mean of many gaits, both feet gliding, or of turns to the left
     and to the right, a trunk without width, is hardly worse than one of them. At an instant it is
-    far from all: a foot stands or swings. So the velocities of both feet together, and the vectors
-    from right to left hip and shoulder, are scored at each instant, and the scores averaged.
+    far from all: a foot stands or swings, one hand or the other is up. So the velocities of both
+    feet together, the places of both hands and of both feet, and the vectors from right to left hip
+    and shoulder are scored at each instant, and the scores averaged.
 
     Parameters
     ----------
@@ -60,6 +61,7 @@ class EnergyScore:
         self.parents, self.children = torch.from_numpy(skeleton.bones).long().unbind(-1)
         # Both ankles, and so on towards the toes.
         self.feet = [list(joints) for joints in zip(*feet(skeleton), strict=False)]
+        self.end_pairs = [list(p) for p in skeleton.left_right if set(p) <= set(self.ends)]
         self.trunk_pairs = trunk_pairs(skeleton)
 
     def __call__(self, samples: Tensor, ground_truth: Tensor, weights: Tensor) -> Tensor:
@@ -110,6 +112,8 @@ class EnergyScore:
         step = 1 / (motion.shape[-2] - 1)
         (velocity,) = torch.gradient(joints, spacing=step, dim=-3)
         views = [SPEED_SCALE * velocity[..., pair, :].flatten(-2) for pair in self.feet]
+        places = joints - joints[..., [self.root], :]
+        views += [places[..., pair, :].flatten(-2) for pair in self.end_pairs]
         across = (joints[..., left, :] - joints[..., right, :] for left, right in self.trunk_pairs)
         views += [BONE_SCALE * vector for vector in across]
         return [view[..., None, :] for view in views]

@@ -14,6 +14,7 @@ from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.data import MotionPairs
 from pacmo_core.reaction.energy_score import (
     BONE_SCALE,
+    INSTANT_WEIGHT,
     SPEED_SCALE,
     ContactScore,
     EnergyScore,
@@ -95,8 +96,9 @@ def test_the_score_of_a_motion_is_the_mean_of_its_views():
     assert float(EnergyScore(SBU15)(samples, truth, WEIGHTS)) == pytest.approx(0, abs=1e-3)
     both = EnergyScore(SBU15)(torch.stack([off, off]), truth, WEIGHTS)
     # Whole motion and pose: d / sqrt(45); bones: 2 d / sqrt(42); the hand, one of five ends:
-    # d / sqrt(3); path and speeds do not change.
+    # d / sqrt(3); path and speeds do not change. At each instant both hands: d / sqrt(6).
     expected = (2 * d / 45**0.5 + 2 * d / 42**0.5 + d / 3**0.5 / 5) / 7
+    expected += INSTANT_WEIGHT * d / 6**0.5
     assert float(both) == pytest.approx(expected, rel=2e-3)
 
 
@@ -192,7 +194,7 @@ def test_bodies_in_one_place_have_a_finite_gradient():
     assert torch.isfinite(gradient).all()
 
 
-def test_velocities_of_feet_and_the_width_of_the_trunk_are_scored_at_each_instant():
+def test_feet_hands_and_the_width_of_the_trunk_are_scored_at_each_instant():
     # A foot that moves evenly by d over the clip in both samples, where the captured one stands.
     d = 0.3
     truth = torch.from_numpy(REST).float().flatten().expand(1, 5, 45)
@@ -205,9 +207,11 @@ def test_velocities_of_feet_and_the_width_of_the_trunk_are_scored_at_each_instan
         norms = [(a - b).square().mean(dim=(-1, -2)).sqrt()[0] for a, b in views]
         scores.append([float(norm @ WEIGHTS) for norm in norms])
     speed = SPEED_SCALE * d / 6**0.5  # six channels, three of each foot
-    width = BONE_SCALE * d / 3**0.5 / 2  # a half of d on average
-    assert scores[0] == pytest.approx([speed, 0, 0], abs=1e-6)
-    assert scores[1] == pytest.approx([0, 0, width], abs=1e-6)
+    place = d / 6**0.5 / 2  # a half of d on average
+    width = BONE_SCALE * d / 3**0.5 / 2
+    # Velocities of feet; places of hands and of feet; shoulders and hips.
+    assert scores[0] == pytest.approx([speed, 0, place, 0, 0], abs=1e-6)
+    assert scores[1] == pytest.approx([0, 0, 0, 0, width], abs=1e-6)
 
 
 def test_gaits_out_of_step_score_better_than_their_mean_that_glides():
