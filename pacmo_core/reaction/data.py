@@ -182,10 +182,7 @@ MIRROR_X = (-1.0, 1.0, 1.0)  # factors of x, y, z; in the partner's frame left i
 
 
 class RandomAugmentation:
-    """Transform a batch at random: both people alike, frame rate and noise the partner's only.
-
-    By the noise a partner is no longer told by the places of its joints from all others, whose
-    reactions, one each, a generator else learns by heart: samples for a new partner are too alike.
+    """Transform a batch at random: both people alike, but the frame rate of the partner only.
 
     Parameters
     ----------
@@ -215,9 +212,6 @@ class RandomAugmentation:
             rate = int(torch.randint(len(self.frame_rates) + 1, (), generator=random))
             if rate < len(self.frame_rates):
                 partner = self.frame_rates[rate].to(partner.device) @ partner
-        if self.settings.partner_noise:
-            offsets = torch.randn(len(pairs), 1, partner.shape[-1], generator=random)
-            partner = partner + self.settings.partner_noise * offsets.to(partner.device)
         return replace(pairs, partner=partner, reaction=reaction)
 
     def _transform(self, motion: Tensor, mirror: Tensor, transforms: Tensor) -> Tensor:

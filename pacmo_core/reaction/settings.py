@@ -78,22 +78,20 @@ class AugmentationSettings:
     size_spread : standard deviation of the logarithm of both people's size
     rotation_spread : standard deviation of a rotation about the vertical axis, radians
     min_rate : lowest frame rate of the partner, as a share of the grid's points
-    partner_noise : metres, standard deviation of a constant offset of each joint of the partner
     """
 
     mirror_probability: float
     size_spread: float
     rotation_spread: float
     min_rate: float
-    partner_noise: float
 
     def __post_init__(self) -> None:
         if not 0 <= self.mirror_probability <= 1:
             raise ValueError(f"mirror_probability must be in [0, 1]; got {self.mirror_probability}")
-        if min(self.size_spread, self.rotation_spread, self.partner_noise) < 0:
+        if self.size_spread < 0 or self.rotation_spread < 0:
             raise ValueError(
-                "size_spread, rotation_spread and partner_noise must be at least 0; "
-                f"got {self.size_spread}, {self.rotation_spread} and {self.partner_noise}"
+                "size_spread and rotation_spread must be at least 0; "
+                f"got {self.size_spread} and {self.rotation_spread}"
             )
         if not 0 < self.min_rate <= 1:
             raise ValueError(f"min_rate must be in (0, 1]; got {self.min_rate}")

@@ -126,11 +126,7 @@ PACMO = PacmoSettings(
     ema_decay=0.5,
     both_directions=True,
     augmentation=AugmentationSettings(
-        mirror_probability=0.5,
-        size_spread=0.05,
-        rotation_spread=0.1,
-        min_rate=0.5,
-        partner_noise=0.0,
+        mirror_probability=0.5, size_spread=0.05, rotation_spread=0.1, min_rate=0.5
     ),
     mixed_precision=False,
     compile_generator=False,
@@ -151,11 +147,7 @@ REGRESSION = RegressionSettings(
     checkpoint_every=5,
     both_directions=False,
     augmentation=AugmentationSettings(
-        mirror_probability=0.0,
-        size_spread=0.0,
-        rotation_spread=0.0,
-        min_rate=1.0,
-        partner_noise=0.0,
+        mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
     ),
 )
 FLOW_MATCHING = FlowMatchingSettings(

@@ -25,11 +25,7 @@ LABELLED = replace(
     validate_every=200,
     both_directions=False,
     augmentation=AugmentationSettings(
-        mirror_probability=0.0,
-        size_spread=0.0,
-        rotation_spread=0.0,
-        min_rate=1.0,
-        partner_noise=0.0,
+        mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
     ),
 )
 
