@@ -28,12 +28,12 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.interaction_mesh import prepare
 from pacmo_core.interaction_mesh import retarget as retarget_by_optimisation
 from pacmo_core.models import build_skeleton_prior
-from pacmo_core.skeleton_prior.data import canonical_frame, stack_characters
+from pacmo_core.skeleton_prior.data import ExampleBatch, canonical_frame, stack_characters
 from pacmo_core.skeleton_prior.inference import retarget
 from pacmo_core.skeleton_prior.kinematics import find_limbs
 from pacmo_core.skeleton_prior.layers import initialise_weights
-from pacmo_core.skeleton_prior.losses import loss_terms, total_loss
 from pacmo_core.skeleton_prior.settings import LossWeights, PriorConfig, StartSettings
+from pacmo_core.skeleton_prior.training import weighted_loss
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.training.devices import keep_freed_memory
 
@@ -123,10 +123,11 @@ def step(model: SkeletonPrior, template: Tensor, scales: Tensor, random: torch.G
     model.zero_grad()
     variation = 1.01 * template
     as_used = torch.arange(N_BODIES) % 2 == 0
-    result = model.reconstruct(template, scales, variation, as_used, random)
-    terms = loss_terms(result, variation, template, model.config.skeleton, model.displacement_scale)
+    motions, posteriors = model.reconstruct(template, scales, variation, as_used, random)
     weights = LossWeights(**SECTION["loss_weights"])
-    total_loss(terms, weights, 1.0).backward()  # type: ignore[no-untyped-call]  # torch's own
+    batch = ExampleBatch(template, variation, scales)
+    loss = weighted_loss(model, batch, motions, posteriors, weights)
+    loss.backward()  # type: ignore[no-untyped-call]  # torch's own
 
 
 def min_wall_ms(run: Callable[[], object]) -> float:

@@ -177,10 +177,10 @@ _ROWS = (
     _skeleton_prior("kinematic", "Kinematic", "kinematic"),
     _skeleton_prior("kinematic_without_start", "Kinematic, without the start", "kinematic"),
     _skeleton_prior("paper", "Paper", "paper"),
-    _skeleton_prior("f_cnn", "F-CNN", "baselines"),
-    _skeleton_prior("f_gcn", "F-GCN", "baselines"),
-    _skeleton_prior("m_cnn", "M-CNN", "baselines"),
-    _skeleton_prior("m_gcn", "M-GCN", "baselines"),
+    _skeleton_prior("f_cnn", "F-CNN", "paper"),
+    _skeleton_prior("f_gcn", "F-GCN", "paper"),
+    _skeleton_prior("m_cnn", "M-CNN", "paper"),
+    _skeleton_prior("m_gcn", "M-GCN", "paper"),
 )
 # What is fitted to a trained model of reactions: the contacts that its finish closes.
 _CONTACTS = "pacmo_core.reaction.inference:fit_contacts"

@@ -155,8 +155,7 @@ def retarget_positions(
         scales = scales.to(device)
         templates = template.to(device).expand(len(scales), *template.shape)
         keyframes = templates[:, list(keyframe_indices(n_frames, stride))]
-        latents = model.sample_latents(keyframes, scales, random)
-        outputs = model.decode(keyframes, scales, latents)
+        outputs = model.decode(keyframes, scales, random)
         first, second = (interpolate_keyframes(output, n_frames, stride) for output in outputs)
         return model.joint_positions((first, second), templates, scales).cpu()
 

@@ -1,9 +1,4 @@
-"""Forward kinematics of a skeleton, inverse kinematics (IK) of its limbs, and decoder outputs.
-
-A decoder's output (B, T, J, 3) becomes joint positions in one of two ways: ``DisplacementOutput``
-adds it to the template, as in the paper; ``KinematicOutput`` rotates bones of given lengths by
-forward kinematics and bends arms and legs by two-bone inverse kinematics.
-"""
+"""Forward kinematics of a skeleton, and inverse kinematics (IK) of its limbs."""
 
 import numpy as np
 import torch
@@ -133,15 +128,6 @@ def _normalise_with_bounded_slope(vectors: Tensor) -> Tensor:
 
 def _with_length(vectors: Tensor, lengths: Tensor) -> Tensor:
     return torch.nn.functional.normalize(vectors, dim=-1) * lengths[..., None]
-
-
-class DisplacementOutput(nn.Module):
-    """Output layer of the paper: joint displacements from the template."""
-
-    def forward(self, output: Tensor, template: Tensor, scales: Tensor) -> Tensor:
-        """Compute joint positions, (B, T, J, 3) metres, of displacements (B, T, J, 3)."""
-        del scales
-        return template + output
 
 
 class KinematicOutput(nn.Module):

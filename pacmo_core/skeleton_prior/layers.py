@@ -18,7 +18,6 @@ from torch import Tensor, nn
 from pacmo_core.data.skeleton import Skeleton
 
 TEMPORAL_KERNEL = 5
-LEAKY_SLOPE = 0.1
 ENCODER_STRIDES = (1, 2, 2, 2, 1)
 
 
@@ -159,34 +158,13 @@ class GraphGru(nn.Module):
         self.gates_in = nn.Linear(in_channels, 3 * hidden)  # reset, update, candidate
         self.gates_hidden = nn.Linear(hidden, 3 * hidden, bias=False)
 
-    def step(self, adjacency: Tensor, inputs: Tensor, state: Tensor) -> Tensor:
-        """Advance the state (B, J, h) by one frame; inputs (B, J, 3h) after ``gates_in``."""
-        hidden = self.gates_hidden(self.message(adjacency @ state))
-        (reset_in, update_in, candidate_in), (reset_hidden, update_hidden, candidate_hidden) = (
-            gates.chunk(3, dim=-1) for gates in (inputs, hidden)
-        )
-        reset, update = (reset_in + reset_hidden).sigmoid(), (update_in + update_hidden).sigmoid()
-        candidate = torch.tanh(candidate_in + reset * candidate_hidden)
+    def forward(self, x: Tensor, state: Tensor, adjacency: Tensor) -> Tensor:
+        """Advance the state (B, J, h) by one frame (B, J, C), over ``self.adjacency()``."""
+        gates_in = self.gates_in(x).chunk(3, dim=-1)
+        gates_hidden = self.gates_hidden(self.message(adjacency @ state)).chunk(3, dim=-1)
+        reset, update = ((gates_in[i] + gates_hidden[i]).sigmoid() for i in (0, 1))
+        candidate = torch.tanh(gates_in[2] + reset * gates_hidden[2])
         return torch.lerp(candidate, state, update)
-
-    def forward(self, x: Tensor, state: Tensor) -> Tensor:
-        """Run over a sequence ``(B, T, J, C)`` from a state (B, J, h), to ``(B, T, J, h)``."""
-        states, adjacency = [], self.adjacency()
-        for inputs in self.gates_in(x).unbind(dim=1):
-            state = self.step(adjacency, inputs, state)
-            states.append(state)
-        return torch.stack(states, dim=1)
-
-
-def output_head(hidden: int, out_channels: int, last: type[nn.Linear] = nn.Linear) -> nn.Sequential:
-    """Build three linear layers with leaky ReLU between them (supplement, tables 12 and 16)."""
-    return nn.Sequential(
-        nn.Linear(hidden, hidden),
-        nn.LeakyReLU(LEAKY_SLOPE),
-        nn.Linear(hidden, hidden),
-        nn.LeakyReLU(LEAKY_SLOPE),
-        last(hidden, out_channels),
-    )
 
 
 class ZeroInitLinear(nn.Linear):

@@ -2,25 +2,118 @@
 
 One VAE each (supplement, 2.3): ``SkeletonVae`` of bone scales (VAE1), and a ``CharacterVae`` for
 the first (VAE2) and the second character (VAE3).
+
+References
+----------
+Kingma and Welling (2014), Auto-encoding variational Bayes.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from pacmo_core.skeleton_prior.data import ExampleDataset
 from pacmo_core.skeleton_prior.settings import PriorConfig
-from pacmo_core.skeleton_prior.skeleton_vae import DiagonalGaussian, SkeletonVae
 from pacmo_core.skeleton_prior.start import squared_distances
 
+# Channels, for which the supplement has no table.
+HIDDEN, LATENT = 64, 16
+# Decoded scales lie within 1 +- SCALE_RANGE, or RANGE_MARGIN times the largest deviation in the
+# training data where that is larger, but always above 1 - MAX_SCALE_RANGE.
+SCALE_RANGE, RANGE_MARGIN, MAX_SCALE_RANGE = 0.3, 1.2, 0.95
+# Standard deviation of the Gaussian likelihood of a scale. With a larger one, samples vary less
+# than the training data.
+SCALE_STD = 3e-3
+BATCH_SIZE, LEARNING_RATE = 64, 2e-3
 # Metres: smallest root mean square of displacements that motions are normalised by.
 MIN_DISPLACEMENT_SCALE = 1e-4
 # Smallest change of the skeletons that features and outputs are normalised by.
 MIN_SCALE_CHANGE = 1e-3
+
+
+@dataclass(frozen=True)
+class DiagonalGaussian:
+    """Gaussian with diagonal covariance: the posterior q(z | x) of a VAE."""
+
+    mean: Tensor
+    log_variance: Tensor
+
+    @classmethod
+    def from_output(cls, output: Tensor, dim: int = -1) -> "DiagonalGaussian":
+        """Split an encoder's output into mean and log variance along an axis."""
+        mean, log_variance = output.chunk(2, dim)
+        return cls(mean, log_variance.clamp(-10, 4))
+
+    def sample(self, random: torch.Generator) -> Tensor:
+        """Sample by the reparameterisation ``z = mu + sigma * epsilon``, with gradients to both."""
+        noise = torch.randn(self.mean.shape, generator=random).to(self.mean.device)
+        return self.mean + noise * (0.5 * self.log_variance).exp()
+
+    def kl_divergence(self) -> Tensor:
+        """Return the KL divergence (Kullback-Leibler) from N(0, I), nats, mean over elements."""
+        variance = self.log_variance.exp()
+        # Kingma and Welling (2014), appendix B: 1/2 (mu^2 + sigma^2 - 1 - log sigma^2).
+        return 0.5 * (self.mean.square() + variance - 1 - self.log_variance).mean()
+
+
+class SkeletonVae(nn.Module):
+    """VAE1, the prior of skeletons: two MLPs, J -> 64 -> 16 -> 64 -> J; the root's scale is 1."""
+
+    scale_range: Tensor
+
+    def __init__(self, n_joints: int, root: int) -> None:
+        super().__init__()
+        self.root = root
+        self.register_buffer("scale_range", torch.tensor(SCALE_RANGE))
+        self.encoder = nn.Sequential(
+            nn.Linear(n_joints, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, 2 * LATENT)
+        )
+        self.decoder = nn.Sequential(
+            nn.Linear(LATENT, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, n_joints)
+        )
+
+    def encode(self, scales: Tensor) -> DiagonalGaussian:
+        """Compute the posterior over ``(B, 16)`` of scales (B, J)."""
+        return DiagonalGaussian.from_output(self.encoder((scales - 1) / self.scale_range))
+
+    def decode(self, latent: Tensor) -> Tensor:
+        """Decode latents (B, 16) to scales (B, J), all positive."""
+        scales = 1 + self.scale_range * torch.tanh(self.decoder(latent))
+        at_root = torch.arange(scales.shape[1], device=scales.device) == self.root
+        return torch.where(at_root, 1.0, scales)
+
+    def sample(self, n: int, random: torch.Generator) -> Tensor:
+        """Sample the scales of n skeletons from the prior, (n, J)."""
+        latent = torch.randn(n, LATENT, generator=random)
+        return self.decode(latent.to(self.scale_range.device))
+
+
+def fit_skeleton_vae(
+    model: SkeletonVae, scales: Tensor, *, n_steps: int, random: torch.Generator
+) -> None:
+    """Train the skeleton VAE in place on scales (N, J), then freeze it.
+
+    The loss is the evidence lower bound (ELBO). It shares no weights with the motion VAEs, and
+    needs more steps than these on a small dataset.
+    """
+    largest = RANGE_MARGIN * (scales - 1).abs().max()
+    model.scale_range.copy_(largest.clamp(SCALE_RANGE, MAX_SCALE_RANGE))
+    optimiser = torch.optim.Adam(model.parameters(), lr=LEARNING_RATE)
+    scheduler = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, n_steps)
+    for _ in range(n_steps):
+        batch = scales[torch.randint(len(scales), (BATCH_SIZE,), generator=random)]
+        posterior = model.encode(batch)
+        errors = (model.decode(posterior.sample(random)) - batch) / SCALE_STD
+        loss = 0.5 * errors.square().sum(dim=1).mean() + LATENT * posterior.kl_divergence()
+        optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        optimiser.step()
+        scheduler.step()
+    model.requires_grad_(False)
 
 
 @dataclass(frozen=True)
@@ -35,10 +128,6 @@ class CharacterInputs:
     displacement_scale: Tensor  # metres, root mean square of displacements in the training data
     partner_yields: bool  # whether the partner's motion is a guess, as for the first character
 
-    def displacements(self, motion: Tensor) -> Tensor:
-        """Normalise a motion's displacements from the template, (B, 3, T, J)."""
-        return channels_first((motion - self.template) / self.displacement_scale)
-
     @cached_property
     def squared_distances(self) -> Tensor:
         """``(B, T, J, J)``: between the joints of both templates, square metres."""
@@ -51,106 +140,57 @@ class CharacterInputs:
         size = both.log().square().mean(dim=1).sqrt()
         return size.clamp_min(MIN_SCALE_CHANGE)[:, None, None, None]
 
-    @property
-    def end_poses(self) -> Tensor:
-        """``(B, J, 6)``: the first and the last pose of the template, metres."""
-        return torch.cat([self.template[:, 0], self.template[:, -1]], dim=-1)
-
-    @property
-    def scale_offsets(self) -> Tensor:
-        """``(B, 1, T, J)``: scales less 1, in every frame."""
-        return self._at_every_frame(self.scales)
-
-    @property
-    def template_features(self) -> Tensor:
-        """``(B, 4, T, J)``: the template 3 and the scales less 1."""
-        return torch.cat([channels_first(self.template), self.scale_offsets], dim=1)
-
-    @property
-    def partner_features(self) -> Tensor:
-        """``(B, 8, T, J)``: the partner 3, the template 3, and both characters' scales less 1."""
-        positions = channels_first(self.partner), channels_first(self.template)
-        scales = self._at_every_frame(self.partner_scales), self.scale_offsets
-        return torch.cat([*positions, *scales], dim=1)
-
-    def _at_every_frame(self, scales: Tensor) -> Tensor:
-        return (scales - 1)[:, None, None].expand(-1, -1, self.template.shape[1], -1)
-
-
-def channels_first(x: Tensor) -> Tensor:
-    """Map ``(B, T, J, C)`` to ``(B, C, T, J)``."""
-    return x.permute(0, 3, 1, 2)
-
 
 class CharacterVae(nn.Module, ABC):
-    """VAE of one character's motion; ``output_layer`` maps decoder outputs to joint positions."""
+    """VAE of one character's motion, whose output is a displacement from the template."""
 
-    output_layer: nn.Module
-    has_exact_bones = False  # whether the output layer gives bones their lengths
+    has_exact_bones = False  # whether bones get their lengths whatever the output
+    symmetric = False  # whether both characters' VAEs take both bodies' scales: they can be swapped
 
-    @abstractmethod
-    def encode(self, motion: Tensor, inputs: CharacterInputs) -> DiagonalGaussian:
-        """Encode a motion (B, T, J, 3), metres, as a posterior."""
-
-    @abstractmethod
-    def decode(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
-        """Decode latents to the output layer's input ``(B, T, J, 3)``."""
+    def compute_condition(self, inputs: CharacterInputs) -> Any:
+        """Compute what encoder and decoder are both given: here the inputs as they are."""
+        return inputs
 
     @abstractmethod
-    def latent_shape(self, inputs: CharacterInputs) -> tuple[int, ...]:
-        """Return the shape of the latents."""
+    def encode(self, motion: Tensor, given: Any) -> DiagonalGaussian:
+        """Encode a motion (B, T, J, 3), metres, as a posterior, given the condition."""
+
+    @abstractmethod
+    def decode(self, latent: Tensor, given: Any) -> Tensor:
+        """Decode latents to the output ``(B, T, J, 3)``, given the condition."""
+
+    @abstractmethod
+    def latent_shape(self, template: Tensor) -> tuple[int, ...]:
+        """Return the shape of the latents for templates (B, T, J, 3)."""
 
     def expected_partner(self, template: Tensor, scales: Tensor) -> Tensor:
         """Guess the motion of a partner that is not decoded yet: here its template."""
         del scales
         return template
 
-    def reconstruct(
-        self, motion: Tensor, inputs: CharacterInputs, sample: Callable[[DiagonalGaussian], Tensor]
-    ) -> tuple[Tensor, DiagonalGaussian]:
-        """Encode a motion, and decode a latent that ``sample`` takes from the posterior."""
-        posterior = self.encode(motion, inputs)
-        return self.motion(sample(posterior), inputs), posterior
-
-    def motion(self, latent: Tensor, inputs: CharacterInputs) -> Tensor:
-        """Decode latents to joint positions ``(B, T, J, 3)``, metres."""
-        output = self.decode(latent, inputs)
-        motion: Tensor = self.output_layer(output, inputs.template, inputs.scales)
-        return motion
-
-
-@dataclass(frozen=True)
-class Reconstruction:
-    """Output of ``SkeletonPrior.reconstruct``."""
-
-    motions: Tensor  # (B, T, 2, J, 3), metres, the first character first
-    posteriors: tuple[DiagonalGaussian, DiagonalGaussian]
+    def joint_positions(self, output: Tensor, template: Tensor, scales: Tensor) -> Tensor:
+        """Compute joint positions, (B, T, J, 3) metres, of an output, at any frame rate."""
+        del scales
+        return template + output
 
 
 class SkeletonPrior(nn.Module):
-    """The three VAEs; ``symmetric`` if both of the characters' take both bodies' scales.
-
-    Training may swap the characters of a symmetric model.
-    """
+    """The three VAEs; motions are (B, T, 2, J, 3) metres, the first character first."""
 
     displacement_scale: Tensor
 
-    def __init__(
-        self, config: PriorConfig, characters: tuple[CharacterVae, CharacterVae], *, symmetric: bool
-    ) -> None:
+    def __init__(self, config: PriorConfig, first: CharacterVae, second: CharacterVae) -> None:
         super().__init__()
-        self.config, self.symmetric = config, symmetric
+        self.config = config
         self.skeleton_vae = SkeletonVae(len(config.skeleton.joints), config.skeleton.root)
-        self.first, self.second = characters
+        self.first, self.second = first, second
         self.register_buffer("displacement_scale", torch.ones(()))
 
     def fit_displacement_scale(self, examples: ExampleDataset) -> None:
         """Set ``displacement_scale``, metres, to the root mean square over the data."""
+        pairs = zip(examples.variations, examples.sources.tolist(), strict=True)
         squares = [
-            (variation - examples.templates[source]).square().mean()
-            for variation, source in zip(
-                examples.variations, examples.sources.tolist(), strict=True
-            )
+            (variation - examples.templates[source]).square().mean() for variation, source in pairs
         ]
         scale = torch.stack(squares).mean().sqrt().clamp_min(MIN_DISPLACEMENT_SCALE)
         self.displacement_scale.copy_(scale)
@@ -162,8 +202,8 @@ class SkeletonPrior(nn.Module):
         variation: Tensor,
         as_used: Tensor,
         random: torch.Generator,
-    ) -> Reconstruction:
-        """Encode and decode variations.
+    ) -> tuple[Tensor, tuple[DiagonalGaussian, DiagonalGaussian]]:
+        """Encode and decode variations; return motions and the posteriors of both characters.
 
         The second VAE is conditioned on the true first motion. Rows ``as_used`` are decoded as
         without the variation: from the latents' prior mean, the second given the decoded first.
@@ -179,52 +219,54 @@ class SkeletonPrior(nn.Module):
             sample = posterior.sample(random)
             return sample * ~as_used.view(-1, *[1] * (sample.ndim - 1))
 
-        first, second = variation.unbind(dim=2)
-        inputs = self.first_inputs(template, scales)
-        motion, posterior = self.first.reconstruct(first, inputs, latent)
-        known = torch.where(as_used[:, None, None, None], motion.detach(), first)
-        inputs = self.second_inputs(template, scales, known)
-        second_motion, second_posterior = self.second.reconstruct(second, inputs, latent)
-        motions, posteriors = (motion, second_motion), (posterior, second_posterior)
-        return Reconstruction(torch.stack(motions, dim=2), posteriors)
+        true_first, true_second = variation.unbind(dim=2)
+        given = self.first_condition(template, scales)
+        first = self.first.encode(true_first, given)
+        output = self.first.decode(latent(first), given)
+        motion = self.first.joint_positions(output, template[:, :, 0], scales[:, 0])
+        known = torch.where(as_used[:, None, None, None], motion.detach(), true_first)
+        given = self.second_condition(template, scales, known)
+        second = self.second.encode(true_second, given)
+        output = self.second.decode(latent(second), given)
+        partner = self.second.joint_positions(output, template[:, :, 1], scales[:, 1])
+        return torch.stack([motion, partner], dim=2), (first, second)
 
     def decode(
-        self, template: Tensor, scales: Tensor, latents: tuple[Tensor, Tensor]
+        self, template: Tensor, scales: Tensor, random: torch.Generator | None
     ) -> tuple[Tensor, Tensor]:
-        """Decode both characters' outputs (B, T, J, 3), the second's given the decoded first."""
-        inputs = self.first_inputs(template, scales)
-        first = self.first.decode(latents[0], inputs)
-        motion = self.first.output_layer(first, inputs.template, inputs.scales)
-        return first, self.second.decode(latents[1], self.second_inputs(template, scales, motion))
+        """Decode latents from the prior N(0, I), without a generator its mean.
+
+        Returns
+        -------
+        both characters' outputs (B, T, J, 3), the second's given the decoded first
+        """
+
+        def latent(vae: CharacterVae) -> Tensor:
+            shape = vae.latent_shape(template[:, :, 0])
+            z = torch.zeros(shape) if random is None else torch.randn(shape, generator=random)
+            return z.to(template.device)
+
+        output = self.first.decode(latent(self.first), self.first_condition(template, scales))
+        motion = self.first.joint_positions(output, template[:, :, 0], scales[:, 0])
+        given = self.second_condition(template, scales, motion)
+        return output, self.second.decode(latent(self.second), given)
 
     def joint_positions(
         self, outputs: tuple[Tensor, Tensor], template: Tensor, scales: Tensor
     ) -> Tensor:
         """Compute joint positions, (B, T, 2, J, 3) metres, of ``decode``'s at any frame rate."""
-        first = self.first.output_layer(outputs[0], template[:, :, 0], scales[:, 0])
-        second = self.second.output_layer(outputs[1], template[:, :, 1], scales[:, 1])
+        first = self.first.joint_positions(outputs[0], template[:, :, 0], scales[:, 0])
+        second = self.second.joint_positions(outputs[1], template[:, :, 1], scales[:, 1])
         return torch.stack([first, second], dim=2)
 
-    def sample_latents(
-        self, template: Tensor, scales: Tensor, random: torch.Generator | None
-    ) -> tuple[Tensor, Tensor]:
-        """Sample both characters' latents from the prior N(0, I); its mean without a generator."""
-        inputs = self.first_inputs(template, scales)
-        shapes = self.first.latent_shape(inputs), self.second.latent_shape(inputs)
-        first, second = (
-            torch.zeros(shape) if random is None else torch.randn(shape, generator=random)
-            for shape in shapes
-        )
-        return first.to(template.device), second.to(template.device)
-
-    def first_inputs(self, template: Tensor, scales: Tensor) -> CharacterInputs:
-        """Build the inputs of the first character, whose partner's motion is not known yet."""
+    def first_condition(self, template: Tensor, scales: Tensor) -> Any:
+        """Compute the condition of the first character: its partner's motion is a guess."""
         partner = self.first.expected_partner(template[:, :, 1], scales[:, 1])
-        return self._inputs(template, scales, partner, role=0)
+        return self.first.compute_condition(self._inputs(template, scales, partner, role=0))
 
-    def second_inputs(self, template: Tensor, scales: Tensor, first: Tensor) -> CharacterInputs:
-        """Build the inputs of the second character, whose partner is ``first`` (B, T, J, 3)."""
-        return self._inputs(template, scales, first, role=1)
+    def second_condition(self, template: Tensor, scales: Tensor, first: Tensor) -> Any:
+        """Compute the condition of the second character, whose partner is ``first``."""
+        return self.second.compute_condition(self._inputs(template, scales, first, role=1))
 
     def _inputs(
         self, template: Tensor, scales: Tensor, partner: Tensor, *, role: int

@@ -7,12 +7,7 @@ import torch
 from hypothesis import given, settings
 
 from pacmo_core.data.skeleton import DUET15, NTU25
-from pacmo_core.skeleton_prior.kinematics import (
-    DisplacementOutput,
-    KinematicOutput,
-    find_limbs,
-    two_bone_ik,
-)
+from pacmo_core.skeleton_prior.kinematics import KinematicOutput, find_limbs, two_bone_ik
 from tests.skeleton_prior.examples import SMALL, generator, interaction
 from tests.skeleton_prior.reference import ReferenceKinematics
 
@@ -78,11 +73,6 @@ def test_hands_and_feet_reach_where_the_output_moves_them(seed):
     within = (expected < 0.998 * reach) & (expected > 1.01 * least.abs() + 1e-3)
     missed = (positions[:, :, ends] - wanted).norm(dim=-1)
     assert missed[within].max() < 1e-4
-
-
-def test_displacements_are_added_to_the_template():
-    _, template, scales, output = case(0)
-    assert torch.equal(DisplacementOutput()(output, template, scales), template + output)
 
 
 @FIXED

@@ -13,8 +13,8 @@ from pacmo_core.skeleton_prior.layers import (
     initialise_weights,
     normalised_adjacency,
     off_diagonal_adjacency,
-    output_head,
 )
+from pacmo_core.skeleton_prior.paper import AutoregressiveDecoder
 from tests.skeleton_prior import reference
 from tests.skeleton_prior.examples import generator, randomised
 
@@ -66,18 +66,26 @@ def test_an_st_gcn_layer_equals_its_loops(stride, n_frames, into, out, residual)
     torch.testing.assert_close(result, expected, atol=1e-5, rtol=1e-5)
 
 
+def run(layer: GraphGru, x: torch.Tensor, state: torch.Tensor) -> torch.Tensor:
+    """Run over a sequence (B, T, J, C) from a state (B, J, h), to (B, T, J, h)."""
+    states = [state]
+    for frame in x.unbind(dim=1):
+        states.append(layer(frame, states[-1], layer.adjacency()))
+    return torch.stack(states[1:], dim=1)
+
+
 def test_the_graph_gru_is_its_corrected_equation():
     layer = randomised(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = torch.randn(3, 7, 15, 5, generator=generator())
     state = torch.randn(3, 15, 8, generator=generator(1))
     expected = [reference.graph_gru(layer, row, own) for row, own in zip(x, state, strict=True)]
-    torch.testing.assert_close(layer(x, state), torch.stack(expected))
+    torch.testing.assert_close(run(layer, x, state), torch.stack(expected))
 
 
 def test_the_graph_grus_state_is_bounded_by_one():
     layer = randomised(GraphGru(normalised_adjacency(SBU15), 5, 8))
     x = 100 * torch.randn(2, 50, 15, 5, generator=generator())
-    states = layer(x, torch.zeros(2, 15, 8))
+    states = run(layer, x, torch.zeros(2, 15, 8))
     assert states.abs().max() <= 1  # with sums outside the sigmoid they leave these bounds
 
 
@@ -87,11 +95,11 @@ def test_the_graph_gru_is_causal():
     other = x.clone()
     other[:, 6:] = 0
     state = torch.zeros(2, 15, 8)
-    assert torch.equal(layer(x, state)[:, :6], layer(other, state)[:, :6])
+    assert torch.equal(run(layer, x, state)[:, :6], run(layer, other, state)[:, :6])
 
 
 def test_an_output_head_is_linear_layers_with_leaky_relus():
-    head = randomised(output_head(6, 3))
+    head = randomised(AutoregressiveDecoder(SBU15, 1, 6)).head
     x = torch.randn(2, 4, 15, 6, generator=generator())
     a, b, c = (layer for layer in head if isinstance(layer, torch.nn.Linear))
     leak = torch.nn.LeakyReLU(0.1)

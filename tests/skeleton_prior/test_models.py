@@ -25,8 +25,8 @@ def character_inputs(prior, role: int):
     template = torch.randn(B, T, 2, N, 3, generator=random)
     scales = torch.ones(B, 2, N)
     if role == 0:
-        return prior.first_inputs(template, scales)
-    return prior.second_inputs(template, scales, template[:, :, 0])
+        return prior.first_condition(template, scales)
+    return prior.second_condition(template, scales, template[:, :, 0])
 
 
 def shapes(modules, run):
@@ -112,7 +112,7 @@ def test_the_g_grus_are_tables_12_and_16(role, into, table):
     prior = model("paper")
     character = (prior.first, prior.second)[role]
     inputs = character_inputs(prior, role)
-    assert character.latent_shape(inputs) == (B, N, 256)
+    assert character.latent_shape(inputs.template) == (B, N, 256)
     layers = [layer for layer in character.decoder.head if isinstance(layer, torch.nn.Linear)]
     output_shapes, output = shapes(layers, lambda: character.decode(torch.zeros(B, N, 256), inputs))
     assert len(output_shapes) == 3 * T  # frame by frame
@@ -193,11 +193,11 @@ def test_the_baselines_latents_have_the_tables_shapes(name, role):
     character, inputs = (prior.first, prior.second)[role], character_inputs(prior, role)
     with torch.no_grad():
         posterior = character.encode(inputs.template, inputs)
-        output = character.decode(torch.zeros(character.latent_shape(inputs)), inputs)
+        output = character.decode(torch.zeros(LATENT_SHAPES[name]), inputs)
     assert (
         posterior.mean.shape
         == posterior.log_variance.shape
-        == character.latent_shape(inputs)
+        == character.latent_shape(inputs.template)
         == LATENT_SHAPES[name]
     )
     assert output.shape == (B, T, N, 3)
@@ -212,8 +212,8 @@ def test_f_cnn_pools_joints_as_in_its_table_and_inverts_it():
     )
     assert output_shapes == [(B, 256, T, 7), (B, 128, T, 13), (B, 32, T, 25)]
     with torch.no_grad():
-        pooled = prior.first.condition(inputs.template_features)
-    joints = inputs.template_features[0, :, 0]
+        pooled = prior.first.condition(prior.first.features(inputs))
+    joints = prior.first.features(inputs)[0, :, 0]
     torch.testing.assert_close(pooled[0, :, 0, 0], joints[:, :8].mean(dim=1))
     torch.testing.assert_close(pooled[0, :, 0, 3], joints[:, 24])  # the last joint alone
 
@@ -229,12 +229,10 @@ def test_every_weight_of_every_model_has_a_gradient(name):
     template = torch.randn(B, 9, 2, N, 3, generator=random)
     scales = 1 + 0.1 * torch.rand(B, 2, N, generator=random)
     varied = template + 0.1 * torch.randn(template.shape, generator=random)
-    reconstruction = prior.reconstruct(
+    motions, posteriors = prior.reconstruct(
         template, scales, varied, torch.tensor([True, False]), random
     )
-    loss = reconstruction.motions.square().mean() + sum(
-        posterior.kl_divergence() for posterior in reconstruction.posteriors
-    )
+    loss = motions.square().mean() + sum(posterior.kl_divergence() for posterior in posteriors)
     loss.backward()
     trained = [(n, w) for n, w in prior.named_parameters() if not n.startswith("skeleton_vae")]
     flat = [name for name, weight in trained if weight.grad is None or not weight.grad.any()]
@@ -244,3 +242,9 @@ def test_every_weight_of_every_model_has_a_gradient(name):
 def test_an_unknown_model_is_refused_by_name():
     with pytest.raises(ValueError, match="model must be one of kinematic, .*paper, f_cnn.*'mlp'"):
         build_skeleton_prior(PriorConfig(NTU25, LIMBS, "mlp", 32, 1, 30.0, START))
+
+
+def test_displacements_are_added_to_the_template():
+    template, output = torch.randn(2, B, T, N, 3, generator=generator())
+    positions = model("paper", 16).first.joint_positions(output, template, torch.ones(B, N))
+    assert torch.equal(positions, template + output)
