@@ -160,7 +160,8 @@ def _jolt_line(whom: str, own: PersonMotion, person: PersonMotion) -> Iterator[s
         peak = find_peak(after, person.skeleton.joints, person.times)
         yield (
             f"  {whom} has a jolt: {peak.joint} accelerates by {after.max():.0f} m/s² "
-            f"{peak.place}, wanted at most {MAX_ACCELERATION:.0f} (in the capture at most {most:.0f})"
+            f"{peak.place}, wanted at most {MAX_ACCELERATION:.0f} (in the capture at most "
+            f"{most:.0f})"
         )
 
 
