@@ -27,7 +27,8 @@ WARM_UP = 300  # requests, after which the server's memory is taken
 # As long as a participant's token, in whose place they are: participants begin at run time.
 TOKENS = tuple(f"{name:-<22}" for name in ("first", "second", "spoilt"))
 FIRST = TOKENS[0]
-PATIENCE_S = 9.0
+# Of the clock, below that of a case: the server shares a busy machine, and 9 s were too few there.
+PATIENCE_S = 45.0
 SILENCE_S = 0.25  # after which the server is taken to wait for the rest of a request
 CONTINUE = b"HTTP/1.1 100 Continue\r\n\r\n"
 _STATUS = re.compile(rb"^HTTP/1\.1 (\d{3}) ")

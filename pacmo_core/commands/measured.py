@@ -10,10 +10,18 @@ from numpy.typing import NDArray
 
 from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.commands.captures import TwoPersonCapture, is_parquet
+from pacmo_core.commands.motion_peaks import (
+    MAX_ACCELERATION,
+    bone_names,
+    bone_turns,
+    find_peak,
+    joint_accelerations,
+)
 from pacmo_core.commands.reading import PEOPLE
 from pacmo_core.commands.view import scene_of_people
 from pacmo_core.data.interaction import min_point_distance
 from pacmo_core.data.names import file_stem
+from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.figures.variations import limit_text, limits_table, measure_label, measurement_lines
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import PersonMotion
@@ -30,6 +38,8 @@ Scales = NDArray[np.float64]
 WITHOUT_SOLVER = {"primal_residual": 0.0}
 # What a page plays of a long capture: more would be slow to open.
 MAX_FPS, MAX_FRAMES = 60.0, 3600
+MAX_JOLT_LINES = 8
+MIN_TURN = 0.05  # degrees: the largest that is printed as nothing
 LIMITS = "limits of what looks natural (augment.limits of params.yaml)"
 
 
@@ -43,11 +53,13 @@ class Measured:
     worse : the person, a or b, in whom a measurement is worse; without those that are of both, or
         equal
     has_contacts : whether joints of the two touch in the capture
+    peaks : lines on single frames: the largest turn of a bone, and jolts
     """
 
     samples: tuple[Mapping[str, float], ...]
     worse: Mapping[str, str]
     has_contacts: bool
+    peaks: tuple[str, ...] = ()
 
     def lines(self, limits: VariationLimits) -> Iterator[str]:
         """Yield the lines that a command prints."""
@@ -59,6 +71,7 @@ class Measured:
             yield "  no contacts to keep: no compared joints are within 10 cm in the capture"
         shown = [{k: v for k, v in sample.items() if k not in absent} for sample in self.samples]
         yield from measurement_lines(shown, asdict(limits), self.worse)
+        yield from self.peaks
         exceeded = [exceeded_limits(sample, limits) for sample in self.samples]
         beyond = sum(map(bool, exceeded))
         if not beyond:
@@ -103,7 +116,53 @@ def measure_written(
     worse = {name: PEOPLE[int(by > 0)] for name, by in apart.items() if by}
     first, second = (person.motion for person in duo.people)
     has_contacts = bool((min_point_distance(first, second) < settings.contact_distance).any())
-    return Measured(samples, worse, has_contacts)
+    return Measured(samples, worse, has_contacts, tuple(_peak_lines(duo.people, people)))
+
+
+def _peak_lines(
+    capture: tuple[PersonMotion, PersonMotion],
+    variations: Sequence[tuple[PersonMotion, PersonMotion]],
+) -> Iterator[str]:
+    """Yield the turn that is most above the capture's, and accelerations that it does not have."""
+    turns, jolts = list[tuple[float, str]](), list[str]()
+    for number, pair in enumerate(variations):
+        of_sample = f"sample {number}, " if len(variations) > 1 else ""
+        for label, own, person in zip(PEOPLE, capture, pair, strict=True):
+            whom = f"{of_sample}person {label}"
+            if len(person.times) > 1:
+                turns.append(_largest_added_turn(whom, own, person))
+            jolts += _jolt_line(whom, own, person)
+    added, line = max(turns, default=(0.0, ""))
+    if added > MIN_TURN:
+        yield line
+    yield from jolts[:MAX_JOLT_LINES]
+    if more := jolts[MAX_JOLT_LINES:]:
+        yield f"  and {len(more)} more jolts"
+
+
+def _largest_added_turn(whom: str, own: PersonMotion, person: PersonMotion) -> tuple[float, str]:
+    """Return by how many degrees a bone turns more than in the capture, and a line on it."""
+    before, after = (bone_turns(p.skeleton, p.motion) for p in (own, person))
+    peak = find_peak(after - before, bone_names(person.skeleton), person.times)
+    at = peak.row, peak.column
+    line = (
+        f"  largest added turn of a bone from one frame to the next: {format_fixed(after[at], 1)}° "
+        f"{peak.place}, {format_fixed(before[at], 1)}° in the capture ({whom}, bone to "
+        f"{peak.joint})"
+    )
+    return float(after[at] - before[at]), line
+
+
+def _jolt_line(whom: str, own: PersonMotion, person: PersonMotion) -> Iterator[str]:
+    before, after = (joint_accelerations(p.times, p.motion) for p in (own, person))
+    most = before.max(initial=0.0)
+    if after.max(initial=0.0) > max(MAX_ACCELERATION, most):
+        peak = find_peak(after, person.skeleton.joints, person.times)
+        yield (
+            f"  {whom} has a jolt: {peak.joint} accelerates by {after.max():.0f} m/s² "
+            f"{peak.place}, wanted at most {MAX_ACCELERATION:.0f} (in the capture at most "
+            f"{most:.0f})"
+        )
 
 
 def write_variation_page(

@@ -39,6 +39,7 @@ from pacmo_core.commands.reading import (
     check_unit,
     parse_unit,
     read_people,
+    say_names,
     to_model_joints,
 )
 from pacmo_core.commands.rig import TargetRig, read_rig, rig_of
@@ -423,12 +424,16 @@ def _read(
     of_partner = options.of_person(source.label) if rig else options
     read = _capture(source, of_partner, clip)
     if rig is None:
-        return ReactingPeople(to_model_joints(read.motion, skeleton, source, options))
+        (partner,) = to_model_joints([read.motion], skeleton, [source], options)
+        return ReactingPeople(partner)
     label = PEOPLE[source.label == PEOPLE[0]]
     of_rig = read_rig(Source(rig, label, None), skeleton, options.of_person(label))
     if names_clips(source.file, clip) or of_partner.format_of(source.file) != "bvh":
-        return ReactingPeople(to_model_joints(read.motion, skeleton, source, options), of_rig)
+        say_names([(rig, of_rig.named)])
+        (partner,) = to_model_joints([read.motion], skeleton, [source], options)
+        return ReactingPeople(partner, of_rig)
     own = rig_of(source, read, skeleton, options)
+    say_names([(source.file, own.named), (rig, of_rig.named)])
     return ReactingPeople(own.motion, of_rig, own)
 
 

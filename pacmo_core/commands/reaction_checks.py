@@ -8,15 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from pacmo_core.commands.motion_peaks import (
+    MAX_ACCELERATION,
+    bone_names,
+    bone_turns,
+    find_peak,
+    joint_accelerations,
+)
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.scene import Scene
-from pacmo_core.metrics.plausibility import find_body_joints, peak_acceleration
+from pacmo_core.metrics.plausibility import find_body_joints
 
-# Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
-MAX_ACCELERATION = 150.0
 # Metres: the bodies are modelled as capsules, and captured hugs are up to 8 cm deep.
 MAX_DEPTH = 0.08
 # Seconds, standard deviation of the kernel by which ankles are smoothed.
@@ -34,7 +39,6 @@ def motion_lines(skeleton: Skeleton, times: Times, partner: Motion, samples: Mot
     times : (T,) seconds, evenly spaced
     partner, samples : (T, J, 3) and (S, T, J, 3) metres
     """
-    peaks = [peak_acceleration(sample, times) for sample in samples]
     parts, faults = [], []
     if ankles := list(find_body_joints(skeleton).ankles):
         glides = _range([100 * _glide(sample[:, ankles], times) for sample in samples], 1)
@@ -53,17 +57,34 @@ def motion_lines(skeleton: Skeleton, times: Times, partner: Motion, samples: Mot
             for number, (most, depth) in enumerate(zip(deepest, depths, strict=True))
             if most > 100 * MAX_DEPTH
         ]
+    accelerations = [joint_accelerations(times, sample) for sample in samples]
+    peaks = [float(of_sample.max(initial=0.0)) for of_sample in accelerations]
     parts.append(f"joints accelerate by at most {_range(peaks, 0)} m/s²")
-    faults += [
-        f"sample {number} has a jolt: a joint accelerates by {peak:.0f} m/s², wanted at most "
-        f"{MAX_ACCELERATION:.0f}"
-        for number, peak in enumerate(peaks)
-        if peak > MAX_ACCELERATION
-    ]
+    for number, of_sample in enumerate(accelerations):
+        if peaks[number] > MAX_ACCELERATION:
+            peak = find_peak(of_sample, skeleton.joints, times)
+            faults.append(
+                f"sample {number} has a jolt: {peak.joint} accelerates by {peaks[number]:.0f} m/s² "
+                f"{peak.place}, wanted at most {MAX_ACCELERATION:.0f}"
+            )
+    parts.append(_turn_text(skeleton, times, partner, samples))
     if len(faults) > MAX_LINES:
         faults[MAX_LINES:] = [f"and {len(faults) - MAX_LINES} more of this kind"]
     hint = ["another --seed gives other samples"] if faults else []
     return [f"the motion of the reaction: {'; '.join(parts)}", *faults, *hint]
+
+
+def _turn_text(skeleton: Skeleton, times: Times, partner: Motion, samples: Motion) -> str:
+    """Say which bone of all samples turns most between two frames, beside the partner's most."""
+    turns = [bone_turns(skeleton, sample) for sample in samples]
+    number = max(range(len(turns)), key=lambda n: turns[n].max())
+    peak = find_peak(turns[number], bone_names(skeleton), times)
+    of_sample = f" of sample {number}" if len(samples) > 1 else ""
+    return (
+        f"the bone to {peak.joint} turns most from one frame to the next, by "
+        f"{format_fixed(turns[number].max(), 1)}° {peak.place}{of_sample} (the partner's most: "
+        f"{format_fixed(bone_turns(skeleton, partner).max(), 1)}°)"
+    )
 
 
 def _range(values: list[float], decimals: int) -> str:

@@ -420,17 +420,27 @@ def check_plausible(
 
 
 def to_model_joints(
-    person: PersonMotion, skeleton: Skeleton, source: Source, options: ReadOptions
-) -> PersonMotion:
-    """Select the joints of a model in a capture, as ``name_model_joints`` finds them."""
-    names = name_model_joints(person, skeleton, source, options)
-    return replace(person, skeleton=skeleton, motion=names.apply(person.motion))
+    people: Sequence[PersonMotion],
+    skeleton: Skeleton,
+    sources: Sequence[Source],
+    options: ReadOptions,
+) -> list[PersonMotion]:
+    """Select the joints of a model in captures, as ``name_model_joints`` finds them; say how."""
+    names = [
+        name_model_joints(person, skeleton, source, options)
+        for person, source in zip(people, sources, strict=True)
+    ]
+    say_names([(source.file, of.description) for source, of in zip(sources, names, strict=True)])
+    return [
+        replace(person, skeleton=skeleton, motion=of.apply(person.motion))
+        for person, of in zip(people, names, strict=True)
+    ]
 
 
 def name_model_joints(
     person: PersonMotion, skeleton: Skeleton, source: Source, options: ReadOptions
 ) -> JointNames:
-    """Find the joints of a model, by name, by a preset or as the options state them; say how.
+    """Find the joints of a model, by name, by a preset or as the options state them.
 
     Raises
     ------
@@ -439,9 +449,13 @@ def name_model_joints(
     """
     try:
         stated = parse_joints(words_of(options.joints, source.label))
-        names = name_joints(person.skeleton, skeleton, stated)
+        return name_joints(person.skeleton, skeleton, stated)
     except ValueError as fault:
         raise CommandError(f"{source.file}: {fault}") from fault
-    if names.description:
-        typer.echo(printable(f"{source.file}: {names.description}"))
-    return names
+
+
+def say_names(described: Sequence[tuple[Path, str]]) -> None:
+    """Say how joints were named, once for files in which they are named alike."""
+    for text in dict.fromkeys(text for _, text in described if text):
+        files = dict.fromkeys(str(file) for file, of_file in described if of_file == text)
+        typer.echo(printable(f"{' and '.join(files)}: {text}"))

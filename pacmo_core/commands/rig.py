@@ -41,6 +41,7 @@ class TargetRig:
     joints : its C joints, without End Sites
     weights : (J, C) of these in each of the model's
     motion : the joints of the model in the file
+    named : how these were found in it; empty if by their names
     """
 
     file: Path
@@ -49,6 +50,7 @@ class TargetRig:
     joints: tuple[str, ...]
     weights: NDArray[np.float64]
     motion: PersonMotion
+    named: str
 
     @property
     def lengths(self) -> NDArray[np.float64]:
@@ -123,4 +125,5 @@ def rig_of(source: Source, read: ReadPerson, model: Skeleton, options: ReadOptio
         read.motion.skeleton.joints,
         names.weights,
         replace(read.motion, skeleton=model, motion=names.apply(read.motion.motion)),
+        names.description,
     )

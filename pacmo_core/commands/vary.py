@@ -281,11 +281,7 @@ def _select_joints(
     duo: TwoPersonCapture, skeleton: Skeleton, options: ReadOptions
 ) -> TwoPersonCapture:
     """Select the joints of the model of both people, each by the names of their own capture."""
-    sources = two_sources(duo.files)
-    a, b = (
-        to_model_joints(person, skeleton, source, options)
-        for person, source in zip(duo.people, sources, strict=True)
-    )
+    a, b = to_model_joints(duo.people, skeleton, two_sources(duo.files), options)
     has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
     keeps = duo.keeps_hierarchy and has_same_names and not options.joints
     return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model")

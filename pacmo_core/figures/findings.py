@@ -256,22 +256,24 @@ def _prior_sentence(
     model: str, dataset: str, cells: Sequence[tuple[MetricRow, Mapping[str, Any]]]
 ) -> str:
     lowest = [_is_lowest(model, models, block) for block, models in cells]
-    certain = [_is_lowest(model, models, block, by_interval=True) for block, models in cells]
-    has_intervals = all(
-        "low" in metrics[part]
-        for block, models in cells
-        for metrics in models.values()
-        for part in block.parts
-    )
+    measured = [cell for cell in cells if _has_intervals(*cell)]
+    certain = [_is_lowest(model, models, block, key=("high", "low")) for block, models in measured]
     text = (
         f"has the lowest value of all models in {sum(lowest)} of "
         f"{count(len(cells), 'comparison')} on {dataset}"
     )
     if not any(lowest):
         return f"{text}."
-    if not has_intervals:
+    if not measured:
         return f"{text}, each of one motion and one seed only, so that no difference is certain."
-    return f"{text}; in {sum(certain)} its interval over motions and seeds lies below all others."
+    text += f"; in {sum(certain)} its interval over motions and seeds lies below all others"
+    if without := len(cells) - len(measured):
+        text += f"; {without} of the {len(cells)} are of one motion and one seed, without interval"
+    return f"{text}."
+
+
+def _has_intervals(block: MetricRow, models: Mapping[str, Any]) -> bool:
+    return all("low" in metrics[part] for metrics in models.values() for part in block.parts)
 
 
 def _complete(models: Mapping[str, Any], block: MetricRow) -> dict[str, Any]:
@@ -283,17 +285,19 @@ def _complete(models: Mapping[str, Any], block: MetricRow) -> dict[str, Any]:
 
 
 def _is_lowest(
-    model: str, models: Mapping[str, Any], block: MetricRow, *, by_interval: bool = False
+    model: str,
+    models: Mapping[str, Any],
+    block: MetricRow,
+    *,
+    key: tuple[str, str] = ("mean", "mean"),
 ) -> bool:
-    """Return whether a model is below all others, in means or by disjoint intervals."""
+    """Return whether a value of a model, by its key, is below that of all others, by theirs."""
 
-    def end(name: str, key: str) -> float:
-        cells = [models[name][part] for part in block.parts]
-        key = key if by_interval and all(key in cell for cell in cells) else "mean"
-        return float(sum(cell[key] for cell in cells) / len(cells))
+    def value(name: str, of: str) -> float:
+        return float(sum(models[name][part][of] for part in block.parts) / len(block.parts))
 
     others = [name for name in models if name != model]
-    return all(end(model, "high") < end(name, "low") for name in others)
+    return all(value(model, key[0]) < value(name, key[1]) for name in others)
 
 
 def _finite_estimate(cell: Cell) -> dict[str, float]:

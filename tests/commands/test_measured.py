@@ -65,3 +65,27 @@ def test_a_motion_that_is_the_capture_has_changed_by_nothing() -> None:
         "below the floor 0 cm",
     ):
         assert any(" ".join(line.split()).startswith(text) for line in found.lines(SECTION.limits))
+
+
+def test_a_bone_that_turns_and_a_joint_that_jumps_in_one_frame_are_named() -> None:
+    joint = CLIP.skeleton.joints.index("left_hand")
+    parent = CLIP.skeleton.parents[joint]
+    motion = B.motion.copy()
+    motion[:, joint] = motion[:, parent] + np.float32([0, -0.3, 0])
+    still = replace(DUO, people=(A, replace(B, motion=motion)))
+    motion = motion.copy()
+    motion[7, joint] = motion[7, parent] + np.float32([0.3, 0, 0])
+    jumps = [(A, still.people[1]), (A, replace(B, motion=motion))]
+    found = measure_written(still, jumps, [(SAME, SAME)] * 2, SECTION.solver)
+    turn, jolt = (
+        text for text in found.lines(SECTION.limits) if "turn of a bone" in text or "jolt" in text
+    )
+    time = CLIP.times[7] - CLIP.times[0]
+    assert turn == (
+        "  largest added turn of a bone from one frame to the next: 90.0° in frame 7 "
+        f"({time:.2f} s), 0° in the capture (sample 1, person b, bone to left_hand)"
+    )
+    assert "sample 1, person b has a jolt: left_hand accelerates by " in jolt
+    assert f"in frame 7 ({time:.2f} s), wanted at most 150 (in the capture at most " in jolt
+    same = measure_written(still, jumps[:1], [(SAME, SAME)], SECTION.solver)
+    assert not same.peaks, "the capture itself has no added turn and no jolt"

@@ -132,6 +132,8 @@ def test_the_partner_is_the_capture_itself(captures: list[Path], tmp_path: Path)
     assert found.joints == given.joints
     np.testing.assert_allclose(found.offsets, given.offsets, atol=1e-6)
     np.testing.assert_allclose(found.motion, given.motion, atol=1e-5)
+    (named,) = (line for line in said.stdout.splitlines() if "joints named by" in line)
+    assert named.startswith(f"{captures[0]} and {captures[1]}: joints named by the preset mixamo")
     assert found.frame_time == pytest.approx(given.frame_time, rel=1e-6)
 
 

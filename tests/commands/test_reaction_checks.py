@@ -32,7 +32,11 @@ def test_the_sample_whose_joint_jumps_is_named() -> None:
     jumps = still.copy()
     jumps[12:, 1, 2] += 0.4  # 0.4 m in 1/30 s: 12 m/s from rest in 1/30 s
     _, fault, hint = motion_lines(SKELETON, TIMES, partner, np.stack([still, jumps]))
-    assert fault.startswith("sample 1 has a jolt: a joint accelerates by 360 m/s²")
+    joint = SKELETON.joints[1]
+    assert fault == (
+        f"sample 1 has a jolt: {joint} accelerates by 360 m/s² in frame 11 (0.37 s), wanted at "
+        "most 150"
+    )
     assert hint == "another --seed gives other samples"
 
 
@@ -54,3 +58,26 @@ def test_bodies_in_one_place_are_as_deep_as_the_widest_capsule() -> None:
     lines = motion_lines(SKELETON, TIMES, partner, meets[None])
     deep = f"sample 0: the bodies are {200 * radii.max():.1f} cm deep in each other at 1.33 s"
     assert lines[1].startswith(deep)
+
+
+def test_the_largest_turn_of_a_bone_has_joint_frame_and_time() -> None:
+    partner = standing()
+    turns = partner + np.float32([2, 0, 0])
+    child = SKELETON.joints.index("left_ankle")
+    bone = turns[:, child] - turns[:, SKELETON.parents[child]]
+    length = np.linalg.norm(bone[0])
+    # The shin turns by 26 degrees about x in frame 18, 0.6 s, and stays there.
+    side = np.cross([1.0, 0, 0], bone[0])
+    axis = np.cross(bone[0], side) / np.linalg.norm(np.cross(bone[0], side))
+    angle = np.radians(26.0)
+    turned = bone[0] * np.cos(angle) + np.cross(axis, bone[0]) * np.sin(angle)
+    assert np.isclose(np.linalg.norm(turned), length, atol=1e-6)
+    moved = turns.copy()
+    moved[18:, child] += (turned - bone[0]).astype(np.float32)
+    foot = SKELETON.joints.index("left_foot")
+    moved[18:, foot] += (turned - bone[0]).astype(np.float32)
+    first, *_ = motion_lines(SKELETON, TIMES, partner, np.stack([turns, moved]))
+    assert (
+        "the bone to left_ankle turns most from one frame to the next, by 26.0° in frame 18 "
+        "(0.60 s) of sample 1 (the partner's most: 0°)"
+    ) in first

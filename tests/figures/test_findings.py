@@ -202,6 +202,19 @@ def test_one_training_makes_no_difference_certain() -> None:
     assert "each of one motion and one seed only, so that no difference is certain" in first.text
 
 
+def test_only_the_comparisons_of_one_motion_and_one_seed_are_said_to_have_no_interval() -> None:
+    scores = prior_scores(kinematic=1.0, f_cnn=2.0)
+    one = prior_scores(kinematic=-1.0, f_cnn=-2.0)["retargeting"]["random"]
+    scores["retargeting"]["cross_interaction"] = one
+    first, last = prior_findings(scores, "default")
+    assert first.text == (
+        "has the lowest value of all models in 2 of 2 comparisons on default; in 1 its interval "
+        "over motions and seeds lies below all others; 1 of the 2 are of one motion and one seed, "
+        "without interval."
+    )
+    assert last.text == "has the lowest value of all models in 0 of 2 comparisons on default."
+
+
 def test_a_single_skeleton_prior_has_nothing_to_be_compared_with() -> None:
     assert prior_findings(prior_scores(kinematic=1.0), "default") == []
 
