@@ -68,7 +68,8 @@ class Report:
     peak_acceleration_ratio : the largest mean acceleration of a frame over that of the source
     seam_ratio : the largest mean acceleration of a frame over the median of the frames around it,
         relative to the source's own ratio where that is above 1
-    knee_flips, elbow_flips : fraction of frames in which a knee or elbow bends to the other side
+    knee_flips, elbow_flips : fraction of frames in which a knee or elbow bends to the other side of
+        its upper bone
     capsule_penetration : metres by which the bodies are deeper in each other than in the source
     contacts_kept : fraction of the pairs and frames in contact in the source that are in contact by
         the same distance
@@ -453,9 +454,12 @@ def _foot_skate(points: Array, is_support: NDArray[np.bool_], fps: float) -> Arr
 
 
 def bend_flips(scene: Scene, points: Array, person: int) -> dict[str, Array]:
-    """Return the fraction of frames in which a knee, or elbow, bends opposite to the source.
+    """Return the fraction of frames in which a knee, or elbow, bends to the other side.
 
-    Joints that are straight in either motion do not count.
+    That is, in which the limb's bend plane has turned about the upper bone by more than 90 degrees.
+    The upper bone carries the plane of the source along by the smallest rotation: a limb that is
+    raised as a whole, because the other's hand is higher, bends as before. Joints that are straight
+    in either motion do not count.
 
     Parameters
     ----------
@@ -469,9 +473,11 @@ def bend_flips(scene: Scene, points: Array, person: int) -> dict[str, Array]:
     for name in ("knee", "elbow"):
         flipped = np.zeros((len(points), points.shape[-1]), dtype=np.bool_)
         for upper, lower in _angle_vectors(scene, person, name):
-            before, was_bent = _bend_normal(scene.points[..., None], upper, lower)
+            source = scene.points[..., None]
+            before, was_bent = _bend_normal(source, upper, lower)
             after, is_bent = _bend_normal(points, upper, lower)
-            flipped |= was_bent & is_bent & ((before * after).sum(axis=1) < 0)
+            cosine = _carried_product(_unit(source, upper), _unit(points, upper), before, after)
+            flipped |= was_bent & is_bent & (cosine < 0)
         fractions[name] = flipped.mean(axis=0)
     return fractions
 
@@ -483,6 +489,27 @@ def _bend_normal(points: Array, upper: _Vector, lower: _Vector) -> tuple[Array, 
     sine = np.linalg.norm(normal, axis=1)
     scale = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     return normal, sine > MIN_BEND_SINE * scale
+
+
+def _unit(points: Array, vector: _Vector) -> Array:
+    """Return the direction of a vector, (T, 3, V)."""
+    difference = _vectors(points, vector)
+    direction: Array = difference / np.linalg.norm(difference, axis=1, keepdims=True)
+    return direction
+
+
+def _carried_product(first: Array, second: Array, before: Array, after: Array) -> Array:
+    """Return ``(1 + first . second) (R before) . after``, (T, V), of vectors (T, 3, V).
+
+    R is the smallest rotation from ``first`` to ``second``, to which ``before`` and ``after`` are
+    normal: ``R b = b - (b . second) (first + second) / (1 + first . second)``.
+    """
+
+    def dot(a: Array, b: Array) -> Array:
+        product: Array = (a * b).sum(axis=1)
+        return product
+
+    return (1 + dot(first, second)) * dot(before, after) - dot(before, second) * dot(first, after)
 
 
 def _mean(values: Array) -> Array:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh import report as module
-from pacmo_core.interaction_mesh.energy import build_energy
+from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.interaction_mesh.report import (
     bend_flips,
     mean_accelerations,
@@ -24,7 +24,7 @@ from tests.interaction_mesh.scenes import SETTINGS, scene, touching_scene
 
 
 def report(source, points):
-    is_support = build_energy(source, SETTINGS).is_support
+    is_support = ground_supports(source, SETTINGS.support)
     scales = np.ones((1, len(source.bones)))
     measurements = measure_motions(source, SETTINGS, is_support, scales, points[..., None])
     return SimpleNamespace(**{name: values[0] for name, values in measurements.items()})
@@ -132,7 +132,7 @@ def walkers() -> Scene:
 
 def test_a_translated_body_has_foot_skate_only_while_it_moves():
     source = scene(1, 12)
-    is_support = build_energy(source, SETTINGS).is_support
+    is_support = ground_supports(source, SETTINGS.support)
     assert is_support[1:][is_support[:-1]].any()
     shifted = source.points + np.array([0.3, 0.02, 0])
     assert report(source, shifted).support_height_error == pytest.approx(0.02)
@@ -149,7 +149,7 @@ def test_a_translated_body_has_foot_skate_only_while_it_moves():
 
 def test_a_scene_that_is_scaled_as_a_whole_has_no_fault():
     source = touching_scene(0, 20)
-    is_support = build_energy(source, SETTINGS).is_support
+    is_support = ground_supports(source, SETTINGS.support)
     for factor in (0.7, 1.4):
         scales = np.full((1, len(source.bones)), factor)
         points = scale_scene(source, source.points[..., None], np.array([factor]))
@@ -185,6 +185,29 @@ def test_an_elbow_bent_to_the_other_side_is_a_flip_and_one_bent_further_is_not()
     assert bend_flips(source, flipped[..., None], 0)["elbow"][0] == pytest.approx(0.4)
     assert bend_flips(source, flipped[..., None], 1)["elbow"][0] == 0
     assert bend_flips(source, further[..., None], 0)["elbow"][0] == 0
+
+
+def test_an_arm_that_is_raised_as_a_whole_is_no_flip_and_one_that_turns_about_itself_is():
+    source = walkers()
+    shoulder, elbow, wrist = (
+        NTU25.joints.index(f"left_{name}") for name in ("shoulder", "elbow", "wrist")
+    )
+    upper = source.points[:, elbow] - source.points[:, shoulder]
+    upper /= np.linalg.norm(upper, axis=1, keepdims=True)
+    normal = np.cross(upper, source.points[:, wrist] - source.points[:, elbow])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+
+    def flips(axis, degrees):
+        rotations, points = Rotation.from_rotvec(np.radians(degrees) * axis), source.points.copy()
+        origin = points[:, shoulder].copy()
+        for joint in (elbow, wrist):
+            points[:, joint] = origin + rotations.apply(points[:, joint] - origin)
+        return bend_flips(source, points[..., None], 0)["elbow"][0]
+
+    for degrees in (60, 120, 170):
+        assert flips(normal, degrees) == flips(np.cross(upper, normal), degrees) == 0
+    assert flips(upper, 85) == 0
+    assert flips(upper, 95) == 1
 
 
 def test_naive_scaling_preserves_directions_roots_and_lowest_heights():
