@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.commands.captures import TwoPersonCapture, is_parquet
-from pacmo_core.commands.motion_peaks import (
+from pacmo_core.commands.motion_checks import (
     MAX_ACCELERATION,
     bone_names,
     bone_turns,

@@ -24,7 +24,7 @@ from pacmo_core.commands.captures import (
     read_clip,
     some_clips,
 )
-from pacmo_core.commands.reaction_checks import motion_lines
+from pacmo_core.commands.motion_checks import motion_lines
 from pacmo_core.commands.reading import (
     PEOPLE,
     FormatName,

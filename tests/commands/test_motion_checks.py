@@ -3,7 +3,7 @@
 import numpy as np
 
 from pacmo_core.api import synthesise
-from pacmo_core.commands.reaction_checks import motion_lines
+from pacmo_core.commands.motion_checks import motion_lines
 from pacmo_core.interaction_mesh.body_parts import capsule_radii
 from pacmo_core.interaction_mesh.scene import Scene
 
