@@ -82,7 +82,11 @@ def test_a_profile_is_that_of_augment_and_what_became_of_the_motion_is_said(
     assert said.exit_code == 0, said.output
     of_augment = augment(stored, "--clip", "one", "--profile", "b=child", "--out", tmp_path / "a")
     ours, theirs = (
-        [line[2:20].strip() for line in text.splitlines() if line.startswith("  ")]
+        [
+            line[2:20].strip()
+            for line in text.splitlines()
+            if line.startswith("  ") and "largest added turn" not in line  # only where there is one
+        ]
         for text in (said.output, of_augment.output)
     )
     assert ours == theirs and len(ours) == len(PRINTED)
