@@ -132,9 +132,12 @@ class Fidelity:
             parts.append(f"standing feet slide {speed.lstrip('−')} cm/s {more}")
         if self.contacts:
             share = 100 * self.contacts_held / self.contacts
-            parts.append(f"{share:.1f} % of the touches (joints within 10 cm) are kept")
+            parts.append(
+                f"{share:.1f} % of the {self.contacts} touches (two joints within 10 cm in a "
+                "frame) are kept"
+            )
         else:
-            parts.append("there are no touches (joints within 10 cm)")
+            parts.append("there are no touches (two joints within 10 cm in a frame)")
         return "; ".join(parts)
 
 

@@ -82,12 +82,13 @@ def check(
     assert joints, said
     assert float(joints[1]) == pytest.approx(1e3 * np.mean(errors), abs=0.06)
     assert float(joints[2]) == pytest.approx(1e3 * np.max(errors), abs=0.06)
-    printed = re.search(r"; ([\d.]+) % of the touches", said)
+    printed = re.search(r"; ([\d.]+) % of the (\d+) touches", said)
     touch = distances(wanted) < CONTACT
     assert (touch.any() and share) == (printed is not None)
     if printed:
         held = (distances(found) < CONTACT)[touch].mean()
         assert float(printed[1]) == pytest.approx(100 * held, abs=0.06)
+        assert int(printed[2]) == touch.sum()
 
 
 @pytest.mark.parametrize("form", ["bvh", "clips", ".npz", ".csv", ".parquet"])
