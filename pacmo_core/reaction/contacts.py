@@ -23,7 +23,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MAX_DISTANCE = 0.45  # metres, beyond which no contact is predicted
-CONTACT_DISTANCE = 0.1  # metres between joints in contact
+CONTACT_DISTANCE = 0.1  # metres between end effectors in contact
+# Metres from an end effector to a joint inside the other's body when their skins are in contact: a
+# fist's half width and a trunk's or an upper arm's radius.
+BODY_CONTACT_DISTANCE = 0.18
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on paths whose speed is taken
 # Probabilities at which a contact begins to be closed, and is closed entirely.
 LEAST_PROBABILITY, FULL_PROBABILITY = 0.4, 0.6
@@ -155,9 +158,10 @@ def learn_contacts(pairs: Iterable[tuple[Pairs, Pairs]], skeleton: Skeleton) -> 
         table = (kind, generated.distance, generated.speed, captured.distance)
         rows.append(np.stack([column[near] for column in table], axis=1))
     samples = np.concatenate(rows) if rows else np.zeros((0, 4))
+    n_end_kinds = (int(end_effector_groups(skeleton).max()) + 1) ** 2
     for row in range(len(model)):
         distance, speed, wanted = samples[samples[:, 0] == row, 1:].T
-        touching = wanted < CONTACT_DISTANCE
+        touching = wanted < (CONTACT_DISTANCE if row < n_end_kinds else BODY_CONTACT_DISTANCE)
         if min(touching.sum(), (~touching).sum()) >= MIN_FRAMES:
             features = np.stack([np.ones(len(distance)), distance, speed], axis=1)
             coefficients = _fit_logistic(features, touching.astype(np.float64))

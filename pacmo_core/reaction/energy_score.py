@@ -33,7 +33,7 @@ DISTANCE_SOFTENING, LOG_OFFSET = 0.02, 0.05
 
 # Factors that bring the views of a motion to similar magnitudes.
 BONE_SCALE, SPEED_SCALE = 2.0, 0.25
-INSTANT_WEIGHT = 0.07  # of each score at instants, relative to the mean of those of whole motions
+INSTANT_WEIGHT = 0.1  # of each score at instants, relative to the mean of those of whole motions
 
 
 class EnergyScore:
@@ -127,6 +127,9 @@ class ContactScore:
 
     - ``near``: ``exp(-d / near_distance)``, in the norm that sums over pairs: few are near;
     - ``log_distance``: ``log(d + 5 cm)``, in the norm that averages over pairs;
+    - ``approach``: the logarithm of the least distance, over the whole motion, of each end effector
+      of either person to the other's joints, in the norm that averages over end effectors: a blow
+      is near for a tenth of a second, which hardly counts in a mean over time;
     - ``stance``: ``exp(-|v| / stance_speed)``, in the norm that averages over feet.
 
     Parameters
@@ -162,8 +165,11 @@ class ContactScore:
             self._views(_joints(motion), partner, real.log_duration)
             for motion in (samples, real.reaction)
         )
+        whole = torch.ones_like(weights[:1])
         return {
-            name: energy_score(generated[name], captured[name], weights, spread)
+            name: energy_score(
+                generated[name], captured[name], whole if name == "approach" else weights, spread
+            )
             for name in generated
         }
 
@@ -173,20 +179,18 @@ class ContactScore:
         return torch.as_tensor(total)
 
     def _views(self, joints: Tensor, partner: Tensor, log_duration: Tensor) -> dict[str, Tensor]:
-        # End effectors to all joints of the partner, then the other joints to its end effectors.
-        squared = torch.cat(
-            [
-                _squared_distances(joints[..., self.ends, :], partner),
-                _squared_distances(joints[..., self.inner, :], partner[..., self.ends, :]),
-            ],
-            dim=-1,
-        )
-        distance = (squared + DISTANCE_SOFTENING**2).sqrt()
+        # (..., T, E, J) and (..., T, J - E, E) metres.
+        of_ends = _distances(joints[..., self.ends, :], partner)
+        of_inner = _distances(joints[..., self.inner, :], partner[..., self.ends, :])
+        distance = torch.cat([of_ends.flatten(-2), of_inner.flatten(-2)], dim=-1)
         near = (-distance / self.settings.near_distance).exp()
+        of_partners_ends = torch.cat([of_ends[..., self.ends], of_inner], dim=-2)
+        least = torch.cat([of_ends.amin((-3, -1)), of_partners_ends.amin((-3, -2))], dim=-1)
         # The norm averages over channels.
         views = {
             "near": distance.shape[-1] ** 0.5 * near,
             "log_distance": (distance + LOG_OFFSET).log(),
+            "approach": (least + LOG_OFFSET).log()[..., None, :],  # as a motion of one time
         }
         if self.feet:
             step = 1 / (joints.shape[-3] - 1)
@@ -199,11 +203,11 @@ class ContactScore:
         return views
 
 
-def _squared_distances(first: Tensor, second: Tensor) -> Tensor:
-    """From ``(..., I, 3)`` and ``(..., J, 3)`` to ``(..., I J)``."""
+def _distances(first: Tensor, second: Tensor) -> Tensor:
+    """From ``(..., I, 3)`` and ``(..., J, 3)`` to ``(..., I, J)``, softened."""
     axes = zip(first.unbind(-1), second.unbind(-1), strict=True)
     squares = [(x[..., :, None] - y[..., None, :]).square() for x, y in axes]
-    return (squares[0] + squares[1] + squares[2]).flatten(-2)
+    return (squares[0] + squares[1] + squares[2] + DISTANCE_SOFTENING**2).sqrt()
 
 
 def _joints(motion: Tensor) -> Tensor:

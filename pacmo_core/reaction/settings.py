@@ -106,6 +106,7 @@ class ContactScoreSettings:
     near_weight : of ``exp(-distance / near_distance)``, relative to the score of the motion
     near_distance : metres between joints of the two people
     log_distance_weight : of the logarithm of these distances
+    approach_weight : of the logarithm of an end effector's least distance to the other's body
     stance_weight : of ``exp(-speed / stance_speed)`` of the feet
     stance_speed : metres per second
     spread : factor of the spread term in training; below 1, samples agree more on contacts
@@ -114,6 +115,7 @@ class ContactScoreSettings:
     near_weight: float
     near_distance: float
     log_distance_weight: float
+    approach_weight: float
     stance_weight: float
     stance_speed: float
     spread: float
@@ -128,7 +130,8 @@ class ContactScoreSettings:
     @property
     def is_used(self) -> bool:
         """Whether any weight is not 0."""
-        return any((self.near_weight, self.log_distance_weight, self.stance_weight))
+        weights = (self.near_weight, self.log_distance_weight, self.approach_weight)
+        return any((*weights, self.stance_weight))
 
 
 @dataclass(frozen=True)

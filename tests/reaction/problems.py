@@ -117,6 +117,7 @@ PACMO = PacmoSettings(
         near_weight=0.5,
         near_distance=0.1,
         log_distance_weight=0.5,
+        approach_weight=0.25,
         stance_weight=0.25,
         stance_speed=0.3,
         spread=0.8,

@@ -1,10 +1,13 @@
 """Truth: contacts drawn from a known law of distance and speed, and pairs found by a loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.reaction.contacts import (
+    BODY_CONTACT_DISTANCE,
     CONTACT_DISTANCE,
     MAX_DISTANCE,
     Pairs,
@@ -88,6 +91,26 @@ def test_the_law_by_which_contacts_were_drawn_is_found():
     np.testing.assert_allclose(learnt[HAND_TO_HAND], [4, -20, -2, 0.05], rtol=0.06)
     others = np.arange(len(learnt)) != HAND_TO_HAND
     np.testing.assert_array_equal(learnt[others], no_contacts(SBU15)[others])
+
+
+def test_a_body_is_touched_at_its_skin_and_a_hand_at_its_joint():
+    random = np.random.default_rng(1)
+    distance = random.uniform(0, 0.4, 2000)
+    touching = random.uniform(size=2000) < 1 / (1 + np.exp(-(4 - 20 * distance)))
+    skin = BODY_CONTACT_DISTANCE - 0.01
+    assert skin > CONTACT_DISTANCE
+    captured = np.where(touching, skin, 0.5)
+    to_body = int(GROUPS.max() + 1) ** 2 + int(HANDS)
+    for kind, learnt_at in ((HAND_TO_HAND, None), (to_body, skin)):
+        pairs = [
+            replace(hands(values, np.zeros(2000)), kind=np.array([kind]))
+            for values in (distance, captured)
+        ]
+        model = learn_contacts([(pairs[0], pairs[1])], SBU15)
+        if learnt_at is None:
+            np.testing.assert_array_equal(model, no_contacts(SBU15))
+        else:
+            assert model[kind, 3] == pytest.approx(skin)
 
 
 @pytest.mark.parametrize("captured", [0.05, 0.5])

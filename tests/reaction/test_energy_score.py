@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -118,6 +119,7 @@ CONTACT = ContactScore(
         near_weight=0.5,
         near_distance=0.1,
         log_distance_weight=0.25,
+        approach_weight=1.0,
         stance_weight=2.0,
         stance_speed=0.3,
         spread=1.0,
@@ -161,6 +163,30 @@ def test_contact_scores_are_those_of_the_functions_written_out():
         assert float(found[name]) == pytest.approx(expected, rel=2e-3)
 
 
+def test_the_approach_of_a_blow_is_as_near_as_its_nearest_instant():
+    # The partner's hand comes for one instant of five, in the captured motion nearer by 20 cm.
+    hand, middle = SBU15.joints.index("left_hand"), 2
+    partner = still(3.0)
+    reactions = []
+    for gap in (0.1, 0.3):
+        motion = still(0.0)
+        motion.view(1, 5, 15, 3)[0, middle, hand] = partner.view(1, 5, 15, 3)[0, middle, hand]
+        motion.view(1, 5, 15, 3)[0, middle, hand, 2] -= gap
+        reactions.append(motion)
+    real = replace(pair(reactions[0]), partner=partner)
+    found = CONTACT(torch.stack([reactions[1]] * 2), real, WEIGHTS)["approach"]
+
+    def least(motion: torch.Tensor) -> np.ndarray:
+        joints, other = (m.view(5, 15, 3).double().numpy() for m in (motion, partner))
+        apart = np.linalg.norm(joints[:, :, None] - other[:, None], axis=-1)
+        ends = list(SBU15.end_effectors)
+        of_each = [apart[:, ends].min(axis=(0, 2)), apart[:, :, ends].min(axis=(0, 1))]
+        return np.log(np.sqrt(np.concatenate(of_each) ** 2 + 0.02**2) + 0.05)
+
+    expected = np.sqrt(np.square(least(reactions[1]) - least(reactions[0])).mean())
+    assert float(found) == pytest.approx(expected, rel=1e-3)
+
+
 def test_the_stance_score_sees_the_speed_of_feet_in_metres_per_second():
     truth, samples = still(0.0), torch.stack([still(0.0, step=0.6)] * 2)
     for seconds in (1.0, 2.0):
@@ -183,8 +209,8 @@ def test_a_hand_that_misses_scores_worse_by_contact_than_by_the_motion():
 
 
 def test_the_total_weighs_the_scores():
-    scores = {"near": torch.ones(3), "log_distance": torch.ones(3), "stance": torch.ones(3)}
-    torch.testing.assert_close(CONTACT.total(scores), torch.full((3,), 2.75))
+    scores = dict.fromkeys(("near", "log_distance", "approach", "stance"), torch.ones(3))
+    torch.testing.assert_close(CONTACT.total(scores), torch.full((3,), 3.75))
 
 
 def test_bodies_in_one_place_have_a_finite_gradient():
