@@ -40,7 +40,7 @@ from pacmo_core.reaction.bones import (
     with_lengths,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.stance import Mask, find_floor, find_stance, footholds, frame_runs
+from pacmo_core.reaction.stance import Floor, Mask, find_floor, find_stance, footholds, frame_runs
 from pacmo_core.reaction.steps import take_steps
 from pacmo_core.reaction.turns import resolve_turns
 
@@ -126,6 +126,9 @@ def finish(
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
     own = median_lengths(reaction, skeleton)
     whole = resolve_turns(reaction.astype(np.float64), fps, skeleton)
+    turning = whole.astype(np.float32)
+    stance = find_stance(turning, fps, skeleton)
+    whole[..., 1] += rise_to_floor(turning, partner, stance, fps, skeleton)[:, None]
     stepping = take_steps(whole, own, fps, skeleton).astype(np.float32)
     contacts = predict_contacts(stepping, partner, fps, skeleton, contact_model)
     if lengths is not None:
@@ -226,14 +229,37 @@ def rest_heights(
     if not feet(skeleton):
         return heights
     own = find_floor(reaction, stance, skeleton)
-    floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton)
-    place = np.array([own.origin[0], 0, own.origin[1]])
-    if abs(floor.at(place) - own.height) > FLOOR_TOLERANCE:
-        floor = own
+    floor = _shared_floor(own, partner, fps, skeleton)
     for foot in feet(skeleton):
         for joint, rest in zip(foot, floor.of(own.leg), strict=False):
             heights[:, joint] = floor.at(reaction[:, joint].astype(np.float64)) + rest
     return heights
+
+
+def rise_to_floor(
+    reaction: Motion, partner: Motion, stance: Mask, fps: float, skeleton: Skeleton
+) -> Array:
+    """``(T,)`` metres by which a body must rise to stand on the floor of its partner.
+
+    A body that is too low as a whole would otherwise be raised by its feet alone, and squat.
+
+    Parameters
+    ----------
+    reaction, partner, stance, fps, skeleton : of ``rest_heights``
+    """
+    if not feet(skeleton):
+        return np.zeros(len(reaction))
+    own = find_floor(reaction, stance, skeleton)
+    floor = _shared_floor(own, partner, fps, skeleton)
+    root = reaction[:, skeleton.root].astype(np.float64)
+    return floor.at(root) - own.at(root)
+
+
+def _shared_floor(own: Floor, partner: Motion, fps: float, skeleton: Skeleton) -> Floor:
+    """Return the floor of the partner, or a person's own where the two are far apart."""
+    floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton)
+    place = np.array([own.origin[0], 0, own.origin[1]])
+    return own if abs(floor.at(place) - own.height) > FLOOR_TOLERANCE else floor
 
 
 def _set_length(motion: Array, parent: int, joint: int, length: float) -> None:

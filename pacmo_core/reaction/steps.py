@@ -6,11 +6,12 @@ turn, is lifted to its next place, and stands again. Places are those at which t
 the middle of its stance, beneath the body as it travels and turns; it leaves from and arrives at
 those of the generated motion. Legs follow by inverse kinematics. The mean over moments at which
 people set out goes in jerks, which no steps can follow: so the body goes more evenly meanwhile.
+A single foot that goes to another place close to the floor is lifted.
 """
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
@@ -32,16 +33,21 @@ MAX_REACH, MAX_TURN = 0.33, np.pi / 4
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
+# Speed of a foot, metres per second, above which it is lifted, and the lift for the speed beyond.
+LIFT_SPEED, LIFT_SECONDS = 0.1, 0.2
+SWING_SECONDS = 0.1  # within which a foot that steps is lifted
 # Of a joint of legs that step, in metres per second (squared), as in captured walking: a body that
 # is faster glides on.
 MAX_SPEED, MAX_ACCELERATION = 4.5, 90.0
-EVEN_SECONDS = 0.2  # standard deviation of the filter on the path of a body that glides
+# Standard deviations of the filter on the path of a body that glides: the first that makes it no
+# faster than people walk the few steps between them.
+EVEN_SECONDS, TRAVEL_SPEED = (0.2, 0.3, 0.4, 0.5, 0.6), 1.3  # seconds, metres per second
 SLACK = 0.02  # of the legs' length, of ``set_legs``
 FADE_SECONDS = 0.15  # from steps to a glide
 
 
 def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) -> Array:
-    """Let feet step where both glide; a motion whose feet do not is unchanged.
+    """Let feet step where both glide, and lift a foot that is dragged; others are unchanged.
 
     Parameters
     ----------
@@ -54,25 +60,65 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
     -------
     (T, J, 3) metres
     """
-    glides = find_glides(motion, fps, skeleton)
-    if not glides:
+    if len(feet(skeleton)) != 2 or len(motion) < 2:
         return motion
     headings = find_headings(motion, fps, skeleton)
-    legs = [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
+    legs = _legs(skeleton)
     change = np.zeros((*motion.shape[:1], len(legs), 3))
-    nowhere = np.full(motion.shape[:2], -np.inf)
     motion = motion.copy()
-    for glide in glides:
+    for glide in find_glides(motion, fps, skeleton):
         motion[glide] += _evening(motion[glide, skeleton.root], fps)[:, None]
         wanted = _stepping(motion[glide], headings[glide], fps, skeleton)
-        body = set_bone_lengths(motion[glide], lengths, skeleton)
-        gliding, stepping = body.copy(), body
-        for legs_of, feet_of in ((gliding, motion[glide]), (stepping, wanted)):
-            set_legs(legs_of, feet_of, nowhere[glide], lengths, skeleton, SLACK)
-        # Legs change by what steps change: other bones are not yet of their lengths.
-        change[glide] = stepping[:, legs] - gliding[:, legs]
-    motion[:, legs] += _share(motion[:, legs], change, fps)[:, None, None] * change
+        change[glide] = _change(motion[glide], wanted, lengths, skeleton)
+    if change.any():
+        motion[:, legs] += _share(motion[:, legs], change, fps)[:, None, None] * change
+    lifted = motion.copy()
+    for foot, rise in zip(feet(skeleton), find_lift(motion, fps, skeleton).T, strict=True):
+        lifted[:, list(foot), 1] += rise[:, None]
+    motion[:, legs] += _change(motion, lifted, lengths, skeleton)
     return motion
+
+
+def _legs(skeleton: Skeleton) -> list[int]:
+    return [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
+
+
+def _change(motion: Array, wanted: Array, lengths: Array, skeleton: Skeleton) -> Array:
+    """``(T, K, 3)`` metres: how legs change if feet are where they are wanted, not where they are.
+
+    The rest of the body stays: its bones are not yet of their lengths.
+    """
+    nowhere, before = (
+        np.full(motion.shape[:2], -np.inf),
+        set_bone_lengths(motion, lengths, skeleton),
+    )
+    after = before.copy()
+    for body, places in ((before, motion), (after, wanted)):
+        set_legs(body, places, nowhere, lengths, skeleton, SLACK)
+    return np.asarray((after - before)[:, _legs(skeleton)])
+
+
+def find_lift(motion: Array, fps: float, skeleton: Skeleton) -> Array:
+    """``(T, 2)`` metres by which each of two feet must be lifted, so that it is not dragged.
+
+    A generated foot that goes to another place does so close to the floor. The faster of the two is
+    lifted with its speed, up to the height of a step; one that is higher stays as it is.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    fps : frames per second
+    skeleton : of the motion, with two feet
+    """
+    path = _ankle_paths(motion, fps, skeleton)
+    speed = np.linalg.norm(np.gradient(path[..., [0, 2]], 1 / fps, axis=0), axis=-1)
+    lift = path[..., 1] - np.quantile(path[..., 1], LOW_QUANTILE, axis=0)
+    faster = (2 * (speed - speed[:, ::-1]) / np.maximum(speed, 1e-9)).clip(0, 1)
+    wanted = faster * (LIFT_SECONDS * (speed - LIFT_SPEED)).clip(0, STEP_HEIGHT)
+    # A foot in the middle of a step is lifted soon, if it is not yet.
+    soon = maximum_filter1d(lift, 2 * round(SWING_SECONDS * fps) + 1, axis=0, mode="nearest")
+    missing = np.maximum(wanted - soon, 0)
+    return np.asarray(gaussian_filter1d(missing, SMOOTHING / 2 * fps, axis=0, mode="nearest"))
 
 
 def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
@@ -84,12 +130,9 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
     fps : frames per second
     skeleton : of the motion
     """
-    ankles = [foot[0] for foot in feet(skeleton)]
-    if len(ankles) != 2 or len(motion) < 2:
+    if len(feet(skeleton)) != 2 or len(motion) < 2:
         return []
-    path = gaussian_filter1d(
-        motion[:, ankles].astype(np.float64), SMOOTHING * fps, axis=0, mode="nearest"
-    )
+    path = _ankle_paths(motion, fps, skeleton)
     speed = np.linalg.norm(np.gradient(path[..., [0, 2]], 1 / fps, axis=0), axis=-1)
     lift = path[..., 1] - np.quantile(path[..., 1], LOW_QUANTILE, axis=0)
     slides = (speed.min(axis=1) > GLIDE_SPEED) & (lift.max(axis=1) < MAX_LIFT)
@@ -105,6 +148,15 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
         found.append(slice(first, stop))
         end = stop
     return found
+
+
+def _ankle_paths(motion: Array, fps: float, skeleton: Skeleton) -> Array:
+    """``(T, 2, 3)`` metres, smoothed."""
+    ankles = [foot[0] for foot in feet(skeleton)]
+    path: Array = gaussian_filter1d(
+        motion[:, ankles].astype(np.float64), SMOOTHING * fps, axis=0, mode="nearest"
+    )
+    return path
 
 
 def _joined_runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
@@ -145,18 +197,20 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
         for start, here, there in zip(starts, stops[:-1], stops[1:], strict=True):
             done = ((progress - start) * n_steps).clip(0, 1)[:, None, None]
             result[:, joints] += smooth_step(done) * (path[there] - path[here])
-            result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]) ** 2
+            result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]).clip(0) ** 1.5
     return result
 
 
 def _evening(path: Array, fps: float) -> Array:
-    """``(T, 3)`` metres over the floor, from a path to a smoother one of the same ends."""
+    """``(T, 3)`` metres over the floor, from a path to a smoother, slower one of the same ends."""
     first, last = path[:1], path[-1:]
     # Reflected about its ends, the path keeps them.
     longer = np.concatenate([2 * first - path[:0:-1], path, 2 * last - path[-2::-1]])
-    smooth = gaussian_filter1d(longer, EVEN_SECONDS * fps, axis=0)[
-        len(path) - 1 : 2 * len(path) - 1
-    ]
+    for seconds in EVEN_SECONDS:
+        smooth = gaussian_filter1d(longer, seconds * fps, axis=0)[len(path) - 1 : -len(path) + 1]
+        steps = np.linalg.norm(np.diff(smooth[:, [0, 2]], axis=0), axis=-1)
+        if steps.max() * fps < TRAVEL_SPEED:
+            break
     return np.asarray((smooth - path) * [1, 0, 1])
 
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
+from pacmo_core.reaction.contacts import no_contacts
+from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.stance import ANKLE_SHARE, find_floor, leg_length
 from tests.strategies import make_interaction
 
@@ -68,6 +70,16 @@ def test_feet_that_never_stand_are_on_the_floor_where_they_are_lowest():
     motion[:, :, 1] += np.abs(np.linspace(-1, 1, len(motion)))[:, None].astype(np.float32)
     floor = find_floor(motion, np.zeros((2, len(motion)), dtype=bool), NTU25)
     assert floor.height == pytest.approx(0.053, abs=0.01)
+
+
+@pytest.mark.parametrize(("low", "rise"), [(0.1, 0.1), (-0.15, -0.15), (0.6, 0.0)])
+def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(low: float, rise: float) -> None:
+    partner, given = standing(LEG), standing(LEG, (0.0, 2.0))
+    given[..., 1] -= low
+    times = np.arange(len(given)) / 30.0
+    there = finish(given, partner, times, NTU25, no_contacts(NTU25))
+    # Beyond a chair's height the two stand on floors of their own.
+    np.testing.assert_allclose(there[..., 1], given[..., 1] + rise, atol=2e-3)
 
 
 def test_a_skeleton_of_random_bones_has_finite_numbers():

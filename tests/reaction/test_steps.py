@@ -10,7 +10,7 @@ from pacmo_core.reaction.bones import median_lengths, set_legs
 from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.stance import frame_runs
-from pacmo_core.reaction.steps import find_glides, take_steps
+from pacmo_core.reaction.steps import STEP_HEIGHT, find_glides, find_lift, take_steps
 from pacmo_core.reaction.turns import find_collapses, turned
 from tests.formats.real_files import real_folder
 from tests.reaction.problems import REST
@@ -77,7 +77,8 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
         # A foot that swings is lifted, one that stands is not.
         height = found[:-1, foot, 1] - given[:-1, foot, 1]
         assert all(height[s].max() > 0.06 for s in swings)
-        assert np.abs(height[~moving[number]]).max() < 0.025
+        assert np.abs(height[~moving[number]]).max() < 0.05
+        assert np.quantile(np.abs(height[~moving[number]]), 0.9) < 0.005
     np.testing.assert_allclose(found[[0, -1]], given[[0, -1]], atol=1e-3)
     reach = found[:, FEET].mean(axis=1) - found[:, HIPS].mean(axis=1)
     assert np.linalg.norm(reach[:, [0, 2]], axis=-1).max() < 0.4
@@ -103,9 +104,43 @@ def test_a_body_that_lurches_goes_evenly_and_above_the_legs_keeps_its_pose() -> 
     assert peak(found) < 0.6 * peak(given)
 
 
-def test_a_body_that_walks_or_sways_is_unchanged() -> None:
-    for given in (walk(), glide(0.2)):
-        np.testing.assert_array_equal(take_steps(given, LENGTHS, FPS, SBU15), given)
+def test_a_body_that_walks_or_sways_is_hardly_changed() -> None:
+    sways = glide(0.1)
+    np.testing.assert_allclose(take_steps(sways, LENGTHS, FPS, SBU15), sways, atol=1e-9)
+    found = take_steps(walk(), LENGTHS, FPS, SBU15)
+    legs = sorted({*FEET, *(SBU15.parents[foot] for foot in FEET)})
+    rest = [j for j in range(15) if j not in legs]
+    np.testing.assert_array_equal(found[:, rest], walk()[:, rest])
+    assert np.linalg.norm(found - walk(), axis=-1)[:, FEET].mean() < 0.01
+
+
+def test_a_foot_that_is_dragged_is_lifted_and_the_other_stands() -> None:
+    given = glide(0.0)
+    done = ((np.arange(len(given)) / FPS - 1) / 0.5).clip(0, 1)
+    given[:, FEET[0], 2] += 0.4 * (done**2 * (3 - 2 * done))
+    assert find_glides(given, FPS, SBU15) == []
+    found = take_steps(given, LENGTHS, FPS, SBU15)
+    moved = found - given
+    assert 0.04 < moved[:, FEET[0], 1].max() <= STEP_HEIGHT
+    assert (moved[:, FEET[0], 1] > 0.02).sum() >= 0.3 * FPS
+    np.testing.assert_allclose(moved[:20], 0, atol=1e-3)
+    np.testing.assert_allclose(moved[60:], 0, atol=1e-3)
+    np.testing.assert_allclose(moved[:, FEET[1]], 0, atol=1e-9)
+    lifted = given.copy()
+    lifted[30:45, FEET[0], 1] += 0.12
+    assert find_lift(lifted, FPS, SBU15)[33:42].max() < 0.01
+
+
+def test_a_body_that_dashes_goes_no_faster_than_people_walk() -> None:
+    given = glide(0.0)
+    times = np.arange(len(given)) / FPS
+    # 1.3 m in 2 s, of which 0.9 m within half a second.
+    share = 0.2 * (times - 1).clip(0, 2) + 0.45 * (np.tanh(6 * (times - 2)) + 1)
+    given[..., 2] += (share - share[0])[:, None]
+    root = [m[:, SBU15.root, 2] for m in (given, take_steps(given, LENGTHS, FPS, SBU15))]
+    before, after = (np.abs(np.diff(path)).max() * FPS for path in root)
+    assert before > 2 > 1.4 > after
+    np.testing.assert_allclose(root[1][[0, -1]], root[0][[0, -1]], atol=1e-3)
 
 
 def test_a_leap_is_no_glide() -> None:
