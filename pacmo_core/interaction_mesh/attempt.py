@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.admm import AdmmSolver, AdmmStart, build_solver, solve_admm
-from pacmo_core.interaction_mesh.constraints import build_floor, build_rows, trunk_scales
+from pacmo_core.interaction_mesh.constraints import (
+    angle_bounds,
+    angle_scales,
+    build_floor,
+    build_rows,
+)
 from pacmo_core.interaction_mesh.energy import QuadraticEnergy, build_energy, energy_rhs
 from pacmo_core.interaction_mesh.factorisation import bone_stiffness, factorise
 from pacmo_core.interaction_mesh.linear_algebra import (
@@ -349,16 +354,16 @@ def _attempt_start(
             points[..., v] += result.displacement
             heights[..., v] += result.displacement[:, floor.joints, 1]
     others = solver.rows.differences(points)[:, len(scales) :]
-    trunks = np.zeros((0, n_bodies))
+    angles = np.zeros((0, n_bodies))
     if attempt.pair_penalty:
-        trunks = trunk_scales(scene, scales, window.settings.max_spine_bend)
-    pairs = np.ones((others.shape[1] - len(trunks), n_bodies))
+        angles = angle_scales(scene, scales, angle_bounds(scene, window.settings))
+    pairs = np.ones((others.shape[1] - len(angles), n_bodies))
     min_growth = MIN_GROWTH_RMS**2 * len(window.stiffness)
     return AdmmStart(
         energy_rhs=rhs.reshape(len(rhs), -1, *rhs.shape[3:]),
         governing=_to_blocks(np.concatenate([bones, others], axis=1)),
         floor=pair_frames(heights.astype(np.float32), repeat=True),
-        scales=np.concatenate([scales, trunks, pairs]).astype(np.float32),
+        scales=np.concatenate([scales, angles, pairs]).astype(np.float32),
         lowest=(floor.lowest[:, None] / common).astype(np.float32),
         step_scale=step_scale(window.squared_growth(scales.T) + min_growth),
     )

@@ -1,7 +1,7 @@
-"""The constraints of a variation: bones, trunks, separation and contact of the bodies, the floor.
+"""The constraints of a variation: bones, angles, separation and contact of the bodies, the floor.
 
-A row is a difference of points: the vector of a bone, between the outer ends of two bones of a
-trunk, between the closest points of two bones, or between two joints. Its length has a lower and an
+A row is a difference of points: the vector of a bone, between the outer ends of two bones that
+meet, between the closest points of two bones, or between two joints. Its length has a lower and an
 upper bound. Bounds of a body are exact; those between the bodies are elastic, as bodies that lie on
 each other cannot keep every pair.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.interaction_mesh.body_parts import capsule_radii, trunk_bends
+from pacmo_core.interaction_mesh.body_parts import capsule_radii, hinges, trunk_bends
 from pacmo_core.interaction_mesh.capsules import closest_fractions, segment_differences
 from pacmo_core.interaction_mesh.mesh import joint_distances
 from pacmo_core.interaction_mesh.scene import Array, Scene
@@ -21,6 +21,9 @@ from pacmo_core.interaction_mesh.settings import Attempt, Settings
 FLOOR_REACH = 0.4
 # Metres above the floor at which its penalty has fallen to 1/e.
 FLOOR_PENALTY_RANGE = 0.25
+# Degrees between a knee or elbow and its largest bend, at which the penalty has fallen to 1/e: a
+# penalty on a straight limb would only slow the convergence of the body.
+HINGE_PENALTY_RANGE = 60
 # Metres between two bodies' bones, or beyond the contact distance, at which the penalty of a pair
 # has fallen to 1/e.
 PAIR_PENALTY_RANGE = 0.2
@@ -42,7 +45,7 @@ class Rows:
     penalties : (T, R), of ADMM
     lower, upper : (T, R) metres, bounds on the length; of bones, their length in the source
     elasticity : (T, R), 0 to 1, fraction of the way to its bounds that the local step takes a row
-    n_body_rows : the first rows are bones and trunks, those after them are between the bodies
+    n_body_rows : the first rows are bones and angles, those after them are between the bodies
     """
 
     points: NDArray[np.intp]
@@ -112,12 +115,12 @@ def bone_rows(scene: Scene, penalties: Array) -> Rows:
 
 
 def build_rows(scene: Scene, settings: Settings, attempt: Attempt, stiffness: Array) -> Rows:
-    """Return the rows of an attempt: bones alone, or trunks and pairs of the two bodies too."""
+    """Return the rows of an attempt: bones alone, or angles and pairs of the two bodies too."""
     penalties = attempt.bone_penalty * stiffness
     rows = [bone_rows(scene, penalties)]
     if attempt.pair_penalty:
         rows += [
-            trunk_rows(scene, penalties, settings.max_spine_bend),
+            angle_rows(scene, penalties, angle_bounds(scene, settings)),
             separation_rows(scene, settings, attempt.pair_penalty),
             contact_rows(scene, settings, attempt.pair_penalty),
         ]
@@ -132,68 +135,109 @@ def build_rows(scene: Scene, settings: Settings, attempt: Attempt, stiffness: Ar
     )
 
 
-def trunk_rows(scene: Scene, penalties: Array, max_bend: float) -> Rows:
-    """Keep pelvis and chest rigid, and the joints of the spine within their range.
+@dataclass(frozen=True)
+class AngleBounds:
+    """Lower bounds on the angles between two bones that meet.
 
-    A row connects the outer ends of two bones that meet. In a rigid part its length is the
-    source's; at a joint of the spine it is at least that at which the joint bends by ``max_bend``
-    degrees more than in the source. It allows rotations, of which the terms of the energy are
-    linear approximations: without it a trunk that the other body compresses kinks at one joint.
+    Parameters
+    ----------
+    pairs : (S, 2), the two bones
+    least : (T, S) radians; of an angle that may not change, the source's
+    is_rigid : (S,), whether the angle may not change
+    closeness : (T, S), 0 to 1, factor on the penalty, which falls with the angle above its bound
+    """
+
+    pairs: NDArray[np.intp]
+    least: Array
+    is_rigid: NDArray[np.bool_]
+    closeness: Array
+
+
+def angle_bounds(scene: Scene, settings: Settings) -> AngleBounds:
+    """Bound the angles of pelvis and chest, of the spine, and of knees and elbows.
+
+    Pelvis and chest are rigid. A joint of the spine bends by at most ``max_spine_bend`` more than
+    in the source, a knee or elbow by at most ``max_hinge_bend``, or as far as in that frame of the
+    source: limbs that fold completely come out on the other side.
+    """
+    trunk, is_rigid = trunk_bends(scene)
+    limbs, _ = hinges(scene)
+    trunk_angles, limb_angles = _angles(scene, trunk), _angles(scene, limbs)
+    spine_range = np.where(is_rigid, 0, np.radians(settings.max_spine_bend))
+    least = np.minimum(limb_angles, np.pi - np.radians(settings.max_hinge_bend))
+    above = (limb_angles - least) / np.radians(HINGE_PENALTY_RANGE)
+    return AngleBounds(
+        pairs=np.concatenate([trunk, limbs]),
+        least=np.concatenate([(trunk_angles - spine_range).clip(min=0), least], axis=1),
+        is_rigid=np.concatenate([is_rigid, np.zeros(len(limbs), dtype=np.bool_)]),
+        closeness=np.concatenate([np.ones(trunk_angles.shape), np.exp(-(above**4))], axis=1),
+    )
+
+
+def angle_rows(scene: Scene, penalties: Array, bounds: AngleBounds) -> Rows:
+    """Keep the angles between bones within their bounds.
+
+    A row connects the outer ends of two bones that meet. It allows rotations, of which the terms of
+    the energy are linear approximations: without it a trunk that the other body compresses kinks at
+    one joint.
 
     Parameters
     ----------
     penalties : (T, E), of the bones
     """
-    pairs, is_rigid = trunk_bends(scene)
-    lower = _trunk_lengths(scene, np.ones(len(scene.bones)), max_bend)
-    ends = np.stack(_outer_ends(scene, pairs), axis=-1)
+    lower = _end_distances(scene, bounds, np.ones(len(scene.bones)))
+    ends = np.stack(_outer_ends(scene, bounds.pairs), axis=-1)
     shape = (*lower.shape, 4)
     return Rows(
         points=np.broadcast_to(np.concatenate([ends, ends], axis=1), shape),
         coefficients=np.broadcast_to([-1.0, 1.0, 0.0, 0.0], shape),
-        penalties=penalties[:, pairs].min(axis=-1),
+        penalties=penalties[:, bounds.pairs].min(axis=-1) * bounds.closeness,
         lower=lower,
-        upper=np.where(is_rigid, lower, np.inf),
+        upper=np.where(bounds.is_rigid, lower, np.inf),
         elasticity=np.ones(lower.shape),
-        n_body_rows=len(pairs),
+        n_body_rows=len(bounds.pairs),
     )
 
 
-def trunk_scales(scene: Scene, scales: Array, max_bend: float) -> Array:
-    """Return the factor on the bounds of every row of ``trunk_rows``, (S, V).
+def angle_scales(scene: Scene, scales: Array, bounds: AngleBounds) -> Array:
+    """Return the factor on the bounds of every row of ``angle_rows``, (S, V).
 
-    Of a rigid part the mean over frames; of the spine the least, with which the bound can be met
-    in every frame where the two bones grow differently.
+    Of a rigid part the mean over frames; of others the least, with which the bound can be met in
+    every frame where the two bones grow differently.
 
     Parameters
     ----------
     scales : (E, V)
     """
-    _, is_rigid = trunk_bends(scene)
     tiny = np.finfo(np.float32).tiny
-    before = _trunk_lengths(scene, np.ones(len(scales)), max_bend).clip(min=tiny)
-    ratios = [_trunk_lengths(scene, body, max_bend) / before for body in scales.T]
-    factors = [np.where(is_rigid, ratio.mean(axis=0), ratio.min(axis=0)) for ratio in ratios]
+    before = _end_distances(scene, bounds, np.ones(len(scales))).clip(min=tiny)
+    ratios = [_end_distances(scene, bounds, body) / before for body in scales.T]
+    factors = [np.where(bounds.is_rigid, r.mean(axis=0), r.min(axis=0)) for r in ratios]
     stacked: Array = np.stack(factors, axis=-1)
     return stacked
 
 
-def _trunk_lengths(scene: Scene, scales: Array, max_bend: float) -> Array:
-    """Return the shortest allowed distance of the outer ends of each pair of bones, (T, S).
+def _end_distances(scene: Scene, bounds: AngleBounds, scales: Array) -> Array:
+    """Return the distances of the outer ends of two bones at the bounds on their angles, (T, S).
 
     Parameters
     ----------
     scales : (E,)
     """
-    pairs, is_rigid = trunk_bends(scene)
+    lengths = np.linalg.norm(scene.bone_vectors, axis=-1) * scales
+    first, second = (lengths[:, bones] for bones in bounds.pairs.T)
+    squared = first**2 + second**2 - 2 * first * second * np.cos(bounds.least)
+    distances: Array = np.sqrt(squared.clip(min=0))
+    return distances
+
+
+def _angles(scene: Scene, pairs: NDArray[np.intp]) -> Array:
+    """Return the angles between bones in the source, (T, S) radians; of a straight limb, pi."""
     sides = _sides(scene, pairs)
     lengths = [np.linalg.norm(side, axis=-1) for side in sides]
-    angle = np.arccos((np.einsum("tsc,tsc->ts", *sides) / (lengths[0] * lengths[1])).clip(-1, 1))
-    angle -= np.where(is_rigid, 0, np.radians(max_bend))
-    first, second = (length * scales[bones] for length, bones in zip(lengths, pairs.T, strict=True))
-    squared = first**2 + second**2 - 2 * first * second * np.cos(angle.clip(min=0))
-    shortest: Array = np.sqrt(squared.clip(min=0))
-    return shortest
+    cosines = np.einsum("tsc,tsc->ts", *sides) / (lengths[0] * lengths[1])
+    angles: Array = np.arccos(cosines.clip(-1, 1))
+    return angles
 
 
 def _is_chain(scene: Scene, pairs: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -101,7 +101,7 @@ class Attempt:
         converge, slowly
     max_iterations : of ADMM
     pair_penalty : ADMM penalty of separation and contact of the two bodies; 0 leaves these
-        constraints out, and those of the trunks
+        constraints out, and those of the angles
     tolerance : on the fixed-point residual (``Report.fixed_point_residual``); a body that has not
         converged goes on to the next attempt
     """
@@ -151,6 +151,8 @@ class Settings:
         over this stiffness
     max_spine_bend : degrees by which a joint of the spine may bend more than in the source; pelvis
         and chest are rigid
+    max_hinge_bend : degrees by which a knee or elbow may bend, from straight, where it does not
+        bend further in the source
     n_pairs : largest number of pairs of bones that are separated in each frame, and of pairs of
         joints that are kept in contact
     near_distance : metres; a pair of joints closer than this in the source counts as near in the
@@ -173,6 +175,7 @@ class Settings:
     separation_stiffness: float
     contact_stiffness: float
     max_spine_bend: float
+    max_hinge_bend: float
     n_pairs: int
     near_distance: float
     contact_distance: float

@@ -53,6 +53,7 @@ SETTINGS = Settings(
     separation_stiffness=500,
     contact_stiffness=500,
     max_spine_bend=30,
+    max_hinge_bend=150,
     n_pairs=12,
     near_distance=0.25,
     contact_distance=0.1,
