@@ -4,8 +4,7 @@ Bones that leave one joint keep their angles to each other, so that not every po
 ``aim_bones`` points bones at the targets, and ``inverse_kinematics`` spreads what is left over the
 body by weighted least squares.
 
-Positions leave the twist of a limb undetermined. Where a knee or an elbow is known as a hinge, the
-bone above it is twisted so that the limb bends about the hinge's axis.
+Positions leave the twist of a limb undetermined: see ``twist``.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -31,10 +30,6 @@ STIFFNESS = 2e-3
 # factors by which it changes after a step that was better, and one that was not.
 DAMPING, LEAST_DAMPING, EASE, TIGHTEN = 1e-3, 1e-5, 0.25, 16.0
 FRAMES_PER_BATCH = 128  # bounds memory
-
-# Share of the twist that a bone takes over from its parent, relative to that by which a hinge, bent
-# by a right angle, turns it: a limb that is nearly straight does not tell where its hinge is.
-TWIST_SHARE = 0.03
 
 # Weights of targets near the other person or the ground, in addition to 1, and the distances in
 # metres at which they have fallen to 1/e. They change smoothly with the motion: a step in a weight
@@ -134,54 +129,11 @@ def forward_kinematics(
     return positions, rotations_world
 
 
-@dataclass(frozen=True)
-class Hinge:
-    """A knee or an elbow: the bone below it bends about one axis of the bone above.
-
-    Parameters
-    ----------
-    joint, end : knee and ankle, or elbow and wrist; the bone above begins at the joint's parent
-    axis : (3,) unit vector in the frame of that parent, about which a bend is positive
-    smoothing : frames, standard deviation of the filter on the twist
-    """
-
-    joint: int
-    end: int
-    axis: Array
-    smoothing: float = 0.0
-
-    def twisted(self, frames: Array, above: Array, below: Array) -> Array:
-        """Twist the frames (T, 3, 3) of the bone above, so that the limb bends about the axis.
-
-        Parameters
-        ----------
-        above, below : (T, 3), the bones that the limb shall have
-        """
-        along, onward = (
-            bone / np.maximum(np.linalg.norm(bone, axis=-1, keepdims=True), 1e-12)
-            for bone in (above, below)
-        )
-        axis = frames @ self.axis
-        axis -= (axis * along).sum(axis=-1, keepdims=True) * along
-        bend = np.cross(along, onward)
-        bend *= np.linalg.norm(bend, axis=-1, keepdims=True)
-        # In the frame that is given, so that the body's turning does not count as twisting.
-        wanted = np.swapaxes(frames, -1, -2) @ (TWIST_SHARE * axis + bend)[..., None]
-        if self.smoothing:
-            wanted = gaussian_filter1d(wanted, self.smoothing, axis=0, mode="nearest")
-        wanted = rotate_vectors(frames, wanted[..., 0])
-        sine = (np.cross(axis, wanted) * along).sum(axis=-1)
-        angle = np.arctan2(sine, (axis * wanted).sum(axis=-1))
-        twisted: Array = _rotation(along * angle[:, None]) @ frames
-        return twisted
-
-
 def aim_bones(
     parents: Sequence[int],
     targets: dict[int, Array],
     offsets: Array,
     local: Array,
-    hinges: Mapping[int, Hinge] | None = None,
 ) -> tuple[Array, Array]:
     """Rotate joints from the root outwards so that their bones point to the targets (Kabsch).
 
@@ -192,7 +144,6 @@ def aim_bones(
     ----------
     targets : (T, 3) positions of some joints
     local : (T, J, 3, 3), which determine what positions leave undetermined
-    hinges : by the joint at which the bone above begins; of joints with targets
 
     Returns
     -------
@@ -227,13 +178,6 @@ def aim_bones(
         if chains:
             rotations_world[:, joint] = _nearest_rotations(
                 ends - positions[:, joint, None], levers, rotations_world[:, joint]
-            )
-        if hinges and joint in hinges:
-            hinge = hinges[joint]
-            rotations_world[:, joint] = hinge.twisted(
-                rotations_world[:, joint],
-                targets[hinge.joint] - positions[:, joint],
-                targets[hinge.end] - targets[hinge.joint],
             )
         solution[:, joint] = np.swapaxes(parent_rotation, -1, -2) @ rotations_world[:, joint]
     return positions[:, 0], solution
@@ -329,7 +273,7 @@ def inverse_kinematics(
     positions = np.stack(list(targets.values()), axis=1)
     centred = positions - positions.mean(axis=1, keepdims=True)
     stiffness = STIFFNESS * float(np.square(centred).sum(axis=(1, 2)).mean())
-    inner = sorted({a for joint in targets for a in _ancestors(parents, joint)})
+    inner = sorted({a for joint in targets for a in ancestors(parents, joint)})
     points = PointTargets(
         shares, positions, weights, dict.fromkeys(inner, stiffness), rest=initial[1]
     )
@@ -426,7 +370,7 @@ def _damped_step(
     root, local = pose
     positions, rotations_world = forward_kinematics(parents, root, offsets, local)
     rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
-    inner = sorted({a for joint in rows for a in _ancestors(parents, joint)})
+    inner = sorted({a for joint in rows for a in ancestors(parents, joint)})
     roots = np.sqrt(targets.weights)[..., None]
     jacobian = _jacobian(parents, positions, inner, rows)
     jacobian = np.einsum("kr,trxv->tkxv", targets.shares[:, rows], jacobian) * roots[..., None]
@@ -450,7 +394,7 @@ def _damped_step(
     solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
     moved, turned = root + solution[:, :3], local.copy()
     for index, joint in enumerate(inner):
-        rotation = _rotation(solution[:, 3 + 3 * index : 6 + 3 * index])
+        rotation = rotation_matrices(solution[:, 3 + 3 * index : 6 + 3 * index])
         parent_rotation = (
             rotations_world[:, parents[joint]] if parents[joint] >= 0 else np.eye(3)[None]
         )
@@ -460,11 +404,12 @@ def _damped_step(
     return moved, turned
 
 
-def _ancestors(parents: Sequence[int], joint: int) -> list[int]:
-    ancestors = []
+def ancestors(parents: Sequence[int], joint: int) -> list[int]:
+    """List the joints above a joint, the nearest first."""
+    above = []
     while (joint := parents[joint]) >= 0:
-        ancestors.append(joint)
-    return ancestors
+        above.append(joint)
+    return above
 
 
 def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: list[int]) -> Array:
@@ -472,7 +417,7 @@ def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: 
     jacobian = np.zeros((len(positions), len(rows), 3, 1 + len(inner), 3))
     jacobian[..., 0, :] = np.eye(3)
     for row, joint in enumerate(rows):
-        for ancestor in _ancestors(parents, joint):
+        for ancestor in ancestors(parents, joint):
             lever = positions[:, joint] - positions[:, ancestor]
             jacobian[:, row, :, 1 + inner.index(ancestor)] = -_cross(lever)
     return jacobian.reshape(len(positions), len(rows), 3, -1)
@@ -485,7 +430,7 @@ def _cross(vectors: Array) -> Array:
     return np.array([[none, -z, y], [z, none, -x], [-y, x, none]]).transpose(2, 0, 1)
 
 
-def _rotation(vectors: Array) -> Array:
+def rotation_matrices(vectors: Array) -> Array:
     """``(T, 3, 3)``: the rotation about each vector by its length in radians (Rodrigues)."""
     angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
     cross = _cross(vectors / np.maximum(angle[:, 0], np.finfo(np.float64).tiny))

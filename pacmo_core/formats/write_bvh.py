@@ -21,9 +21,9 @@ from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
 from pacmo_core.formats.inverse_kinematics import (
-    Hinge,
     PointTargets,
     aim_bones,
+    ancestors,
     forward_kinematics,
     inverse_kinematics,
     reach_points,
@@ -36,6 +36,7 @@ from pacmo_core.formats.rotations import (
     continuous_euler_angles,
     euler_angles_near,
 )
+from pacmo_core.formats.twist import Hinge, Limbs, steady_twists
 
 # The rotation order: gimbal lock, where the middle angle is a right angle, lies where people look
 # straight up or down.
@@ -48,7 +49,7 @@ TRUNK_STIFFNESS = 1e-2
 # Of the pelvis, from its rotations filtered over time, and the filter's standard deviation.
 PELVIS_STIFFNESS = 5e-2
 STEADY_SECONDS = 0.15
-TWIST_SMOOTHING = 0.1  # seconds, standard deviation of the filter on the twist of a limb
+TWIST_SECONDS = 0.1  # in which the twist of a limb follows that of a bent knee or elbow
 MIN_BEND = 0.05  # mean sine of the angle by which a limb bends, below which it stays straight
 
 
@@ -213,13 +214,13 @@ def write_on_rig(
     limbs = _limbs(targets.shares, model)
     forward = _forward(bvh.parents, offsets[:1], local[:1], limbs)
     hinges = {
-        limb.start: Hinge(limb.bend, limb.end, axis, TWIST_SMOOTHING * fps)
+        limb.start: Hinge(limb.bend, limb.end, axis)
         for limb in limbs
         if (axis := _hinge_axis(bvh.parents, bones, turned, limb, forward)) is not None
     }
     trunk = _trunk(bvh.parents, limbs)
     stiffness = dict.fromkeys(trunk, TRUNK_STIFFNESS / unit**2)
-    initial = aim_bones(bvh.parents, targets.of_joints(), offsets, local, hinges)
+    initial = aim_bones(bvh.parents, targets.of_joints(), offsets, local)
     stiff = replace(targets, stiffness=stiffness, rest=pose)
     root, local = reach_points(bvh.parents, stiff, offsets, initial)
     # Hips nearly in one line leave the pelvis two poses, between which frames choose each alone.
@@ -230,6 +231,9 @@ def write_on_rig(
     stiffness |= dict.fromkeys(pelvis, PELVIS_STIFFNESS / unit**2)
     stiff = replace(targets, stiffness=stiffness, rest=rest)
     root, local = reach_points(bvh.parents, stiff, offsets, (root, steady))
+    rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
+    arms_and_legs = Limbs([limb.start for limb in limbs], hinges, TWIST_SECONDS * fps)
+    local = steady_twists(bvh.parents, offsets[0], local, pose, rows, arms_and_legs)
     still = np.repeat(bvh.motion[:1], n_frames, axis=0)
     posed = replace(bvh, frame_time=1 / fps, motion=still)
     return format_file(posed, _rows(posed, root, offsets, local, continuous_euler_angles))
@@ -265,24 +269,17 @@ def _limbs(shares: Array, model: Skeleton) -> list[_Limb]:
 
 def _trunk(parents: Sequence[int], limbs: Sequence[_Limb]) -> list[int]:
     """List the joints of spine, neck, head and collars: below the pelvis, and of no limb."""
-    above = [_with_ancestors(parents, limb.start) for limb in limbs]
+    above = [[limb.start, *ancestors(parents, limb.start)] for limb in limbs]
     if not above:
         return []
     pelvis = max(set(above[0]).intersection(*above[1:]))
     starts = {limb.start for limb in limbs}
-    chains = [(joint, _with_ancestors(parents, joint)) for joint in range(len(parents))]
+    chains = [(joint, [joint, *ancestors(parents, joint)]) for joint in range(len(parents))]
     return [
         joint
         for joint, chain in chains
         if joint != pelvis and pelvis in chain and not starts & set(chain)
     ]
-
-
-def _with_ancestors(parents: Sequence[int], joint: int) -> list[int]:
-    chain = [joint]
-    while parents[chain[-1]] >= 0:
-        chain.append(parents[chain[-1]])
-    return chain
 
 
 def _forward(parents: Sequence[int], offsets: Array, local: Array, limbs: Sequence[_Limb]) -> Array:

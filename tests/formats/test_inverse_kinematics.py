@@ -6,7 +6,6 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.formats.inverse_kinematics import (
-    Hinge,
     PointTargets,
     aim_bones,
     contact_targets,
@@ -273,21 +272,3 @@ def test_stiff_joints_leave_their_rest_by_the_least_squares(stiffness: float) ->
     start = Rotation.from_matrix(rest[:4]).as_rotvec().ravel()
     best = least_squares(of_vector, np.concatenate([np.zeros(3), start]))
     assert np.square(missed(root, found)).sum() <= 2 * best.cost * 1.01
-
-
-def test_a_limb_bends_about_the_axis_of_its_hinge() -> None:
-    parents, axis = (-1, 0, 1), np.array([0.0, 0, 1])
-    offsets = np.tile([[0.0, 0, 0], [0, -1, 0], [0, -1, 0]], (20, 1, 1))
-    random = np.random.default_rng(9)
-    local = np.tile(np.eye(3), (20, 3, 1, 1))
-    local[:, 0] = Rotation.random(20, random_state=9).as_matrix()
-    local[:, 1] = Rotation.from_rotvec(random.uniform(0.5, 2.4, (20, 1)) * axis).as_matrix()
-    places, _ = forward_kinematics(parents, np.zeros((20, 3)), offsets, local)
-    wanted = {joint: places[:, joint] for joint in range(3)}
-    straight = np.broadcast_to(np.eye(3), local.shape)
-    _, found = aim_bones(parents, wanted, offsets, straight, {0: Hinge(1, 2, axis)})
-    bends = Rotation.from_matrix(found[:, 1]).as_rotvec()
-    assert np.abs(bends[:, :2]).max() < 0.15
-    assert np.abs(bends[:, 2]).min() > 0.49
-    _, free = aim_bones(parents, wanted, offsets, straight)
-    assert np.abs(Rotation.from_matrix(free[:, 1]).as_rotvec()[:, :2]).max() > 1
