@@ -17,6 +17,7 @@ RUN_FOLDERS = (
 )
 AUGMENTED = "pacmo_augmented"
 UNTRAINED = ("oracle", "mean", "nearest_neighbour")
+UNFINISHED = "_without_finish"  # reactions of a model as it generates them
 # Of skeleton priors, below these: DATASET/SPLIT or DATASET/SPLIT.suffix, for all models of a split.
 SPLIT_FOLDERS = ("data/priors/splits", "data/priors/scores", "data/priors/samples")
 # Below these: DATASET/SPLIT/MODEL/SEED or DATASET/SPLIT/MODEL/SEED.suffix.
@@ -64,7 +65,8 @@ class ExpectedRuns:
             return self.augmented_seeds if fold in self.augmented_folds else []
         if model in UNTRAINED:  # once a fold, whatever the seeds
             return [1]
-        return self.seeds if self.models is None or model in self.models else []
+        trained = model.removesuffix(UNFINISHED)
+        return self.seeds if self.models is None or trained in self.models else []
 
 
 def unused_outputs(root: Path, expected: ExpectedRuns) -> Iterator[Path]:
