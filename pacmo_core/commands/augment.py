@@ -191,6 +191,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
             named = f" as {duo.name}~{label}" if is_parquet(place) else ""
             fidelity = written.fidelity  # its touches are among the measurements
             lines = [
+                _heading(number, profiles),
                 duo.rig_line(place),
                 fidelity.error_line() if fidelity.is_inexact else "",
                 *measured.lines(solving.limits),
@@ -198,6 +199,14 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
                 f"; beside the source in {page}",
             ]
             typer.echo("\n".join(filter(None, lines)))
+
+
+def _heading(number: int, profiles: list[dict[str, str]]) -> str:
+    """Name the bodies that the next lines are of; nothing of one pair."""
+    if len(profiles) == 1:
+        return ""
+    names = " and ".join(f"person {person} as {name}" for person, name in profiles[number].items())
+    return f"bodies {number + 1} of {len(profiles)}, {names}:"
 
 
 def _places(out: Path, profiles: list[dict[str, str]]) -> list[Path]:

@@ -6,7 +6,7 @@ first.
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,12 +62,22 @@ def pair_targets(a: PersonMotion, b: PersonMotion) -> list[tuple[Motion, NDArray
 
 
 @dataclass(frozen=True)
+class Extreme:
+    """The largest of some distances in metres, and where it is."""
+
+    value: float = 0.0
+    place: str = ""
+
+
+@dataclass(frozen=True)
 class Fidelity:
     """How well files hold the motions that were written, measured on what is read back.
 
     Parameters
     ----------
-    max_error : metres, the largest distance of a joint from where it was to be
+    max_error : the largest distance of a joint from where it was to be
+    missed : of pairs of joints that are in contact in the motions and not in the files, the largest
+        distance in the files
     n_joints, summed_error : of all joints in all frames; metres
     contacts, contacts_held : number of pairs of joints of the two people in contact, over all
         frames, and of those that are in contact in the files
@@ -75,7 +85,8 @@ class Fidelity:
         number and their summed horizontal speeds, metres per second
     """
 
-    max_error: float = 0.0
+    max_error: Extreme = Extreme()
+    missed: Extreme = Extreme()
     n_joints: int = 0
     summed_error: float = 0.0
     contacts: int = 0
@@ -85,15 +96,32 @@ class Fidelity:
     slide_in_file: float = 0.0
 
     @classmethod
-    def of(cls, wanted: Sequence[PersonMotion], found: Sequence[PersonMotion]) -> "Fidelity":
-        """Compare the motions of person a and person b, or of one, with those of the files."""
+    def of(
+        cls,
+        wanted: Sequence[PersonMotion],
+        found: Sequence[PersonMotion],
+        names: Sequence[object],
+        sample: str = "",
+    ) -> "Fidelity":
+        """Compare the motions of person a and person b, or of one, with those of the files.
+
+        Parameters
+        ----------
+        names : of what holds each person, such as files
+        sample : its name, where there are several
+        """
         pairs = list(zip(wanted, found, strict=True))
         errors = [np.linalg.norm(back.motion - person.motion, axis=-1) for person, back in pairs]
         touch, in_file = _contacts(wanted), _contacts(found)
         slides = [_slides(person, (person.motion, back.motion)) for person, back in pairs]
         slide, slide_in_file = np.concatenate(slides, axis=1)
+        largest = [
+            _largest_error(person, error, name)
+            for person, error, name in zip(wanted, errors, names, strict=True)
+        ]
         return cls(
-            float(max(error.max() for error in errors)),
+            max(largest, key=lambda extreme: extreme.value),
+            _farthest_missed(found, touch & ~in_file, sample),
             sum(error.size for error in errors),
             float(sum(error.sum() for error in errors)),
             int(touch.sum()),
@@ -105,21 +133,23 @@ class Fidelity:
 
     def __add__(self, other: "Fidelity") -> "Fidelity":
         """Return that of both together."""
-        max_error = max(self.max_error, other.max_error)
-        sums = (a + b for a, b in zip(astuple(self)[1:], astuple(other)[1:], strict=True))
-        return Fidelity(max_error, *sums)
+        max_error = max(self.max_error, other.max_error, key=lambda extreme: extreme.value)
+        missed = max(self.missed, other.missed, key=lambda extreme: extreme.value)
+        mine, others = ([getattr(one, f.name) for f in fields(one)[2:]] for one in (self, other))
+        return Fidelity(max_error, missed, *(a + b for a, b in zip(mine, others, strict=True)))
 
     @property
     def is_inexact(self) -> bool:
         """Whether a joint is off by what would be printed as more than nothing."""
-        return self.max_error > RESOLUTION
+        return self.max_error.value > RESOLUTION
 
     def error_line(self) -> str:
         """Say how far joints in the files are from where they were to be."""
         mean = 1e3 * self.summed_error / max(self.n_joints, 1)
         return (
             "in the files, against the exact motion: bones of this format cannot stretch, so "
-            f"joints are off by {mean:.1f} mm on average, {1e3 * self.max_error:.1f} mm at most"
+            f"joints are off by {mean:.1f} mm on average, {1e3 * self.max_error.value:.1f} mm at "
+            f"most ({self.max_error.place})"
         )
 
     def line(self) -> str:
@@ -132,13 +162,46 @@ class Fidelity:
             parts.append(f"standing feet slide {speed.lstrip('−')} cm/s {more}")
         if self.contacts:
             share = 100 * self.contacts_held / self.contacts
+            missed = (
+                f", the farthest missed {self.missed.place}: {1e2 * self.missed.value:.1f} cm"
+                if self.contacts_held < self.contacts
+                else ""
+            )
             parts.append(
                 f"{share:.1f} % of the {self.contacts} touches (two joints within 10 cm in a "
-                "frame) are kept"
+                f"frame) are kept{missed}"
             )
         else:
             parts.append("there are no touches (two joints within 10 cm in a frame)")
         return "; ".join(parts)
+
+
+def _largest_error(person: PersonMotion, errors: NDArray[np.float64], name: object) -> Extreme:
+    """Find the joint that is farthest from where it was to be, of errors (T, J) in metres."""
+    frame, joint = (int(i) for i in np.unravel_index(errors.argmax(), errors.shape))
+    place = f"{person.skeleton.joints[joint]} {_when(person, frame)} of {name}"
+    return Extreme(float(errors[frame, joint]), place)
+
+
+def _farthest_missed(
+    found: Sequence[PersonMotion], missed: NDArray[np.bool_], sample: str
+) -> Extreme:
+    """Find the touch that is farthest apart in the files, of those missed (J_a, T, J_b)."""
+    if not missed.any():
+        return Extreme()
+    a, b = found
+    first, frames, second = np.nonzero(missed)
+    distances = np.linalg.norm(a.motion[frames, first] - b.motion[frames, second], axis=-1)
+    most = int(distances.argmax())
+    names = a.skeleton.joints[first[most]], b.skeleton.joints[second[most]]
+    of_sample = f" of {sample}" if sample else ""
+    place = f"{names[0]} of person a and {names[1]} of b {_when(a, int(frames[most]))}{of_sample}"
+    return Extreme(float(distances[most]), place)
+
+
+def _when(person: PersonMotion, frame: int) -> str:
+    """Return frame and time in words."""
+    return f"in frame {frame} ({person.times[frame] - person.times[0]:.2f} s)"
 
 
 def _slides(person: PersonMotion, motions: tuple[Motion, Motion]) -> NDArray[np.float64]:

@@ -110,6 +110,7 @@ class TwoPersonCapture:
     keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
     space : of BVH files that are not
     joints_of : what else a BVH file has the joints of
+    bodies : both people with all joints of their files, where ``people`` have some of them
     """
 
     name: str
@@ -119,6 +120,7 @@ class TwoPersonCapture:
     keeps_hierarchy: bool = True
     space: OutputSpace = OutputSpace()
     joints_of: str = "capture"
+    bodies: tuple[PersonMotion, PersonMotion] | None = None
 
     def file_of(self, number: int) -> Path:
         """Return the file of person a, 0, or b, 1."""
@@ -336,11 +338,13 @@ class WrittenCapture:
     files : that were written
     people : read back from the files; BVH files hold bones of constant length
     fidelity : of the files
+    bodies : the same people with all joints of the files
     """
 
     files: list[Path]
     people: tuple[PersonMotion, PersonMotion]
     fidelity: Fidelity
+    bodies: tuple[PersonMotion, PersonMotion]
 
 
 def write_two_people(
@@ -348,6 +352,7 @@ def write_two_people(
     scales: tuple[NDArray[np.float64], NDArray[np.float64]],
     label: str,
     out: Path,
+    sample: str = "",
 ) -> WrittenCapture:
     """Write both people, and read back what was written.
 
@@ -355,6 +360,7 @@ def write_two_people(
     ----------
     scales : of the bones of each person, from which the offsets of BVH files follow
     label : name of the variation in a Parquet file
+    sample : in messages, where there are several
     """
     a, b = duo.people
     if is_parquet(out):
@@ -362,14 +368,18 @@ def write_two_people(
             times = a.times - a.times[0]
             pair = Interaction(a.skeleton, times, a.motion, b.motion)
             writer.add(f"{duo.name}~{label}", pair)
-        return WrittenCapture([out], duo.people, Fidelity())
-    files, written = _output_files(duo, out), []
+        return WrittenCapture([out], duo.people, Fidelity(), duo.people)
+    files, bodies = _output_files(duo, out), list[PersonMotion]()
     for number, (aims, weights) in enumerate(pair_targets(a, b)):
         aimed = replace(duo.people[number], motion=aims)
         targets = PersonTargets(aimed, weights, scales[number])
-        written.append(_write_person(duo, number, targets, files[number]))
-    fidelity = Fidelity.of(duo.people, written)
-    return WrittenCapture(files, (written[0], written[1]), fidelity)
+        bodies.append(_write_person(duo, number, targets, files[number]))
+    written = [
+        replace(person, motion=body.select_joints(person.skeleton).motion)
+        for person, body in zip(duo.people, bodies, strict=True)
+    ]
+    fidelity = Fidelity.of(duo.people, written, files, sample)
+    return WrittenCapture(files, (written[0], written[1]), fidelity, (bodies[0], bodies[1]))
 
 
 @dataclass(frozen=True)
@@ -391,7 +401,7 @@ class PersonTargets:
 def _write_person(
     duo: TwoPersonCapture, number: int, targets: PersonTargets, out: Path
 ) -> PersonMotion:
-    """Write a BVH file, in the hierarchy of the input if that is BVH; return what it holds."""
+    """Write a BVH file, in the hierarchy of the input if that is BVH; return all it holds."""
     person, file = targets.person, duo.file_of(number)
     settings: dict[str, Any] = asdict(duo.space)
     if duo.is_on_own_rig(number):
@@ -400,13 +410,12 @@ def _write_person(
         write_text(out, _rewritten(file, pairs, targets))
     else:
         write_text(out, bvh_text(person, person.motion, targets.weights, duo.space))
-    return read_back(out, person, settings)
+    return read_file(out, settings)
 
 
-def read_back(file: Path, person: PersonMotion, settings: Mapping[str, Any]) -> PersonMotion:
-    """Read the motion of a BVH file that was written for a person."""
-    found = read_partner(file, "bvh", settings, person=None, clip="")
-    return replace(person, motion=found.select_joints(person.skeleton).motion)
+def read_file(file: Path, settings: Mapping[str, Any]) -> PersonMotion:
+    """Read all joints of a BVH file that was written."""
+    return read_partner(file, "bvh", settings, person=None, clip="")
 
 
 def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:

@@ -157,8 +157,8 @@ def _fit_people(scene: Scene, form: ExportOptions) -> tuple[list[ConstantBoneMot
         for body, motion in zip(scene.skeletons, scene.people, strict=True)
     ]
     fits = [fit_bones(from_y_up(person.motion, form.up), person.skeleton) for person in people]
-    found = _positions(fits, people, form)
-    fidelity = Fidelity.of(people, found)
+    found, names = _positions(fits, people, form), [f"person {p}" for p in "ab"[: len(people)]]
+    fidelity = Fidelity.of(people, found, names)
     if fidelity.is_inexact:
         targets = (
             pair_targets(people[0], people[1])
@@ -170,7 +170,7 @@ def _fit_people(scene: Scene, form: ExportOptions) -> tuple[list[ConstantBoneMot
             for fit, person, (aims, weights) in zip(fits, people, targets, strict=True)
         ]
         found = _positions(fits, people, form)
-        fidelity = Fidelity.of(people, found)
+        fidelity = Fidelity.of(people, found, names)
     in_file = [from_y_up(person.motion, form.up) for person in found]
     shift = _shift(in_file, [body.root for body in scene.skeletons], form)
     placed = [replace(fit, root=fit.root + shift) for fit in fits]

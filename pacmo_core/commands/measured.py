@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.figures.variations import limit_text, limits_table, measure_label, measurement_lines
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.interaction_mesh import Scene as SolvedScene
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.interaction_mesh.mesh import ground_supports
 from pacmo_core.interaction_mesh.report import (
@@ -53,12 +55,14 @@ class Measured:
     worse : the person, a or b, in whom a measurement is worse; without those that are of both, or
         equal
     has_contacts : whether joints of the two touch in the capture
+    contacts : of each variation
     peaks : lines on single frames: the largest turn of a bone, and jolts
     """
 
     samples: tuple[Mapping[str, float], ...]
     worse: Mapping[str, str]
     has_contacts: bool
+    contacts: tuple["Contacts", ...] = ()
     peaks: tuple[str, ...] = ()
 
     def lines(self, limits: VariationLimits) -> Iterator[str]:
@@ -71,6 +75,13 @@ class Measured:
             yield "  no contacts to keep: no compared joints are within 10 cm in the capture"
         shown = [{k: v for k, v in sample.items() if k not in absent} for sample in self.samples]
         yield from measurement_lines(shown, asdict(limits), self.worse)
+        if new := [one.new for one in self.contacts]:
+            kept = fmean(one.kept for one in self.contacts)
+            worst = f", most {max(new):,} in sample {new.index(max(new))}" if count > 1 else ""
+            yield (
+                f"  {'new contacts':<18}{fmean(new):>11,.0f}  beside {kept:,.0f} that are kept "
+                f"(pairs of joints and frames){worst}"
+            )
         yield from self.peaks
         exceeded = [exceeded_limits(sample, limits) for sample in self.samples]
         beyond = sum(map(bool, exceeded))
@@ -87,12 +98,47 @@ class Measured:
             yield f"beyond the {LIMITS}: {'; '.join(texts)}"
 
 
+@dataclass(frozen=True)
+class Contacts:
+    """How many pairs of joints of the two people are in contact, over all frames.
+
+    Parameters
+    ----------
+    kept : in the capture and in the variation
+    new : in the variation alone
+    """
+
+    kept: int
+    new: int
+
+
+def count_contacts(scene: SolvedScene, bodies: Scales, points: Scales, distance: float) -> Contacts:
+    """Count the contacts of a motion (T, N, 3) metres, without the scale that both bodies share.
+
+    Parameters
+    ----------
+    bodies : (E,) scales of the bones of both people
+    distance : metres, below which joints are in contact
+    """
+    _, motions = without_common_scale(scene, bodies[None], points[..., None])
+    n_a, kept, new = scene.n_joints[0], 0, 0
+    for joint in range(n_a):  # all pairs at once would take too much memory
+        before, after = (
+            np.linalg.norm(motion[:, n_a:] - motion[:, joint, None], axis=-1) < distance
+            for motion in (scene.points, motions[..., 0])
+        )
+        kept += int((before & after).sum())
+        new += int((after & ~before).sum())
+    return Contacts(kept, new)
+
+
 def measure_written(
     duo: TwoPersonCapture,
     people: Sequence[tuple[PersonMotion, PersonMotion]],
     scales: Sequence[tuple[Scales, Scales]],
     settings: Settings,
     solved: Mapping[str, float] = WITHOUT_SOLVER,
+    in_files: Sequence[tuple[PersonMotion, PersonMotion]] = (),
 ) -> Measured:
     """Measure motions as they were written against the capture.
 
@@ -101,6 +147,7 @@ def measure_written(
     people : of each variation
     scales : of the bones of its two bodies, (E,) each
     solved : what a solver says of itself, by the names of ``interaction_mesh.Report``
+    in_files : ``people`` with all joints of the files; without them the joints are all
     """
     points = [np.concatenate([p.motion for p in pair], axis=1, dtype=np.float64) for pair in people]
     supports = ground_supports(duo.scene, settings.support)
@@ -116,22 +163,32 @@ def measure_written(
     worse = {name: PEOPLE[int(by > 0)] for name, by in apart.items() if by}
     first, second = (person.motion for person in duo.people)
     has_contacts = bool((min_point_distance(first, second) < settings.contact_distance).any())
-    return Measured(samples, worse, has_contacts, tuple(_peak_lines(duo.people, people)))
+    contacts = tuple(
+        count_contacts(duo.scene, body, motion, settings.contact_distance)
+        for body, motion in zip(bodies, points, strict=True)
+    )
+    return Measured(
+        samples, worse, has_contacts, contacts, tuple(_peak_lines(duo, people, in_files))
+    )
 
 
 def _peak_lines(
-    capture: tuple[PersonMotion, PersonMotion],
+    duo: TwoPersonCapture,
     variations: Sequence[tuple[PersonMotion, PersonMotion]],
+    in_files: Sequence[tuple[PersonMotion, PersonMotion]],
 ) -> Iterator[str]:
     """Yield the turn that is most above the capture's, and accelerations that it does not have."""
     turns, jolts = list[tuple[float, str]](), list[str]()
-    for number, pair in enumerate(variations):
+    whole = duo.bodies if duo.bodies and in_files else duo.people
+    bodies = in_files if duo.bodies and in_files else variations
+    for number, (pair, all_joints) in enumerate(zip(variations, bodies, strict=True)):
         of_sample = f"sample {number}, " if len(variations) > 1 else ""
-        for label, own, person in zip(PEOPLE, capture, pair, strict=True):
+        for row, label in enumerate(PEOPLE):
             whom = f"{of_sample}person {label}"
-            if len(person.times) > 1:
-                turns.append(_largest_added_turn(whom, own, person))
-            jolts += _jolt_line(whom, own, person)
+            if len(pair[row].times) > 1:
+                body = all_joints[row].select_joints(whole[row].skeleton)
+                turns.append(_largest_added_turn(whom, whole[row], body))
+            jolts += _jolt_line(whom, duo.people[row], pair[row])
     added, line = max(turns, default=(0.0, ""))
     if added > MIN_TURN:
         yield line

@@ -20,8 +20,8 @@ from pacmo_core.commands.captures import (
     bvh_text,
     is_parquet,
     names_clips,
-    read_back,
     read_clip,
+    read_file,
     some_clips,
 )
 from pacmo_core.commands.motion_checks import motion_lines
@@ -156,11 +156,13 @@ class Written:
     files : in the order of the samples, the partner's before the reaction's
     samples : (S, T, J, 3) float32, metres, as they are in the files
     fidelity : how well the files hold the motions
+    in_files : the partner, and the reaction of each sample, with all joints of their files
     """
 
     files: list[Path]
     samples: Motion
     fidelity: Fidelity
+    in_files: list[PersonMotion]
 
 
 def write_reactions(reactions: Reactions, out: Path, space: OutputSpace) -> Written:
@@ -170,7 +172,11 @@ def write_reactions(reactions: Reactions, out: Path, space: OutputSpace) -> Writ
             for number, reaction in enumerate(reactions.samples):
                 pair = Interaction(reactions.skeleton, reactions.times, reactions.partner, reaction)
                 writer.add(f"{reactions.name}#{number:04d}", pair)
-        return Written([out], reactions.samples, Fidelity())
+        people = [
+            PersonMotion(reactions.skeleton, reactions.times, motion)
+            for motion in (reactions.partner, *reactions.samples)
+        ]
+        return Written([out], reactions.samples, Fidelity(), people)
     folder, stem = (
         (out, file_stem(reactions.name))
         if not out.suffix or out.is_dir()
@@ -189,15 +195,16 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace
     near = [proximity_weights(partner.motion, person.motion) for person in people]
     weights = np.max([of_partner for of_partner, _ in near], axis=0) + planted_weights(partner)
     rig, of_partner = reactions.rig, reactions.partner_rig
-    text_of, found_in = (rig.text, rig.read_back) if rig else (bvh_text, read_back)
+    text_of = rig.text if rig else bvh_text
     partner_text = (
         of_partner.copied(partner, space)
         if of_partner
         else bvh_text(partner, partner.motion, weights, space)
     )
-    partner_in = of_partner.read_back if of_partner else read_back
+    rigs = of_partner, rig
     files: list[Path] = []
     samples: list[Motion] = []
+    in_files: list[PersonMotion] = []
     fidelity = Fidelity()
     for number, (person, (_, weights)) in enumerate(zip(people, near, strict=True)):
         _, aims = contact_targets(partner.motion, person.motion)
@@ -206,12 +213,21 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace
         texts = (partner_text, text_of(person, aims, weights, space))
         for file, of_file in zip(pair, texts, strict=True):
             write_text(file, of_file)
-        settings = asdict(space)
-        found = [partner_in(pair[0], partner, settings), found_in(pair[1], person, settings)]
-        fidelity += Fidelity.of((partner, person), found)
+        read = [read_file(file, asdict(space)) for file in pair]
+        found = [
+            replace(wanted, motion=_on_model(one, own).select_joints(wanted.skeleton).motion)
+            for one, own, wanted in zip(read, rigs, (partner, person), strict=True)
+        ]
+        label = f"sample {number}" if len(people) > 1 else ""
+        fidelity += Fidelity.of((partner, person), found, pair, label)
         files += pair
         samples.append(found[1].motion)
-    return Written(files, np.stack(samples), fidelity)
+        in_files += read if not in_files else read[1:]
+    return Written(files, np.stack(samples), fidelity, in_files)
+
+
+def _on_model(person: PersonMotion, rig: TargetRig | None) -> PersonMotion:
+    return rig.on_model(person) if rig else person
 
 
 MIN_FRAMES = 4  # of a cubic spline
@@ -343,7 +359,7 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
     """Write the files; say how the motion is, how well they hold it, and what they are."""
     written = write_reactions(reactions, out, space)
     for line in motion_lines(
-        reactions.skeleton, reactions.times, reactions.partner, written.samples
+        reactions.skeleton, reactions.times, reactions.partner, written.samples, written.in_files
     ):
         typer.echo(line)
     if written.fidelity.is_inexact:

@@ -1,6 +1,5 @@
 """A rig: the hierarchy and the bones of a person in a BVH file, on which a motion is written."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.inverse_kinematics import PointTargets
-from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion, read_partner
+from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import change_unit, format_file, write_on_rig
 from pacmo_core.project.workspace import CommandError
@@ -86,14 +85,11 @@ class TargetRig:
         bvh = self._in_unit(space)
         return format_file(replace(bvh, frame_time=1 / frame_rate(person)), bvh.motion)
 
-    def read_back(
-        self, file: Path, person: PersonMotion, settings: Mapping[str, Any]
-    ) -> PersonMotion:
-        """Read the motion of the model's joints in a BVH file on the rig."""
-        found = read_partner(file, "bvh", settings, person=None, clip="")
-        rows = found.skeleton.indices(self.joints)
-        motion = np.einsum("jc,tcx->tjx", self.weights, found.motion[:, rows])
-        return replace(person, motion=motion.astype(np.float32))
+    def on_model(self, person: PersonMotion) -> PersonMotion:
+        """Return the joints of the model of a person read from a file on the rig."""
+        rows = person.skeleton.indices(self.joints)
+        motion = np.einsum("jc,tcx->tjx", self.weights, person.motion[:, rows])
+        return replace(person, skeleton=self.motion.skeleton, motion=motion.astype(np.float32))
 
     def _in_unit(self, space: OutputSpace) -> Bvh:
         return change_unit(self.bvh, self.space.unit / space.unit)

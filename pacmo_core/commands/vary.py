@@ -149,12 +149,12 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
             typer.echo(f"the start makes one motion of a body: the {samples} samples are equal")
         mover = model if uses_network else build_start(model.config)
         variations = list(_variations(mover, duo, bodies, samples, random))
-        written, fidelity, people = _write(duo, variations, places)
+        written, fidelity, people, in_files = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
         if fidelity.is_inexact:
             typer.echo(fidelity.line())
-        page = _say_measured(duo, variations, people, out)
+        page = _say_measured(duo, variations, people, in_files, out)
         named = f" as {_some(_names(duo, samples))}" if is_parquet(out) else ""
         typer.echo(
             f"{len(variations)} x {len(duo.people[0].times)} frames in "
@@ -284,7 +284,9 @@ def _select_joints(
     a, b = to_model_joints(duo.people, skeleton, two_sources(duo.files), options)
     has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
     keeps = duo.keeps_hierarchy and has_same_names and not options.joints
-    return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model")
+    of_model = replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model")
+    has_rigs = all(of_model.is_on_own_rig(number) for number in range(2))
+    return replace(of_model, bodies=duo.people if has_rigs else None)
 
 
 def _bodies(
@@ -343,12 +345,13 @@ def _say_measured(
     duo: TwoPersonCapture,
     variations: list[tuple[Interaction, Scales]],
     people: list[People],
+    in_files: list[People],
     out: Path,
 ) -> Path:
     """Print the measurements of what was written; return the page that is written of it."""
     solving = read_solver_section(present_params())
     bodies = [(a, b) for _, (a, b) in variations]
-    measured = measure_written(duo, people, bodies, solving.solver)
+    measured = measure_written(duo, people, bodies, solving.solver, in_files=in_files)
     for line in measured.lines(solving.limits):
         typer.echo(line)
     return write_variation_page(duo, people, measured, solving.limits, out)
@@ -356,12 +359,13 @@ def _say_measured(
 
 def _write(
     duo: TwoPersonCapture, variations: list[tuple[Interaction, Scales]], places: list[Path]
-) -> tuple[list[Path], Fidelity, list[People]]:
+) -> tuple[list[Path], Fidelity, list[People], list[People]]:
     """Write all samples, to one Parquet file or each to its own output.
 
     Returns
     -------
-    The files, how well they hold the motions, and the people in them, of each sample.
+    The files, how well they hold the motions, and of each sample the people in them: their joints
+    of the model, and all joints.
     """
     moved = [duo.moved((pair.person_a, pair.person_b)) for pair, _ in variations]
     if is_parquet(places[0]):
@@ -369,11 +373,17 @@ def _write(
             names = _names(duo, len(variations))
             for name, (pair, _) in zip(names, variations, strict=True):
                 writer.add(name, pair)
-        return places, Fidelity(), [one.people for one in moved]
-    files, people, fidelity = list[Path](), list[People](), Fidelity()
+        exact = [one.people for one in moved]
+        return places, Fidelity(), exact, exact
+    files, fidelity = list[Path](), Fidelity()
+    people, in_files = list[People](), list[People]()
     for number, (one, (_, scales), out) in enumerate(zip(moved, variations, places, strict=True)):
-        written = write_two_people(one, (scales[0], scales[1]), str(number), out)
+        written = write_two_people(
+            one, (scales[0], scales[1]), str(number), out,
+            f"sample {number}" if len(variations) > 1 else "",
+        )  # fmt: skip
         files += written.files
         fidelity += written.fidelity
         people.append(written.people)
-    return files, fidelity, people
+        in_files.append(written.bodies)
+    return files, fidelity, people, in_files

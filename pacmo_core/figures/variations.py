@@ -162,7 +162,6 @@ PRINTED = (
     "contacts_kept",
     "knee_change_p95",
     "elbow_change_p95",
-    "shoulder_change_p95",
     "spine_change_p95",
     "spine_bend",
     "pelvis_height_error",

@@ -153,7 +153,10 @@ def test_several_bodies_come_as_a_folder_each_as_if_alone(
     said = pacmo(*words, "--profile", "b=child,long_arms", "--out", tmp_path / "out")
     assert said.exit_code == 0, said.output
     assert "person a to head=1.1 and person b to child,long_arms ..." in said.output
-    for name in ("child", "long_arms"):
+    lines = said.output.splitlines()
+    for number, name in enumerate(("child", "long_arms"), start=1):
+        heading = lines.index(f"bodies {number} of 2, person b as {name}:")
+        assert lines[heading + 1].startswith("written on the rig")
         out = tmp_path / name
         assert pacmo(*words, "--profile", f"b={name}", "--out", out).exit_code == 0
         alone, among = read(out), read(tmp_path / "out" / name)

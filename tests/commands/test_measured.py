@@ -9,6 +9,7 @@ import pytest
 from pacmo_core.commands.augment import read_solver_section
 from pacmo_core.commands.captures import TwoPersonCapture
 from pacmo_core.commands.measured import Measured, measure_written
+from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.registry import PersonMotion
 from tests.commands.test_augment import CLIP
 
@@ -89,3 +90,40 @@ def test_a_bone_that_turns_and_a_joint_that_jumps_in_one_frame_are_named() -> No
     assert f"in frame 7 ({time:.2f} s), wanted at most 150 (in the capture at most " in jolt
     same = measure_written(still, jumps[:1], [(SAME, SAME)], SECTION.solver)
     assert not same.peaks, "the capture itself has no added turn and no jolt"
+
+
+def test_new_contacts_are_counted_beside_those_that_are_kept() -> None:
+    b = replace(B, motion=B.motion + (A.motion - B.motion).mean(axis=(0, 1)) + np.float32(0.03))
+    found = measured((A, B), (A, b))
+    distances = [
+        np.linalg.norm(A.motion[:, :, None] - person.motion[:, None], axis=-1) for person in (B, b)
+    ]
+    before, after = (values < SECTION.solver.contact_distance for values in distances)
+    assert (found.contacts[0].kept, found.contacts[0].new) == (before.sum(), 0)
+    assert found.contacts[1].kept == (before & after).sum()
+    assert found.contacts[1].new == (after & ~before).sum() > 0
+    (line,) = (text for text in found.lines(SECTION.limits) if "new contacts" in text)
+    assert f"most {found.contacts[1].new:,} in sample 1" in line
+    assert "that are kept (pairs of joints and frames)" in line
+
+
+def test_bones_of_a_file_that_the_model_lacks_have_added_turns_too() -> None:
+    names = (*CLIP.skeleton.joints, "right_pinky")
+    parents = (*CLIP.skeleton.parents, CLIP.skeleton.joints.index("right_hand"))
+    whole = Skeleton("whole", names, parents, mirror_by_name(names))
+
+    def with_finger(person: PersonMotion) -> PersonMotion:
+        tip = person.motion[:, [parents[-1]]] + np.float32([0.05, 0, 0])
+        return PersonMotion(whole, person.times, np.concatenate([person.motion, tip], axis=1))
+
+    bodies = with_finger(A), with_finger(B)
+    turned = bodies[1].motion.copy()
+    turned[7:, -1] += np.float32([-0.05, 0.05, 0])  # by a right angle
+    in_files = [(bodies[0], replace(bodies[1], motion=turned))]
+    duo = replace(DUO, bodies=bodies)
+    scales = [(SAME, SAME)]
+    found = measure_written(duo, [(A, B)], scales, SECTION.solver, in_files=in_files)
+    (turn,) = found.peaks
+    assert "from one frame to the next: 90.0° in frame 7 " in turn
+    assert turn.endswith("0° in the capture (person b, bone to right_pinky)")
+    assert not measure_written(duo, [(A, B)], scales, SECTION.solver).peaks

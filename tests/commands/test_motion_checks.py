@@ -4,12 +4,20 @@ import numpy as np
 
 from pacmo_core.api import synthesise
 from pacmo_core.commands.motion_checks import motion_lines
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.skeleton import Skeleton, mirror_by_name
+from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.body_parts import capsule_radii
 from pacmo_core.interaction_mesh.scene import Scene
 
 TIMES = np.arange(60) / 30
 CLIP = next(iter(synthesise(1).values()))
 SKELETON = CLIP.skeleton
+
+
+def lines_of(partner: Motion, samples: Motion) -> list[str]:
+    people = [PersonMotion(SKELETON, TIMES, motion) for motion in (partner, *samples)]
+    return motion_lines(SKELETON, TIMES, partner, samples, people)
 
 
 def standing() -> np.ndarray:
@@ -21,8 +29,11 @@ def standing() -> np.ndarray:
 
 def test_a_still_reaction_has_no_fault() -> None:
     partner = standing()
-    (line,) = motion_lines(SKELETON, TIMES, partner, (partner + np.float32([2, 0, 0]))[None])
-    assert "the slower foot moves at 0 cm/s on average (the partner's at 0)" in line
+    (line,) = lines_of(partner, (partner + np.float32([2, 0, 0]))[None])
+    assert (
+        "the slower foot moves at 0 cm/s on average, wanted at most 30 cm/s (the partner's at 0)"
+        in line
+    )
     assert "the bodies are at most 0 cm deep in each other" in line
 
 
@@ -31,7 +42,7 @@ def test_the_sample_whose_joint_jumps_is_named() -> None:
     still = partner + np.float32([2, 0, 0])
     jumps = still.copy()
     jumps[12:, 1, 2] += 0.4  # 0.4 m in 1/30 s: 12 m/s from rest in 1/30 s
-    _, fault, hint = motion_lines(SKELETON, TIMES, partner, np.stack([still, jumps]))
+    _, fault, hint = lines_of(partner, np.stack([still, jumps]))
     joint = SKELETON.joints[1]
     assert fault == (
         f"sample 1 has a jolt: {joint} accelerates by 360 m/s² in frame 11 (0.37 s), wanted at "
@@ -44,7 +55,7 @@ def test_feet_that_glide_have_their_speed() -> None:
     partner = standing()
     glides = partner + np.float32([2, 0, 0])
     glides[..., 0] += 0.25 * TIMES[:, None]
-    (line,) = motion_lines(SKELETON, TIMES, partner, glides[None])
+    (line,) = lines_of(partner, glides[None])
     # The kernel reflects at both ends, where a motion of constant speed slows down.
     speed = float(line.split("moves at ")[1].split(" cm/s")[0])
     assert 22 < speed <= 25
@@ -55,7 +66,7 @@ def test_bodies_in_one_place_are_as_deep_as_the_widest_capsule() -> None:
     meets = partner + np.float32([2, 0, 0])
     meets[40] = partner[40]
     radii = capsule_radii(Scene((partner, partner), (SKELETON, SKELETON), 30.0))
-    lines = motion_lines(SKELETON, TIMES, partner, meets[None])
+    lines = lines_of(partner, meets[None])
     deep = f"sample 0: the bodies are {200 * radii.max():.1f} cm deep in each other at 1.33 s"
     assert lines[1].startswith(deep)
 
@@ -76,8 +87,35 @@ def test_the_largest_turn_of_a_bone_has_joint_frame_and_time() -> None:
     moved[18:, child] += (turned - bone[0]).astype(np.float32)
     foot = SKELETON.joints.index("left_foot")
     moved[18:, foot] += (turned - bone[0]).astype(np.float32)
-    first, *_ = motion_lines(SKELETON, TIMES, partner, np.stack([turns, moved]))
+    first, *_ = lines_of(partner, np.stack([turns, moved]))
     assert (
         "the bone to left_ankle turns most from one frame to the next, by 26.0° in frame 18 "
         "(0.60 s) of sample 1 (the partner's most: 0°)"
     ) in first
+
+
+def test_a_slower_foot_beyond_its_limit_is_named_with_its_sample() -> None:
+    partner = standing()
+    still = partner + np.float32([2, 0, 0])
+    glides = still.copy()
+    glides[..., 0] += 0.4 * TIMES[:, None]
+    _, fault, _ = lines_of(partner, np.stack([still, glides]))
+    assert fault.startswith("sample 1: the slower foot moves at 3")
+    assert fault.endswith(" cm/s on average, wanted at most 30 cm/s")
+
+
+def test_bones_of_the_file_that_the_model_lacks_have_turns_too() -> None:
+    partner = standing()
+    still = partner + np.float32([2, 0, 0])
+    names = (*SKELETON.joints, "right_pinky")
+    parents = (*SKELETON.parents, SKELETON.joints.index("right_hand"))
+    whole = Skeleton("whole", names, parents, mirror_by_name(names))
+    tips = still[:, [parents[-1]]] + np.float32([0.05, 0, 0])
+    tips[30:] += np.float32([-0.05, 0.05, 0])  # by a right angle
+    in_file = PersonMotion(whole, TIMES, np.concatenate([still, tips], axis=1))
+    own = PersonMotion(SKELETON, TIMES, partner)
+    (line,) = motion_lines(SKELETON, TIMES, partner, still[None], [own, in_file])
+    assert (
+        "the bone to right_pinky turns most from one frame to the next, by 90.0° in frame 30 "
+        "(1.00 s) (the partner's most: 0°)"
+    ) in line

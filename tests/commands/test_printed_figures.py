@@ -82,6 +82,12 @@ def check(
     assert joints, said
     assert float(joints[1]) == pytest.approx(1e3 * np.mean(errors), abs=0.06)
     assert float(joints[2]) == pytest.approx(1e3 * np.max(errors), abs=0.06)
+    place = re.search(r"mm at most \((\w+) in frame (\d+) \(([\d.]+) s\) of (.*?)\)[ ;]", said)
+    assert place, said
+    number = int("_B.bvh" in place[4] or place[4] == "person b")
+    frame, joint = int(place[2]), SBU15.joints.index(place[1])
+    assert 1e3 * errors[number][frame, joint] == pytest.approx(float(joints[2]), abs=0.06)
+    assert float(place[3]) == pytest.approx(CLIP.times[frame] - CLIP.times[0], abs=0.01)
     printed = re.search(r"; ([\d.]+) % of the (\d+) touches", said)
     touch = distances(wanted) < CONTACT
     assert (touch.any() and share) == (printed is not None)
@@ -89,6 +95,17 @@ def check(
         held = (distances(found) < CONTACT)[touch].mean()
         assert float(printed[1]) == pytest.approx(100 * held, abs=0.06)
         assert int(printed[2]) == touch.sum()
+        missed = np.where(touch, distances(found), 0)
+        named = re.search(
+            r"are kept, the farthest missed (\w+) of person a and (\w+) of b in frame (\d+) "
+            r"\(.*?\): ([\d.]+) cm",
+            said,
+        )
+        assert (missed.max() >= CONTACT) == (named is not None)
+        if named:
+            a, b = SBU15.joints.index(named[1]), SBU15.joints.index(named[2])
+            assert missed[int(named[3]), a, b] == pytest.approx(missed.max())
+            assert 100 * missed.max() == pytest.approx(float(named[4]), abs=0.06)
 
 
 @pytest.mark.parametrize("form", ["bvh", "clips", ".npz", ".csv", ".parquet"])
@@ -100,7 +117,7 @@ def test_augment_prints_what_is_in_the_files(form: str, tmp_path: Path) -> None:
     said = run(*words, "--out", tmp_path / "files")
     found = read(tmp_path / "files", exact.skeleton)
     check(said, (exact.person_a, exact.person_b), found, share=False)
-    assert said.count("contacts") == 1, "one share, under the name that the docs define"
+    assert said.count("contacts kept") == 1, "one share, under the name that the docs define"
     printed = re.search(r"contacts kept ([\d.]+) %", said)
     assert printed
     source = (PAIR.person_a, PAIR.person_b)

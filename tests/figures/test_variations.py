@@ -75,7 +75,6 @@ def test_measurements_have_a_line_each_in_practical_units_beside_limit_and_perso
         "contacts kept 99.0 % wanted at least 80.0 %",
         "knees 3.2° person a",
         "elbows 17.0° wanted at most 60.0°, person b",
-        "shoulders 8.0°",
         "spine 4.0°",
         "spine, one joint 6.5°",
         "pelvis height 1.30 cm",
