@@ -182,7 +182,7 @@ def test_a_table_is_a_partner_like_any_capture(
     ((_, wanted_pair),) = stream_motions(wanted)
     for name in ("pair", "alone"):
         ((_, made),) = stream_motions(tmp_path / f"{name}.out.parquet")
-        np.testing.assert_allclose(made.person_b, wanted_pair.person_b, atol=1e-4)
+        np.testing.assert_allclose(made.person_b, wanted_pair.person_b, atol=5e-4)
 
 
 def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: Path) -> None:

@@ -120,7 +120,9 @@ def test_knees_and_elbows_bend_about_the_axes_of_the_rig(
         for side in ("Left", "Right"):
             angles = np.abs(angles_of[f"mixamorig:{side}{joint}"])
             bent.append(angles[:, axis].max())
-            assert np.quantile(np.delete(angles, axis, axis=1), 0.95) < 10
+            # Of a bend by about 90 degrees the first and the last angle are not determined.
+            others = np.delete(angles[angles[:, axis] < 75], axis, axis=1)
+            assert np.quantile(others, 0.95) < 10
     assert max(bent[:2]) > 40
     assert max(bent[2:]) > 20
 
