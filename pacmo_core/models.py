@@ -85,7 +85,7 @@ class Model:
         build = cast("Callable[..., TrainingLoop[Any]]", _import(self.training))
         loop = build(data.train, settings, validation=data.validation, device=device, **extra)
         if self.kind == "reaction":
-            fit = cast("Callable[..., None]", _import(_CONTACTS))
+            fit = cast("Callable[..., None]", _import(_FINISH))
             loop.complete = lambda trained: fit(trained, data)
         return loop
 
@@ -182,8 +182,8 @@ _ROWS = (
     _skeleton_prior("m_cnn", "M-CNN", "paper"),
     _skeleton_prior("m_gcn", "M-GCN", "paper"),
 )
-# What is fitted to a trained model of reactions: the contacts that its finish closes.
-_CONTACTS = "pacmo_core.reaction.inference:fit_contacts"
+# What is fitted to a trained model of reactions: what its finish knows of contacts and heights.
+_FINISH = "pacmo_core.reaction.inference:fit_finish"
 # Of constructors and of torch on a configuration or tensors that are not the model's.
 _FAULTS = (
     *(KeyError, TypeError, ValueError, AttributeError, IndexError),

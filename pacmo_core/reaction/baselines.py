@@ -32,6 +32,7 @@ from pacmo_core.reaction.data import (
     sample_motion_pairs,
 )
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
+from pacmo_core.reaction.heights import no_change
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import GruSettings, RegressionSettings
 from pacmo_core.training.loop import TrainingLoop
@@ -81,9 +82,11 @@ class Gru(nn.Module):
     Attributes
     ----------
     contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
+    height_model : (2, K) of ``heights.learn_heights``; changes nothing until it is learnt
     """
 
     contact_model: Tensor
+    height_model: Tensor
 
     def __init__(self, config: GruConfig) -> None:
         super().__init__()
@@ -100,6 +103,7 @@ class Gru(nn.Module):
         self.normalisation = Normalisation(channels=channels)
         contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
         self.register_buffer("contact_model", contact_model)
+        self.register_buffer("height_model", torch.from_numpy(no_change()).float())
 
     @property
     def skeleton(self) -> Skeleton:

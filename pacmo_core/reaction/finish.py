@@ -21,7 +21,7 @@ Weights are per frame and D^2 is in seconds, so the result depends little on the
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 
 import numpy as np
@@ -40,6 +40,7 @@ from pacmo_core.reaction.bones import (
     with_lengths,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
+from pacmo_core.reaction.heights import no_change, straighten
 from pacmo_core.reaction.stance import Floor, Mask, find_floor, find_stance, footholds, frame_runs
 from pacmo_core.reaction.steps import take_steps
 from pacmo_core.reaction.turns import resolve_turns
@@ -61,6 +62,20 @@ FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from g
 STENCIL = (1.0, -2.0, 1.0)  # of the second difference
 # Longer motions are solved in parts that overlap.
 PART_FRAMES, OVERLAP_FRAMES = 2048, 256
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What reactions to held-out partners taught.
+
+    Parameters
+    ----------
+    contacts : of ``contacts.learn_contacts``
+    heights : of ``heights.learn_heights``
+    """
+
+    contacts: Array
+    heights: Array = field(default_factory=no_change)
 
 
 @dataclass(frozen=True)
@@ -105,7 +120,7 @@ def finish(
     partner: Motion,
     times: NDArray[np.float64],
     skeleton: Skeleton,
-    contact_model: Array,
+    learnt: Learnt,
     lengths: Array | None = None,
 ) -> Motion:
     """Return the reaction with exact bones, planted feet and closed contacts.
@@ -115,7 +130,7 @@ def finish(
     reaction, partner : (T, J, 3) float32, metres, in the world, y up
     times : (T,) float64, seconds
     skeleton : of both people
-    contact_model : of ``contacts.learn_contacts``
+    learnt : Learnt
     lengths : (E,) metres, of the bones; None for the reaction's own. Contacts are those that the
         generated body predicts
 
@@ -125,12 +140,13 @@ def finish(
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
     own = median_lengths(reaction, skeleton)
-    whole = resolve_turns(reaction.astype(np.float64), fps, skeleton)
-    turning = whole.astype(np.float32)
-    stance = find_stance(turning, fps, skeleton)
-    whole[..., 1] += rise_to_floor(turning, partner, stance, fps, skeleton)[:, None]
+    turned = resolve_turns(reaction.astype(np.float64), fps, skeleton)
+    whole = straighten(turned, own, fps, skeleton, learnt.heights)
+    upright = whole.astype(np.float32)
+    stance = find_stance(upright, fps, skeleton)
+    whole[..., 1] += rise_to_floor(upright, partner, stance, fps, skeleton)[:, None]
     stepping = take_steps(whole, own, fps, skeleton).astype(np.float32)
-    contacts = predict_contacts(stepping, partner, fps, skeleton, contact_model)
+    contacts = predict_contacts(stepping, partner, fps, skeleton, learnt.contacts)
     if lengths is not None:
         ground = _ground(stepping, fps, skeleton)
         resized_body = with_lengths(stepping.astype(np.float64), lengths, ground, skeleton)

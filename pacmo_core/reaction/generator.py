@@ -15,6 +15,7 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
 from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.data import Condition
+from pacmo_core.reaction.heights import no_change
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
 
 
@@ -69,10 +70,12 @@ class Generator(nn.Module):
     Attributes
     ----------
     contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
+    height_model : (2, K) of ``heights.learn_heights``; changes nothing until it is learnt
     """
 
     points: Tensor
     contact_model: Tensor
+    height_model: Tensor
 
     def __init__(self, config: GeneratorConfig) -> None:
         super().__init__()
@@ -85,6 +88,7 @@ class Generator(nn.Module):
         )
         contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
         self.register_buffer("contact_model", contact_model)
+        self.register_buffer("height_model", torch.from_numpy(no_change()).float())
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
 
     @property

@@ -11,12 +11,15 @@ from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS
+from pacmo_core.data.segments import feet
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
+from pacmo_core.reaction.bones import median_lengths
 from pacmo_core.reaction.contacts import Pairs, find_pairs, learn_contacts
 from pacmo_core.reaction.data import Condition, expand_directions
-from pacmo_core.reaction.finish import finish
+from pacmo_core.reaction.finish import Learnt, finish
 from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.heights import learn_heights, pelvis_heights
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
@@ -27,10 +30,12 @@ from pacmo_core.reaction.windows import (
 )
 from pacmo_core.training.loop import TrainingData
 
+Heights = NDArray[np.float64]  # of ``pelvis_heights``
+
 # Bounds of memory: motions that go through the layers together, and times through the head.
 MAX_MOTIONS_PER_BATCH = 64
 MAX_TIMES_PER_BATCH = 4096
-# Of the reactions to which contacts are fitted: clips, evenly among those there are, and samples.
+# Of the reactions to which the finish is fitted: clips, evenly among those there are, and samples.
 MAX_FITTED_CLIPS, N_FITTED_SAMPLES, FITTING_SEED = 200, 2, 1
 
 
@@ -113,7 +118,7 @@ def finish_reactions(
 
     Parameters
     ----------
-    model : that generated them, and whose model of contacts is applied
+    model : that generated them, and whose models of contacts and heights are applied
     partner : PartnerMotion
     reactions : (S, T_out, J, 3) float32, metres, in the world
     lengths : (E,) metres, of the bones of the person who reacts; None for each reaction's own
@@ -123,18 +128,21 @@ def finish_reactions(
     (S, T_out, J, 3) float32, metres
     """
     poses = sample_poses(Spline(partner.times, partner.motion), partner.out_times)
-    contact_model = model.contact_model.cpu().numpy().astype(np.float64)
+    tensors = (model.contact_model, model.height_model)
+    learnt = Learnt(*(tensor.cpu().numpy().astype(np.float64) for tensor in tensors))
     # Another number of threads rounds differently.
     with threadpool_limits(1, user_api="blas"):
         finished = [
-            finish(reaction, poses, partner.out_times, model.skeleton, contact_model, lengths)
+            finish(reaction, poses, partner.out_times, model.skeleton, learnt, lengths)
             for reaction in reactions
         ]
     return np.stack(finished)
 
 
-def fit_contacts(model: ReactionModel, data: TrainingData[Interaction]) -> None:
-    """Learn ``model.contact_model`` in place, on validation clips; without any, on training clips.
+def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
+    """Learn what the finish knows, in place, on validation clips; without any, on training clips.
+
+    It is ``model.contact_model`` and ``model.height_model``.
 
     Reactions to training partners are nearer to the captured ones than those to others, and would
     teach that a hand that stops short has not arrived.
@@ -154,16 +162,17 @@ def fit_contacts(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     usable = [(clip, label if known else "") for clip, label in labelled]
     usable = [pair for pair in usable if not known or pair[1] in known]
     chosen = np.unique(np.linspace(0, len(usable) - 1, MAX_FITTED_CLIPS).round().astype(int))
-    learnt = learn_contacts(
-        _contact_pairs(model, [usable[i] for i in chosen if usable]), model.skeleton
-    )
-    model.contact_model.copy_(torch.from_numpy(learnt))
+    examples = list(_examples(model, [usable[i] for i in chosen if usable]))
+    contacts = learn_contacts((pairs for pairs, _ in examples), model.skeleton)
+    model.contact_model.copy_(torch.from_numpy(contacts))
+    learnt = learn_heights(heights for _, heights in examples)
+    model.height_model.copy_(torch.from_numpy(learnt))
 
 
-def _contact_pairs(
+def _examples(
     model: ReactionModel, labelled: Sequence[tuple[Interaction, str]]
-) -> Iterator[tuple[Pairs, Pairs]]:
-    """Yield the pairs of joints of generated and of captured reactions."""
+) -> Iterator[tuple[tuple[Pairs, Pairs], tuple[Heights, Heights]]]:
+    """Yield the pairs of joints, and the heights, of generated and of captured reactions."""
     random = torch.Generator().manual_seed(FITTING_SEED)
     n_samples = 1 if is_deterministic(model) else N_FITTED_SAMPLES
     for clip, label in labelled:
@@ -172,9 +181,23 @@ def _contact_pairs(
             partner = PartnerMotion(directed.person_a, times, times, label)
             (reactions,) = react_all(model, [partner], n_samples=n_samples, random=random)
             fps = float(1 / np.median(np.diff(times)))
-            captured = find_pairs(directed.person_b, directed.person_a, fps, model.skeleton)
-            for reaction in reactions:
-                yield find_pairs(reaction, directed.person_a, fps, model.skeleton), captured
+            captured, *generated = [
+                (
+                    find_pairs(motion, directed.person_a, fps, model.skeleton),
+                    _heights(motion, model),
+                )
+                for motion in (directed.person_b, *reactions)
+            ]
+            for pairs, heights in generated:
+                yield (pairs, captured[0]), (heights, captured[1])
+
+
+def _heights(motion: Motion, model: ReactionModel) -> Heights:
+    """``(T,)`` of the pelvis; nothing of a body without feet."""
+    if not feet(model.skeleton):
+        return np.zeros(0)
+    lengths = median_lengths(motion, model.skeleton)
+    return pelvis_heights(motion.astype(np.float64), lengths, model.skeleton)
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:

@@ -10,14 +10,14 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.data.transforms import Frame
 from pacmo_core.reaction import finish as finish_module
 from pacmo_core.reaction.contacts import end_effector_groups, no_contacts
-from pacmo_core.reaction.finish import FrameFinish, finish
+from pacmo_core.reaction.finish import FrameFinish, Learnt, finish
 from tests.reaction.problems import REST, delayed_mirror
 from tests.strategies import make_interaction
 
 HAND, FOOT = SBU15.joints.index("left_hand"), SBU15.joints.index("left_foot")
 LIMB = SBU15.indices(["left_shoulder", "left_elbow", "left_hand"])
 FEET = SBU15.indices(["left_foot", "right_foot"])
-NONE = no_contacts(SBU15)
+NONE = Learnt(no_contacts(SBU15))
 
 
 def closing_hands() -> np.ndarray:
@@ -186,8 +186,8 @@ def test_a_long_motion_in_parts_is_that_in_one_solve(monkeypatch):
 
 def test_a_skeleton_without_named_limbs_is_finished_too():
     clip = make_interaction(np.random.default_rng(0))
-    contact_model = no_contacts(clip.skeleton)
-    found = finish(clip.person_b, clip.person_a, clip.times, clip.skeleton, contact_model)
+    learnt = Learnt(no_contacts(clip.skeleton))
+    found = finish(clip.person_b, clip.person_a, clip.times, clip.skeleton, learnt)
     lengths = bone_lengths(found, clip.skeleton)
     np.testing.assert_allclose(lengths, lengths[:1].repeat(len(lengths), axis=0), rtol=1e-5)
 

@@ -5,7 +5,7 @@ import pytest
 
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
+from pacmo_core.reaction.finish import Learnt, finish
 from pacmo_core.reaction.stance import ANKLE_SHARE, find_floor, leg_length
 from tests.strategies import make_interaction
 
@@ -77,7 +77,7 @@ def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(low: float, rise: fl
     partner, given = standing(LEG), standing(LEG, (0.0, 2.0))
     given[..., 1] -= low
     times = np.arange(len(given)) / 30.0
-    there = finish(given, partner, times, NTU25, no_contacts(NTU25))
+    there = finish(given, partner, times, NTU25, Learnt(no_contacts(NTU25)))
     # Beyond a chair's height the two stand on floors of their own.
     np.testing.assert_allclose(there[..., 1], given[..., 1] + rise, atol=2e-3)
 

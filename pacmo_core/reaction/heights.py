@@ -1,0 +1,102 @@
+"""Heights of the pelvis: a body that crouches more than people do is straightened.
+
+A generator's pelvis drifts up and down by centimetres, and exact bones turn that into knees: it
+squats. The height of the pelvis over the lower foot, relative to the legs, has another distribution
+in generated than in captured motion. It is brought to the captured one by its quantiles (Panofsky
+and Brier 1958): the lowest generated heights become the lowest captured ones, in their order, so
+that people who sit or fall in the captures still do. Feet stay where they are.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from pacmo_core.data.segments import feet
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.bones import MIN_LENGTH, lengths_by_joint, set_bone_lengths, set_legs
+
+Array = NDArray[np.float64]
+
+SHARES = np.linspace(0.005, 0.995, 25)  # of the quantiles
+MIN_FRAMES = 50  # of which quantiles are learnt
+SMOOTHING = 0.08  # seconds, standard deviation of the filter on the change of height
+SLACK = 0.02  # of the legs' length, of ``set_legs``
+
+
+def no_change() -> Array:
+    """``(2, K)``: the model of heights that changes none."""
+    return np.zeros((2, len(SHARES)))
+
+
+def pelvis_heights(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
+    """``(T,)``: height of the root over the lower ankle, by the legs' length; of two feet or more.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, y up
+    lengths : (E,) metres, of the bones
+    skeleton : of the motion
+    """
+    ankles = [foot[0] for foot in feet(skeleton)]
+    over = motion[:, skeleton.root, 1] - motion[:, ankles, 1].min(axis=1)
+    return np.asarray(over / _leg_length(lengths, skeleton), dtype=np.float64)
+
+
+def learn_heights(pairs: Iterable[tuple[Array, Array]]) -> Array:
+    """Learn the quantiles of the heights of the pelvis.
+
+    Parameters
+    ----------
+    pairs : (T,) of generated reactions, and of the captured reaction to the same partner, of
+        ``pelvis_heights``
+
+    Returns
+    -------
+    (2, K): of generated and of captured ones
+    """
+    both = list(pairs)
+    if sum(len(generated) for generated, _ in both) < MIN_FRAMES:
+        return no_change()
+    generated, captured = (np.concatenate(heights) for heights in zip(*both, strict=True))
+    return np.stack([np.quantile(generated, SHARES), np.quantile(captured, SHARES)])
+
+
+def straighten(
+    motion: Array, lengths: Array, fps: float, skeleton: Skeleton, height_model: Array
+) -> Array:
+    """Move a body above its feet so that the height of its pelvis is one of captured motion.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, y up
+    lengths : (E,) metres, of the bones
+    fps : frames per second
+    skeleton : of the motion
+    height_model : of ``learn_heights``
+
+    Returns
+    -------
+    (T, J, 3) metres
+    """
+    if not height_model.any() or not feet(skeleton):
+        return motion
+    heights = pelvis_heights(motion, lengths, skeleton)
+    change = (np.interp(heights, *height_model) - heights) * _leg_length(lengths, skeleton)
+    rise = gaussian_filter1d(change, SMOOTHING * fps, mode="nearest")
+    legs = [joint for foot in feet(skeleton) for joint in (skeleton.parents[foot[0]], *foot)]
+    moved = motion.copy()
+    moved[..., 1] += rise[:, None]
+    exact = set_bone_lengths(moved, lengths, skeleton)
+    set_legs(exact, motion, np.full(motion.shape[:2], -np.inf), lengths, skeleton, SLACK)
+    moved[:, legs] = exact[:, legs]
+    return moved
+
+
+def _leg_length(lengths: Array, skeleton: Skeleton) -> float:
+    """Metres from hip to ankle, the mean of the legs."""
+    length_of = lengths_by_joint(lengths, skeleton)
+    ankles = [foot[0] for foot in feet(skeleton)]
+    legs = [joint for ankle in ankles for joint in (ankle, skeleton.parents[ankle])]
+    return max(sum(length_of.get(joint, 0.0) for joint in legs) / len(ankles), MIN_LENGTH)
