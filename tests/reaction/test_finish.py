@@ -28,7 +28,7 @@ def closing_hands() -> np.ndarray:
     return model
 
 
-CLOSING = closing_hands()
+CLOSING = Learnt(closing_hands())
 
 
 def standing(n_frames: int = 60, fps: float = 30.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
