@@ -35,6 +35,7 @@ from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from pacmo_core.reaction.heights import no_change
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import GruSettings, RegressionSettings
+from pacmo_core.reaction.travel import NO_LIMIT
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer
 
@@ -83,10 +84,12 @@ class Gru(nn.Module):
     ----------
     contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
     height_model : (2, K) of ``heights.learn_heights``; changes nothing until it is learnt
+    max_speed : (1,) metres per second of a captured root; no limit until it is learnt
     """
 
     contact_model: Tensor
     height_model: Tensor
+    max_speed: Tensor
 
     def __init__(self, config: GruConfig) -> None:
         super().__init__()
@@ -104,6 +107,7 @@ class Gru(nn.Module):
         contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
         self.register_buffer("contact_model", contact_model)
         self.register_buffer("height_model", torch.from_numpy(no_change()).float())
+        self.register_buffer("max_speed", torch.full((1,), NO_LIMIT))
 
     @property
     def skeleton(self) -> Skeleton:

@@ -43,6 +43,7 @@ from pacmo_core.reaction.contacts import Contacts, predict_contacts
 from pacmo_core.reaction.heights import no_change, straighten
 from pacmo_core.reaction.stance import Floor, Mask, find_floor, find_stance, footholds, frame_runs
 from pacmo_core.reaction.steps import take_steps
+from pacmo_core.reaction.travel import NO_LIMIT, slow_down
 from pacmo_core.reaction.turns import resolve_turns
 
 Array = NDArray[np.float64]
@@ -72,10 +73,12 @@ class Learnt:
     ----------
     contacts : of ``contacts.learn_contacts``
     heights : of ``heights.learn_heights``
+    max_speed : (1,) metres per second, the largest of a captured root over the floor
     """
 
     contacts: Array
     heights: Array = field(default_factory=no_change)
+    max_speed: Array = field(default_factory=lambda: np.array([NO_LIMIT]))
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,7 @@ def finish(
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
     own = median_lengths(reaction, skeleton)
     turned = resolve_turns(reaction.astype(np.float64), fps, skeleton)
+    turned += slow_down(turned[:, skeleton.root], fps, float(learnt.max_speed[0]))[:, None]
     whole = straighten(turned, own, fps, skeleton, learnt.heights)
     upright = whole.astype(np.float32)
     stance = find_stance(upright, fps, skeleton)

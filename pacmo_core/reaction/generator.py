@@ -17,6 +17,7 @@ from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.heights import no_change
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
+from pacmo_core.reaction.travel import NO_LIMIT
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,13 @@ class Generator(nn.Module):
     ----------
     contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
     height_model : (2, K) of ``heights.learn_heights``; changes nothing until it is learnt
+    max_speed : (1,) metres per second of a captured root; no limit until it is learnt
     """
 
     points: Tensor
     contact_model: Tensor
     height_model: Tensor
+    max_speed: Tensor
 
     def __init__(self, config: GeneratorConfig) -> None:
         super().__init__()
@@ -89,6 +92,7 @@ class Generator(nn.Module):
         contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
         self.register_buffer("contact_model", contact_model)
         self.register_buffer("height_model", torch.from_numpy(no_change()).float())
+        self.register_buffer("max_speed", torch.full((1,), NO_LIMIT))
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
 
     @property

@@ -20,6 +20,7 @@ from pacmo_core.reaction.data import Condition, expand_directions
 from pacmo_core.reaction.finish import Learnt, finish
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.heights import learn_heights, pelvis_heights
+from pacmo_core.reaction.travel import NO_LIMIT, peak_speed
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
@@ -128,7 +129,7 @@ def finish_reactions(
     (S, T_out, J, 3) float32, metres
     """
     poses = sample_poses(Spline(partner.times, partner.motion), partner.out_times)
-    tensors = (model.contact_model, model.height_model)
+    tensors = (model.contact_model, model.height_model, model.max_speed)
     learnt = Learnt(*(tensor.cpu().numpy().astype(np.float64) for tensor in tensors))
     # Another number of threads rounds differently.
     with threadpool_limits(1, user_api="blas"):
@@ -142,7 +143,7 @@ def finish_reactions(
 def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     """Learn what the finish knows, in place, on validation clips; without any, on training clips.
 
-    It is ``model.contact_model`` and ``model.height_model``.
+    It is ``model.contact_model``, ``model.height_model`` and ``model.max_speed``.
 
     Reactions to training partners are nearer to the captured ones than those to others, and would
     teach that a hand that stops short has not arrived.
@@ -162,11 +163,18 @@ def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     usable = [(clip, label if known else "") for clip, label in labelled]
     usable = [pair for pair in usable if not known or pair[1] in known]
     chosen = np.unique(np.linspace(0, len(usable) - 1, MAX_FITTED_CLIPS).round().astype(int))
-    examples = list(_examples(model, [usable[i] for i in chosen if usable]))
+    examples_of = [usable[i] for i in chosen if usable]
+    examples = list(_examples(model, examples_of))
     contacts = learn_contacts((pairs for pairs, _ in examples), model.skeleton)
     model.contact_model.copy_(torch.from_numpy(contacts))
     learnt = learn_heights(heights for _, heights in examples)
     model.height_model.copy_(torch.from_numpy(learnt))
+    speeds = [
+        peak_speed(motion[:, model.skeleton.root], float(1 / np.median(np.diff(clip.times))))
+        for clip, _ in examples_of
+        for motion in (clip.person_a, clip.person_b)
+    ]
+    model.max_speed.fill_(max(speeds, default=NO_LIMIT))
 
 
 def _examples(

@@ -39,9 +39,7 @@ SWING_SECONDS = 0.1  # within which a foot that steps is lifted
 # Of a joint of legs that step, in metres per second (squared), as in captured walking: a body that
 # is faster glides on.
 MAX_SPEED, MAX_ACCELERATION = 4.5, 90.0
-# Standard deviations of the filter on the path of a body that glides: the first that makes it no
-# faster than people walk the few steps between them.
-EVEN_SECONDS, TRAVEL_SPEED = (0.2, 0.3, 0.4, 0.5, 0.6), 1.3  # seconds, metres per second
+EVEN_SECONDS = 0.2  # standard deviation of the filter on the path of a body that glides
 SLACK = 0.02  # of the legs' length, of ``set_legs``
 FADE_SECONDS = 0.15  # from steps to a glide
 
@@ -202,15 +200,11 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
 
 
 def _evening(path: Array, fps: float) -> Array:
-    """``(T, 3)`` metres over the floor, from a path to a smoother, slower one of the same ends."""
+    """``(T, 3)`` metres over the floor, from a path to a smoother one of the same ends."""
     first, last = path[:1], path[-1:]
     # Reflected about its ends, the path keeps them.
     longer = np.concatenate([2 * first - path[:0:-1], path, 2 * last - path[-2::-1]])
-    for seconds in EVEN_SECONDS:
-        smooth = gaussian_filter1d(longer, seconds * fps, axis=0)[len(path) - 1 : -len(path) + 1]
-        steps = np.linalg.norm(np.diff(smooth[:, [0, 2]], axis=0), axis=-1)
-        if steps.max() * fps < TRAVEL_SPEED:
-            break
+    smooth = gaussian_filter1d(longer, EVEN_SECONDS * fps, axis=0)[len(path) - 1 : -len(path) + 1]
     return np.asarray((smooth - path) * [1, 0, 1])
 
 
