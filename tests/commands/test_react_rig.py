@@ -155,7 +155,7 @@ def test_files_are_in_the_unit_and_axes_of_the_rig_or_those_that_are_stated(
     found = read_bvh(tmp_path / "x_0_B.bvh")
     assert found.joints[0] == "mixamorig:Reference"
     on_rig = model_joints(found, made.skeleton, unit)
-    assert np.linalg.norm(on_rig - wanted, axis=-1).mean() < 0.015
+    assert np.linalg.norm(on_rig - wanted, axis=-1).mean() < 0.02
     # At another rate the partner is on the joints of the model.
     partner = read_bvh(tmp_path / "x_0_A.bvh")
     assert set(made.skeleton.joints) <= set(partner.joints)
