@@ -23,7 +23,6 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
 from pacmo_core.operators.spline import Spline
 from pacmo_core.operators.uno import u_shape_config
-from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
@@ -32,10 +31,9 @@ from pacmo_core.reaction.data import (
     sample_motion_pairs,
 )
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
-from pacmo_core.reaction.heights import no_change
 from pacmo_core.reaction.inputs import Normalisation
+from pacmo_core.reaction.learnt import LearntModule
 from pacmo_core.reaction.settings import GruSettings, RegressionSettings
-from pacmo_core.reaction.travel import NO_LIMIT
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer
 
@@ -82,14 +80,8 @@ class Gru(nn.Module):
 
     Attributes
     ----------
-    contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
-    height_model : (2, K) of ``heights.learn_heights``; changes nothing until it is learnt
-    max_speed : (1,) metres per second of a captured root; no limit until it is learnt
+    learnt : of the finish; changes nothing until it is learnt
     """
-
-    contact_model: Tensor
-    height_model: Tensor
-    max_speed: Tensor
 
     def __init__(self, config: GruConfig) -> None:
         super().__init__()
@@ -104,10 +96,7 @@ class Gru(nn.Module):
             nn.Linear(hidden, channels),
         )
         self.normalisation = Normalisation(channels=channels)
-        contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
-        self.register_buffer("contact_model", contact_model)
-        self.register_buffer("height_model", torch.from_numpy(no_change()).float())
-        self.register_buffer("max_speed", torch.full((1,), NO_LIMIT))
+        self.learnt = LearntModule(config.skeleton)
 
     @property
     def skeleton(self) -> Skeleton:

@@ -15,7 +15,7 @@ from pacmo_core.data.skeleton import Skeleton
 Array = NDArray[np.float64]
 
 MIN_LENGTH = 1e-9  # metres, below which a bone has no direction
-MIN_BEND = 0.02  # metres ahead of the line from hip to ankle, at least, of the direction of a knee
+MIN_BEND = 0.08  # metres ahead of the line from hip to ankle, at least, of the direction of a knee
 DOWN = np.array([0.0, -1.0, 0.0])
 
 
@@ -56,11 +56,8 @@ def with_lengths(motion: Array, lengths: Array, ground: Array, skeleton: Skeleto
     ground : (T,) metres, height of the ground beneath the body
     skeleton : of the motion
     """
-    own = lengths_by_joint(median_lengths(motion.astype(np.float32), skeleton), skeleton)
-    wanted = lengths_by_joint(lengths, skeleton)
-    shins = [foot[0] for foot in feet(skeleton)]
-    legs = [joint for ankle in shins for joint in (ankle, skeleton.parents[ankle]) if joint in own]
-    ratio = sum(wanted[j] for j in legs or own) / sum(own[j] for j in legs or own)
+    own = median_lengths(motion.astype(np.float32), skeleton)
+    ratio = leg_length(lengths, skeleton) / leg_length(own, skeleton)
     nearer = motion.copy()
     nearer[..., 1] = ground[:, None] + ratio * (motion[..., 1] - ground[:, None])
     moved = motion + (nearer - motion)[:, [skeleton.root]]
@@ -186,6 +183,26 @@ def raised(bone: Array, lowest: Array) -> Array:
     flat = np.linalg.norm(bone[..., [0, 2]], axis=-1)
     scale = np.sqrt(np.maximum(length**2 - height**2, 0)) / np.maximum(flat, MIN_LENGTH)
     return np.stack([scale * bone[..., 0], height, scale * bone[..., 2]], axis=-1)
+
+
+def leg_joints(skeleton: Skeleton) -> list[int]:
+    """List the joints of the legs below the hips: knee, ankle and those beyond it, foot by foot."""
+    return [joint for foot in feet(skeleton) for joint in (skeleton.parents[foot[0]], *foot)]
+
+
+def leg_length(lengths: Array, skeleton: Skeleton) -> float:
+    """Metres from hip to ankle, the mean of the legs; without legs the length of all bones.
+
+    Parameters
+    ----------
+    lengths : (E,) metres, of the bones
+    skeleton : of the bones
+    """
+    length_of = lengths_by_joint(lengths, skeleton)
+    ankles = [foot[0] for foot in feet(skeleton)]
+    joints = [joint for ankle in ankles for joint in (ankle, skeleton.parents[ankle])]
+    total = sum(length_of.get(joint, 0.0) for joint in joints or length_of)
+    return max(total / max(len(ankles), 1), MIN_LENGTH)
 
 
 def lengths_by_joint(lengths: Array, skeleton: Skeleton) -> dict[int, float]:

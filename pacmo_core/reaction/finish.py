@@ -21,8 +21,8 @@ Weights are per frame and D^2 is in seconds, so the result depends little on the
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from itertools import chain
+from dataclasses import dataclass
+from itertools import chain, combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,12 @@ from pacmo_core.reaction.bones import (
     with_lengths,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.heights import no_change, straighten
+from pacmo_core.reaction.heights import straighten
+from pacmo_core.reaction.learnt import Learnt
 from pacmo_core.reaction.stance import Floor, Mask, find_floor, find_stance, footholds, frame_runs
 from pacmo_core.reaction.steps import take_steps
-from pacmo_core.reaction.travel import NO_LIMIT, slow_down
+from pacmo_core.reaction.travel import spread_bursts
+from pacmo_core.reaction.trunk import shape_trunk, trunk_joints, trunk_size
 from pacmo_core.reaction.turns import resolve_turns
 
 Array = NDArray[np.float64]
@@ -63,22 +65,6 @@ FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from g
 STENCIL = (1.0, -2.0, 1.0)  # of the second difference
 # Longer motions are solved in parts that overlap.
 PART_FRAMES, OVERLAP_FRAMES = 2048, 256
-
-
-@dataclass(frozen=True)
-class Learnt:
-    """What reactions to held-out partners taught.
-
-    Parameters
-    ----------
-    contacts : of ``contacts.learn_contacts``
-    heights : of ``heights.learn_heights``
-    max_speed : (1,) metres per second, the largest of a captured root over the floor
-    """
-
-    contacts: Array
-    heights: Array = field(default_factory=no_change)
-    max_speed: Array = field(default_factory=lambda: np.array([NO_LIMIT]))
 
 
 @dataclass(frozen=True)
@@ -142,10 +128,11 @@ def finish(
     (T, J, 3) float32, metres
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
-    own = median_lengths(reaction, skeleton)
     turned = resolve_turns(reaction.astype(np.float64), fps, skeleton)
-    turned += slow_down(turned[:, skeleton.root], fps, float(learnt.max_speed[0]))[:, None]
-    whole = straighten(turned, own, fps, skeleton, learnt.heights)
+    shaped = shape_trunk(turned, skeleton, learnt.trunk)
+    own = median_lengths(shaped.astype(np.float32), skeleton)
+    calm = spread_bursts(shaped, fps, skeleton, learnt.max_speeds)
+    whole = straighten(calm, own, fps, skeleton, learnt.heights)
     upright = whole.astype(np.float32)
     stance = find_stance(upright, fps, skeleton)
     whole[..., 1] += rise_to_floor(upright, partner, stance, fps, skeleton)[:, None]
@@ -293,7 +280,7 @@ def _set_length(motion: Array, parent: int, joint: int, length: float) -> None:
 
 
 class FrameFinish:
-    """The part of a finish that needs no later frames: exact bones, and no feet below the floor.
+    """The part of a finish that needs no later frames: trunk, exact bones, no feet below the floor.
 
     The bones keep the lengths that they have in the first frames; a foot below the floor is
     raised to it. Planted feet and contacts need the frames that follow: whether a foot begins to
@@ -304,26 +291,38 @@ class FrameFinish:
     first : (S, T, J, 3) metres, of S reactions
     partner : (J, 3) metres, a pose that stands on the floor
     skeleton : of both
+    trunk_model : of ``trunk.learn_trunk``
     """
 
-    def __init__(self, first: Motion, partner: Motion, skeleton: Skeleton) -> None:
-        self.skeleton = skeleton
-        self.lengths = [median_lengths(motion, skeleton) for motion in first]
+    def __init__(
+        self, first: Motion, partner: Motion, skeleton: Skeleton, trunk_model: Array
+    ) -> None:
+        self.skeleton, self.trunk_model = skeleton, trunk_model
+        self.sizes = [trunk_size(motion.astype(np.float64), skeleton) for motion in first]
+        shaped = [
+            self._shape(motion.astype(np.float64), size).astype(np.float32)
+            for motion, size in zip(first, self.sizes, strict=True)
+        ]
+        self.lengths = [median_lengths(motion, skeleton) for motion in shaped]
         both_stand = np.ones((len(feet(skeleton)), 1), bool)
         floors = [
             rest_heights(motion[-1:], partner[None], both_stand, 1.0, skeleton)[0]
-            for motion in first
+            for motion in shaped
         ]
         self.floor = np.array(floors)
 
     def __call__(self, poses: Motion) -> Motion:
         """Finish the poses ``(S, J, 3)`` of one frame."""
-        given, result = poses.astype(np.float64), []
-        for pose, lengths, floor in zip(given, self.lengths, self.floor, strict=True):
-            exact = set_bone_lengths(pose, lengths, self.skeleton)
+        bodies = zip(poses.astype(np.float64), self.sizes, self.lengths, self.floor, strict=True)
+        result = []
+        for pose, size, lengths, floor in bodies:
+            exact = set_bone_lengths(self._shape(pose[None], size)[0], lengths, self.skeleton)
             set_legs(exact, exact.copy(), floor, lengths, self.skeleton)
             result.append(exact)
         return np.stack(result).astype(np.float32)
+
+    def _shape(self, motion: Array, size: float) -> Array:
+        return shape_trunk(motion, self.skeleton, self.trunk_model, size)
 
 
 class Solver:
@@ -339,10 +338,13 @@ class Solver:
 
     def __init__(self, motion: Array, targets: Targets, fps: float, skeleton: Skeleton) -> None:
         self.motion, self.targets = motion, targets
-        n_bones = len(skeleton.bones)
-        self.incidence = np.zeros((n_bones, motion.shape[1]))  # from joints to bones
-        self.incidence[range(n_bones), skeleton.bones[:, 0]] = -1
-        self.incidence[range(n_bones), skeleton.bones[:, 1]] = 1
+        links = np.concatenate([skeleton.bones, _struts(skeleton)])
+        self.incidence = np.zeros((len(links), motion.shape[1]))  # from joints to links
+        self.incidence[range(len(links)), links[:, 0]] = -1
+        self.incidence[range(len(links)), links[:, 1]] = 1
+        self.lengths = np.linalg.norm(
+            self.incidence @ set_bone_lengths(motion, targets.lengths, skeleton), axis=-1
+        )
         shape = motion.shape[:2]
         contacts = targets.contacts
         pull = np.zeros(shape)
@@ -353,7 +355,7 @@ class Solver:
         horizontal = position + pull + STANCE_WEIGHT * targets.stands
         vertical = position + pull + FLOOR_WEIGHT * self.on_floor + STANCE_WEIGHT * targets.rests
         self.factors = [
-            cholesky_banded(_banded(weights, smooth, skeleton), lower=True, check_finite=False)
+            cholesky_banded(_banded(weights, smooth, links), lower=True, check_finite=False)
             for weights in (horizontal, vertical)
         ]
         self.constant = position[..., None] * motion + smooth * _fourth_difference(motion)
@@ -365,9 +367,9 @@ class Solver:
         x, multiplier = self.motion, np.zeros((len(self.motion), len(self.incidence), 3))
         for _ in range(N_ITERATIONS):
             right = self.constant.copy()
-            bones = self.incidence @ x + multiplier
-            projected = resized(bones, self.targets.lengths)
-            multiplier = bones - projected
+            vectors = self.incidence @ x + multiplier
+            projected = resized(vectors, self.lengths)
+            multiplier = vectors - projected
             wanted = BONE_WEIGHT * (projected - multiplier)
             right += self.incidence.T @ wanted
             self._add_contacts(right, x)
@@ -403,16 +405,23 @@ def position_weights(skeleton: Skeleton) -> Array:
     return weights
 
 
-def _banded(weights: Array, smooth: float, skeleton: Skeleton) -> Array:
+def _struts(skeleton: Skeleton) -> NDArray[np.intp]:
+    """``(S, 2)``: pairs of joints of the trunk that no bone joins; they keep its shape."""
+    bones = {frozenset(bone) for bone in skeleton.bones.tolist()}
+    pairs = combinations(trunk_joints(skeleton), 2)
+    return np.array([pair for pair in pairs if frozenset(pair) not in bones]).reshape(-1, 2)
+
+
+def _banded(weights: Array, smooth: float, links: NDArray[np.intp]) -> Array:
     """Return the lower bands of the matrix of one axis, ``(2 J + 1, T J)``, frame by frame."""
     n_frames, n_joints = weights.shape
     bands = np.zeros((2 * n_joints + 1, n_frames, n_joints))
     bands[0] = weights
     for lag, values in enumerate(_fourth_difference_bands(n_frames)):
         bands[lag * n_joints] += smooth * values[:, None]
-    for parent, child in skeleton.bones.tolist():
-        bands[0, :, [parent, child]] += BONE_WEIGHT
-        bands[abs(parent - child), :, min(parent, child)] -= BONE_WEIGHT
+    for first, second in links.tolist():
+        bands[0, :, [first, second]] += BONE_WEIGHT
+        bands[abs(first - second), :, min(first, second)] -= BONE_WEIGHT
     flat = bands.reshape(len(bands), -1)
     return flat[: flat.shape[1]]
 

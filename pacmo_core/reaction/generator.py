@@ -13,11 +13,9 @@ from torch import Tensor, nn
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
-from pacmo_core.reaction.contacts import no_contacts
 from pacmo_core.reaction.data import Condition
-from pacmo_core.reaction.heights import no_change
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
-from pacmo_core.reaction.travel import NO_LIMIT
+from pacmo_core.reaction.learnt import LearntModule
 
 
 @dataclass(frozen=True)
@@ -70,15 +68,10 @@ class Generator(nn.Module):
 
     Attributes
     ----------
-    contact_model : (K, 4) of ``contacts.learn_contacts``; predicts none until it is learnt
-    height_model : (2, K) of ``heights.learn_heights``; changes nothing until it is learnt
-    max_speed : (1,) metres per second of a captured root; no limit until it is learnt
+    learnt : of the finish; changes nothing until it is learnt
     """
 
     points: Tensor
-    contact_model: Tensor
-    height_model: Tensor
-    max_speed: Tensor
 
     def __init__(self, config: GeneratorConfig) -> None:
         super().__init__()
@@ -89,10 +82,7 @@ class Generator(nn.Module):
         self.actions = (
             ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None
         )
-        contact_model = torch.from_numpy(no_contacts(config.skeleton)).float()
-        self.register_buffer("contact_model", contact_model)
-        self.register_buffer("height_model", torch.from_numpy(no_change()).float())
-        self.register_buffer("max_speed", torch.full((1,), NO_LIMIT))
+        self.learnt = LearntModule(config.skeleton)
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
 
     @property

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.bones import MIN_LENGTH, lengths_by_joint, set_bone_lengths, set_legs
+from pacmo_core.reaction.bones import leg_joints, leg_length, set_bone_lengths, set_legs
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def pelvis_heights(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
     """
     ankles = [foot[0] for foot in feet(skeleton)]
     over = motion[:, skeleton.root, 1] - motion[:, ankles, 1].min(axis=1)
-    return np.asarray(over / _leg_length(lengths, skeleton), dtype=np.float64)
+    return np.asarray(over / leg_length(lengths, skeleton), dtype=np.float64)
 
 
 def learn_heights(pairs: Iterable[tuple[Array, Array]]) -> Array:
@@ -83,20 +83,12 @@ def straighten(
     if not height_model.any() or not feet(skeleton):
         return motion
     heights = pelvis_heights(motion, lengths, skeleton)
-    change = (np.interp(heights, *height_model) - heights) * _leg_length(lengths, skeleton)
+    change = (np.interp(heights, *height_model) - heights) * leg_length(lengths, skeleton)
     rise = gaussian_filter1d(change, SMOOTHING * fps, mode="nearest")
-    legs = [joint for foot in feet(skeleton) for joint in (skeleton.parents[foot[0]], *foot)]
+    legs = leg_joints(skeleton)
     moved = motion.copy()
     moved[..., 1] += rise[:, None]
     exact = set_bone_lengths(moved, lengths, skeleton)
     set_legs(exact, motion, np.full(motion.shape[:2], -np.inf), lengths, skeleton, SLACK)
     moved[:, legs] = exact[:, legs]
     return moved
-
-
-def _leg_length(lengths: Array, skeleton: Skeleton) -> float:
-    """Metres from hip to ankle, the mean of the legs."""
-    length_of = lengths_by_joint(lengths, skeleton)
-    ankles = [foot[0] for foot in feet(skeleton)]
-    legs = [joint for ankle in ankles for joint in (ankle, skeleton.parents[ankle])]
-    return max(sum(length_of.get(joint, 0.0) for joint in legs) / len(ankles), MIN_LENGTH)

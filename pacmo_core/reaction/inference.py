@@ -12,15 +12,19 @@ from torch import Tensor
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.data.segments import feet
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
 from pacmo_core.reaction.bones import median_lengths
-from pacmo_core.reaction.contacts import Pairs, find_pairs, learn_contacts
+from pacmo_core.reaction.contacts import find_pairs, learn_contacts
 from pacmo_core.reaction.data import Condition, expand_directions
-from pacmo_core.reaction.finish import Learnt, finish
+from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.heights import learn_heights, pelvis_heights
-from pacmo_core.reaction.travel import NO_LIMIT, peak_speed
+from pacmo_core.reaction.learnt import Learnt
+from pacmo_core.reaction.travel import NO_LIMIT, peak_speeds
+from pacmo_core.reaction.trunk import learn_trunk, shape_trunk
+from pacmo_core.reaction.turns import resolve_turns
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
@@ -30,8 +34,6 @@ from pacmo_core.reaction.windows import (
     window_queries,
 )
 from pacmo_core.training.loop import TrainingData
-
-Heights = NDArray[np.float64]  # of ``pelvis_heights``
 
 # Bounds of memory: motions that go through the layers together, and times through the head.
 MAX_MOTIONS_PER_BATCH = 64
@@ -119,7 +121,7 @@ def finish_reactions(
 
     Parameters
     ----------
-    model : that generated them, and whose models of contacts and heights are applied
+    model : that generated them, whose finish is applied
     partner : PartnerMotion
     reactions : (S, T_out, J, 3) float32, metres, in the world
     lengths : (E,) metres, of the bones of the person who reacts; None for each reaction's own
@@ -129,8 +131,7 @@ def finish_reactions(
     (S, T_out, J, 3) float32, metres
     """
     poses = sample_poses(Spline(partner.times, partner.motion), partner.out_times)
-    tensors = (model.contact_model, model.height_model, model.max_speed)
-    learnt = Learnt(*(tensor.cpu().numpy().astype(np.float64) for tensor in tensors))
+    learnt = model.learnt.read()
     # Another number of threads rounds differently.
     with threadpool_limits(1, user_api="blas"):
         finished = [
@@ -141,9 +142,7 @@ def finish_reactions(
 
 
 def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
-    """Learn what the finish knows, in place, on validation clips; without any, on training clips.
-
-    It is ``model.contact_model``, ``model.height_model`` and ``model.max_speed``.
+    """Learn what the finish knows, ``model.learnt``, on validation clips; else on training clips.
 
     Reactions to training partners are nearer to the captured ones than those to others, and would
     teach that a hand that stops short has not arrived.
@@ -163,24 +162,14 @@ def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     usable = [(clip, label if known else "") for clip, label in labelled]
     usable = [pair for pair in usable if not known or pair[1] in known]
     chosen = np.unique(np.linspace(0, len(usable) - 1, MAX_FITTED_CLIPS).round().astype(int))
-    examples_of = [usable[i] for i in chosen if usable]
-    examples = list(_examples(model, examples_of))
-    contacts = learn_contacts((pairs for pairs, _ in examples), model.skeleton)
-    model.contact_model.copy_(torch.from_numpy(contacts))
-    learnt = learn_heights(heights for _, heights in examples)
-    model.height_model.copy_(torch.from_numpy(learnt))
-    speeds = [
-        peak_speed(motion[:, model.skeleton.root], float(1 / np.median(np.diff(clip.times))))
-        for clip, _ in examples_of
-        for motion in (clip.person_a, clip.person_b)
-    ]
-    model.max_speed.fill_(max(speeds, default=NO_LIMIT))
+    examples = list(_examples(model, [usable[i] for i in chosen if usable]))
+    model.learnt.store(_learn(examples, model.skeleton))
 
 
 def _examples(
     model: ReactionModel, labelled: Sequence[tuple[Interaction, str]]
-) -> Iterator[tuple[tuple[Pairs, Pairs], tuple[Heights, Heights]]]:
-    """Yield the pairs of joints, and the heights, of generated and of captured reactions."""
+) -> Iterator[tuple[Interaction, Motion]]:
+    """Yield clips in both directions, and a generated reaction to their first person."""
     random = torch.Generator().manual_seed(FITTING_SEED)
     n_samples = 1 if is_deterministic(model) else N_FITTED_SAMPLES
     for clip, label in labelled:
@@ -188,24 +177,44 @@ def _examples(
             times = directed.times
             partner = PartnerMotion(directed.person_a, times, times, label)
             (reactions,) = react_all(model, [partner], n_samples=n_samples, random=random)
-            fps = float(1 / np.median(np.diff(times)))
-            captured, *generated = [
-                (
-                    find_pairs(motion, directed.person_a, fps, model.skeleton),
-                    _heights(motion, model),
-                )
-                for motion in (directed.person_b, *reactions)
-            ]
-            for pairs, heights in generated:
-                yield (pairs, captured[0]), (heights, captured[1])
+            yield from ((directed, reaction) for reaction in reactions)
 
 
-def _heights(motion: Motion, model: ReactionModel) -> Heights:
+def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -> Learnt:
+    """Learn in the order in which a finish applies it: contacts and heights of shaped trunks."""
+    rates = [float(1 / np.median(np.diff(clip.times))) for clip, _ in examples]
+    generated = [
+        resolve_turns(reaction.astype(np.float64), fps, skeleton)
+        for (_, reaction), fps in zip(examples, rates, strict=True)
+    ]
+    captured = [clip.person_b.astype(np.float64) for clip, _ in examples]
+    trunk = learn_trunk(zip(generated, captured, strict=True), skeleton)
+    pairs, heights = [], []
+    for motion, (clip, _), fps in zip(generated, examples, rates, strict=True):
+        shaped = shape_trunk(motion, skeleton, trunk).astype(np.float32)
+        bodies = shaped, clip.person_b
+        generated_pairs, real_pairs = (
+            find_pairs(body, clip.person_a, fps, skeleton) for body in bodies
+        )
+        pairs.append((generated_pairs, real_pairs))
+        generated_heights, real_heights = (_heights(body, skeleton) for body in bodies)
+        heights.append((generated_heights, real_heights))
+    speeds = [
+        peak_speeds(motion, fps, skeleton) for motion, fps in zip(captured, rates, strict=True)
+    ]
+    return Learnt(
+        contacts=learn_contacts(pairs, skeleton),
+        heights=learn_heights(heights),
+        trunk=trunk,
+        max_speeds=np.max(speeds, axis=0) if speeds else np.array([NO_LIMIT, NO_LIMIT]),
+    )
+
+
+def _heights(motion: Motion, skeleton: Skeleton) -> NDArray[np.float64]:
     """``(T,)`` of the pelvis; nothing of a body without feet."""
-    if not feet(model.skeleton):
+    if not feet(skeleton):
         return np.zeros(0)
-    lengths = median_lengths(motion, model.skeleton)
-    return pelvis_heights(motion.astype(np.float64), lengths, model.skeleton)
+    return pelvis_heights(motion.astype(np.float64), median_lengths(motion, skeleton), skeleton)
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:

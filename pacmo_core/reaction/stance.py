@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from pacmo_core.data.interaction import Motion, bone_lengths
+from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.bones import leg_length, median_lengths
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -94,7 +95,7 @@ class Floor:
 
     def of(self, leg: float) -> Array:
         """``(K,)`` metres over the plane at which the feet of a person with such legs rest."""
-        return self.rest * (leg / self.leg if self.leg else 1.0)
+        return self.rest * (leg / self.leg)
 
 
 def find_floor(motion: Motion, stance: Mask, skeleton: Skeleton) -> Floor:
@@ -113,18 +114,9 @@ def find_floor(motion: Motion, stance: Mask, skeleton: Skeleton) -> Floor:
     prior = np.hstack([np.zeros((2, n_levels)), np.eye(2) / SLOPE_SPREAD])
     wanted = np.concatenate([places[:, 1] / HEIGHT_SPREAD, [0, 0]])
     found = np.linalg.lstsq(np.vstack([rows, prior]), wanted, rcond=None)[0]
-    leg = leg_length(motion, skeleton)
+    leg = leg_length(median_lengths(motion, skeleton), skeleton)
     height = found[0] - ANKLE_SHARE * leg
     return Floor(origin, float(height), found[n_levels:], found[:n_levels] - height, leg)
-
-
-def leg_length(motion: Motion, skeleton: Skeleton) -> float:
-    """Metres: the mean of the legs' median lengths, from the hip to the ankle."""
-    lengths = np.median(bone_lengths(motion, skeleton), axis=0)
-    of_joint = dict(zip(skeleton.bones[:, 1].tolist(), lengths.tolist(), strict=True))
-    ankles = [foot[0] for foot in feet(skeleton)]
-    knees = [skeleton.parents[ankle] for ankle in ankles]
-    return float(sum(of_joint.get(joint, 0.0) for joint in ankles + knees) / len(ankles))
 
 
 def _standing_joints(motion: Array, stance: Mask, skeleton: Skeleton) -> tuple[Array, Mask]:

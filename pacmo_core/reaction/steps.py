@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.bones import set_bone_lengths, set_legs
+from pacmo_core.reaction.bones import leg_joints, set_bone_lengths, set_legs
 from pacmo_core.reaction.stance import frame_runs
 from pacmo_core.reaction.turns import find_headings, smooth_step, turned
 
@@ -61,7 +61,7 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
     if len(feet(skeleton)) != 2 or len(motion) < 2:
         return motion
     headings = find_headings(motion, fps, skeleton)
-    legs = _legs(skeleton)
+    legs = leg_joints(skeleton)
     change = np.zeros((*motion.shape[:1], len(legs), 3))
     motion = motion.copy()
     for glide in find_glides(motion, fps, skeleton):
@@ -77,10 +77,6 @@ def take_steps(motion: Array, lengths: Array, fps: float, skeleton: Skeleton) ->
     return motion
 
 
-def _legs(skeleton: Skeleton) -> list[int]:
-    return [j for foot in feet(skeleton) for j in (skeleton.parents[foot[0]], *foot)]
-
-
 def _change(motion: Array, wanted: Array, lengths: Array, skeleton: Skeleton) -> Array:
     """``(T, K, 3)`` metres: how legs change if feet are where they are wanted, not where they are.
 
@@ -93,7 +89,7 @@ def _change(motion: Array, wanted: Array, lengths: Array, skeleton: Skeleton) ->
     after = before.copy()
     for body, places in ((before, motion), (after, wanted)):
         set_legs(body, places, nowhere, lengths, skeleton, SLACK)
-    return np.asarray((after - before)[:, _legs(skeleton)])
+    return np.asarray((after - before)[:, leg_joints(skeleton)])
 
 
 def find_lift(motion: Array, fps: float, skeleton: Skeleton) -> Array:

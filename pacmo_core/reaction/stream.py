@@ -93,7 +93,8 @@ class ReactionStream:
             # The reaction to a partner who stands still, in the whole of the first window.
             window = np.linspace(query.window.start, time, N_PADDING_POSES)
             first = self._evaluate(self._query(time, window))
-            self._finish = FrameFinish(first, pose, self._model.skeleton)
+            learnt = self._model.learnt.read()
+            self._finish = FrameFinish(first, pose, self._model.skeleton, learnt.trunk)
         return self._finish(self._evaluate(query)[:, 0])
 
     def _evaluate(self, query: WindowQuery) -> Motion:

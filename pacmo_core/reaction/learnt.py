@@ -1,0 +1,54 @@
+"""What a finish learnt from reactions to held-out partners, as arrays and as part of a model."""
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.contacts import no_contacts
+from pacmo_core.reaction.heights import no_change
+from pacmo_core.reaction.travel import NO_LIMIT
+from pacmo_core.reaction.trunk import unshaped
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What reactions to held-out partners taught.
+
+    Parameters
+    ----------
+    contacts : (K, 4) of ``contacts.learn_contacts``
+    heights : (2, K) of ``heights.learn_heights``
+    trunk : (D + 2, D) of ``trunk.learn_trunk``
+    max_speeds : (2,) of ``travel.peak_speeds``, the largest of captured motion
+    """
+
+    contacts: Array
+    heights: Array = field(default_factory=no_change)
+    trunk: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    max_speeds: Array = field(default_factory=lambda: np.array([NO_LIMIT, NO_LIMIT]))
+
+
+class LearntModule(nn.Module):
+    """The arrays of a ``Learnt`` as buffers, which change nothing until they are learnt."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        super().__init__()
+        for name, array in vars(Learnt(no_contacts(skeleton), trunk=unshaped(skeleton))).items():
+            self.register_buffer(name, torch.from_numpy(array).float())
+
+    def read(self) -> Learnt:
+        """Return the arrays."""
+        names = [entry.name for entry in fields(Learnt)]
+        arrays = {name: self.get_buffer(name).cpu().numpy() for name in names}
+        return Learnt(**{name: array.astype(np.float64) for name, array in arrays.items()})
+
+    def store(self, learnt: Learnt) -> None:
+        """Keep arrays of the same shapes."""
+        for name, array in vars(learnt).items():
+            self.get_buffer(name).copy_(torch.from_numpy(array))
