@@ -40,9 +40,10 @@ from pacmo_core.reaction.bones import (
     with_lengths,
 )
 from pacmo_core.reaction.contacts import Contacts, predict_contacts
+from pacmo_core.reaction.floor import MAX_ROLL, find_floor, rest_heights, set_down
 from pacmo_core.reaction.heights import straighten
 from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.stance import Floor, Mask, find_floor, find_stance, footholds, frame_runs
+from pacmo_core.reaction.stance import find_stance, footholds, frame_runs
 from pacmo_core.reaction.steps import take_steps
 from pacmo_core.reaction.travel import spread_bursts
 from pacmo_core.reaction.trunk import shape_trunk, trunk_joints, trunk_size
@@ -56,10 +57,6 @@ HINGE_WEIGHT, LIMB_WEIGHT = 0.4, 0.1
 ACCELERATION_WEIGHT = 1e-4  # s^4
 BONE_WEIGHT, STANCE_WEIGHT, FLOOR_WEIGHT, CONTACT_WEIGHT = 100.0, 400.0, 100.0, 30.0
 N_ITERATIONS = 20
-# Metres between the heights at which the two stand, beyond which they are not on one floor: more
-# than a generator errs, and less than a chair.
-FLOOR_TOLERANCE = 0.25
-MAX_ROLL = 0.04  # metres over the floor, up to which a joint of a foot that stands may rise
 MAX_FLOAT = 0.2  # metres over the floor, up to which a body that no foot carries is set on it
 FLOOR_MARGIN = 0.02  # metres above the floor, below which a foot is kept from going through it
 STENCIL = (1.0, -2.0, 1.0)  # of the second difference
@@ -132,11 +129,9 @@ def finish(
     shaped = shape_trunk(turned, skeleton, learnt.trunk)
     own = median_lengths(shaped.astype(np.float32), skeleton)
     calm = spread_bursts(shaped, fps, skeleton, learnt.max_speeds)
-    whole = straighten(calm, own, fps, skeleton, learnt.heights)
-    upright = whole.astype(np.float32)
-    stance = find_stance(upright, fps, skeleton)
-    whole[..., 1] += rise_to_floor(upright, partner, stance, fps, skeleton)[:, None]
-    stepping = take_steps(whole, own, fps, skeleton).astype(np.float32)
+    standing = set_down(calm, partner, fps, skeleton)
+    upright = straighten(standing, own, fps, skeleton, learnt.heights)
+    stepping = take_steps(upright, own, fps, skeleton).astype(np.float32)
     contacts = predict_contacts(stepping, partner, fps, skeleton, learnt.contacts)
     if lengths is not None:
         ground = _ground(stepping, fps, skeleton)
@@ -216,57 +211,6 @@ def _support(
         rests[frames] = 1
         anchor[..., 1][frames] = floor[frames]
     return rests
-
-
-def rest_heights(
-    reaction: Motion, partner: Motion, stance: Mask, fps: float, skeleton: Skeleton
-) -> Array:
-    """``(T, J)`` metres: the heights at which the joints of the feet rest; -inf for all others.
-
-    Both people stand on one floor, that of the partner, unless the reaction's own is far from it.
-
-    Parameters
-    ----------
-    reaction, partner : (T, J, 3) metres
-    stance : (F, T) of the reaction
-    fps : frames per second
-    skeleton : of both
-    """
-    heights = np.full(reaction.shape[:2], -np.inf)
-    if not feet(skeleton):
-        return heights
-    own = find_floor(reaction, stance, skeleton)
-    floor = _shared_floor(own, partner, fps, skeleton)
-    for foot in feet(skeleton):
-        for joint, rest in zip(foot, floor.of(own.leg), strict=False):
-            heights[:, joint] = floor.at(reaction[:, joint].astype(np.float64)) + rest
-    return heights
-
-
-def rise_to_floor(
-    reaction: Motion, partner: Motion, stance: Mask, fps: float, skeleton: Skeleton
-) -> Array:
-    """``(T,)`` metres by which a body must rise to stand on the floor of its partner.
-
-    A body that is too low as a whole would otherwise be raised by its feet alone, and squat.
-
-    Parameters
-    ----------
-    reaction, partner, stance, fps, skeleton : of ``rest_heights``
-    """
-    if not feet(skeleton):
-        return np.zeros(len(reaction))
-    own = find_floor(reaction, stance, skeleton)
-    floor = _shared_floor(own, partner, fps, skeleton)
-    root = reaction[:, skeleton.root].astype(np.float64)
-    return floor.at(root) - own.at(root)
-
-
-def _shared_floor(own: Floor, partner: Motion, fps: float, skeleton: Skeleton) -> Floor:
-    """Return the floor of the partner, or a person's own where the two are far apart."""
-    floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton)
-    place = np.array([own.origin[0], 0, own.origin[1]])
-    return own if abs(floor.at(place) - own.height) > FLOOR_TOLERANCE else floor
 
 
 def _set_length(motion: Array, parent: int, joint: int, length: float) -> None:

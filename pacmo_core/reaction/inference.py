@@ -19,10 +19,11 @@ from pacmo_core.reaction.bones import median_lengths
 from pacmo_core.reaction.contacts import find_pairs, learn_contacts
 from pacmo_core.reaction.data import Condition, expand_directions
 from pacmo_core.reaction.finish import finish
+from pacmo_core.reaction.floor import set_down
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.heights import learn_heights, pelvis_heights
 from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.travel import NO_LIMIT, peak_speeds
+from pacmo_core.reaction.travel import NO_LIMIT, peak_speeds, spread_bursts
 from pacmo_core.reaction.trunk import learn_trunk, shape_trunk
 from pacmo_core.reaction.turns import resolve_turns
 from pacmo_core.reaction.windows import (
@@ -189,24 +190,25 @@ def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -
     ]
     captured = [clip.person_b.astype(np.float64) for clip, _ in examples]
     trunk = learn_trunk(zip(generated, captured, strict=True), skeleton)
-    pairs, heights = [], []
-    for motion, (clip, _), fps in zip(generated, examples, rates, strict=True):
-        shaped = shape_trunk(motion, skeleton, trunk).astype(np.float32)
-        bodies = shaped, clip.person_b
-        generated_pairs, real_pairs = (
-            find_pairs(body, clip.person_a, fps, skeleton) for body in bodies
-        )
-        pairs.append((generated_pairs, real_pairs))
-        generated_heights, real_heights = (_heights(body, skeleton) for body in bodies)
-        heights.append((generated_heights, real_heights))
     speeds = [
         peak_speeds(motion, fps, skeleton) for motion, fps in zip(captured, rates, strict=True)
     ]
+    max_speeds = np.max(speeds, axis=0) if speeds else np.array([NO_LIMIT, NO_LIMIT])
+    pairs, heights = [], []
+    for motion, (clip, _), fps in zip(generated, examples, rates, strict=True):
+        partner, real = clip.person_a, clip.person_b
+        calm = spread_bursts(shape_trunk(motion, skeleton, trunk), fps, skeleton, max_speeds)
+        shaped = set_down(calm, partner, fps, skeleton).astype(np.float32)
+        generated_pairs, real_pairs = (
+            find_pairs(body, partner, fps, skeleton) for body in (shaped, real)
+        )
+        pairs.append((generated_pairs, real_pairs))
+        heights.append((_heights(shaped, skeleton), _heights(real, skeleton)))
     return Learnt(
         contacts=learn_contacts(pairs, skeleton),
         heights=learn_heights(heights),
         trunk=trunk,
-        max_speeds=np.max(speeds, axis=0) if speeds else np.array([NO_LIMIT, NO_LIMIT]),
+        max_speeds=max_speeds,
     )
 
 

@@ -23,8 +23,13 @@ MARGIN = 0.97  # of the limit, at which a way is spread
 
 
 def peak_speeds(motion: Array, fps: float, skeleton: Skeleton) -> Array:
-    """``(2,)``: the largest speeds of a motion ``(T, J, 3)``, of its root in metres per second over
-    the floor, and of its turns in radians per second.
+    """``(2,)`` metres and radians per second: the fastest that a body travels, and that it turns.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, y up
+    fps : frames per second
+    skeleton : of the motion
     """
     paths = motion[:, skeleton.root, [0, 2]], find_headings(motion, fps, skeleton)[:, None]
     return np.array([_speeds(path, fps).max() for path in paths])

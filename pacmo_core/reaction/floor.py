@@ -1,0 +1,171 @@
+"""The floor on which two people stand, and a body that is set down on it.
+
+A floor is a plane: a camera that is tilted by a degree shows it 2 cm higher at a distance of 1 m.
+It is fitted to the places where a person stands, by least squares with a prior on its slope, since
+somebody who stays in one place says nothing of it. Joints of the feet are within the body: their
+heights over the floor are in proportion to the legs, so those of a child are lower than those of an
+adult on the same floor.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.segments import feet
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.bones import leg_length, median_lengths
+from pacmo_core.reaction.stance import Mask, find_stance, frame_runs
+
+Array = NDArray[np.float64]
+
+# Height of an ankle over the leg's length: .039 over .491 of the stature (Winter 2009, fig. 4.1).
+ANKLE_SHARE = 0.08
+HEIGHT_SPREAD = 0.01  # metres, standard deviation of the height at which a foot is seen to stand
+SLOPE_SPREAD = 0.025  # standard deviation of the floor's slope, that of a camera's tilt
+LOW_QUANTILE = 0.05  # of a foot's heights, below which it stands if it never stays in a place
+# Metres between the heights at which the two stand, beyond which they are not on one floor: more
+# than a generator errs, and less than a chair.
+FLOOR_TOLERANCE = 0.25
+MAX_FLOAT = 0.15  # metres over the lowest heights of the feet, above which a foot does not stand
+MAX_ROLL = 0.04  # metres over the floor, up to which a joint of a foot that stands may rise
+SMOOTHING = 0.08  # seconds, standard deviation of the filter on the times at which a foot stands
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A plane, and where the joints of a person's feet rest over it.
+
+    Parameters
+    ----------
+    origin : (2,) metres, x and z
+    height : metres, of the plane at the origin
+    slope : (2,) of the plane along x and z
+    rest : (K,) metres over the plane, of an ankle and of the joints beyond it
+    leg : metres, length of the legs of the same person
+    """
+
+    origin: Array
+    height: float
+    slope: Array
+    rest: Array
+    leg: float
+
+    def at(self, points: Array) -> Array:
+        """``(...)`` metres: the plane's height under points ``(..., 3)``."""
+        under: Array = self.height + (points[..., [0, 2]] - self.origin) @ self.slope
+        return under
+
+    def of(self, leg: float) -> Array:
+        """``(K,)`` metres over the plane at which the feet of a person with such legs rest."""
+        return self.rest * (leg / self.leg)
+
+
+def find_floor(motion: Motion, stance: Mask, skeleton: Skeleton) -> Floor:
+    """Fit the floor to the feet that stand.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, y up
+    stance : (F, T) of ``stance.find_stance``
+    skeleton : of the motion, with feet
+    """
+    places, levels = _standing_joints(motion.astype(np.float64), stance, skeleton)
+    origin = places[:, [0, 2]].mean(axis=0)
+    n_levels = int(levels.max()) + 1
+    rows = np.hstack([np.eye(n_levels)[levels], places[:, [0, 2]] - origin]) / HEIGHT_SPREAD
+    prior = np.hstack([np.zeros((2, n_levels)), np.eye(2) / SLOPE_SPREAD])
+    wanted = np.concatenate([places[:, 1] / HEIGHT_SPREAD, [0, 0]])
+    found = np.linalg.lstsq(np.vstack([rows, prior]), wanted, rcond=None)[0]
+    leg = leg_length(median_lengths(motion, skeleton), skeleton)
+    height = found[0] - ANKLE_SHARE * leg
+    return Floor(origin, float(height), found[n_levels:], found[:n_levels] - height, leg)
+
+
+def _standing_joints(motion: Array, stance: Mask, skeleton: Skeleton) -> tuple[Array, Mask]:
+    """Return the mean places of the joints of feet, each time that one stands, and their levels.
+
+    Returns
+    -------
+    (N, 3) metres, (N,) indices: 0 for an ankle, 1 for the joint after it and so on
+    """
+    ankles = motion[:, [foot[0] for foot in feet(skeleton)], 1]
+    low = np.quantile(ankles, LOW_QUANTILE, axis=0)
+    places: list[Array] = []
+    levels: list[int] = []
+    for foot, standing, heights, lowest in zip(feet(skeleton), stance, ankles.T, low, strict=True):
+        grounded = standing & (heights < low.min() + MAX_FLOAT)
+        for phase in frame_runs(grounded if grounded.any() else heights <= lowest):
+            places += list(motion[phase][:, list(foot)].mean(axis=0))
+            levels += range(len(foot))
+    return np.array(places), np.array(levels)
+
+
+def rest_heights(
+    reaction: Motion, partner: Motion, stance: Mask, fps: float, skeleton: Skeleton
+) -> Array:
+    """``(T, J)`` metres: the heights at which the joints of the feet rest; -inf for all others.
+
+    Both people stand on one floor, that of the partner, unless the reaction's own is far from it.
+
+    Parameters
+    ----------
+    reaction, partner : (T, J, 3) metres
+    stance : (F, T) of the reaction
+    fps : frames per second
+    skeleton : of both
+    """
+    heights = np.full(reaction.shape[:2], -np.inf)
+    if not feet(skeleton):
+        return heights
+    own = find_floor(reaction, stance, skeleton)
+    floor = _shared_floor(own, partner, fps, skeleton)
+    for foot in feet(skeleton):
+        for joint, rest in zip(foot, floor.of(own.leg), strict=False):
+            heights[:, joint] = floor.at(reaction[:, joint].astype(np.float64)) + rest
+    return heights
+
+
+def set_down(motion: Array, partner: Motion, fps: float, skeleton: Skeleton) -> Array:
+    """Set a body on the floor of its partner, and on it each foot that stands.
+
+    A body that is too low as a whole would be raised by its feet alone later, and squat. A foot
+    that stands in the air, as in the mean of kicks with the left and the right, would draw the
+    body, and the foot that kicks, down to the floor.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, y up
+    partner : (T, J, 3) metres
+    fps : frames per second
+    skeleton : of both
+
+    Returns
+    -------
+    (T, J, 3) metres
+    """
+    if not feet(skeleton):
+        return motion
+    result, body = motion.copy(), motion.astype(np.float32)
+    stance = find_stance(body, fps, skeleton)
+    own = find_floor(body, stance, skeleton)
+    floor = _shared_floor(own, partner, fps, skeleton)
+    root = motion[:, skeleton.root]
+    result[..., 1] += (floor.at(root) - own.at(root))[:, None]
+    rests = rest_heights(result.astype(np.float32), partner, stance, fps, skeleton)
+    ankles = result[:, [foot[0] for foot in feet(skeleton)], 1].T
+    lower = (ankles == ankles.min(axis=0)) & ~stance.any(axis=0)
+    for foot, carries in zip(feet(skeleton), stance | lower, strict=True):
+        share = gaussian_filter1d(carries.astype(np.float64), SMOOTHING * fps, mode="nearest")
+        over = np.maximum(result[:, foot[0], 1] - rests[:, foot[0]] - MAX_ROLL, 0)
+        result[:, list(foot), 1] -= (share * over)[:, None]
+    return result
+
+
+def _shared_floor(own: Floor, partner: Motion, fps: float, skeleton: Skeleton) -> Floor:
+    """Return the floor of the partner, or a person's own where the two are far apart."""
+    floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton)
+    place = np.array([own.origin[0], 0, own.origin[1]])
+    return own if abs(floor.at(place) - own.height) > FLOOR_TOLERANCE else floor
