@@ -353,7 +353,8 @@ def _struts(skeleton: Skeleton) -> NDArray[np.intp]:
     """``(S, 2)``: pairs of joints of the trunk that no bone joins; they keep its shape."""
     bones = {frozenset(bone) for bone in skeleton.bones.tolist()}
     pairs = combinations(trunk_joints(skeleton), 2)
-    return np.array([pair for pair in pairs if frozenset(pair) not in bones]).reshape(-1, 2)
+    struts = [pair for pair in pairs if frozenset(pair) not in bones]
+    return np.array(struts, dtype=np.intp).reshape(-1, 2)
 
 
 def _banded(weights: Array, smooth: float, links: NDArray[np.intp]) -> Array:

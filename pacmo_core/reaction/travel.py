@@ -31,7 +31,7 @@ def peak_speeds(motion: Array, fps: float, skeleton: Skeleton) -> Array:
     fps : frames per second
     skeleton : of the motion
     """
-    paths = motion[:, skeleton.root, [0, 2]], find_headings(motion, fps, skeleton)[:, None]
+    paths = motion[:, skeleton.root, [0, 2]], find_headings(motion, None, skeleton)[:, None]
     return np.array([_speeds(path, fps).max() for path in paths])
 
 
@@ -50,7 +50,7 @@ def spread_bursts(motion: Array, fps: float, skeleton: Skeleton, max_speeds: Arr
     (T, J, 3) metres
     """
     travel, turn = max_speeds.tolist()
-    headings = find_headings(motion, fps, skeleton)
+    headings = find_headings(motion, None, skeleton)
     more = slow_down(headings[:, None], fps, turn)[:, 0]
     root = motion[:, skeleton.root]
     place = root.copy()

@@ -32,13 +32,13 @@ def trunk_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
     return [pair for pair in skeleton.left_right if set(pair) <= limbs]
 
 
-def find_headings(motion: Array, fps: float, skeleton: Skeleton) -> Array:
+def find_headings(motion: Array, fps: float | None, skeleton: Skeleton) -> Array:
     """``(T,)`` radians about the vertical, continuous; zeros if the trunk has no pairs of joints.
 
     Parameters
     ----------
     motion : (T, J, 3) metres, y up
-    fps : frames per second
+    fps : frames per second, of which the headings are smoothed; None for those of each frame
     skeleton : of the motion
     """
     across = _across(motion, fps, skeleton).sum(axis=1)
@@ -123,9 +123,11 @@ def _turn(headings: Array, before: int, after: int, free: slice, fps: float) -> 
     headings[first : last + 1] = headings[first] + share * (headings[last] - headings[first])
 
 
-def _across(motion: Array, fps: float, skeleton: Skeleton) -> Array:
-    """``(T, P, 3)`` metres: from right to left, of each pair of the trunk, smoothed."""
+def _across(motion: Array, fps: float | None, skeleton: Skeleton) -> Array:
+    """``(T, P, 3)`` metres: from right to left, of each pair of the trunk, smoothed with a rate."""
     pairs = np.array(trunk_pairs(skeleton), dtype=np.intp).reshape(-1, 2)
     gaps = motion[:, pairs[:, 0]].astype(np.float64) - motion[:, pairs[:, 1]]
+    if fps is None:
+        return gaps
     smooth: Array = gaussian_filter1d(gaps, SMOOTHING * fps, axis=0, mode="nearest")
     return smooth

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
+from pacmo_core.reaction.bones import leg_length, median_lengths, set_legs
 from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import Learnt, finish
-from pacmo_core.reaction.stance import ANKLE_SHARE, find_floor, leg_length
+from pacmo_core.reaction.finish import finish
+from pacmo_core.reaction.floor import ANKLE_SHARE, find_floor, set_down
+from pacmo_core.reaction.learnt import Learnt
 from tests.strategies import make_interaction
 
 FOOT = NTU25.indices(["left_ankle", "left_foot"])
@@ -38,7 +40,8 @@ def found(motion: np.ndarray):
 
 @pytest.mark.parametrize("child", [0.4, 0.6])
 def test_the_feet_of_a_child_rest_lower_than_those_of_an_adult(child):
-    assert leg_length(standing(LEG), NTU25) == pytest.approx(LEG, abs=1e-5)
+    adult = median_lengths(standing(LEG), NTU25)
+    assert leg_length(adult, NTU25) == pytest.approx(LEG, abs=1e-5)
     floor, own = found(standing(LEG)), standing(child)
     expected = own[0, FOOT, 1]
     np.testing.assert_allclose(floor.height + floor.of(child), expected, atol=1e-5)
@@ -80,6 +83,34 @@ def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(low: float, rise: fl
     there = finish(given, partner, times, NTU25, Learnt(no_contacts(NTU25)))
     # Beyond a chair's height the two stand on floors of their own.
     np.testing.assert_allclose(there[..., 1], given[..., 1] + rise, atol=2e-3)
+
+
+def raised_feet(left: float, right: float, seconds: float = 0.6) -> np.ndarray:
+    """Stand for a second, raise both feet by ``(left, right)`` metres under a body that stays."""
+    times = np.arange(78) / 30.0
+    motion = np.repeat(standing(LEG)[:1].astype(np.float64), len(times), axis=0)
+    wanted, share = motion.copy(), np.sin(np.pi * ((times - 1) / seconds).clip(0, 1)) ** 2
+    for ankle, rise in zip(ANKLES, (left, right), strict=True):
+        wanted[:, [ankle, ankle + 1], 1] += rise * share[:, None]
+        wanted[:, [ankle, ankle + 1], 2] += rise * share[:, None]
+    lengths = median_lengths(standing(LEG), NTU25)
+    set_legs(motion, wanted, np.full(motion.shape[:2], -np.inf), lengths, NTU25)
+    return motion
+
+
+def test_the_lower_of_two_feet_in_the_air_is_set_down_and_the_other_stays() -> None:
+    given, partner = raised_feet(0.3, 0.6), np.tile(standing(LEG, (0.0, 2.0))[:1], (78, 1, 1))
+    found = set_down(given, partner, 30.0, NTU25)
+    peak = int(given[:, ANKLES[1], 1].argmax())
+    ground = given[0, ANKLES, 1]
+    assert (given[peak, ANKLES, 1] - ground > 0.29).all()
+    assert found[peak, ANKLES[0], 1] - ground[0] < 0.06
+    above = [joint for joint in range(len(NTU25.joints)) if joint not in FOOT]
+    np.testing.assert_allclose(found[:, above], given[:, above], atol=6e-3)
+    kicks = finish(
+        given.astype(np.float32), partner, np.arange(78) / 30.0, NTU25, Learnt(no_contacts(NTU25))
+    )
+    assert kicks[peak, ANKLES[1], 1] - ground[1] > 0.5
 
 
 def test_a_skeleton_of_random_bones_has_finite_numbers():

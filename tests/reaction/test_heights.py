@@ -6,8 +6,9 @@ import pytest
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.reaction.bones import median_lengths, set_legs
 from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import Learnt, finish
+from pacmo_core.reaction.finish import finish
 from pacmo_core.reaction.heights import learn_heights, no_change, pelvis_heights, straighten
+from pacmo_core.reaction.learnt import Learnt
 from tests.reaction.test_floor import LEG, standing
 
 FPS = 30.0

@@ -13,7 +13,8 @@ from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import NTU25, SBU15, Skeleton
 from pacmo_core.reaction.bones import median_lengths, set_legs
 from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import Learnt, finish
+from pacmo_core.reaction.finish import finish
+from pacmo_core.reaction.learnt import Learnt
 from pacmo_core.reaction.steps import MAX_SPEED, take_steps
 from pacmo_core.store.motions import stream_motions
 from tests.formats.real_files import real_folder

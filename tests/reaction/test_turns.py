@@ -5,7 +5,8 @@ import pytest
 
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import Learnt, finish
+from pacmo_core.reaction.finish import finish
+from pacmo_core.reaction.learnt import Learnt
 from pacmo_core.reaction.turns import TURN_SPEED, find_headings, resolve_turns, turned
 from tests.reaction.problems import REST
 from tests.strategies import SMALL
