@@ -36,6 +36,7 @@ TIME_TOLERANCE = 1e-9
 ReactionModel = Generator | Gru
 # Slice of the times that a window covers, and its weight at each.
 WindowWeights = tuple[slice, NDArray[np.float64]]
+MAX_SEED = 2**62  # of the generator of a sample
 
 
 @dataclass(frozen=True)
@@ -236,6 +237,8 @@ def continuous_noise(
 ) -> ContinuousNoise | None:
     """Build the noise of S reactions to one partner; None for the GRU.
 
+    Each sample has a generator of its own, so that it is the same however many there are.
+
     Raises
     ------
     ValueError
@@ -246,7 +249,12 @@ def continuous_noise(
         raise ValueError(f"n_samples must be {wanted}; got {n_samples}")
     if isinstance(model, Gru):
         return None
-    return ContinuousNoise(model.config.noise, lambda: model.sample_noise(n_samples, random))
+    seeds = torch.randint(MAX_SEED, (n_samples,), generator=random).tolist()
+    generators = [torch.Generator().manual_seed(seed) for seed in seeds]
+    return ContinuousNoise(
+        model.config.noise,
+        lambda: torch.cat([model.sample_noise(1, generator) for generator in generators]),
+    )
 
 
 def is_deterministic(model: ReactionModel) -> bool:

@@ -126,6 +126,23 @@ def test_long_and_short_partners_in_one_batch_react_as_if_alone(model: Generator
         np.testing.assert_allclose(motion, alone, atol=1e-5)
 
 
+def test_a_sample_is_the_same_however_many_there_are(model: Generator) -> None:
+    motion, times = sway(300)
+    few, many = (
+        react(
+            model,
+            motion,
+            times,
+            out_times=times,
+            n_samples=n_samples,
+            random=torch.Generator().manual_seed(5),
+        )
+        for n_samples in (1, 4)
+    )
+    np.testing.assert_allclose(many[:1], few, atol=1e-5)
+    assert np.abs(many[1] - few[0]).max() > 1e-3
+
+
 def test_rates_mixed_in_one_batch_do_not_change_each_other(model: Generator) -> None:
     motion, times = sway(25)
     rates = [np.linspace(0, times[-1], n) for n in (25, 200, 7)]
