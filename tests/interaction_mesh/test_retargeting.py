@@ -11,7 +11,11 @@ from scipy.interpolate import CubicSpline
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import MAX_BATCH, Attempt, Scene, prepare, retarget
 from pacmo_core.interaction_mesh import retargeting as module
-from pacmo_core.interaction_mesh.attempt import GROWTH_SHARING_EXPONENT, step_scale
+from pacmo_core.interaction_mesh.attempt import (
+    GROWTH_SHARING_EXPONENT,
+    project_bone_lengths,
+    step_scale,
+)
 from pacmo_core.interaction_mesh.energy import build_energy
 from tests.interaction_mesh.oracles import (
     banded,
@@ -164,6 +168,23 @@ def test_no_joint_goes_below_the_lowest_point_of_its_person():
     (after,) = retarget(prepare(source, replace(free, floor_penalty=60)), scales).reports
     assert before.below_floor > 0.01
     assert after.below_floor < 2e-3
+
+
+def test_supporting_feet_stay_where_the_solver_has_them_whatever_errors_the_bones_have():
+    source = scene(4, 20, skeletons=(ARM, LEG))
+    random = np.random.default_rng(0)
+    directions = source.bone_vectors[..., None] + random.normal(0, 0.01, size=(20, 7, 3, 2))
+    still = np.zeros((*source.points.shape, 2), np.float32)
+    supports = np.zeros(source.points.shape[:2])
+    supports[:10, -1] = 1  # the foot, in the first frames
+    scales = np.ones((2, 7))
+    motions = project_bone_lengths(source, still, directions, scales, supports)
+    error = np.linalg.norm(motions[:, -1] - source.points[:, -1, :, None], axis=1)
+    assert error[:10].max() < 5e-3 < error[10:].max()
+    assert error[:10].mean() < error[10:].mean() / 5
+    lengths = np.linalg.norm(source.bone_vectors, axis=-1)
+    for points in np.moveaxis(motions, -1, 0):
+        np.testing.assert_allclose(lengths_of(source, points[None])[0], lengths, atol=1e-12)
 
 
 def test_a_long_source_is_solved_in_windows_that_differ_little_from_the_whole(monkeypatch):
