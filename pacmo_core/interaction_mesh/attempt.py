@@ -7,11 +7,13 @@ relative to the scale that both bodies have in common (``scene.common_scale``).
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.interaction_mesh.admm import AdmmSolver, AdmmStart, build_solver, solve_admm
+from pacmo_core.interaction_mesh.body_parts import ancestor_bones, hinges
 from pacmo_core.interaction_mesh.constraints import (
     angle_bounds,
     angle_scales,
@@ -27,6 +29,7 @@ from pacmo_core.interaction_mesh.linear_algebra import (
     pair_frames,
     single_blas_thread,
 )
+from pacmo_core.interaction_mesh.mesh import support_weights
 from pacmo_core.interaction_mesh.report import measure_limited
 from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 from pacmo_core.interaction_mesh.settings import Attempt, AttemptLimits, Settings
@@ -40,6 +43,8 @@ MIN_GROWTH_RMS = 1e-3
 # Exponent by which the tolerance falls with the number of bones that share a body's growth. With
 # this one, whole bodies and single bones end about equally far from the minimum of the energy.
 GROWTH_SHARING_EXPONENT = 0.75
+# Times that legs are turned to their feet; more change foot skate by less than 0.05 cm/s.
+LEG_TURNS = 2
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,12 @@ class PreparedWindow:
     stiffness: Array
     response: LinearResponse
     solvers: dict[tuple[float, float], AdmmSolver] = field(default_factory=dict)
+
+    @cached_property
+    def supports(self) -> Array:
+        """``(T, N)``: how much each joint supports, 0 to 1."""
+        fade_time = self.settings.support.fade_time
+        return support_weights(self.energy.is_support, self.scene.fps, fade_time)
 
     def squared_growth(self, scales: Array) -> Array:
         """``(V, E)`` square metres: squared change of each bone's length, summed over frames."""
@@ -215,7 +226,7 @@ def run_attempt(
     start = _attempt_start(window, scales, common, number, previous)
     solution = _solve_attempt(window, start, number, columns)
     displacement, scene = solution.displacement, window.scene
-    motions = project_bone_lengths(scene, displacement, solution.bones, scales)
+    motions = project_bone_lengths(scene, displacement, solution.bones, scales, window.supports)
     measurements = {
         "primal_residual": primal_residual(scene, displacement, scales),
         **measure_limited(scene, window.settings, scales, motions),
@@ -293,17 +304,19 @@ def primal_residual(scene: Scene, displacement: Single, scales: Array) -> Array:
 
 
 def project_bone_lengths(
-    scene: Scene, displacement: Single, directions: Single, scales: Array
+    scene: Scene, displacement: Single, directions: Single, scales: Array, supports: Array
 ) -> Array:
     """Return motions with the exact bone lengths, ``(T, N, 3, V)`` float64 metres.
 
-    The bones follow ``directions``, each body's mean position the displacement.
+    The bones follow ``directions``, each body's mean position the displacement, and supporting feet
+    too: a body that has not converged would slide otherwise.
 
     Parameters
     ----------
     displacement : (T, N, 3, V) float32 metres, of ADMM
     directions : (T, E, 3, V), of any length but zero
     scales : (V, E)
+    supports : (T, N), how much each joint supports, 0 to 1
     """
     lengths = np.linalg.norm(scene.bone_vectors, axis=-1)
     motions = np.zeros(displacement.shape)
@@ -322,7 +335,32 @@ def project_bone_lengths(
         mean = source_mean + displacement[:, joints].mean(axis=1)
         body += (mean - body.mean(axis=1))[:, None]
         first_joint, first_bone = joints.stop, first_bone + len(skeleton.bones)
+    for _ in range(LEG_TURNS):
+        _turn_legs(scene, displacement, supports, motions)
     return motions
+
+
+def _turn_legs(scene: Scene, displacement: Single, supports: Array, motions: Array) -> None:
+    """Turn thighs and shins so that supporting feet come to where the displacement takes them.
+
+    The rest of the body stays. A leg does not change its length where it is straight.
+    """
+    is_below = ancestor_bones(scene).T > 0
+    for leg, name in zip(*hinges(scene), strict=True):
+        if name != "knee":
+            continue
+        feet = np.flatnonzero(is_below[leg[1]])
+        weights = supports[:, feet] / supports[:, feet].sum(axis=1, keepdims=True).clip(min=1)
+        errors = scene.points[:, feet, :, None] + displacement[:, feet] - motions[:, feet]
+        error = (weights[..., None, None] * errors).sum(axis=1)
+        for bone in leg:
+            parent, child = scene.bones[bone]
+            vector = motions[:, child] - motions[:, parent]
+            turned = vector + error / 2
+            turned *= np.linalg.norm(vector, axis=1, keepdims=True) / np.linalg.norm(
+                turned, axis=1, keepdims=True
+            )
+            motions[:, is_below[bone]] += (turned - vector)[:, None]
 
 
 def _attempt_start(

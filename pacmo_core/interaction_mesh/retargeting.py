@@ -22,7 +22,7 @@ from pacmo_core.interaction_mesh.attempt import (
     solve_bodies,
 )
 from pacmo_core.interaction_mesh.linear_algebra import padded_width, single_blas_thread
-from pacmo_core.interaction_mesh.mesh import ground_supports
+from pacmo_core.interaction_mesh.mesh import ground_supports, support_weights
 from pacmo_core.interaction_mesh.report import Report, measure_limited, measure_unlimited
 from pacmo_core.interaction_mesh.scene import (
     Array,
@@ -158,9 +158,9 @@ def _solve_windows(
     # Padded as the attempts are: sums along few columns round differently.
     columns = np.resize(np.arange(len(scales)), padded_width(len(scales)))
     padded = scales[columns]
-    motions = project_bone_lengths(
-        scene, displacement.take(columns, axis=-1), vectors.take(columns, axis=-1), padded
-    )
+    displacement, vectors = displacement.take(columns, axis=-1), vectors.take(columns, axis=-1)
+    supports = support_weights(source.is_support, scene.fps, source.settings.support.fade_time)
+    motions = project_bone_lengths(scene, displacement, vectors, padded, supports)
     with single_blas_thread():
         whole = measure_limited(scene, source.settings, padded, motions)
     return motions[..., : len(scales)], [

@@ -11,7 +11,11 @@ from scipy.interpolate import CubicSpline
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import MAX_BATCH, Attempt, Scene, prepare, retarget
 from pacmo_core.interaction_mesh import retargeting as module
-from pacmo_core.interaction_mesh.attempt import GROWTH_SHARING_EXPONENT, step_scale
+from pacmo_core.interaction_mesh.attempt import (
+    GROWTH_SHARING_EXPONENT,
+    project_bone_lengths,
+    step_scale,
+)
 from pacmo_core.interaction_mesh.energy import build_energy
 from tests.interaction_mesh.oracles import (
     banded,
@@ -164,6 +168,24 @@ def test_no_joint_goes_below_the_lowest_point_of_its_person():
     (after,) = retarget(prepare(source, replace(free, floor_penalty=60)), scales).reports
     assert before.below_floor > 0.01
     assert after.below_floor < 2e-3
+
+
+def test_supporting_feet_stay_where_the_solver_has_them_whatever_errors_the_bones_have():
+    source = scene(4, 20, skeletons=(ARM, INTERHUMAN22))
+    joint = len(ARM.joints) + INTERHUMAN22.joints.index("left_ankle")
+    random = np.random.default_rng(0)
+    shape = (*source.bone_vectors.shape, 2)
+    directions = source.bone_vectors[..., None] + random.normal(0, 5e-3, size=shape)
+    still = np.zeros((*source.points.shape, 2), np.float32)
+    supports = np.zeros(source.points.shape[:2])
+    supports[:10, joint] = 1
+    scales = np.ones((2, len(source.bones)))
+    motions = project_bone_lengths(source, still, directions, scales, supports)
+    errors = np.linalg.norm(motions[:, joint] - source.points[:, joint, :, None], axis=1)
+    assert errors[:10].mean() < errors[10:].mean() / 4
+    lengths = np.linalg.norm(source.bone_vectors, axis=-1)
+    for points in np.moveaxis(motions, -1, 0):
+        np.testing.assert_allclose(lengths_of(source, points[None])[0], lengths, atol=1e-12)
 
 
 def test_a_long_source_is_solved_in_windows_that_differ_little_from_the_whole(monkeypatch):
