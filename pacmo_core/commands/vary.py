@@ -152,7 +152,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         written, fidelity, people, in_files = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
-        if fidelity.is_inexact:
+        if fidelity.is_of_files:
             typer.echo(fidelity.line())
         page = _say_measured(duo, variations, people, in_files, out)
         named = f" as {_some(_names(duo, samples))}" if is_parquet(out) else ""
