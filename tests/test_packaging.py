@@ -44,6 +44,8 @@ def test_the_wheel_holds_the_library_its_defaults_and_nothing_else(tmp_path):
     assert {"pacmo_core/py.typed", "pacmo_core/figures/three.min.js"} <= set(names)
     weights = "pacmo_core/commands/starting_weights"
     assert {f"{weights}.safetensors", f"{weights}.json"} <= set(names)
+    prior = "pacmo_core/commands/starting_prior"
+    assert {f"{prior}.safetensors", f"{prior}.json"} <= set(names)
 
 
 def test_the_lock_has_a_hash_for_every_file_and_names_no_place():

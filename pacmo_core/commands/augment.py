@@ -193,7 +193,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
             lines = [
                 _heading(number, profiles),
                 duo.rig_line(place),
-                fidelity.error_line() if fidelity.is_inexact else "",
+                fidelity.error_line() if fidelity.is_of_files else "",
                 *measured.lines(solving.limits),
                 f"{len(duo.people[0].times)} frames in {', '.join(map(str, written.files))}{named}"
                 f"; beside the source in {page}",

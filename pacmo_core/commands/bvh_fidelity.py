@@ -139,12 +139,19 @@ class Fidelity:
         return Fidelity(max_error, missed, *(a + b for a, b in zip(mine, others, strict=True)))
 
     @property
+    def is_of_files(self) -> bool:
+        """Whether anything was compared: files of constant bones were written."""
+        return self.n_joints > 0
+
+    @property
     def is_inexact(self) -> bool:
         """Whether a joint is off by what would be printed as more than nothing."""
         return self.max_error.value > RESOLUTION
 
     def error_line(self) -> str:
         """Say how far joints in the files are from where they were to be."""
+        if not self.is_inexact:
+            return "in the files, against the exact motion: no joint is off by 0.1 mm"
         mean = 1e3 * self.summed_error / max(self.n_joints, 1)
         return (
             "in the files, against the exact motion: bones of this format cannot stretch, so "

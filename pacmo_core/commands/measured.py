@@ -18,6 +18,7 @@ from pacmo_core.commands.motion_checks import (
     find_peak,
     joint_accelerations,
 )
+from pacmo_core.commands.places import Places
 from pacmo_core.commands.reading import PEOPLE
 from pacmo_core.commands.view import scene_of_people
 from pacmo_core.data.interaction import min_point_distance
@@ -41,6 +42,7 @@ WITHOUT_SOLVER = {"primal_residual": 0.0}
 # What a page plays of a long capture: more would be slow to open.
 MAX_FPS, MAX_FRAMES = 60.0, 3600
 MAX_JOLT_LINES = 8
+MIN_DISPLACEMENT = 5e-4  # metres: the largest that is printed as nothing
 MIN_TURN = 0.05  # degrees: the largest that is printed as nothing
 LIMITS = "limits of what looks natural (augment.limits of params.yaml)"
 
@@ -57,6 +59,9 @@ class Measured:
     has_contacts : whether joints of the two touch in the capture
     contacts : of each variation
     peaks : lines on single frames: the largest turn of a bone, and jolts
+    places : of each variation, in which the place of a measurement is looked up
+    displaced : lines on how far each person is from the capture
+    near : metres, within which joints of the two are near; 0 if none are in the capture
     """
 
     samples: tuple[Mapping[str, float], ...]
@@ -64,6 +69,9 @@ class Measured:
     has_contacts: bool
     contacts: tuple["Contacts", ...] = ()
     peaks: tuple[str, ...] = ()
+    places: tuple[Places, ...] = ()
+    displaced: tuple[str, ...] = ()
+    near: float = 0.0
 
     def lines(self, limits: VariationLimits) -> Iterator[str]:
         """Yield the lines that a command prints."""
@@ -72,7 +80,8 @@ class Measured:
         yield f"against the capture, measured in what was written{means}:"
         absent = set() if self.has_contacts else {"contacts_kept"}
         if absent:
-            yield "  no contacts to keep: no compared joints are within 10 cm in the capture"
+            none = "no contacts to keep: no compared joints are within 10 cm in the capture"
+            yield f"  {none}{self._grip()}"
         shown = [{k: v for k, v in sample.items() if k not in absent} for sample in self.samples]
         yield from measurement_lines(shown, asdict(limits), self.worse)
         if new := [one.new for one in self.contacts]:
@@ -82,6 +91,7 @@ class Measured:
                 f"  {'new contacts':<18}{fmean(new):>11,.0f}  beside {kept:,.0f} that are kept "
                 f"(pairs of joints and frames){worst}"
             )
+        yield from self.displaced
         yield from self.peaks
         exceeded = [exceeded_limits(sample, limits) for sample in self.samples]
         beyond = sum(map(bool, exceeded))
@@ -91,11 +101,29 @@ class Measured:
             names = Counter(name for sample in exceeded for name in sample).most_common()
             texts = [f"{measure_label(name)} ({number})" for name, number in names]
             yield f"{beyond} of {count} samples beyond the {LIMITS}: {', '.join(texts)}"
+            for name, _ in names:
+                ratios = [sample.get(name, 0.0) for sample in exceeded]
+                number = ratios.index(max(ratios))
+                yield f"  worst in sample {number}: {self._beyond(name, number, limits)}"
         else:
-            worst_first = sorted(exceeded[0], key=lambda name: -exceeded[0][name])
-            (sample,) = self.samples
-            texts = [limit_text(name, sample[name], asdict(limits)[name]) for name in worst_first]
-            yield f"beyond the {LIMITS}: {'; '.join(texts)}"
+            yield f"beyond the {LIMITS}:"
+            for name in sorted(exceeded[0], key=lambda name: -exceeded[0][name]):
+                yield f"  {self._beyond(name, 0, limits)}"
+
+    def _beyond(self, name: str, number: int, limits: VariationLimits) -> str:
+        """Say a measurement of a sample beyond its limit, and where it is worst."""
+        text = limit_text(name, self.samples[number][name], asdict(limits)[name])
+        place = self.places[number].text(name) if self.places else ""
+        return f"{text} (worst: {place})" if place else text
+
+    def _grip(self) -> str:
+        """Say what judges a grip whose joints are not within the distance of contact."""
+        if not self.near:
+            return ""
+        return (
+            "; a grip whose joints are farther apart, as wrists are in files without hands, is "
+            f"judged by near distances, those within {100 * self.near:.0f} cm"
+        )
 
 
 @dataclass(frozen=True)
@@ -158,18 +186,66 @@ def measure_written(
         {**solved, **{name: float(values[number]) for name, values in found.items()}}
         for number in range(len(people))
     )
-    a, b = measure_people(duo.scene, supports, *without_common_scale(duo.scene, bodies, motions))
+    unscaled = without_common_scale(duo.scene, bodies, motions)
+    a, b = measure_people(duo.scene, supports, *unscaled)
     apart = {name: float((b[name] - a[name]).mean()) for name in a}
     worse = {name: PEOPLE[int(by > 0)] for name, by in apart.items() if by}
     first, second = (person.motion for person in duo.people)
-    has_contacts = bool((min_point_distance(first, second) < settings.contact_distance).any())
+    nearest = float(min_point_distance(first, second).min())
     contacts = tuple(
         count_contacts(duo.scene, body, motion, settings.contact_distance)
         for body, motion in zip(bodies, points, strict=True)
     )
-    return Measured(
-        samples, worse, has_contacts, contacts, tuple(_peak_lines(duo, people, in_files))
+    worse_in = [{name: int(b[name][v] > a[name][v]) for name in a} for v in range(len(people))]
+    places = tuple(
+        Places(duo.scene, supports, body, motion, settings.contact_distance, in_whom)
+        for body, motion, in_whom in zip(
+            unscaled[0], np.moveaxis(unscaled[1], -1, 0), worse_in, strict=True
+        )
     )
+    return Measured(
+        samples,
+        worse,
+        nearest < settings.contact_distance,
+        contacts,
+        tuple(_peak_lines(duo, people, in_files)),
+        places,
+        tuple(_displacement_lines(duo, people, scales)),
+        settings.near_distance if nearest < settings.near_distance else 0.0,
+    )
+
+
+def _displacement_lines(
+    duo: TwoPersonCapture,
+    variations: Sequence[tuple[PersonMotion, PersonMotion]],
+    scales: Sequence[tuple[Scales, Scales]],
+) -> Iterator[str]:
+    """Yield for each person by how far joints and pelvis are from where they were captured."""
+    for row, label in enumerate(PEOPLE):
+        own = duo.people[row]
+        moved = np.stack(
+            [np.linalg.norm(pair[row].motion - own.motion, axis=-1) for pair in variations]
+        )
+        same = ", whose body is the same," * all(np.allclose(pair[row], 1) for pair in scales)
+        root = own.skeleton.root
+        parts = [
+            f"{what}by up to {100 * values.max():.1f} cm{_displaced_at(values, names, own)}"
+            for what, values, names in (
+                ("", moved, own.skeleton.joints),
+                ("the pelvis ", moved[:, :, [root]], (own.skeleton.joints[root],)),
+            )
+        ]
+        yield f"  person {label}{same} moves away from the capture {', '.join(parts)}"
+
+
+def _displaced_at(values: Scales, names: Sequence[str], own: PersonMotion) -> str:
+    """Say where the largest of displacements (V, T, J) is; nothing if there is none."""
+    if not values.max() > MIN_DISPLACEMENT:
+        return ""
+    number, frame, joint = (int(i) for i in np.unravel_index(values.argmax(), values.shape))
+    of_sample = f" of sample {number}" if len(values) > 1 else ""
+    time = own.times[frame] - own.times[0]
+    return f" ({names[joint]} in frame {frame}, {time:.2f} s{of_sample})"
 
 
 def _peak_lines(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from pacmo_core.commands.sample_limits import SampleLimit, format_range, limit_lines
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
@@ -22,6 +23,10 @@ from pacmo_core.metrics.plausibility import find_body_joints
 
 # Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
 MAX_ACCELERATION = 150.0
+# Degrees a second that a bone turns between two frames: 25 degrees at 30 frames a second. In 99.9 %
+# of 30,000 recorded frames (salsa, acts, embraces, walking) none turns by more than 22.8 degrees,
+# and by 24.2 at most in 46 of the 48 files; in the other two single markers flicker.
+MAX_TURN_SPEED = 750.0
 # Metres: a shorter bone turns by much where its ends hardly move.
 MIN_BONE = 0.02
 # Metres: the bodies are modelled as capsules, and captured hugs are up to 8 cm deep.
@@ -31,7 +36,6 @@ MAX_DEPTH = 0.08
 MAX_GLIDE = 0.3
 # Seconds, standard deviation of the kernel by which ankles are smoothed.
 SMOOTHING = 0.1
-MAX_LINES = 8
 
 Array = NDArray[np.float64]
 
@@ -107,76 +111,86 @@ def motion_lines(
     samples: Motion,
     people: Sequence[PersonMotion],
 ) -> list[str]:
-    """Return a line of all samples, and one for each sample that people would not move like.
+    """Return a line of all samples, and lines on those that people would not move like.
 
     Parameters
     ----------
     times : (T,) seconds, evenly spaced
     partner, samples : (T, J, 3) and (S, T, J, 3) metres
-    people : the partner and each sample with all joints of their files, whose bones turn
+    people : the partner and each sample with all joints of their files, which turn and accelerate
     """
-    parts, faults = [], []
+    parts, limits, every = [], list[SampleLimit](), range(len(samples))
     if ankles := list(find_body_joints(skeleton).ankles):
-        glides = [100 * _glide(sample[:, ankles], times) for sample in samples]
         own = format_fixed(100 * _glide(partner[:, ankles], times), 1)
-        limit = f"wanted at most {100 * MAX_GLIDE:.0f} cm/s"
-        parts.append(
-            f"the slower foot moves at {_range(glides, 1)} cm/s on average, {limit} (the partner's "
-            f"at {own})"
+        glide = SampleLimit(
+            [100 * _glide(sample[:, ankles], times) for sample in samples],
+            100 * MAX_GLIDE,
+            "the slower foot moves at {} on average",
+            " cm/s",
         )
-        faults += [
-            f"sample {number}: the slower foot moves at {format_fixed(glide, 1)} cm/s on average, "
-            f"{limit}"
-            for number, glide in enumerate(glides)
-            if glide > 100 * MAX_GLIDE
-        ]
+        limits.append(glide)
+        parts.append(f"{glide.said(every)}, {glide.wanted} (the partner's at {own})")
     try:
         depths = [_depths(skeleton, times, partner, sample) for sample in samples]
     except ValueError as fault:
         parts.append(f"how deep the bodies are in each other is not measured ({fault})")
     else:
-        deepest = [100 * max(0.0, float(depth.max())) for depth in depths]
-        parts.append(f"the bodies are at most {_range(deepest, 1)} cm deep in each other")
-        faults += [
-            f"sample {number}: the bodies are {format_fixed(most, 1)} cm deep in each other at "
-            f"{times[depth.argmax()]:.2f} s, wanted at most {100 * MAX_DEPTH:.0f} cm"
-            for number, (most, depth) in enumerate(zip(deepest, depths, strict=True))
-            if most > 100 * MAX_DEPTH
-        ]
-    accelerations = [joint_accelerations(times, sample) for sample in samples]
-    peaks = [float(of_sample.max(initial=0.0)) for of_sample in accelerations]
-    parts.append(f"joints accelerate by at most {_range(peaks, 0)} m/s²")
-    for number, of_sample in enumerate(accelerations):
-        if peaks[number] > MAX_ACCELERATION:
-            peak = find_peak(of_sample, skeleton.joints, times)
-            faults.append(
-                f"sample {number} has a jolt: {peak.joint} accelerates by {peaks[number]:.0f} m/s² "
-                f"{peak.place}, wanted at most {MAX_ACCELERATION:.0f}"
-            )
-    parts.append(_turn_text(times, people))
-    if len(faults) > MAX_LINES:
-        faults[MAX_LINES:] = [f"and {len(faults) - MAX_LINES} more of this kind"]
-    hint = ["another --seed gives other samples"] if faults else []
-    return [f"the motion of the reaction: {'; '.join(parts)}", *faults, *hint]
+        deep = SampleLimit(
+            [100 * max(0.0, float(depth.max())) for depth in depths],
+            100 * MAX_DEPTH,
+            "the bodies are {} deep in each other",
+            " cm",
+            [f"at {times[depth.argmax()] - times[0]:.2f} s" for depth in depths],
+        )
+        limits.append(deep)
+        most = format_range(deep.values, 1)
+        parts.append(f"the bodies are at most {most} cm deep in each other, {deep.wanted}")
+    jolt = _jolts(times, people[1:])
+    parts.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
+    turn, text = _turns(times, people)
+    parts.append(text)
+    limits += [jolt, turn]
+    return [f"the motion of the reaction: {'; '.join(parts)}", *limit_lines(limits)]
 
 
-def _turn_text(times: Array, people: Sequence[PersonMotion]) -> str:
-    """Say which bone of all samples turns most between two frames, beside the partner's most."""
+def _jolts(times: Array, samples: Sequence[PersonMotion]) -> SampleLimit:
+    """Compare the largest acceleration of each sample with that of people."""
+    values, places = [], []
+    for person in samples:
+        accelerations = joint_accelerations(times, person.motion)
+        values.append(float(accelerations.max(initial=0.0)))
+        peak = find_peak(accelerations, person.skeleton.joints, times) if values[-1] else None
+        places.append(f"{peak.joint} {peak.place}" if peak else "")
+    return SampleLimit(values, MAX_ACCELERATION, "a joint accelerates by {}", " m/s²", places, 0)
+
+
+def _turns(times: Array, people: Sequence[PersonMotion]) -> tuple[SampleLimit, str]:
+    """Compare the largest turn of a bone from a frame to the next of each sample with people's.
+
+    Returns
+    -------
+    It, and which bone of all samples turns most, beside the partner's most
+    """
     partner, *samples = (bone_turns(person.skeleton, person.motion) for person in people)
-    number = max(range(len(samples)), key=lambda n: samples[n].max())
-    peak = find_peak(samples[number], bone_names(people[1 + number].skeleton), times)
-    of_sample = f" of sample {number}" if len(samples) > 1 else ""
-    return (
-        f"the bone to {peak.joint} turns most from one frame to the next, by "
-        f"{format_fixed(samples[number].max(), 1)}° {peak.place}{of_sample} (the partner's most: "
-        f"{format_fixed(partner.max(), 1)}°)"
+    peaks = [
+        find_peak(turns, bone_names(person.skeleton), times)
+        for turns, person in zip(samples, people[1:], strict=True)
+    ]
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    limit = SampleLimit(
+        [float(turns.max()) for turns in samples],
+        MAX_TURN_SPEED * step,
+        "a bone turns by {} from one frame to the next",
+        "°",
+        [f"that to {peak.joint} {peak.place}" for peak in peaks],
     )
-
-
-def _range(values: list[float], decimals: int) -> str:
-    """Format one value, or the least and the greatest."""
-    low, high = (format_fixed(value, decimals) for value in (min(values), max(values)))
-    return low if low == high else f"{low} to {high}"
+    number = int(np.argmax(limit.values))
+    peak, of_sample = peaks[number], f" of sample {number}" if len(samples) > 1 else ""
+    return limit, (
+        f"the bone to {peak.joint} turns most from one frame to the next, by "
+        f"{format_fixed(limit.values[number], 1)}° {peak.place}{of_sample}, {limit.wanted} (the "
+        f"partner's most: {format_fixed(partner.max(), 1)}°)"
+    )
 
 
 def _glide(ankles: Motion, times: Array) -> float:

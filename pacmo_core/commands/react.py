@@ -362,7 +362,7 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
         reactions.skeleton, reactions.times, reactions.partner, written.samples, written.in_files
     ):
         typer.echo(line)
-    if written.fidelity.is_inexact:
+    if written.fidelity.is_of_files:
         typer.echo(written.fidelity.line())
     typer.echo(_files_line(reactions, written.files, space))
 

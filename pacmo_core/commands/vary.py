@@ -54,25 +54,36 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     to_model_joints,
 )
-from pacmo_core.commands.weights import is_synthetic, trained_on_line
+from pacmo_core.commands.weights import (
+    PACKAGED_PRIOR,
+    PRIOR_TRAINED_HERE,
+    default_prior,
+    is_synthetic,
+    trained_on_line,
+)
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.models import load_skeleton_prior
-from pacmo_core.project.workspace import CommandError, in_project
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
 from pacmo_core.skeleton_prior.training import build_start
 from pacmo_core.skeleton_prior.vae import SkeletonPrior
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.motions import write_motions
 
-WEIGHTS = in_project(Path("models/priors/default/random/kinematic/1/weights.safetensors"))
 # Of the project that weights lie in: what their training adds to the start (pool_skeleton_prior).
 EVALUATION = Path("reports/skeleton_prior.json")
 # Share of the start's errors that training must remove, on average and with an interval above 0.
 MIN_GAIN = 0.2
 
-Weights = Annotated[Path, typer.Option(help="a trained skeleton prior")]
+Weights = Annotated[
+    Path | None,
+    typer.Option(
+        help=f"a trained skeleton prior; default: {PRIOR_TRAINED_HERE} if it exists, else the "
+        "package's"
+    ),
+]
 Samples = Annotated[int, typer.Option(min=1, help="number of interactions to sample")]
 Network = Annotated[
     bool | None,
@@ -97,7 +108,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     profile: Profile = [],  # noqa: B006
     samples: Samples = 1,
     seed: Seed = 0,
-    weights: Weights = WEIGHTS,
+    weights: Weights = None,
     network: Network = None,
     clip: Clip = "",
     form: FormatName = None,
@@ -111,11 +122,13 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
 ) -> None:
     """Retarget two people's motion to other bodies by a trained skeleton prior.
 
-    pacmo vary DUO_A.bvh DUO_B.bvh --preset duo_mocap --samples 20 --weights W --out other
+    pacmo vary DUO_A.bvh DUO_B.bvh --preset duo_mocap --samples 20 --out other
 
-    pacmo vary DUO_A.bvh DUO_B.bvh --b-scale left_forearm=1.2 --weights W --out other
+    pacmo vary DUO_A.bvh DUO_B.bvh --b-scale left_forearm=1.2 --out other
 
     pacmo vary DUO_A.bvh DUO_B.bvh --profile b=child --samples 4 --weights W --out other
+
+    Without --weights the skeleton prior is that of a run here, else the one in the package.
 
     The network is used if reports/skeleton_prior.json of the project that the weights lie in shows
     that these weights are better than their start, a rule without training, or if nothing there is
@@ -134,10 +147,10 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     with solver_errors_in_one_line(" and ".join(map(str, files))):
         factors_of_people = [parse_factors(words) for words in (a_scale, b_scale)]
         profiles = _one_profile_each(profile)
-        check_request(samples, options, weights)
-        model = load_skeleton_prior(weights)
-        typer.echo(trained_on_line(weights, synthetic_capture=is_synthetic(first, clip)))
-        uses_network, reason = choose_network(weights, network)
+        chosen = check_request(samples, options, weights or default_prior())
+        model = load_skeleton_prior(chosen)
+        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(first, clip)))
+        uses_network, reason = choose_network(chosen, network)
         typer.echo(reason)
         duo = _select_joints(read_two_people(files, options, clip), model.config.skeleton, options)
         check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
@@ -152,7 +165,7 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         written, fidelity, people, in_files = _write(duo, variations, places)
         if line := duo.rig_line(places[0]):
             typer.echo(line)
-        if fidelity.is_inexact:
+        if fidelity.is_of_files:
             typer.echo(fidelity.line())
         page = _say_measured(duo, variations, people, in_files, out)
         named = f" as {_some(_names(duo, samples))}" if is_parquet(out) else ""
@@ -252,7 +265,7 @@ def choose_network(weights: Path, asked: bool | None) -> tuple[bool, str]:
 
 
 def find_evidence(weights: Path) -> Evidence | None:
-    """Find what was measured of weights, by their content, in the project that they lie in.
+    """Find what was measured of weights, by their content: in their project, or in their card.
 
     Raises
     ------
@@ -260,6 +273,8 @@ def find_evidence(weights: Path) -> Evidence | None:
         If there is an evaluation that cannot be read.
     """
     files = [folder / EVALUATION for folder in weights.absolute().parents]
+    if weights == PACKAGED_PRIOR:
+        files = [PACKAGED_PRIOR.with_suffix(".json")]
     file = next(filter(Path.is_file, files), None)
     if file is None:
         return None

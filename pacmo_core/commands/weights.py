@@ -1,9 +1,11 @@
 """Weights that commands use: which, what they were trained on, and those in the package.
 
 Usage: python -m pacmo_core.commands.weights MODEL METRICS.json
+       python -m pacmo_core.commands.weights --prior MODEL EVALUATION.json
 
 copies the weights of a finished run into the package, with a card of what they are: MODEL is the
-folder of a trained model, METRICS.json is ``reports/metrics.json`` of the same run.
+folder of a trained model of reactions, or with ``--prior`` of a skeleton prior; METRICS.json is
+``reports/metrics.json`` of the same run, EVALUATION.json its ``reports/skeleton_prior.json``.
 """
 
 import argparse
@@ -12,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.models import load_reaction_model
+from pacmo_core.models import load_reaction_model, load_skeleton_prior
 from pacmo_core.project.workspace import CommandError, in_project
 from pacmo_core.store.files import StoreError, file_hash, write_text
 from pacmo_core.store.tables import ClipRecord, read_rows
@@ -23,6 +25,10 @@ TRAINED_HERE = Path("models/1/pacmo/1/weights.safetensors")
 PACKAGED = Path(__file__).with_name("starting_weights.safetensors")
 CARD = PACKAGED.with_suffix(".json")
 MAX_BYTES = 4_000_000  # of the packaged weights
+# The same of the skeleton prior, with what its training adds to its start in the card.
+PRIOR_TRAINED_HERE = Path("models/priors/default/random/kinematic/1/weights.safetensors")
+PACKAGED_PRIOR = PACKAGED.with_name("starting_prior.safetensors")
+MAX_PRIOR_BYTES = 1_000_000
 LICENCE = "Apache-2.0"
 LIMITS = (
     "Trained on synthetic motion of ten scripted actions alone: the scores are those of new "
@@ -39,6 +45,12 @@ def default_weights() -> Path:
     """Return the weights of a model of reactions that are used if none are named."""
     trained = in_project(TRAINED_HERE)
     return trained if trained.exists() else PACKAGED
+
+
+def default_prior() -> Path:
+    """Return the weights of a skeleton prior that are used if none are named."""
+    trained = in_project(PRIOR_TRAINED_HERE)
+    return trained if trained.exists() else PACKAGED_PRIOR
 
 
 def check_weights(weights: Path) -> None:
@@ -78,7 +90,8 @@ def trained_on_line(weights: Path, *, synthetic_capture: bool | None) -> str:
     weights : file of weights
     synthetic_capture : whether the capture is generated; None if nothing says
     """
-    name = "the model in the package" if weights == PACKAGED else str(weights)
+    packaged = weights in (PACKAGED, PACKAGED_PRIOR)
+    name = "the model in the package" if packaged else str(weights)
     trained_on = read_trained_on(weights)
     if trained_on is None:
         return f"{name} does not state what it was trained on"
@@ -108,19 +121,65 @@ def package_weights(model: Path, metrics: Path, target: Path = PACKAGED) -> None
     """
     source = model / "weights.safetensors"
     facts, tensors = read_weights(source)
-    size = source.stat().st_size
-    if size > MAX_BYTES:
-        raise CommandError(
-            f"{source}: wanted at most {MAX_BYTES} bytes for the package; got {size}"
-        )
+    _check_size(source, MAX_BYTES)
     rows = json.loads(metrics.read_text("utf-8")).get("pacmo", {})
     name = facts["model"]
     if name not in rows:
         raise CommandError(f"{metrics}: wanted scores of {name}; got those of {', '.join(rows)}")
     write_weights(target, facts, tensors)
+    _write_card(target, _card(target, name, rows))
+
+
+def package_prior(model: Path, evaluation: Path, target: Path = PACKAGED_PRIOR) -> None:
+    """Copy the weights of a skeleton prior, byte by byte, with what is known of them.
+
+    Parameters
+    ----------
+    model : folder with ``weights.safetensors``
+    evaluation : ``reports/skeleton_prior.json`` of the run
+    target : of the copy; the card has its name, with the suffix ``.json``
+
+    Raises
+    ------
+    CommandError
+        If the weights are too large, or the evaluation is not of them.
+    StoreError, OSError
+        If a file cannot be read or written.
+    """
+    source = model / "weights.safetensors"
+    _check_size(source, MAX_PRIOR_BYTES)
+    prior, content = load_skeleton_prior(source), file_hash(source)
+    gains = json.loads(evaluation.read_text("utf-8"))["gain"]
+    own = {
+        dataset: {name: gain for name, gain in splits.items() if content in gain["weights"]}
+        for dataset, splits in gains.items()
+    }
+    if not any(own.values()):
+        raise CommandError(f"{evaluation}: wanted the evaluation of {source}; got that of others")
+    target.write_bytes(source.read_bytes())
+    trained_on = read_trained_on(target)
+    card = {
+        "model": prior.config.model,
+        "trained_on": None if trained_on is None else trained_on.to_dict(),
+        "licence": LICENCE,
+        "sha256": content,
+        "joints": list(prior.config.skeleton.joints),
+        "gain": {dataset: splits for dataset, splits in own.items() if splits},
+        "made_by": "python -m pacmo_core.commands.weights --prior MODEL EVALUATION.json",
+    }
+    _write_card(target, card)
+
+
+def _check_size(weights: Path, most: int) -> None:
+    size = weights.stat().st_size
+    if size > most:
+        raise CommandError(f"{weights}: wanted at most {most} bytes for the package; got {size}")
+
+
+def _write_card(target: Path, card: dict[str, Any]) -> None:
     target.chmod(0o644)  # whoever installs the package reads it
-    card = json.dumps(_card(target, name, rows), indent=2, allow_nan=False)
-    write_text(target.with_suffix(".json"), f"{card}\n")
+    text = json.dumps(card, indent=2, allow_nan=False)
+    write_text(target.with_suffix(".json"), f"{text}\n")
 
 
 def _card(weights: Path, name: str, rows: dict[str, Any]) -> dict[str, Any]:
@@ -142,10 +201,11 @@ def main() -> None:
     """Copy the weights that the command line names into the package."""
     parser = argparse.ArgumentParser(description="Copy weights into the package, with their card.")
     parser.add_argument("model", type=Path, help="folder of a trained model")
-    parser.add_argument("metrics", type=Path, help="reports/metrics.json of the same run")
-    paths = parser.parse_args()
+    parser.add_argument("metrics", type=Path, help="METRICS.json or EVALUATION.json of the run")
+    parser.add_argument("--prior", action="store_true", help="a skeleton prior, for pacmo vary")
+    words = parser.parse_args()
     try:
-        package_weights(paths.model, paths.metrics)
+        (package_prior if words.prior else package_weights)(words.model, words.metrics)
     except (CommandError, StoreError, OSError, ValueError) as fault:
         parser.exit(1, f"{fault}\n")
 

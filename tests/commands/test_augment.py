@@ -201,7 +201,9 @@ def test_the_page_states_measurements_beside_limits(stored: Path, tmp_path: Path
     )
     assert said.exit_code == 0, said.output
     assert re.search(
-        r"beyond the limits of what looks natural .*: elbows .*°, wanted at most 0°", said.output
+        r"beyond the limits of what looks natural .*:\n  elbows .*°, wanted at most 0° \(worst: "
+        r"person b, left_elbow in frame \d+ \([\d.]+ s\)\)\n",
+        said.output,
     )
     html = (tmp_path / "out.html").read_text(encoding="utf-8")
     at = html.index("Elbows ↓ °")
@@ -386,7 +388,8 @@ def test_the_command_says_what_it_does_and_whether_the_limits_hold(
             "left_forearm=1.2 ..."
         )
     assert lines[0][-2].startswith("all within the limits of what looks natural")
-    assert lines[1][-2].startswith("beyond the limits of what looks natural")
+    assert lines[1][-3].startswith("beyond the limits of what looks natural")
+    assert re.match(r"  jumps .* \(worst: person [ab], \w+ in frame \d+ ", lines[1][-2])
 
 
 def test_a_folder_of_settings_is_called_a_folder(stored: Path, tmp_path: Path) -> None:

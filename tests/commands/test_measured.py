@@ -37,22 +37,27 @@ def test_a_measurement_is_of_the_person_in_whom_it_is_worse(
     found = measured((lowered(A, depths[0]), lowered(B, depths[1])))
     assert found.samples[0]["below_floor"] == pytest.approx(0.05, abs=1e-5)
     assert found.worse["below_floor"] == person
-    (line,) = (text for text in found.lines(SECTION.limits) if "below the floor" in text[:20])
+    line, *_ = (text for text in found.lines(SECTION.limits) if "below the floor" in text[:20])
     assert (
         line.split() == f"below the floor 5.00 cm wanted at most 1.00 cm, person {person}".split()
     )
 
 
 def test_the_last_line_says_what_is_beyond_and_in_how_many() -> None:
-    (*_, one) = measured((A, lowered(B, 0.05))).lines(SECTION.limits)
-    assert one.startswith(
-        "beyond the limits of what looks natural (augment.limits of params.yaml): "
+    lines = list(measured((A, lowered(B, 0.05))).lines(SECTION.limits))
+    head = lines.index("beyond the limits of what looks natural (augment.limits of params.yaml):")
+    (depth,) = (line for line in lines[head + 1 :] if "below the floor" in line)
+    frame, joint = np.unravel_index(B.motion[..., 1].argmin(), B.motion.shape[:2])
+    time = CLIP.times[frame] - CLIP.times[0]
+    assert depth == (
+        "  below the floor 5.00 cm, wanted at most 1.00 cm (worst: person b, "
+        f"{CLIP.skeleton.joints[joint]} in frame {frame} ({time:.2f} s))"
     )
-    assert "below the floor 5.00 cm, wanted at most 1.00 cm" in one
-    first, *_, two = measured((A, B), (A, lowered(B, 0.05))).lines(SECTION.limits)
-    assert "means of 2 samples" in first
-    assert two.startswith("1 of 2 samples beyond the limits")
+    lines = list(measured((A, B), (A, lowered(B, 0.05))).lines(SECTION.limits))
+    assert "means of 2 samples" in lines[0]
+    (two,) = (line for line in lines if line.startswith("1 of 2 samples beyond the limits"))
     assert "below the floor (1)" in two
+    assert f"  worst in sample 1: {depth.strip()}" in lines
     (*_, none) = measured((A, B)).lines(SECTION.limits)
     assert none == "all within the limits of what looks natural (augment.limits of params.yaml)"
 
@@ -127,3 +132,39 @@ def test_bones_of_a_file_that_the_model_lacks_have_added_turns_too() -> None:
     assert "from one frame to the next: 90.0° in frame 7 " in turn
     assert turn.endswith("0° in the capture (person b, bone to right_pinky)")
     assert not measure_written(duo, [(A, B)], scales, SECTION.solver).peaks
+
+
+def test_each_person_is_displaced_by_what_was_added() -> None:
+    root = CLIP.skeleton.root
+    motion = A.motion.copy()
+    motion[7, root] += np.float32([0, 0, 0.12])
+    joint = CLIP.skeleton.joints.index("left_hand")
+    motion[9, joint] += np.float32([0.3, 0, 0])
+    scales = [(SAME, 1.1 * SAME)]
+    found = measure_written(
+        DUO, [(replace(A, motion=motion), lowered(B, 0.05))], scales, SECTION.solver
+    )
+    at_7, at_9 = (CLIP.times[frame] - CLIP.times[0] for frame in (7, 9))
+    assert found.displaced[0] == (
+        "  person a, whose body is the same, moves away from the capture by up to 30.0 cm "
+        f"(left_hand in frame 9, {at_9:.2f} s), the pelvis by up to 12.0 cm "
+        f"({CLIP.skeleton.joints[root]} in frame 7, {at_7:.2f} s)"
+    )
+    assert found.displaced[1].startswith("  person b moves away from the capture by up to 5.0 cm")
+    assert all(line in found.lines(SECTION.limits) for line in found.displaced)
+    assert "by up to 0.0 cm, the pelvis by up to 0.0 cm" in measured((A, B)).displaced[1]
+
+
+def test_without_contacts_a_line_says_what_judges_a_grip() -> None:
+    distances = np.linalg.norm(A.motion[:, :, None] - B.motion[:, None], axis=-1)
+    frame, i, j = np.unravel_index(distances.argmin(), distances.shape)
+    apart = B.motion[frame, j] - A.motion[frame, i]
+    gap = (SECTION.solver.contact_distance + SECTION.solver.near_distance) / 2
+    for wanted, is_near in ((gap, True), (SECTION.solver.near_distance + 3, False)):
+        shift = apart * (wanted / np.linalg.norm(apart) - 1)
+        b = replace(B, motion=B.motion + shift.astype(np.float32))
+        found = measure_written(
+            replace(DUO, people=(A, b)), [(A, b)], [(SAME, SAME)], SECTION.solver
+        )
+        (line,) = (text for text in found.lines(SECTION.limits) if "no contacts" in text)
+        assert ("is judged by near distances, those within" in line) == is_near

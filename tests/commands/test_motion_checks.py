@@ -1,5 +1,7 @@
 """Truth: a joint that jumps, feet that glide and bodies that overlap by known amounts."""
 
+import re
+
 import numpy as np
 
 from pacmo_core.api import synthesise
@@ -42,13 +44,13 @@ def test_the_sample_whose_joint_jumps_is_named() -> None:
     still = partner + np.float32([2, 0, 0])
     jumps = still.copy()
     jumps[12:, 1, 2] += 0.4  # 0.4 m in 1/30 s: 12 m/s from rest in 1/30 s
-    _, fault, hint = lines_of(partner, np.stack([still, jumps]))
+    _, fault, *_, hint = lines_of(partner, np.stack([still, jumps]))
     joint = SKELETON.joints[1]
     assert fault == (
-        f"sample 1 has a jolt: {joint} accelerates by 360 m/s² in frame 11 (0.37 s), wanted at "
-        "most 150"
+        f"sample 1: a joint accelerates by 360 m/s², {joint} in frame 11 (0.37 s), wanted at most "
+        "150 m/s²"
     )
-    assert hint == "another --seed gives other samples"
+    assert hint == "samples within every limit: 0; another --seed gives other samples"
 
 
 def test_feet_that_glide_have_their_speed() -> None:
@@ -67,7 +69,7 @@ def test_bodies_in_one_place_are_as_deep_as_the_widest_capsule() -> None:
     meets[40] = partner[40]
     radii = capsule_radii(Scene((partner, partner), (SKELETON, SKELETON), 30.0))
     lines = lines_of(partner, meets[None])
-    deep = f"sample 0: the bodies are {200 * radii.max():.1f} cm deep in each other at 1.33 s"
+    deep = f"sample 0: the bodies are {200 * radii.max():.1f} cm deep in each other, at 1.33 s"
     assert lines[1].startswith(deep)
 
 
@@ -87,11 +89,15 @@ def test_the_largest_turn_of_a_bone_has_joint_frame_and_time() -> None:
     moved[18:, child] += (turned - bone[0]).astype(np.float32)
     foot = SKELETON.joints.index("left_foot")
     moved[18:, foot] += (turned - bone[0]).astype(np.float32)
-    first, *_ = lines_of(partner, np.stack([turns, moved]))
+    first, *faults = lines_of(partner, np.stack([turns, moved]))
     assert (
         "the bone to left_ankle turns most from one frame to the next, by 26.0° in frame 18 "
-        "(0.60 s) of sample 1 (the partner's most: 0°)"
+        "(0.60 s) of sample 1, wanted at most 25° (the partner's most: 0°)"
     ) in first
+    assert faults[-2] == (
+        "sample 1: a bone turns by 26.0° from one frame to the next, that to left_ankle in frame "
+        "18 (0.60 s), wanted at most 25°"
+    )
 
 
 def test_a_slower_foot_beyond_its_limit_is_named_with_its_sample() -> None:
@@ -110,12 +116,47 @@ def test_bones_of_the_file_that_the_model_lacks_have_turns_too() -> None:
     names = (*SKELETON.joints, "right_pinky")
     parents = (*SKELETON.parents, SKELETON.joints.index("right_hand"))
     whole = Skeleton("whole", names, parents, mirror_by_name(names))
-    tips = still[:, [parents[-1]]] + np.float32([0.05, 0, 0])
-    tips[30:] += np.float32([-0.05, 0.05, 0])  # by a right angle
+    tips = still[:, [parents[-1]]] + np.float32([0.15, 0, 0])
+    tips[30:] += np.float32([-0.15, 0.15, 0])  # by a right angle
     in_file = PersonMotion(whole, TIMES, np.concatenate([still, tips], axis=1))
     own = PersonMotion(SKELETON, TIMES, partner)
-    (line,) = motion_lines(SKELETON, TIMES, partner, still[None], [own, in_file])
+    line, jolt, turn, _ = motion_lines(SKELETON, TIMES, partner, still[None], [own, in_file])
     assert (
         "the bone to right_pinky turns most from one frame to the next, by 90.0° in frame 30 "
-        "(1.00 s) (the partner's most: 0°)"
+        "(1.00 s), wanted at most 25° (the partner's most: 0°)"
     ) in line
+    jump = 0.15 * np.sqrt(2) * 30**2
+    assert f"joints accelerate by at most {jump:.0f} m/s²" in line
+    assert jolt.startswith(
+        f"sample 0: a joint accelerates by {jump:.0f} m/s², right_pinky in frame"
+    )
+    assert turn.endswith("that to right_pinky in frame 30 (1.00 s), wanted at most 25°")
+
+
+def test_a_turn_has_less_room_in_a_shorter_step() -> None:
+    partner = standing()
+    still = partner + np.float32([2, 0, 0])
+    for times, wanted in ((TIMES, "25°"), (TIMES / 4, "6.25°"), (2 * TIMES, "50°")):
+        people = [PersonMotion(SKELETON, times, motion) for motion in (partner, still)]
+        (line,) = motion_lines(SKELETON, times, partner, still[None], people)
+        assert f"wanted at most {wanted} (the partner's most" in line
+
+
+def test_where_all_samples_are_beyond_one_limit_one_line_says_so() -> None:
+    partner = standing()
+    deep = [partner + np.float32([0.02 * n, 0, 0]) for n in range(6)]
+    _, line, hint = lines_of(partner, np.stack(deep))
+    assert re.match(r"all 6 samples: the bodies are [\d.]+ to [\d.]+ cm deep in each other, ", line)
+    assert line.endswith(
+        "wanted at most 8 cm (the worst first: sample 0, at 0.00 s; sample 1, at 0.00 s; sample 2, "
+        "at 0.00 s; sample 3, at 0.00 s; ...)"
+    )
+    assert hint.startswith("where all samples are beyond a limit another --seed hardly helps")
+
+
+def test_many_samples_beyond_a_limit_have_one_line_and_the_others_are_named() -> None:
+    partner = standing()
+    motions = [partner] * 5 + [partner + np.float32([2, 0, 0])] * 2
+    _, line, hint = lines_of(partner, np.stack(motions))
+    assert line.startswith("5 of 7 samples: the bodies are ")
+    assert hint == "samples within every limit: 5, 6; another --seed gives other samples"

@@ -12,13 +12,18 @@ from pacmo_core.commands.cli import app
 from pacmo_core.commands.weights import (
     CARD,
     MAX_BYTES,
+    MAX_PRIOR_BYTES,
     PACKAGED,
+    PACKAGED_PRIOR,
+    PRIOR_TRAINED_HERE,
     TRAINED_HERE,
+    default_prior,
     default_weights,
+    package_prior,
     package_weights,
 )
 from pacmo_core.data.interaction import bone_lengths
-from pacmo_core.models import load_reaction_model
+from pacmo_core.models import load_reaction_model, load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.motions import stream_motions, write_motions
@@ -83,3 +88,57 @@ def test_a_copy_of_a_run_has_its_weights_and_its_scores(tmp_path: Path) -> None:
     metrics.write_text(json.dumps({"pacmo": {"gru": {"ape": 1.0}}}))
     with pytest.raises(CommandError, match="wanted scores of pacmo; got those of gru"):
         package_weights(model, metrics, target)
+
+
+def test_the_prior_matches_its_card_which_has_its_evaluation() -> None:
+    card = json.loads(PACKAGED_PRIOR.with_suffix(".json").read_text("utf-8"))
+    prior = load_skeleton_prior(PACKAGED_PRIOR)
+    assert card["sha256"] == file_hash(PACKAGED_PRIOR)
+    assert card["joints"] == list(prior.config.skeleton.joints)
+    assert card["gain"]["default"]["random"]["weights"] == [card["sha256"]]
+    trained_on = read_trained_on(PACKAGED_PRIOR)
+    assert trained_on is not None and trained_on.is_synthetic
+    assert PACKAGED_PRIOR.stat().st_size <= MAX_PRIOR_BYTES
+
+
+def test_bodies_are_varied_where_there_is_no_checkout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (clip,) = api.synthesise(1).values()
+    joints = load_skeleton_prior(PACKAGED_PRIOR).config.skeleton.joints
+    clip = clip.without([name for name in clip.skeleton.joints if name not in joints])
+    with write_motions(tmp_path / "clip.parquet", clip.skeleton) as writer:
+        writer.add("one", clip)
+    words = ["vary", "clip.parquet", "--clip", "one", "--samples", "2", "--out", "out.parquet"]
+    said = CliRunner().invoke(app, words)
+    assert said.exit_code == 0, said.output
+    assert "the model in the package was trained on" in said.output
+    assert "the start alone is used: the network is not shown to be better" in said.output
+    first, second = (pair for _, pair in stream_motions(tmp_path / "out.parquet"))
+    lengths = [bone_lengths(pair.person_b, pair.skeleton)[0] for pair in (first, second)]
+    assert abs(lengths[0] - lengths[1]).max() > 1e-3, "each sample is another body"
+
+
+def test_a_prior_that_a_run_has_trained_comes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pacmo_core.commands.weights.in_project", lambda path: tmp_path / path)
+    assert default_prior() == PACKAGED_PRIOR
+    (tmp_path / PRIOR_TRAINED_HERE).parent.mkdir(parents=True)
+    (tmp_path / PRIOR_TRAINED_HERE).write_bytes(b"x")
+    assert default_prior() == tmp_path / PRIOR_TRAINED_HERE
+
+
+def test_a_prior_is_packaged_with_the_evaluation_of_its_own_weights(tmp_path: Path) -> None:
+    (tmp_path / "weights.safetensors").write_bytes(PACKAGED_PRIOR.read_bytes())
+    card = json.loads(PACKAGED_PRIOR.with_suffix(".json").read_text("utf-8"))
+    gains = {**card["gain"], "other": {"random": {"weights": ["0" * 64]}}}
+    (tmp_path / "evaluation.json").write_text(json.dumps({"gain": gains}))
+    target = tmp_path / "copy.safetensors"
+    package_prior(tmp_path, tmp_path / "evaluation.json", target)
+    assert file_hash(target) == card["sha256"]
+    assert json.loads(target.with_suffix(".json").read_text("utf-8")) == card
+    (tmp_path / "evaluation.json").write_text(json.dumps({"gain": {"other": gains["other"]}}))
+    with pytest.raises(CommandError, match="wanted the evaluation of"):
+        package_prior(tmp_path, tmp_path / "evaluation.json", target)
