@@ -3,16 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.commands.captures import OutputSpace
+from pacmo_core.commands.captures import OutputSpace, meant_rate
 from pacmo_core.commands.reading import ReadPerson, Source
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.convert_bvh import change_axes, change_unit, resample_bvh
 from pacmo_core.formats.registry import DEFAULT_SETTINGS
+from pacmo_core.formats.resample import sample_times
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -30,19 +33,37 @@ class OwnRig:
     file: Path
     bvh: Bvh
     space: OutputSpace
-    times: NDArray[Any]
+    times: Array
 
-    def converted(self, at: NDArray[Any], space: OutputSpace) -> Bvh:
+    def converted(self, at: Array, fps: float | None, space: OutputSpace) -> Bvh:
         """Return the file at other times, in another unit and with another upward axis.
+
+        Parameters
+        ----------
+        at : (N,) seconds, within the file's times
+        fps : frames a second from the first of these times to the last, instead of them
 
         Raises
         ------
         FormatError
             If its channels cannot hold that.
         """
-        resampled = resample_bvh(self.file, self.bvh, self.times, at)
+        times = self.times
+        if fps is not None:
+            times, at = _meant(times), sample_times(_meant(at), fps)
+        resampled = resample_bvh(self.file, self.bvh, times, at)
         turned = change_axes(self.file, resampled, self.space.up, space.up)
         return change_unit(turned, self.space.unit / space.unit)
+
+
+def _meant(times: Array) -> Array:
+    """``(T,)`` seconds: the times of frames at the rate that was meant.
+
+    A rate that is a multiple of it keeps the frames of a file, whose Frame Time is rounded.
+    """
+    fps = float(1 / np.median(np.diff(times)))
+    meant: Array = times[0] + (times - times[0]) * (fps / meant_rate(fps))
+    return meant
 
 
 def space_of(file: Path, read: ReadPerson) -> OutputSpace:
