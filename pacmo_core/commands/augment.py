@@ -182,6 +182,9 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         for number, (place, of_pair) in enumerate(zip(places, profiles, strict=True)):
             label = "_".join([*words, *map("-".join, of_pair.items())]).replace("=", "-")
             moved = duo.moved(_split_people(duo, solution.points[number]))
+            if not is_parquet(place):
+                joints = " and ".join(str(len(p.skeleton.joints)) for p in duo.people)
+                typer.echo(f"fitting rotations of {joints} joints to the solution ...")
             written = write_two_people(moved, scales[number], label, place)
             solved = report_measurements(solution.reports[number])
             measured = measure_written(

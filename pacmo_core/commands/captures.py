@@ -291,9 +291,14 @@ def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMot
 
 
 def rate_text(fps: float) -> str:
+    """Name a frame rate as it was meant (see ``meant_rate``)."""
+    return f"{meant_rate(fps):.6g}"
+
+
+def meant_rate(fps: float) -> float:
     """Return a frame rate as it was meant: a Frame Time of 0.033333 s is 30 frames a second."""
     whole = round(fps)
-    return f"{whole if np.isclose(fps, whole, rtol=1e-4, atol=0) else fps:.6g}"
+    return whole if np.isclose(fps, whole, rtol=1e-4, atol=0) else fps
 
 
 def _check_same_times(a: PersonMotion, b: PersonMotion, text: str) -> None:

@@ -10,7 +10,8 @@ import typer
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, planted_weights
-from pacmo_core.commands.captures import rate_text
+from pacmo_core.commands.captures import OutputSpace, rate_text
+from pacmo_core.commands.own_rig import OwnRig, own_rigs
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -21,14 +22,17 @@ from pacmo_core.commands.reading import (
     check_unit,
     parse_unit,
 )
-from pacmo_core.commands.view import read_scenes
+from pacmo_core.commands.view import read_named_clips
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import work_fault
 from pacmo_core.figures.body_mesh import make_skin
 from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
 from pacmo_core.figures.viewer import Scene
-from pacmo_core.formats.base import check_up, to_y_up
+from pacmo_core.formats.base import FormatError, check_up, to_y_up
+from pacmo_core.formats.bvh import Bvh
+from pacmo_core.formats.bvh_channels import format_file
+from pacmo_core.formats.convert_bvh import move_root
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import from_y_up, resample, sample_times
@@ -68,6 +72,11 @@ class ExportOptions:
     ground: bool = False
     centre: bool = False
 
+    @property
+    def space(self) -> OutputSpace:
+        """The unit and axis of the file."""
+        return OutputSpace(self.unit, self.up)
+
     def check(self, out: Path) -> None:
         """Reject options that the format does not support.
 
@@ -93,8 +102,15 @@ class ExportOptions:
             find_ffmpeg()
 
 
-def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Path], str]:
-    """Write the files, each atomically; return them and a summary: frames, rate and errors."""
+def export_scene(
+    scene: Scene, out: Path, form: ExportOptions, rigs: Sequence[OwnRig] = ()
+) -> tuple[list[Path], str]:
+    """Write the files, each atomically; return them and a summary: frames, rate and errors.
+
+    Parameters
+    ----------
+    rigs : of all people, if their files are BVH: BVH is written on them
+    """
     suffix = out.suffix.lower()
     if scene.other and suffix not in OF_A_PERSON:
         raise CommandError(
@@ -102,17 +118,47 @@ def export_scene(scene: Scene, out: Path, form: ExportOptions) -> tuple[list[Pat
             f"one person at a time, or to {', '.join(OF_A_PERSON)}, which hold one each"
         )
     fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
+    if suffix == ".bvh":
+        on_rigs, fault = _converted(rigs, scene, fps, form.space)
+        if on_rigs:
+            names = " and ".join(str(rig.file) for rig in rigs)
+            files = _on_own_rigs(out, on_rigs, form)
+            rate = _rate_line(len(on_rigs[0].motion), 1 / on_rigs[0].frame_time)
+            return files, f"{rate}, in {form.space}, with the rest pose of {names}"
     written = scene if fps is None else resample_scene(scene, fps)
     files, errors = WRITERS[suffix](out, written, form)
-    rate = f"{len(written.times)} frames at {rate_text(_fps(written))} frames a second"
-    return files, "; ".join(filter(None, (rate, errors)))
+    summary = _rate_line(len(written.times), _fps(written))
+    if suffix == ".bvh":
+        summary += f", in {form.space}, with the rest pose of a body fitted to the joints{fault}"
+    return files, "; ".join(filter(None, (summary, errors)))
+
+
+def _rate_line(n_frames: int, fps: float) -> str:
+    return f"{n_frames} frames at {rate_text(fps)} frames a second"
+
+
+def _converted(
+    rigs: Sequence[OwnRig], scene: Scene, fps: float | None, space: OutputSpace
+) -> tuple[list[Bvh], str]:
+    """Return people's files at the times of a scene, in this space; or none, and why."""
+    if fps is not None:
+        _check_work(scene, sample_times(scene.times, fps), fps)
+    try:
+        return [rig.converted(scene.times, fps, space) for rig in rigs], ""
+    except FormatError as fault:
+        return [], f" ({fault})"
+
+
+def _check_work(scene: Scene, at: NDArray[np.float64], fps: float) -> None:
+    """Refuse a frame rate of which there would be too many frames."""
+    if fault := work_fault(len(at), len(scene.skeleton.joints)):
+        raise CommandError(f"--to-fps {fps:g}: {fault}")
 
 
 def resample_scene(scene: Scene, fps: float) -> Scene:
     """Return the scene at another frame rate."""
     at = sample_times(scene.times, fps)
-    if fault := work_fault(len(at), len(scene.skeleton.joints)):
-        raise CommandError(f"--to-fps {fps:g}: {fault}")
+    _check_work(scene, at, fps)
     people = tuple(resample(motion, scene.times, at) for motion in scene.people)
     return replace(scene, times=at - at[0], people=people)
 
@@ -189,13 +235,34 @@ def _positions(
 
 def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
     fits, summary = _fit_people(scene, form)
-    alone = len(fits) == 1
-    files = []
-    for person, fit, body in zip("AB", fits, scene.skeletons, strict=False):
-        in_units = replace(fit, offsets=fit.offsets / form.unit, root=fit.root / form.unit)
-        files.append(out if alone else out.with_name(f"{out.stem}_{person}{out.suffix}"))
-        write_text(files[-1], format_bvh_of_fit(in_units, _fps(scene), body))
-    return files, summary
+    texts = [
+        format_bvh_of_fit(
+            replace(fit, offsets=fit.offsets / form.unit, root=fit.root / form.unit),
+            _fps(scene),
+            body,
+        )
+        for fit, body in zip(fits, scene.skeletons, strict=True)
+    ]
+    return _write_people(out, texts), summary
+
+
+def _on_own_rigs(out: Path, people: Sequence[Bvh], form: ExportOptions) -> list[Path]:
+    """Write people on the rigs of their files, in the unit and axes of the output."""
+    joints = [
+        np.delete(person.positions(), person.end_sites, axis=1) * form.unit for person in people
+    ]
+    shift = _shift(joints, [0] * len(people), form) / form.unit
+    moved = [move_root(person, shift) for person in people]
+    return _write_people(out, [format_file(person, person.motion) for person in moved])
+
+
+def _write_people(out: Path, texts: Sequence[str]) -> list[Path]:
+    """Write a file for each person; return them."""
+    names = [out.with_name(f"{out.stem}_{person}{out.suffix}") for person in "AB"]
+    files = [out] if len(texts) == 1 else names
+    for file, text in zip(files, texts, strict=True):
+        write_text(file, text)
+    return files
 
 
 def _gltf(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
@@ -289,7 +356,8 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo export walk_A.bvh+walk_B.bvh --from-unit cm --from-up y --out walk.gif
 
-    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with an
+    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh; of BVH files the rig itself, with its rest
+    pose, channels and rotations. .glb, .gltf: glTF 2.0, both people with an
     armature, skin and animation each, in metres, y up. These formats hold rotations of bones of
     constant length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of
     joints, which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip
@@ -302,6 +370,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
             to_fps, to_up, parse_unit(to_unit, "--to-unit"), ground, centre
         )
         form_of_file.check(out)
-        (scene,) = read_scenes([clip], options)
-        files, summary = export_scene(scene, out, form_of_file)
+        (named,) = read_named_clips([clip], options)
+        rigs = own_rigs(named.sources, named.read) if out.suffix.lower() == ".bvh" else []
+        files, summary = export_scene(named.scene, out, form_of_file, rigs)
     typer.echo(f"{', '.join(map(str, files))}: {summary}")

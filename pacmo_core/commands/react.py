@@ -357,6 +357,10 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
     """Write the files; say how the motion is, how well they hold it, and what they are."""
+    if reactions.rig and not is_parquet(out):
+        frames = f"{len(reactions.samples)} x {len(reactions.times)} frames"
+        rig = reactions.rig
+        typer.echo(f"fitting {frames} to the {len(rig.joints)} joints of {rig.file} ...")
     written = write_reactions(reactions, out, space)
     for line in motion_lines(
         reactions.skeleton, reactions.times, reactions.partner, written.samples, written.in_files

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import frame_rate
 from pacmo_core.commands.captures import OutputSpace
+from pacmo_core.commands.own_rig import space_of
 from pacmo_core.commands.reading import (
     ReadOptions,
     ReadPerson,
@@ -19,11 +19,12 @@ from pacmo_core.commands.reading import (
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import Bvh, read_bvh
-from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.bvh_channels import format_file
+from pacmo_core.formats.convert_bvh import change_axes, change_unit
 from pacmo_core.formats.inverse_kinematics import PointTargets
-from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion
+from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import from_y_up
-from pacmo_core.formats.write_bvh import change_unit, format_file, write_on_rig
+from pacmo_core.formats.write_bvh import write_on_rig
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.reaction.bones import median_lengths
 
@@ -75,14 +76,14 @@ class TargetRig:
         shares[:, [self.bvh.joints.index(name) for name in self.joints]] = self.weights
         positions = from_y_up(aims, space.up).astype(np.float64) / space.unit
         targets = PointTargets(shares, positions, weights)
-        bvh = self._in_unit(space)
+        bvh = self._in_space(space)
         return write_on_rig(
             self.file, bvh, targets, person.skeleton, space.unit, frame_rate(person)
         )
 
     def copied(self, person: PersonMotion, space: OutputSpace) -> str:
         """Write the motion of the file itself at the times of a person."""
-        bvh = self._in_unit(space)
+        bvh = self._in_space(space)
         return format_file(replace(bvh, frame_time=1 / frame_rate(person)), bvh.motion)
 
     def on_model(self, person: PersonMotion) -> PersonMotion:
@@ -91,8 +92,9 @@ class TargetRig:
         motion = np.einsum("jc,tcx->tjx", self.weights, person.motion[:, rows])
         return replace(person, skeleton=self.motion.skeleton, motion=motion.astype(np.float32))
 
-    def _in_unit(self, space: OutputSpace) -> Bvh:
-        return change_unit(self.bvh, self.space.unit / space.unit)
+    def _in_space(self, space: OutputSpace) -> Bvh:
+        turned = change_axes(self.file, self.bvh, self.space.up, space.up)
+        return change_unit(turned, self.space.unit / space.unit)
 
 
 def read_rig(source: Source, model: Skeleton, options: ReadOptions) -> TargetRig:
@@ -112,12 +114,10 @@ def read_rig(source: Source, model: Skeleton, options: ReadOptions) -> TargetRig
 def rig_of(source: Source, read: ReadPerson, model: Skeleton, options: ReadOptions) -> TargetRig:
     """Return the rig of a person who was read from a BVH file."""
     names = name_model_joints(read.motion, model, source, options)
-    settings: dict[str, Any] = {**DEFAULT_SETTINGS["bvh"], **read.settings}
-    pairs = BvhPairs(**settings)
     return TargetRig(
         source.file,
         read_bvh(source.file),
-        OutputSpace(pairs.metres(source.file), pairs.up_axis),
+        space_of(source.file, read),
         read.motion.skeleton.joints,
         names.weights,
         replace(read.motion, skeleton=model, motion=names.apply(read.motion.motion)),

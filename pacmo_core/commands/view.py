@@ -3,7 +3,7 @@
 import webbrowser
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +24,7 @@ from pacmo_core.commands.reading import (
     FromUp,
     Preset,
     ReadOptions,
+    ReadPerson,
     Source,
     read_people,
 )
@@ -44,23 +45,48 @@ from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_
 CLIPS_FOLDER = in_project(Path("data/clips"))
 
 
+@dataclass(frozen=True)
+class NamedClip:
+    """A clip that an argument of the command line names.
+
+    Parameters
+    ----------
+    scene : the clip
+    sources, read : where its people are, and how they were read; none of a clip of a store
+    """
+
+    scene: Scene
+    sources: Sequence[Source] = ()
+    read: Sequence[ReadPerson] = ()
+
+
 def read_scenes(words: Sequence[str], options: ReadOptions) -> list[Scene]:
-    """Read the clips that the arguments of the command line name (see ``read_scene``).
+    """Read the clips that the arguments of the command line name (see ``read_named_clips``)."""
+    return [clip.scene for clip in read_named_clips(words, options)]
+
+
+def read_named_clips(words: Sequence[str], options: ReadOptions) -> list[NamedClip]:
+    """Read the clips that the arguments of the command line name (see ``read_named_clip``).
 
     Raises
     ------
     CommandError
-        If an option applies to none of them, or as ``read_scene``.
+        If an option applies to none of them, or as ``read_named_clip``.
     FormatError, StoreError, KeyError, ValueError
-        As ``read_scene``.
+        As ``read_named_clip``.
     """
     files = [Path(part) for word in words for part in word.split("+")]
     captures = [file for file in files if file.is_file() and not names_clips(file, "")]
     of_captures = options.of_captures(captures)
-    return [read_scene(word, of_captures) for word in words]
+    return [read_named_clip(word, of_captures) for word in words]
 
 
 def read_scene(word: str, options: ReadOptions) -> Scene:
+    """Read the clip that an argument of the command line names (see ``read_named_clip``)."""
+    return read_named_clip(word, options).scene
+
+
+def read_named_clip(word: str, options: ReadOptions) -> NamedClip:
     """Read the clip that an argument of the command line names.
 
     Parameters
@@ -79,14 +105,14 @@ def read_scene(word: str, options: ReadOptions) -> Scene:
     """
     store, colon, name = word.partition(":")
     if colon and Path(store).exists():
-        return _read_stored(Path(store), name)
+        return NamedClip(_read_stored(Path(store), name))
     files = [Path(part) for part in word.split("+")]
     if all(file.is_file() for file in files):
         return _read_captures(files, options)
     if len(files) == 1 and (dataset := _dataset_of(word)):
-        return _read_stored(dataset, word)
+        return NamedClip(_read_stored(dataset, word))
     if (CLIPS_FOLDER / MOTIONS).exists() and len(files) == 1:
-        return _read_stored(CLIPS_FOLDER, word)
+        return NamedClip(_read_stored(CLIPS_FOLDER, word))
     raise CommandError(
         f"{word}: no such file, and no {CLIPS_FOLDER / MOTIONS} with a clip of that name; "
         "a clip of another folder is FOLDER:NAME"
@@ -132,7 +158,7 @@ def _file_of(folder: Path, name: str) -> Path:
     return motion_file(folder / (ACCEPTED if row.accepted else FAILED), row.clip)
 
 
-def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
+def _read_captures(files: list[Path], options: ReadOptions) -> NamedClip:
     if any(names_clips(file, "") for file in files):
         file = next(file for file in files if names_clips(file, ""))
         raise CommandError(f"{file}: name the clip as FILE:NAME: {some_clips(file, f'{file}:')}")
@@ -142,11 +168,12 @@ def _read_captures(files: list[Path], options: ReadOptions) -> Scene:
     label = " + ".join(file.stem for file in files)
     alone = len(files) == 1 and (pairs or _holds_one_person(files[0], options))
     sources = [Source(files[0], "a", None)] if alone else two_sources(files)
-    people = [person.motion for person in read_people(sources, options, "")]
+    read = read_people(sources, options, "")
+    people = [person.motion for person in read]
     if len(people) == 2:
         people = list(on_one_clock(people[0], people[1], label))
         check_two_people(people[0], people[1], files)
-    return scene_of_people(label, people)
+    return NamedClip(scene_of_people(label, people), sources, read)
 
 
 def _holds_one_person(file: Path, options: ReadOptions) -> bool:

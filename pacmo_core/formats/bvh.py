@@ -2,8 +2,9 @@
 
 Documented by the course notes of the University of Wisconsin (CS 838, 1999). Angles are degrees;
 a joint's rotations apply in the order of its channels, each about the axes after the previous
-one. Units and the upward axis are not in the file, and the stated frame rate may be wrong. One
-joint or brace may share a line with the next; keywords are matched in any case.
+one. Position channels are the position and replace OFFSET, the root's as any joint's. Units and the
+upward axis are not in the file, and the stated frame rate may be wrong. One joint or brace may
+share a line with the next; keywords are matched in any case.
 """
 
 import re
@@ -170,9 +171,9 @@ class Bvh:
     def positions(self) -> NDArray[np.float64]:
         """Return ``(T, J, 3)`` file units: joint positions in the file's world.
 
-        The root's position channels add to its offset, as the format's description has it.
-        Position channels of another joint replace its offset: the description has them for the root
-        only, and programs that write them write the whole displacement from the parent.
+        Position channels replace the offset of their joint, the root's too, as Blender and the
+        loaders of public datasets have it: a program writes in them the whole displacement from the
+        parent, or the root's position in the world, and its offset is that of the rest pose.
         """
         count = len(self.motion)
         positions = np.zeros((count, len(self.joints), 3))
@@ -194,9 +195,7 @@ class Bvh:
         displacement = np.repeat(self.offsets[joint][None], len(values), axis=0)
         for column, channel in enumerate(self.channels[joint]):
             if channel.endswith("position"):
-                axis = "xyz".index(channel[0])
-                base = displacement[:, axis] if self.parents[joint] < 0 else 0.0
-                displacement[:, axis] = base + values[:, column]
+                displacement[:, "xyz".index(channel[0])] = values[:, column]
         return displacement
 
 

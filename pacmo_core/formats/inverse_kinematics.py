@@ -29,6 +29,8 @@ STIFFNESS = 2e-3
 # Of a rotation, relative to the squared size of the skeleton: in the first step, at least, and the
 # factors by which it changes after a step that was better, and one that was not.
 DAMPING, LEAST_DAMPING, EASE, TIGHTEN = 1e-3, 1e-5, 0.25, 16.0
+# Change of a frame's cost in a step, relative to the cost, below which the frame is solved.
+LEAST_CHANGE = 1e-6
 FRAMES_PER_BATCH = 128  # bounds memory
 
 # Weights of targets near the other person or the ground, in addition to 1, and the distances in
@@ -222,7 +224,7 @@ class PointTargets:
     stiffness: Mapping[int, float] = field(default_factory=dict)
     rest: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
-    def frames(self, part: slice) -> "PointTargets":
+    def frames(self, part: slice | NDArray[np.intp]) -> "PointTargets":
         """Select frames."""
         rest = self.rest[part] if self.rest.ndim == np.ndim(self.positions) + 1 else self.rest
         return replace(self, positions=self.positions[part], weights=self.weights[part], rest=rest)
@@ -296,17 +298,23 @@ def reach_points(
     """
     root, local = initial[0].copy(), initial[1].copy()
     for first in range(0, len(root), FRAMES_PER_BATCH):
-        part = slice(first, first + FRAMES_PER_BATCH)
-        aims, bones = targets.frames(part), offsets[part]
-        pose, damping = (root[part], local[part]), np.full(len(root[part]), DAMPING)
-        cost = _cost(parents, aims, bones, pose)
+        frames = np.arange(first, min(first + FRAMES_PER_BATCH, len(root)))
+        aims, bones, pose = targets.frames(frames), offsets[frames], (root[frames], local[frames])
+        cost, damping = _cost(parents, aims, bones, pose), np.full(len(frames), DAMPING)
         for _ in range(N_STEPS):
             trial = _damped_step(parents, aims, bones, pose, damping)
             trial_cost = _cost(parents, aims, bones, trial)
             better = trial_cost < cost
-            for values, found in zip((*pose, cost), (*trial, trial_cost), strict=True):
-                values[better] = found[better]
+            root[frames[better]], local[frames[better]] = trial[0][better], trial[1][better]
+            # Frames that hardly change any more are left as they are.
+            moves = np.abs(cost - trial_cost) > LEAST_CHANGE * cost
             damping = np.maximum(damping * np.where(better, EASE, TIGHTEN), LEAST_DAMPING)
+            cost = np.minimum(cost, trial_cost)
+            frames, cost, damping = frames[moves], cost[moves], damping[moves]
+            if not len(frames):
+                break
+            aims, bones = aims.frames(np.flatnonzero(moves)), bones[moves]
+            pose = root[frames], local[frames]
     return root, local
 
 
@@ -369,18 +377,11 @@ def _damped_step(
     """Return the pose after a Gauss-Newton step; ``damping`` (T,) is of each frame's rotations."""
     root, local = pose
     positions, rotations_world = forward_kinematics(parents, root, offsets, local)
-    rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
-    inner = sorted({a for joint in rows for a in ancestors(parents, joint)})
-    roots = np.sqrt(targets.weights)[..., None]
-    jacobian = _jacobian(parents, positions, inner, rows)
-    jacobian = np.einsum("kr,trxv->tkxv", targets.shares[:, rows], jacobian) * roots[..., None]
-    jacobian = jacobian.reshape(len(root), -1, jacobian.shape[-1])
-    residual = targets.gaps(positions) * roots
-    normal = jacobian.swapaxes(1, 2) @ jacobian
+    inner = _inner_joints(parents, targets)
+    normal, gradient = _normal_equations(parents, targets, positions, inner)
     scale = np.square(positions - positions.mean(axis=1, keepdims=True)).sum(axis=-1).mean(axis=1)
     diagonal = np.concatenate([np.zeros(3), np.ones(3 * len(inner))])
     normal += np.eye(len(diagonal)) * (damping * scale)[:, None, None] * diagonal
-    gradient = jacobian.swapaxes(1, 2) @ residual.reshape(len(root), -1, 1)
     bends = targets.bends(local) if targets.stiffness else np.zeros((len(root), 0, 3))
     for number, (joint, stiffness) in enumerate(targets.stiffness.items()):
         if joint in inner:
@@ -388,19 +389,15 @@ def _damped_step(
             # itself: the angles from the rest are small.
             part = slice(3 + 3 * inner.index(joint), 6 + 3 * inner.index(joint))
             normal[:, part, part] += stiffness * np.eye(3)
-            gradient[:, part, 0] -= stiffness * rotate_vectors(
+            gradient[:, part] -= stiffness * rotate_vectors(
                 rotations_world[:, joint], bends[:, number]
             )
-    solution: Array = np.linalg.solve(normal, gradient)[..., 0].astype(np.float64)
+    solution: Array = np.linalg.solve(normal, gradient[..., None])[..., 0].astype(np.float64)
     moved, turned = root + solution[:, :3], local.copy()
-    for index, joint in enumerate(inner):
-        rotation = rotation_matrices(solution[:, 3 + 3 * index : 6 + 3 * index])
-        parent_rotation = (
-            rotations_world[:, parents[joint]] if parents[joint] >= 0 else np.eye(3)[None]
-        )
-        turned[:, joint] = (
-            np.swapaxes(parent_rotation, -1, -2) @ rotation @ parent_rotation @ local[:, joint]
-        )
+    rotation = rotation_matrices(solution[:, 3:].reshape(-1, 3)).reshape(len(root), -1, 3, 3)
+    # Turned in the world: against the parent, whose rotation is that of the joint without its own.
+    world = rotations_world[:, inner]
+    turned[:, inner] = local[:, inner] @ world.swapaxes(-1, -2) @ rotation @ world
     return moved, turned
 
 
@@ -412,15 +409,56 @@ def ancestors(parents: Sequence[int], joint: int) -> list[int]:
     return above
 
 
-def _jacobian(parents: Sequence[int], positions: Array, inner: list[int], rows: list[int]) -> Array:
-    """``(T, R, 3, 3 + 3 I)``: of joints ``rows``, by the root and by rotations of inner joints."""
-    jacobian = np.zeros((len(positions), len(rows), 3, 1 + len(inner), 3))
-    jacobian[..., 0, :] = np.eye(3)
-    for row, joint in enumerate(rows):
-        for ancestor in ancestors(parents, joint):
-            lever = positions[:, joint] - positions[:, ancestor]
-            jacobian[:, row, :, 1 + inner.index(ancestor)] = -_cross(lever)
-    return jacobian.reshape(len(positions), len(rows), 3, -1)
+def _inner_joints(parents: Sequence[int], targets: PointTargets) -> list[int]:
+    """List the I joints whose rotations move a point."""
+    rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
+    return sorted({a for joint in rows for a in ancestors(parents, joint)})
+
+
+def _normal_equations(
+    parents: Sequence[int], targets: PointTargets, positions: Array, inner: list[int]
+) -> tuple[Array, Array]:
+    """Return the normal matrix and the gradient of the points, by the root and by rotations.
+
+    A small rotation ``w`` of an inner joint moves a point by ``w x c``, with the lever ``c`` of the
+    part of the point below the joint. Of two joints with levers ``a`` and ``b`` the block is the
+    weighted sum of ``(a b) I - b a^T``, so that products of levers are all that is needed.
+
+    Returns
+    -------
+    (T, 3 + 3 I, 3 + 3 I) and (T, 3 + 3 I)
+    """
+    n_frames, size = len(positions), len(inner)
+    below = np.zeros((size, len(parents)))
+    for joint in range(len(parents)):
+        below[[inner.index(a) for a in ancestors(parents, joint) if a in inner], joint] = 1
+    parts = targets.shares[:, None] * below
+    n_points = len(parts)
+    levers = positions.swapaxes(1, 2) @ parts.reshape(n_points * size, -1).T
+    levers = levers.reshape(n_frames, 3, n_points, size)
+    levers -= parts.sum(axis=-1) * positions[:, inner].transpose(0, 2, 1)[:, :, None]
+    # (T, K, 3 I): rows are points, columns first by axis.
+    levers = levers.transpose(0, 2, 1, 3).reshape(n_frames, n_points, 3 * size)
+    transposed = (targets.weights[..., None] * levers).swapaxes(1, 2)
+    products = (transposed @ levers).reshape(n_frames, 3, size, 3, size)
+    normal = np.zeros((n_frames, 1 + size, 3, 1 + size, 3))
+    normal[:, 1:, :, 1:] = -products.transpose(0, 2, 3, 4, 1)
+    for axis in range(3):
+        normal[:, 1:, axis, 1:, axis] += products[:, [0, 1, 2], :, [0, 1, 2]].sum(axis=0)
+    normal[:, 0, :, 0] = targets.weights.sum(axis=1)[:, None, None] * np.eye(3)
+    summed = transposed.sum(axis=2).reshape(n_frames, 3, size).swapaxes(1, 2)
+    to_root = -_cross(summed.reshape(-1, 3)).reshape(n_frames, size, 3, 3)
+    normal[:, 0, :, 1:] = to_root.transpose(0, 2, 1, 3)
+    normal[:, 1:, :, 0] = to_root.transpose(0, 1, 3, 2)
+    gaps = targets.gaps(positions)
+    moments = (transposed @ gaps).reshape(n_frames, 3, size, 3)
+    gradient = np.zeros((n_frames, 1 + size, 3))
+    gradient[:, 0] = (targets.weights[..., None] * gaps).sum(axis=1)
+    for axis in range(3):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        gradient[:, 1:, axis] = moments[:, i, :, j] - moments[:, j, :, i]
+    width = 3 * (1 + size)
+    return normal.reshape(n_frames, width, width), gradient.reshape(n_frames, width)
 
 
 def _cross(vectors: Array) -> Array:

@@ -7,7 +7,7 @@ are fitted to the new motion, as a file holds them constant. A motion on a rig l
 and all offsets as they are, and takes what positions leave undetermined from the file's mean pose.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,8 +17,14 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.bvh import Bvh
+from pacmo_core.formats.bvh_channels import (
+    check_channels,
+    displacements,
+    format_file,
+    local_rotations,
+    rows_of,
+)
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
 from pacmo_core.formats.inverse_kinematics import (
     PointTargets,
@@ -30,12 +36,7 @@ from pacmo_core.formats.inverse_kinematics import (
     rotate_vectors,
     steady_rotations,
 )
-from pacmo_core.formats.rotations import (
-    GIMBAL_LOCK,
-    axis_rotations,
-    continuous_euler_angles,
-    euler_angles_near,
-)
+from pacmo_core.formats.rotations import GIMBAL_LOCK, continuous_euler_angles, euler_angles_near
 from pacmo_core.formats.twist import Hinge, Limbs, steady_twists
 
 # The rotation order: gimbal lock, where the middle angle is a right angle, lies where people look
@@ -170,14 +171,15 @@ def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str
     FormatError
         If a joint has not three rotation channels, or the root no position channels.
     """
-    _check_channels(file, bvh)
+    check_channels(file, bvh)
     of_joint = {joint: targets.positions[:, k] for k, joint in enumerate(targets.joints)}
     # Directions stay those of the rest pose: the rotations are also those of a character's skin.
     rest = bvh.offsets * scales[:, None]
-    offsets = _displacements(bvh, rest, scales)
-    initial = aim_bones(bvh.parents, of_joint, offsets, _local_rotations(bvh))
-    root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, offsets, initial)
-    return _format_rewritten(bvh, rest, _rows(bvh, root, offsets, local, euler_angles_near))
+    bones = displacements(bvh, bvh.offsets) * scales[:, None]
+    initial = aim_bones(bvh.parents, of_joint, bones, local_rotations(bvh))
+    root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, bones, initial)
+    bones[:, 0] = root
+    return format_file(replace(bvh, offsets=rest), rows_of(bvh, bones, local, euler_angles_near))
 
 
 def write_on_rig(
@@ -203,10 +205,10 @@ def write_on_rig(
     FormatError
         If a joint has not three rotation channels, or the root no position channels.
     """
-    _check_channels(file, bvh)
+    check_channels(file, bvh)
     n_frames = len(targets.positions)
-    bones = _displacements(bvh, bvh.offsets, np.ones(len(bvh.joints)))
-    turned = _local_rotations(bvh)
+    bones = displacements(bvh, bvh.offsets)
+    turned = local_rotations(bvh)
     pose = _mean_rotations(turned)
     offsets, local = (
         np.repeat(values[None], n_frames, axis=0) for values in (bones.mean(axis=0), pose)
@@ -236,7 +238,8 @@ def write_on_rig(
     local = steady_twists(bvh.parents, offsets[0], local, pose, rows, arms_and_legs)
     still = np.repeat(bvh.motion[:1], n_frames, axis=0)
     posed = replace(bvh, frame_time=1 / fps, motion=still)
-    return format_file(posed, _rows(posed, root, offsets, local, continuous_euler_angles))
+    offsets[:, 0] = root
+    return format_file(posed, rows_of(posed, offsets, local, continuous_euler_angles))
 
 
 @dataclass(frozen=True)
@@ -321,118 +324,3 @@ def _mean_rotations(rotations: Array) -> Array:
     u[..., -1] *= np.linalg.det(u @ right)[:, None]
     mean: Array = u @ right
     return mean
-
-
-def change_unit(bvh: Bvh, factor: float) -> Bvh:
-    """Multiply all lengths of a file: offsets, and the channels of positions."""
-    motion = bvh.motion.copy()
-    for _, column, channel in _columns(bvh):
-        if channel.endswith("position"):
-            motion[:, column] *= factor
-    return replace(bvh, offsets=factor * bvh.offsets, motion=motion)
-
-
-def format_file(bvh: Bvh, rows: Array) -> str:
-    """Write a file's hierarchy with a motion (T, C) in its channels."""
-    return _format_rewritten(bvh, bvh.offsets, rows)
-
-
-def _check_channels(file: Path, bvh: Bvh) -> None:
-    for joint, channels in enumerate(bvh.channels):
-        axes = [channel[0] for channel in channels if channel.endswith("rotation")]
-        if joint not in bvh.end_sites and len(set(axes)) != 3:
-            name = bvh.joints[joint]
-            raise FormatError(file, f"{name} has {len(axes)} rotation axes; wanted three to write")
-    if sum(channel.endswith("position") for channel in bvh.channels[0]) != 3:
-        raise FormatError(file, f"{bvh.joints[0]} has no position channels to write")
-
-
-def _displacements(bvh: Bvh, rest: Array, scales: Array) -> Array:
-    """``(T, J, 3)`` from the parent, in its frame: scaled position channels, or the rest offset.
-
-    The root's is left out: its position is given.
-    """
-    offsets = np.repeat(rest[None], len(bvh.motion), axis=0)
-    for joint, column, channel in _columns(bvh):
-        if channel.endswith("position") and bvh.parents[joint] >= 0:
-            offsets[:, joint, "xyz".index(channel[0])] = scales[joint] * bvh.motion[:, column]
-    return offsets
-
-
-def _local_rotations(bvh: Bvh) -> Array:
-    """``(T, J, 3, 3)``: each joint's against its parent's."""
-    rotations = np.tile(np.eye(3), (len(bvh.motion), len(bvh.joints), 1, 1))
-    for joint, column, channel in _columns(bvh):
-        if channel.endswith("rotation"):
-            axis = "xyz".index(channel[0])
-            rotations[:, joint] = rotations[:, joint] @ axis_rotations(axis, bvh.motion[:, column])
-    return rotations
-
-
-def _columns(bvh: Bvh) -> Iterator[tuple[int, int, str]]:
-    """Yield joint, column of the motion, and name of every channel."""
-    column = 0
-    for joint, channels in enumerate(bvh.channels):
-        for channel in channels:
-            yield joint, column, channel
-            column += 1
-
-
-def _rows(
-    bvh: Bvh,
-    root: Array,
-    offsets: Array,
-    local: Array,
-    euler_angles: Callable[[Array, Sequence[int], Array], Array],
-) -> Array:
-    """``(T, C)``: the motion, in the file's channels; angles near those of the file's motion."""
-    rows = np.zeros_like(bvh.motion)
-    for joint, columns in _rotation_columns(bvh).items():
-        order = ["xyz".index(name[0]) for name in columns]
-        columns_of_joint = list(columns.values())
-        rows[:, columns_of_joint] = euler_angles(
-            local[:, joint], order, bvh.motion[:, columns_of_joint]
-        )
-    start = root - bvh.offsets[0]
-    for joint, column, channel in _columns(bvh):
-        if channel.endswith("position"):
-            axis = "xyz".index(channel[0])
-            rows[:, column] = (start if joint == 0 else offsets[:, joint])[:, axis]
-    return rows
-
-
-def _rotation_columns(bvh: Bvh) -> dict[int, dict[str, int]]:
-    """List the rotation channels of each joint, in order, with their columns."""
-    angles: dict[int, dict[str, int]] = {}
-    for joint, column, channel in _columns(bvh):
-        if channel.endswith("rotation"):
-            angles.setdefault(joint, {})[channel] = column
-    return angles
-
-
-def _format_rewritten(bvh: Bvh, offsets: Array, rows: Array) -> str:
-    lines = [
-        "HIERARCHY",
-        *_rewritten_hierarchy(bvh, offsets, 0, 0),
-        "MOTION",
-        f"Frames: {len(rows)}",
-        f"Frame Time: {bvh.frame_time:.9g}",
-        *(" ".join(f"{value:.6f}" for value in row) for row in rows.tolist()),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _rewritten_hierarchy(bvh: Bvh, offsets: Array, joint: int, depth: int) -> Iterator[str]:
-    """Write a joint and all its descendants."""
-    tab, is_end = "  " * depth, joint in bvh.end_sites
-    kind = "ROOT" if bvh.parents[joint] < 0 else "JOINT"
-    yield f"{tab}End Site" if is_end else f"{tab}{kind} {bvh.joints[joint]}"
-    yield f"{tab}{{"
-    yield f"{tab}  OFFSET {' '.join(f'{value:.6f}' for value in offsets[joint])}"
-    if not is_end:
-        channels = bvh.channels[joint]
-        yield f"{tab}  CHANNELS {len(channels)} {' '.join(c.capitalize() for c in channels)}"
-    for child, parent in enumerate(bvh.parents):
-        if parent == joint:
-            yield from _rewritten_hierarchy(bvh, offsets, child, depth + 1)
-    yield f"{tab}}}"

@@ -104,6 +104,7 @@ def test_parquet_comes_out_as_the_solver_gives_it(stored: Path, tmp_path: Path) 
     ((name, found),) = stream_motions(out)
     assert name == "one~b-left_forearm-1.2"
     assert f"in {out} as {name}; " in said.output
+    assert "fitting" not in said.output  # of rotations, which Parquet has none of
     scales = np.ones((1, 28))
     scales[0, 14 + FOREARM] = 1.2
     wanted = retarget(prepare(scene_from(CLIP), read_solver_section(PARAMS).solver), scales).points[
@@ -121,6 +122,7 @@ def test_bvh_comes_out_under_the_same_names_in_the_same_tree(
     said = pacmo(*files, *UNIT, "--a-scale", "uniform=0.9", "--b-scale", "left_forearm=1.2",
                  "--out", out)  # fmt: skip
     assert said.exit_code == 0, said.output
+    assert "fitting rotations of 15 and 15 joints" in said.output
     before, after = read(tmp_path), read(out)
     assert after.skeleton == before.skeleton
     body = before.skeleton

@@ -79,6 +79,7 @@ def test_the_command_says_how_far_constant_bones_moved_the_joints(tmp_path: Path
         assert 0.5 * far.mean() < float(mean) < far.mean()
         assert float(mean) < float(largest) < far.max()
     assert said[0].partition(";")[2] == said[1].partition(";")[2]
+    assert "in metres, y up, with the rest pose of a body fitted to the joints" in said[0]
 
 
 def gltf(file: Path) -> dict:

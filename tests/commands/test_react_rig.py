@@ -84,6 +84,7 @@ def test_a_reaction_is_on_the_rig_that_is_named(
         said = pacmo(captures[0], "--rig", rig, "--out", tmp_path / out)
         assert said.exit_code == 0, said.output
         assert str(rig) in said.stdout.splitlines()[-1]
+        assert (f"joints of {rig} ..." in said.stdout) == (out == "x.bvh")
     wanted, found = read_bvh(rig), read_bvh(tmp_path / "x_0_B.bvh")
     for name in ("joints", "parents", "channels", "end_sites"):
         assert getattr(found, name) == getattr(wanted, name)
@@ -137,6 +138,22 @@ def test_the_partner_is_the_capture_itself(captures: list[Path], tmp_path: Path)
     (named,) = (line for line in said.stdout.splitlines() if "joints named by" in line)
     assert named.startswith(f"{captures[0]} and {captures[1]}: joints named by the preset mixamo")
     assert found.frame_time == pytest.approx(given.frame_time, rel=1e-6)
+
+
+def test_a_rig_whose_root_has_an_offset_stands_on_the_same_floor(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    rig, found = tmp_path / "rig.bvh", {}
+    for height in ("0", "97"):
+        rig.write_text(t_pose().replace("OFFSET 0 0 0", f"OFFSET 0 {height} 0", 1))
+        out = tmp_path / f"{height}.bvh"
+        said = pacmo(captures[0], "--rig", rig, "--to-unit", "m", "--to-up", "z", "--out", out)
+        assert said.exit_code == 0, said.output
+        found[height] = read_bvh(tmp_path / f"{height}_0_B.bvh")
+    np.testing.assert_allclose(found["97"].offsets[0], [0, 0, 0.97], atol=1e-6)
+    np.testing.assert_allclose(found["97"].positions(), found["0"].positions(), atol=1e-5)
+    wanted = from_y_up(0.01 * read_bvh(rig).offsets, "z")
+    np.testing.assert_allclose(found["97"].offsets, wanted, atol=1e-6)
 
 
 @pytest.mark.parametrize("given", [[], ["--to-unit", "m", "--to-up", "z"]])

@@ -48,8 +48,6 @@ def oracle(bvh: Bvh, frame: int) -> np.ndarray:
             row = "xyz".index(channel[0])
             if channel.endswith("rotation"):
                 rotation = rotation @ turn4(channel[0], value)
-            elif parent < 0:
-                shift[row, 3] += value
             else:
                 shift[row, 3] = value
         above = world[parent] if parent >= 0 else np.eye(4)
@@ -63,6 +61,14 @@ def test_positions_are_those_of_a_plain_walk_over_the_tree(tmp_path):
     assert places.shape == (FRAMES, 7, 3)
     for frame in range(FRAMES):
         assert_allclose(places[frame], oracle(bvh, frame), atol=1e-12)
+
+
+def test_positions_of_the_root_are_in_the_world_whatever_its_offset(tmp_path):
+    plain = read_bvh(written(tmp_path, VALID.replace("OFFSET 0.1 0.2 0.3", "OFFSET 0 0 0")))
+    raised = read_bvh(written(tmp_path, VALID.replace("OFFSET 0.1 0.2 0.3", "OFFSET 0 97 0")))
+    assert raised.offsets[0].tolist() == [0, 97, 0]
+    assert_allclose(raised.positions(), plain.positions(), atol=1e-12)
+    assert_allclose(plain.positions()[:, 0], plain.motion[:, :3], atol=1e-12)
 
 
 def test_the_tree_is_read_with_an_end_site_before_its_siblings(tmp_path):

@@ -81,6 +81,18 @@ def test_a_file_written_as_it_was_read_is_what_it_was(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.motion, bvh.motion, atol=1e-5)
 
 
+def test_a_root_that_has_an_offset_is_written_where_it_is(tmp_path: Path) -> None:
+    file, bvh = small(tmp_path)
+    written = []
+    for offset in ([0.0, 0, 0], [0, 97, 0]):
+        bvh.offsets[0] = offset
+        found, miss = again(file, bvh, bvh.positions(), np.ones(len(bvh.joints)))
+        assert miss < 1e-4
+        assert found.offsets[0].tolist() == offset
+        written.append(found.motion)
+    np.testing.assert_allclose(written[0], written[1], atol=1e-6)
+
+
 def test_a_body_that_grew_as_a_whole_is_met_with_the_same_turns(tmp_path: Path) -> None:
     file, bvh = small(tmp_path)
     places = 1.25 * bvh.positions()

@@ -1,0 +1,169 @@
+"""BVH from BVH. Truth: the files that were exported, and SciPy's slerp between their frames."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+from typer.testing import CliRunner, Result
+
+from pacmo_core.commands import export as command
+from pacmo_core.commands.cli import app
+from pacmo_core.formats.bvh import Bvh, read_bvh
+from pacmo_core.formats.bvh_channels import format_file, local_rotations
+from pacmo_core.formats.resample import from_y_up
+from tests.formats.rigged import t_pose
+
+N_FRAMES, FPS = 7, 30
+CM = ["--from-unit", "cm", "--from-up", "y"]
+
+
+def export(*words: object) -> Result:
+    return CliRunner().invoke(app, ["export", *map(str, words)])
+
+
+@pytest.fixture
+def duo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Write two people with fingers, in a T-pose of rest and moving, whose roots have offsets."""
+    monkeypatch.chdir(tmp_path)
+    files = [Path("anna.bvh"), Path("ben.bvh")]
+    for number, file in enumerate(files):
+        file.write_text(t_pose(1 - 0.1 * number).replace("OFFSET 0 0 0", "OFFSET 0 97 0", 1))
+        rest = read_bvh(file)
+        random = np.random.default_rng(number)
+        rows = np.cumsum(random.normal(scale=4, size=(N_FRAMES, rest.motion.shape[1])), axis=0)
+        rows[:, :3] += rest.motion[0, :3] + [90.0 * number, 0, 0]
+        file.write_text(format_file(replace(rest, frame_time=1 / FPS), rows))
+    return files
+
+
+@pytest.fixture
+def no_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fail where rotations are fitted."""
+
+    def fail(*_: object) -> None:
+        raise AssertionError("fitted")
+
+    monkeypatch.setattr(command, "fit_bones", fail)
+
+
+def bones(bvh: Bvh) -> np.ndarray:
+    positions = bvh.positions()
+    child = [row for row, parent in enumerate(bvh.parents) if parent >= 0]
+    parents = [bvh.parents[row] for row in child]
+    return np.linalg.norm(positions[:, child] - positions[:, parents], axis=-1)
+
+
+def check_kept(found: Bvh, given: Bvh, offsets: np.ndarray) -> None:
+    for name in ("joints", "parents", "channels", "end_sites"):
+        assert getattr(found, name) == getattr(given, name)
+    np.testing.assert_allclose(found.offsets, offsets, atol=1e-5)
+
+
+@pytest.mark.usefixtures("no_fit")
+@pytest.mark.parametrize(
+    ("words", "unit", "up"),
+    [
+        ([], 1.0, "y"),
+        (["--to-unit", "cm"], 0.01, "y"),
+        (["--to-unit", "in", "--to-up", "z"], 0.0254, "z"),
+    ],
+)
+def test_files_are_on_their_own_rigs_in_any_unit_and_axes(
+    duo: list[Path], words: Sequence[str], unit: float, up: str
+) -> None:
+    said = export("anna.bvh+ben.bvh", *CM, *words, "--out", "x.bvh")
+    assert said.exit_code == 0, said.output
+    assert "with the rest pose of anna.bvh and ben.bvh" in said.stdout
+    assert f"{up} up" in said.stdout.splitlines()[-1]
+    for file, name in zip(duo, "AB", strict=True):
+        given, found = read_bvh(file), read_bvh(Path(f"x_{name}.bvh"))
+        check_kept(found, given, from_y_up(given.offsets, up) * (0.01 / unit))
+        wanted = from_y_up(0.01 * given.positions(), up)
+        np.testing.assert_allclose(unit * found.positions(), wanted, atol=1e-4)
+        assert found.frame_time == pytest.approx(given.frame_time, rel=1e-7)
+        if up == "y":
+            turned = found.motion[:, 3:] - given.motion[:, 3:]
+            np.testing.assert_allclose(turned, 0, atol=1e-5)
+
+
+@pytest.mark.usefixtures("no_fit")
+def test_frames_between_those_of_the_file_are_on_the_slerp(duo: list[Path]) -> None:
+    said = export("anna.bvh+ben.bvh", *CM, "--to-unit", "cm", "--to-fps", 60, "--out", "x.bvh")
+    assert said.exit_code == 0, said.output
+    assert "13 frames at 60 frames a second, in centimetres, y up" in said.stdout
+    times, at = np.arange(N_FRAMES) / FPS, np.arange(2 * N_FRAMES - 1) / (2 * FPS)
+    for file, name in zip(duo, "AB", strict=True):
+        given, found = read_bvh(file), read_bvh(Path(f"x_{name}.bvh"))
+        check_kept(found, given, given.offsets)
+        np.testing.assert_allclose(found.positions()[::2], given.positions(), atol=1e-2)
+        np.testing.assert_allclose(bones(found), bones(given)[:1].repeat(len(at), 0), atol=1e-3)
+        was, now = local_rotations(given), local_rotations(found)
+        for joint in range(len(given.joints)):
+            wanted = Slerp(times, Rotation.from_matrix(was[:, joint]))(at.clip(0, times[-1]))
+            np.testing.assert_allclose(now[:, joint], wanted.as_matrix(), atol=1e-5)
+
+
+@pytest.mark.usefixtures("no_fit")
+def test_twice_a_rate_keeps_the_frames_of_a_file_whose_frame_time_is_rounded(
+    duo: list[Path],
+) -> None:
+    given = read_bvh(duo[0])
+    rows = np.concatenate([given.motion] * 40)
+    text = format_file(replace(given, frame_time=1 / FPS), rows)
+    duo[0].write_text(text.replace("Frame Time: 0.0333333333", "Frame Time: 0.033333"))
+    said = export("anna.bvh", *CM, "--to-unit", "cm", "--to-fps", 60, "--out", "x.bvh")
+    assert said.exit_code == 0, said.output
+    assert "559 frames at 60 frames a second" in said.stdout
+    np.testing.assert_allclose(read_bvh(Path("x.bvh")).motion[::2], rows, atol=1e-5)
+
+
+@pytest.mark.usefixtures("no_fit", "duo")
+def test_ground_and_centre_move_both_rigs_alike() -> None:
+    words = [*CM, "--to-up", "z", "--ground", "--centre"]
+    for clip in ("anna.bvh+ben.bvh", "anna.bvh"):
+        assert export(clip, *words, "--out", "x.bvh").exit_code == 0
+        assert export(clip, *words, "--out", "x.glb").exit_code == 1  # always y up
+        names = ["x_A.bvh", "x_B.bvh"] if "+" in clip else ["x.bvh"]
+        people = [read_bvh(Path(name)) for name in names]
+        joints = [np.delete(person.positions(), person.end_sites, axis=1) for person in people]
+        assert min(body[..., 2].min() for body in joints) == pytest.approx(0, abs=1e-5)
+        roots = np.mean([body[:, 0] for body in joints], axis=(0, 1))
+        np.testing.assert_allclose(roots[:2], 0, atol=1e-5)
+        shifts = [
+            person.positions() - from_y_up(0.01 * read_bvh(Path(name)).positions(), "z")
+            for person, name in zip(people, ("anna.bvh", "ben.bvh"), strict=False)
+        ]
+        for shift in shifts:
+            assert np.abs(shift - shifts[0][0, 0]).max() < 1e-4
+
+
+@pytest.mark.usefixtures("no_fit")
+def test_people_of_two_frame_rates_are_both_on_their_rigs_at_the_lower(duo: list[Path]) -> None:
+    given = read_bvh(duo[1])
+    half = replace(given, frame_time=2 / FPS)
+    duo[1].write_text(format_file(half, given.motion[::2]))
+    assert export("anna.bvh+ben.bvh", *CM, "--to-unit", "cm", "--out", "x.bvh").exit_code == 0
+    anna, ben = (read_bvh(Path(f"x_{name}.bvh")) for name in "AB")
+    np.testing.assert_allclose(anna.motion, read_bvh(duo[0]).motion[::2], atol=1e-5)
+    np.testing.assert_allclose(ben.motion, given.motion[::2], atol=1e-5)
+
+
+def test_a_rig_that_cannot_be_resampled_is_fitted_and_the_command_says_why(
+    duo: list[Path],
+) -> None:
+    given = read_bvh(duo[0])
+    head = given.joints.index("mixamorig:Head")
+    first = sum(len(channels) for channels in given.channels[:head])
+    channels = list(given.channels)
+    channels[head] = channels[head][:1]
+    rows = np.delete(given.motion, [first + 1, first + 2], axis=1)
+    duo[0].write_text(format_file(replace(given, channels=tuple(channels)), rows))
+    words = ["anna.bvh", *CM, "--out", "x.bvh"]
+    assert "with the rest pose of anna.bvh" in export(*words).stdout
+    said = export(*words, "--to-fps", 60)
+    assert said.exit_code == 0, said.output
+    assert "with the rest pose of a body fitted to the joints (anna.bvh: " in said.stdout
+    assert "Head has 1 rotation axes" in said.stdout
