@@ -1,10 +1,10 @@
-"""Heights of the pelvis: a body that crouches more than people do is straightened.
+"""Heights of the pelvis: a body that crouches where people do not is straightened.
 
 A generator's pelvis drifts up and down by centimetres, and exact bones turn that into knees: it
-squats. The height of the pelvis over the lower foot, relative to the legs, has another distribution
-in generated than in captured motion. It is brought to the captured one by its quantiles (Panofsky
-and Brier 1958): the lowest generated heights become the lowest captured ones, in their order, so
-that people who sit or fall in the captures still do. Feet stay where they are.
+squats. The height of the pelvis over the lower foot, relative to the legs, becomes the one that is
+expected of captured motion, given the generated one: an isotonic regression. Where generated
+heights say nothing of the captured ones that is their mean; where they do, as of people who sit
+down or fall, those who are low stay low. Feet stay where they are.
 """
 
 from collections.abc import Iterable
@@ -12,6 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import isotonic_regression
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
@@ -19,8 +20,8 @@ from pacmo_core.reaction.bones import leg_joints, leg_length, set_bone_lengths, 
 
 Array = NDArray[np.float64]
 
-SHARES = np.linspace(0.005, 0.995, 25)  # of the quantiles
-MIN_FRAMES = 50  # of which quantiles are learnt
+SHARES = np.linspace(0.005, 0.995, 25)  # of the quantiles at which heights are kept
+MIN_FRAMES = 50  # of which heights are learnt
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on the change of height
 SLACK = 0.02  # of the legs' length, of ``set_legs``
 
@@ -45,28 +46,31 @@ def pelvis_heights(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
 
 
 def learn_heights(pairs: Iterable[tuple[Array, Array]]) -> Array:
-    """Learn the quantiles of the heights of the pelvis.
+    """Learn the expected captured height of the pelvis for a generated one.
 
     Parameters
     ----------
-    pairs : (T,) of generated reactions, and of the captured reaction to the same partner, of
-        ``pelvis_heights``
+    pairs : (T,) of generated reactions, and of the captured reaction to the same partner at the
+        same times, of ``pelvis_heights``
 
     Returns
     -------
-    (2, K): of generated and of captured ones
+    (2, K): generated heights, at their quantiles, and the captured ones to expect
     """
     both = list(pairs)
     if sum(len(generated) for generated, _ in both) < MIN_FRAMES:
         return no_change()
     generated, captured = (np.concatenate(heights) for heights in zip(*both, strict=True))
-    return np.stack([np.quantile(generated, SHARES), np.quantile(captured, SHARES)])
+    order = np.argsort(generated, kind="stable")
+    expected = isotonic_regression(captured[order]).x
+    places = np.quantile(generated, SHARES)
+    return np.stack([places, np.interp(places, generated[order], expected)])
 
 
 def straighten(
     motion: Array, lengths: Array, fps: float, skeleton: Skeleton, height_model: Array
 ) -> Array:
-    """Move a body above its feet so that the height of its pelvis is one of captured motion.
+    """Move a body above its feet so that its pelvis is as high as captured ones are.
 
     Parameters
     ----------
