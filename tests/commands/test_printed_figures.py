@@ -80,7 +80,8 @@ def check(
     errors = [np.linalg.norm(f - w, axis=-1) for f, w in zip(found, wanted, strict=True)]
     joints = re.search(r"off by ([\d.]+) mm on average, ([\d.]+) mm at most", said)
     assert joints, said
-    assert float(joints[1]) == pytest.approx(1e3 * np.mean(errors), abs=0.06)
+    fitted = [error for error in errors if error.max() > 1e-4]  # a partner may be exact
+    assert float(joints[1]) == pytest.approx(1e3 * np.mean(fitted), abs=0.06)
     assert float(joints[2]) == pytest.approx(1e3 * np.max(errors), abs=0.06)
     place = re.search(r"mm at most \((\w+) in frame (\d+) \(([\d.]+) s\) of (.*?)\)[ ;]", said)
     assert place, said
