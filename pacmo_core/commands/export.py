@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, planted_weights
 from pacmo_core.commands.captures import OutputSpace, rate_text
-from pacmo_core.commands.own_rig import OwnRig, own_rigs
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -22,6 +21,7 @@ from pacmo_core.commands.reading import (
     check_unit,
     parse_unit,
 )
+from pacmo_core.commands.rig import OwnRig, own_rigs
 from pacmo_core.commands.view import read_named_clips
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import work_fault

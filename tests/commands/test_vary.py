@@ -270,8 +270,9 @@ def test_weights_that_are_not_there_are_said_to_come_from_training(
     stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = pacmo(stored, "--clip", "one", "--out", tmp_path / "o.parquet")
-    refused(said, "no models/", "/weights.safetensors: ./run trains those in models/; --weights")
+    absent = Path("models") / "priors"
+    said = pacmo(stored, "--clip", "one", "--out", tmp_path / "o.parquet", "--weights", absent)
+    refused(said, "no models/priors: ./run trains those in models/; --weights")
 
 
 def test_the_names_of_joints_are_checked_before_the_weights(stored: Path, tmp_path: Path) -> None:
