@@ -1,7 +1,7 @@
 """ADMM: minimises the energy under bone length and separation constraints, many bodies at once.
 
 Boyd et al. (2011), *Distributed optimization and statistical learning via the alternating direction
-method of multipliers*, section 3.1.1 (scaled form) with over-relaxation, section 3.4.3:
+method of multipliers*, section 3.1.1 (scaled form):
 
     x: minimise E(U) + 1/2 |A U + a - z + u|_P^2         linear step, one factorisation   eq. 3.5
     z: project A U + a + u on the constraints            local step, each row alone       eq. 3.6
@@ -14,7 +14,8 @@ for a bone, the target length. Bounds between the bodies are elastic: z is the p
 Boyd (2014), *Proximal algorithms*, section 6.1). Further rows are heights of joints above the
 floor. In the form of Douglas and Rachford one state serves for z and u, the governing variable
 ``v = z + u``: z is the proximal point of v, ``z = s v`` with a scalar s per row, u is the rest, and
-an iteration is ``v + relaxation (A U + a - z)``.
+an iteration is ``v + A U + a - z``. Over-relaxation (section 3.4.3) saves nothing beside the
+acceleration of the iterates.
 """
 
 from collections.abc import Iterator
@@ -150,7 +151,6 @@ class AdmmSolver:
     elasticity : (K, 2, R, 1) float32, fraction of the way from v to its projection
     floor : the heights
     floor_source, floor_penalties : (K, 2, F, 1) float32
-    relaxation : 1 to 2
     """
 
     factorisation: Factorisation
@@ -165,7 +165,6 @@ class AdmmSolver:
     floor: Floor
     floor_source: Single
     floor_penalties: Single
-    relaxation: float
 
     def iterate(self, state: State, work: Workspace) -> None:
         """Take one ADMM iteration: a linear and a local step.
@@ -218,15 +217,13 @@ class AdmmSolver:
         np.matmul(vertical[block], rhs[n_horizontal:], out=out[n_horizontal:])
 
     def _local_step(self, state: State, work: Workspace, blocks: slice) -> None:
-        """Update the governing variable, ``v + relaxation (A U + a - s v)``, and project it."""
+        """Update the governing variable, ``v + A U + a - s v``, and project it."""
         rows, other, factors = work.arrays(blocks.stop - blocks.start)
         governing = state.governing[blocks]
         displacement = state.displacement[blocks].reshape(-1, state.displacement.shape[-1])
         differences = self.gather[blocks.start // BLOCKS_PER_STEP] @ displacement
         np.add(differences.reshape(rows.shape), self.source[blocks], out=rows)
-        np.multiply(state.projection[blocks], np.float32(-self.relaxation), out=factors)
-        np.add(factors, np.float32(1), out=factors)
-        np.multiply(rows, np.float32(self.relaxation), out=rows)
+        np.subtract(np.float32(1), state.projection[blocks], out=factors)
         if work.is_measured:
             other[:] = governing
         np.multiply(governing, factors[:, :, :, None], out=governing)
@@ -248,7 +245,6 @@ class AdmmSolver:
         step = self._floor_rows(state.displacement[blocks], state.n_bodies)
         step += self.floor_source[blocks]
         step -= np.maximum(floor, state.lowest)
-        step *= np.float32(self.relaxation)
         floor += step
         if work.is_measured:
             _add_rows(step * step, state.squared_step)
@@ -323,7 +319,7 @@ def _add_rows(values: Single, total: NDArray[np.float64]) -> None:
 
 
 def build_solver(
-    factorisation: Factorisation, rows: Rows, floor: Floor, source: Array, relaxation: float
+    factorisation: Factorisation, rows: Rows, floor: Floor, source: Array
 ) -> AdmmSolver:
     """Arrange constraints in blocks, directions in ``AXIS_ORDER``.
 
@@ -331,7 +327,6 @@ def build_solver(
     ----------
     factorisation : of the energy with the penalties of rows and floor
     source : (T, R, 3) metres, the differences in the source
-    relaxation : 1 to 2
     """
     n_points = factorisation.lag_one.shape[1]
     points, coefficients = pair_frames(rows.points), pair_frames(rows.coefficients)
@@ -361,7 +356,6 @@ def build_solver(
         floor=floor,
         floor_source=floor_source,
         floor_penalties=floor_penalties,
-        relaxation=relaxation,
     )
 
 

@@ -88,9 +88,7 @@ class PreparedWindow:
             floor = build_floor(scene, settings.floor_penalty)
             factorisation = factorise(self.energy, rows, floor)
             source = rows.differences(scene.points)
-            self.solvers[penalties] = build_solver(
-                factorisation, rows, floor, source, settings.relaxation
-            )
+            self.solvers[penalties] = build_solver(factorisation, rows, floor, source)
         return self.solvers[penalties]
 
 
@@ -391,7 +389,7 @@ def _attempt_start(
             bones[..., v] = result.bones + result.bone_forces / penalties
             points[..., v] += result.displacement
             heights[..., v] += result.displacement[:, floor.joints, 1]
-    others = solver.rows.differences(points)[:, len(scales) :]
+    others = solver.rows.differences(points, first_row=len(scales))
     angles = np.zeros((0, n_bodies))
     if attempt.pair_penalty:
         angles = angle_scales(scene, scales, angle_bounds(scene, window.settings))

@@ -56,15 +56,20 @@ class Rows:
     elasticity: Array
     n_body_rows: int
 
-    def differences(self, points: Array) -> Array:
-        """Return the differences, ``(T, R, 3, ...)``, of points (T, N, 3, ...)."""
+    def differences(self, points: Array, first_row: int = 0) -> Array:
+        """Return the differences, ``(T, R, 3, ...)``, of points (T, N, 3, ...).
+
+        Parameters
+        ----------
+        first_row : of those that are returned
+        """
         frames = np.arange(len(points))[:, None]
-        total = np.zeros((*self.lower.shape, *points.shape[2:]))
+        total = np.zeros((*self.lower[:, first_row:].shape, *points.shape[2:]))
         for end in range(self.points.shape[-1]):
-            factors = self.coefficients[..., end]
+            factors = self.coefficients[:, first_row:, end]
             total += (
                 factors.reshape(*factors.shape, *[1] * (points.ndim - 2))
-                * (points[frames, self.points[..., end]])
+                * (points[frames, self.points[:, first_row:, end]])
             )
         return total
 

@@ -191,7 +191,7 @@ def hessian_product(energy: QuadraticEnergy, displacement: Real) -> Real:
     """Return ``H U``, (T, N, 3, V), of displacements (T, N, 3, V)."""
     dtype, rows = displacement.dtype, displacement.reshape(*displacement.shape[:2], -1)
     hessians = energy.frame_hessians.astype(dtype, copy=False)
-    result = batched_product(hessians, rows).reshape(displacement.shape)
+    result = (hessians @ rows).reshape(displacement.shape)
     result[:, :, 1] += energy.height_weights[..., None].astype(dtype) * displacement[:, :, 1]
     steps = np.diff(displacement, axis=0)
     accelerations = energy.acceleration * np.diff(steps, axis=0)

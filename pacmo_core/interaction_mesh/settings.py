@@ -144,7 +144,6 @@ class Settings:
     support : criteria of ground support
     limits : within which an attempt is accepted
     attempts : in order, until one is within the limits
-    relaxation : ADMM over-relaxation factor, 1 to 2
     floor_penalty : ADMM penalty of the floor, for joints on it
     separation_stiffness, contact_stiffness : of the elastic bounds between the bodies, to be
         compared with ``weights.contact``; pairs that cannot be kept give way by the forces on them
@@ -163,14 +162,13 @@ class Settings:
     Raises
     ------
     ValueError
-        If there is no attempt, or the relaxation is not between 0 and 2.
+        If there is no attempt.
     """
 
     weights: Weights
     support: Support
     limits: AttemptLimits
     attempts: tuple[Attempt, ...]
-    relaxation: float
     floor_penalty: float
     separation_stiffness: float
     contact_stiffness: float
@@ -184,5 +182,3 @@ class Settings:
     def __post_init__(self) -> None:
         if not self.attempts:
             raise ValueError("attempts must not be empty")
-        if not 0 < self.relaxation < 2:
-            raise ValueError(f"relaxation must be between 0 and 2; got {self.relaxation}")

@@ -70,7 +70,7 @@ def test_a_batch_of_another_source_or_settings_does_not_use_the_last_factorisati
     first_bytes = [bytes_of(m) for m in solve_batch(one).variations.values()]
     assert [bytes_of(m) for m in solve_batch(two).variations.values()] != first_bytes
     assert [bytes_of(m) for m in solve_batch(one).variations.values()] == first_bytes
-    settings = replace(SETTINGS, relaxation=1.2)
+    settings = replace(SETTINGS, floor_penalty=2 * SETTINGS.floor_penalty)
     other = replace(one, settings=settings, solver_key=solver_key(settings))
     assert [bytes_of(m) for m in solve_batch(other).variations.values()] != first_bytes
 

@@ -48,7 +48,6 @@ SETTINGS = Settings(
         Attempt(bone_penalty=2, max_iterations=100, pair_penalty=0, tolerance=1e-3),
         Attempt(bone_penalty=6, max_iterations=200, pair_penalty=60, tolerance=1e-3),
     ),
-    relaxation=1.6,
     floor_penalty=0,  # which the oracles do not have
     separation_stiffness=500,
     contact_stiffness=500,

@@ -65,5 +65,3 @@ def test_motions_of_wrong_shape_or_rate_are_refused():
 def test_invalid_settings_are_refused():
     with pytest.raises(ValueError, match="attempts must not be empty"):
         replace(SETTINGS, attempts=())
-    with pytest.raises(ValueError, match="relaxation must be between 0 and 2; got 2"):
-        replace(SETTINGS, relaxation=2)
