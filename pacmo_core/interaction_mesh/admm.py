@@ -39,7 +39,10 @@ from pacmo_core.interaction_mesh.scene import Array, Single
 # Blocks that take the local step together. Their data fit into the processor's cache; fewer would
 # cost more calls.
 BLOCKS_PER_STEP = 4
-PAIR_TOLERANCE = 5e-4  # metres, step of a row between the bodies when ADMM has converged
+# Metres, the largest steps of a row between the bodies and of a height when ADMM has converged: one
+# contact of a clip, or one toe in the floor, hardly counts in the residual.
+PAIR_TOLERANCE = 5e-4
+FLOOR_TOLERANCE = 1e-3
 # Iterations between two checks of convergence.
 CHECK_EVERY = 3
 
@@ -59,7 +62,8 @@ class State:
     scales : (R, V) float32, factor on the bounds of each row
     lowest : (F, V) float32 metres, lower bound of the heights above the ground
     squared_step : (V,) squared step of v in a measured iteration, summed over rows
-    largest_pair_step : (V,) square metres, the largest squared step of a row between the bodies
+    largest_step : (V,) squared ratio of the largest step of a row between the bodies, or of a
+        height, to its tolerance
     """
 
     energy_rhs: Single
@@ -71,7 +75,7 @@ class State:
     scales: Single
     lowest: Single
     squared_step: NDArray[np.float64]
-    largest_pair_step: Single
+    largest_step: Single
 
     @property
     def n_bodies(self) -> int:
@@ -96,13 +100,13 @@ class State:
             scales=self.scales.take(bodies, axis=-1),
             lowest=self.lowest.take(bodies, axis=-1),
             squared_step=self.squared_step[bodies],
-            largest_pair_step=self.largest_pair_step[bodies],
+            largest_step=self.largest_step[bodies],
         )
 
     def clear_steps(self) -> "State":
         """Set the measured steps to zero; return the state itself."""
         self.squared_step[:] = 0
-        self.largest_pair_step[:] = 0
+        self.largest_step[:] = 0
         return self
 
     @property
@@ -234,8 +238,7 @@ class AdmmSolver:
             _add_rows(other, state.squared_step)
             pairs = other[:, :, self.rows.n_body_rows :].reshape(-1, 3, state.n_bodies)
             if len(pairs):
-                largest = pairs.sum(axis=1).max(axis=0)
-                np.maximum(state.largest_pair_step, largest, out=state.largest_pair_step)
+                _add_largest(pairs.sum(axis=1), PAIR_TOLERANCE, state.largest_step)
         self._floor_step(state, work, blocks)
         self._project(state, work, blocks)
 
@@ -247,7 +250,9 @@ class AdmmSolver:
         step -= np.maximum(floor, state.lowest)
         floor += step
         if work.is_measured:
-            _add_rows(step * step, state.squared_step)
+            squares = step * step
+            _add_rows(squares, state.squared_step)
+            _add_largest(squares, FLOOR_TOLERANCE, state.largest_step)
 
     def _floor_rows(self, blocks: Single, n_bodies: int) -> Single:
         """Return the heights of the floor's joints, (B, 2, F, V), of blocks (B, 2N, 3V)."""
@@ -316,6 +321,12 @@ def _add_rows(values: Single, total: NDArray[np.float64]) -> None:
     """Add values (B, ..., V) to a total (V,), row by row: in one order for any number of bodies."""
     for block in values.reshape(len(values), -1, values.shape[-1])[::-1]:
         total += np.add.reduce(block, axis=0)
+
+
+def _add_largest(squares: Single, tolerance: float, largest: Single) -> None:
+    """Raise the largest squared ratios (V,) to those of squared steps (..., V)."""
+    ratios = squares.reshape(-1, squares.shape[-1]).max(axis=0, initial=0)
+    np.maximum(largest, ratios / np.float32(tolerance**2), out=largest)
 
 
 def build_solver(
@@ -463,8 +474,7 @@ def solve_admm(
 def _measure(state: State, step_scale: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
     """Return the fixed-point residual of each body, (V,), and whether it has converged."""
     residuals = np.sqrt(state.squared_step / step_scale)
-    # One contact of a clip hardly counts in the residual.
-    return residuals, (residuals <= tolerance) & (state.largest_pair_step <= PAIR_TOLERANCE**2)
+    return residuals, (residuals <= tolerance) & (state.largest_step <= 1)
 
 
 def _initial_state(start: AdmmStart) -> State:
@@ -482,7 +492,7 @@ def _initial_state(start: AdmmStart) -> State:
         scales=start.scales.take(bodies, axis=-1),
         lowest=start.lowest.take(bodies, axis=-1),
         squared_step=np.zeros(len(bodies)),
-        largest_pair_step=np.zeros(len(bodies), dtype=np.float32),
+        largest_step=np.zeros(len(bodies), dtype=np.float32),
     )
 
 

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import MAX_BATCH, Attempt, Scene, prepare, retarget
 from pacmo_core.interaction_mesh import retargeting as module
+from pacmo_core.interaction_mesh.admm import CHECK_EVERY, FLOOR_TOLERANCE
 from pacmo_core.interaction_mesh.attempt import (
     GROWTH_SHARING_EXPONENT,
     project_bone_lengths,
@@ -168,6 +169,19 @@ def test_no_joint_goes_below_the_lowest_point_of_its_person():
     (after,) = retarget(prepare(source, replace(free, floor_penalty=60)), scales).reports
     assert before.below_floor > 0.01
     assert after.below_floor < 2e-3
+
+
+def test_no_body_stops_while_a_toe_is_on_its_way_out_of_the_floor():
+    source = scene(6, 9)
+    scales = np.ones((1, 10))
+    scales[0, :5] = 1.3
+    weights = replace(SETTINGS.weights, root=0, stance_height=0, floor_height=0)
+    (attempt,) = thorough(300).attempts
+    hasty = replace(attempt, tolerance=10.0)  # which the residual meets at the first check
+    settings = replace(SETTINGS, weights=weights, attempts=(hasty,), floor_penalty=6)
+    (report,) = retarget(prepare(source, settings), scales).reports
+    assert CHECK_EVERY < report.iterations < 300
+    assert report.below_floor < 2 * FLOOR_TOLERANCE
 
 
 def test_supporting_feet_stay_where_the_solver_has_them_whatever_errors_the_bones_have():
