@@ -13,6 +13,7 @@ from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, pair_targets,
 from pacmo_core.commands.reading import (
     PEOPLE,
     ReadOptions,
+    ReadPerson,
     Source,
     check_unit,
     parse_unit,
@@ -110,8 +111,8 @@ class TwoPersonCapture:
     keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
     space : of BVH files that are not
     joints_of : what else a BVH file has the joints of
-    bodies : both people with all joints of their files, and the End Sites of BVH files; None where
-        ``people`` are all
+    bodies : both people with all joints of their files, and the End Sites of BVH files; None of a
+        clip of a Parquet file, whose joints are all
     """
 
     name: str
@@ -217,14 +218,15 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
     a, b = on_one_clock(read[0].motion, read[1].motion, text)
     capture = _make_capture(clip or first.stem, files, settings, [a, b])
     resampled = a is not read[0].motion or b is not read[1].motion
-    bodies = None
-    if all(options.format_of(file) == "bvh" for file in files):
-        first_body, second_body = (
-            _at_times(with_end_sites(file, of_file.motion, of_file.settings), person.times)
-            for file, of_file, person in zip(files, read, (a, b), strict=True)
-        )
-        bodies = first_body, second_body
-    return replace(capture, keeps_hierarchy=not resampled, bodies=bodies)
+    bodies = [
+        _at_times(_whole(file, of_file, options.format_of(file)), person.times)
+        for file, of_file, person in zip(files * (2 // len(files)), read, (a, b), strict=True)
+    ]
+    return replace(capture, keeps_hierarchy=not resampled, bodies=(bodies[0], bodies[1]))
+
+
+def _whole(file: Path, read: ReadPerson, form: str) -> PersonMotion:
+    return with_end_sites(file, read.motion, read.settings) if form == "bvh" else read.motion
 
 
 def _at_times(person: PersonMotion, times: NDArray[np.float64]) -> PersonMotion:

@@ -287,8 +287,9 @@ def motion_lines(
     lines.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
     turn, text = _turns(times, people)
     limits += [jolt, turn]
+    of_samples = f"; least and greatest of {len(samples)} samples" if len(samples) > 1 else ""
     return [
-        "the motion of the reaction, measured in what was written (docs/react.md):",
+        f"the motion of the reaction, measured in what was written (docs/react.md){of_samples}:",
         *(f"  {line}" for line in (*lines, text)),
         *limit_lines(limits),
     ]

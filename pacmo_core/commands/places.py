@@ -442,6 +442,8 @@ def captured_turn_lines(
 ) -> Iterator[str]:
     """Yield the largest turn of each person in the capture, where people do not turn like that."""
     for row, (label, own) in enumerate(zip(PEOPLE, duo.people, strict=True)):
+        if len(own.times) < 2:
+            return
         written = [_turns_of_bones(pair[row]) for pair in variations]
         captured = {
             bone: turns

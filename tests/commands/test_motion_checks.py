@@ -26,8 +26,8 @@ def lines_of(partner: Motion, samples: Motion) -> list[str]:
 
 def joined(lines: list[str]) -> list[str]:
     """Join the lines of all samples; those on what is beyond a limit follow."""
-    head = "the motion of the reaction, measured in what was written (docs/react.md):"
-    assert lines[0] == head
+    head = "the motion of the reaction, measured in what was written (docs/react.md)"
+    assert lines[0].startswith(head) and lines[0].endswith(":")
     measured = [line for line in lines[1:] if line.startswith("  ")]
     assert lines[1 : 1 + len(measured)] == measured
     return ["; ".join(line.strip() for line in measured), *lines[1 + len(measured) :]]
