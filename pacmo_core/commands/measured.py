@@ -214,7 +214,7 @@ class Measured:
         where = f" in all {count} samples, which are alike," if most == "all samples" else where
         yield (
             "near distances, which have no limit, change more than if each body is only scaled:"
-            f"{where} by {changed} for {naive}, most between"
+            f"{where} by {changed} on average, if only scaled by {naive}; most between"
         )
         yield from (f"  {text}" for text in self.places[number].near_pairs())
 
