@@ -122,6 +122,10 @@ Params = Annotated[
 ]
 
 Scales = NDArray[np.float64]
+ADVICE = (
+    "look at these frames in the page; a smaller change of the bodies (--a-scale, --b-scale) keeps "
+    "distances better"
+)
 SCALES = 0.3, 3.0  # of a segment: beyond them no body of a person results
 
 
@@ -188,8 +192,9 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
             written = write_two_people(moved, scales[number], label, place)
             solved = report_measurements(solution.reports[number])
             measured = measure_written(
-                duo, [written.people], [scales[number]], solving.solver, solved
-            )
+                duo, [written.people], [scales[number]], solving.solver, solved,
+                [written.bodies] if written.bodies else [],
+            )  # fmt: skip
             page = write_variation_page(duo, [written.people], measured, solving.limits, place)
             named = f" as {duo.name}~{label}" if is_parquet(place) else ""
             fidelity = written.fidelity  # its touches are among the measurements
@@ -197,7 +202,7 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
                 _heading(number, profiles),
                 duo.rig_line(place),
                 fidelity.error_line() if fidelity.is_of_files else "",
-                *measured.lines(solving.limits),
+                *measured.lines(solving.limits, ADVICE),
                 f"{len(duo.people[0].times)} frames in {', '.join(map(str, written.files))}{named}"
                 f"; beside the source in {page}",
             ]

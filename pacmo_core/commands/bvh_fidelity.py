@@ -5,28 +5,36 @@ nobody looks at: feet that stand, joints near the ground and joints near the oth
 first.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from pacmo_core.commands.motion_checks import when
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.formats.base import to_y_up
+from pacmo_core.formats.bvh import read_bvh
+from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.inverse_kinematics import (
     CONTACT_DISTANCE,
     contact_targets,
     proximity_weights,
 )
-from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion
 from pacmo_core.reaction.stance import find_stance
 
 # Weight of the squared error of the joints of a foot that stands, in addition to that of any joint,
 # 1. It fades in and out, as a step in a weight would cause a jerk.
 PLANTED_WEIGHT = 100.0
 PLANTED_FADE = 0.05  # seconds, standard deviation
+MIN_END_SITE = 1e-3  # metres: a shorter one lies on its joint
 RESOLUTION = 5e-5  # metres: the largest error that is printed as nothing
 
 
@@ -59,6 +67,26 @@ def pair_targets(a: PersonMotion, b: PersonMotion) -> list[tuple[Motion, NDArray
         (aim, weights + planted_weights(person))
         for person, aim, weights in zip((a, b), aims, near, strict=True)
     ]
+
+
+def with_end_sites(file: Path, person: PersonMotion, settings: Mapping[str, Any]) -> PersonMotion:
+    """Add the End Sites of a BVH file to a person who was read from it.
+
+    They are what one sees: toes and fingertips. Those that lie on their joint are left out.
+    """
+    bvh = read_bvh(file)
+    pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], **settings})
+    unit, body = pairs.metres(file), person.skeleton
+    lengths = np.linalg.norm(bvh.offsets, axis=-1) * unit
+    ends = [end for end in bvh.end_sites if lengths[end] >= MIN_END_SITE]
+    places = to_y_up(bvh.positions()[pairs.skip_frames :, ends] * unit, pairs.up_axis)
+    joints = (*body.joints, *(bvh.joints[end] for end in ends))
+    parents = (*body.parents, *(joints.index(bvh.joints[bvh.parents[end]]) for end in ends))
+    return PersonMotion(
+        Skeleton(body.name, joints, parents, body.left_right),
+        person.times,
+        np.concatenate([person.motion, places.astype(np.float32)], axis=1),
+    )
 
 
 @dataclass(frozen=True)
@@ -210,8 +238,7 @@ def _farthest_missed(
 
 
 def _when(person: PersonMotion, frame: int) -> str:
-    """Return frame and time in words."""
-    return f"in frame {frame} ({person.times[frame] - person.times[0]:.2f} s)"
+    return when(frame, person.times[frame] - person.times[0])
 
 
 def _slides(person: PersonMotion, motions: tuple[Motion, Motion]) -> NDArray[np.float64]:

@@ -9,10 +9,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, pair_targets
+from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, pair_targets, with_end_sites
 from pacmo_core.commands.reading import (
     PEOPLE,
     ReadOptions,
+    ReadPerson,
     Source,
     check_unit,
     parse_unit,
@@ -110,7 +111,8 @@ class TwoPersonCapture:
     keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
     space : of BVH files that are not
     joints_of : what else a BVH file has the joints of
-    bodies : both people with all joints of their files, where ``people`` have some of them
+    bodies : both people with all joints of their files, and the End Sites of BVH files; None of a
+        clip of a Parquet file, whose joints are all
     """
 
     name: str
@@ -167,6 +169,11 @@ class TwoPersonCapture:
         )
 
     @property
+    def whole(self) -> tuple[PersonMotion, PersonMotion]:
+        """Both people with all that is in their files."""
+        return self.bodies or self.people
+
+    @property
     def scene(self) -> Scene:
         """Both people as input of the solver."""
         a, b = self.people
@@ -211,7 +218,21 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
     a, b = on_one_clock(read[0].motion, read[1].motion, text)
     capture = _make_capture(clip or first.stem, files, settings, [a, b])
     resampled = a is not read[0].motion or b is not read[1].motion
-    return replace(capture, keeps_hierarchy=not resampled)
+    bodies = [
+        _at_times(_whole(file, of_file, options.format_of(file)), person.times)
+        for file, of_file, person in zip(files * (2 // len(files)), read, (a, b), strict=True)
+    ]
+    return replace(capture, keeps_hierarchy=not resampled, bodies=(bodies[0], bodies[1]))
+
+
+def _whole(file: Path, read: ReadPerson, form: str) -> PersonMotion:
+    return with_end_sites(file, read.motion, read.settings) if form == "bvh" else read.motion
+
+
+def _at_times(person: PersonMotion, times: NDArray[np.float64]) -> PersonMotion:
+    if np.array_equal(person.times, times):
+        return person
+    return replace(person, times=times, motion=resample(person.motion, person.times, times))
 
 
 def read_clip(file: Path, name: str) -> Interaction:
@@ -343,13 +364,13 @@ class WrittenCapture:
     files : that were written
     people : read back from the files; BVH files hold bones of constant length
     fidelity : of the files
-    bodies : the same people with all joints of the files
+    bodies : the same people with all joints and End Sites of BVH files; None of Parquet
     """
 
     files: list[Path]
     people: tuple[PersonMotion, PersonMotion]
     fidelity: Fidelity
-    bodies: tuple[PersonMotion, PersonMotion]
+    bodies: tuple[PersonMotion, PersonMotion] | None = None
 
 
 def write_two_people(
@@ -373,7 +394,7 @@ def write_two_people(
             times = a.times - a.times[0]
             pair = Interaction(a.skeleton, times, a.motion, b.motion)
             writer.add(f"{duo.name}~{label}", pair)
-        return WrittenCapture([out], duo.people, Fidelity(), duo.people)
+        return WrittenCapture([out], duo.people, Fidelity())
     files, bodies = _output_files(duo, out), list[PersonMotion]()
     for number, (aims, weights) in enumerate(pair_targets(a, b)):
         aimed = replace(duo.people[number], motion=aims)
@@ -419,8 +440,9 @@ def _write_person(
 
 
 def read_file(file: Path, settings: Mapping[str, Any]) -> PersonMotion:
-    """Read all joints of a BVH file that was written."""
-    return read_partner(file, "bvh", settings, person=None, clip="")
+    """Read all joints and End Sites of a BVH file that was written."""
+    person = read_partner(file, "bvh", settings, person=None, clip="")
+    return with_end_sites(file, person, settings)
 
 
 def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:

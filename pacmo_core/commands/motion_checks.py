@@ -1,8 +1,9 @@
 """What commands say of a motion: bones that turn fast, jolts; of a reaction also feet and depth.
 
-Of the motion as it is in the files. No captured reaction is needed: feet and turns are compared
-with the partner's, the rest with limits that captured people keep. Means and percentiles over time
-hide a jump in one frame, which everybody sees: bones and joints are named with frame and time.
+Of the motion as it is in the files, all joints and End Sites. No captured reaction is needed: feet
+and turns are compared with the partner's, the rest with limits that captured people keep. Means and
+percentiles over time hide a jump in one frame, which everybody sees: bones and joints are named
+with frame and time.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,9 @@ from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.scene import Scene
 from pacmo_core.metrics.plausibility import find_body_joints
+from pacmo_core.reaction.bones import leg_length, median_lengths
+from pacmo_core.reaction.floor import find_floor
+from pacmo_core.reaction.stance import find_stance
 
 # Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
 MAX_ACCELERATION = 150.0
@@ -26,10 +30,13 @@ MAX_ACCELERATION = 150.0
 # of 30,000 recorded frames (salsa, acts, embraces, walking) none turns by more than 22.8 degrees,
 # and by 24.2 at most in 46 of the 48 files; in the other two single markers flicker.
 MAX_TURN_SPEED = 750.0
-# Metres: a shorter bone turns by much where its ends hardly move.
-MIN_BONE = 0.02
+# Metres: a shorter bone, of which these turns move the end by 2 mm, has no turn. The last bones of
+# a child's fingers are 14 mm long, and their tips are seen to jump.
+MIN_BONE = 0.005
 # Metres: the bodies are modelled as capsules, and captured hugs are up to 8 cm deep.
 MAX_DEPTH = 0.08
+# Metres below the floor, as in augment.limits of params.yaml.
+MAX_BELOW = 0.01
 # Metres per second: the mean speed of the slower foot, 99 of 100 captured motions are below 28.5
 # cm/s.
 MAX_GLIDE = 0.3
@@ -96,9 +103,10 @@ class SampleLimit:
         number_text = f"all {count}" if self.is_beyond_in_all else f"{len(beyond)} of {count}"
         worst = "; ".join(self._sample(number) for number in beyond[:MAX_LINES])
         more = "; ..." if beyond[MAX_LINES:] else ""
+        texts = {format_fixed(self.values[number], self.decimals) for number in beyond}
+        order = "alike" if len(texts) == 1 else "the worst first"
         return [
-            f"{number_text} samples: {self.said(beyond)}, {self.wanted} (the worst first: "
-            f"{worst}{more})"
+            f"{number_text} samples: {self.said(beyond)}, {self.wanted} ({order}: {worst}{more})"
         ]
 
     def _sample(self, number: int, said: str = "") -> str:
@@ -116,9 +124,28 @@ def limit_lines(limits: Sequence[SampleLimit]) -> list[str]:
                 "another capture, or train on captures like this one (docs/react.md)"]  # fmt: skip
     beyond = {number for one in limits for number in one.beyond}
     within = [number for number in range(len(limits[0].values)) if number not in beyond]
-    numbers = f"{', '.join(map(str, within[:MAX_NUMBERS]))}{', ...' * bool(within[MAX_NUMBERS:])}"
-    within_text = [f"samples within every limit: {numbers}"] if within else []
+    within_text = [f"samples within every limit: {listed(within)}"] if within else []
     return [*lines, "; ".join([*within_text, "another --seed gives other samples"])]
+
+
+def listed(numbers: Sequence[int]) -> str:
+    """List numbers of samples, if they are not too many."""
+    return f"{', '.join(map(str, numbers[:MAX_NUMBERS]))}{', ...' * bool(numbers[MAX_NUMBERS:])}"
+
+
+def samples_of(texts: Sequence[str], worst: int) -> str:
+    """Say which samples have the value of the worst, as values are printed.
+
+    Returns
+    -------
+    ``sample 1`` or ``samples 0, 2``; ``all samples`` where values are alike; empty of one sample
+    """
+    same = [number for number, text in enumerate(texts) if text == texts[worst]]
+    if len(texts) == 1:
+        return ""
+    if len(same) == len(texts):
+        return "all samples"
+    return f"sample{'s' * (len(same) > 1)} {listed(same)}"
 
 
 def format_range(values: Sequence[float], decimals: int) -> str:
@@ -148,33 +175,51 @@ class Peak:
     @property
     def place(self) -> str:
         """Frame and time, in words."""
-        return f"in frame {self.frame} ({self.time:.2f} s)"
+        return when(self.frame, self.time)
+
+
+def when(frame: int, seconds: float) -> str:
+    """Return a frame, counted from 0, and its time in words."""
+    return f"in frame {frame} ({seconds:.2f} s)"
 
 
 def find_peak(values: Array, joints: tuple[str, ...], times: Array) -> Peak:
-    """Find the greatest of ``bone_turns``, ``joint_accelerations`` or differences of these.
+    """Find the greatest of depths, ``bone_turns``, ``joint_accelerations`` or ratios of these.
 
     Parameters
     ----------
-    values : (T - 1, E) or (T - 2, J)
+    values : (T, J), (T - 1, E) or (T - 2, J)
     joints : the name of each column
     times : (T,) seconds
     """
     row, column = (int(i) for i in np.unravel_index(values.argmax(), values.shape))
-    return Peak(row, column, joints[column], row + 1, float(times[row + 1] - times[0]))
+    # Turns and accelerations begin with that of frame 1.
+    frame = row + int(len(values) < len(times))
+    return Peak(row, column, joints[column], frame, float(times[frame] - times[0]))
+
+
+def angles(first: Array, second: Array) -> Array:
+    """Return the angles in degrees between vectors ``(..., 3)``."""
+    sine = np.linalg.norm(np.cross(first, second), axis=-1)
+    degrees: Array = np.degrees(np.arctan2(sine, (first * second).sum(axis=-1)))
+    return degrees
 
 
 def bone_turns(skeleton: Skeleton, motion: Motion) -> Array:
     """Return the turn of each bone from a frame to the next, ``(T - 1, E)`` degrees.
 
-    Bones that are shorter than 2 cm have no turn.
+    Bones that are shorter than ``MIN_BONE`` have no turn.
     """
     ends = motion[:, skeleton.bones].astype(np.float64)
     bones = ends[:, :, 1] - ends[:, :, 0]
-    sine = np.linalg.norm(np.cross(bones[:-1], bones[1:]), axis=-1)
-    turns = np.degrees(np.arctan2(sine, (bones[:-1] * bones[1:]).sum(axis=-1)))
+    turns = angles(bones[:-1], bones[1:])
     is_long = np.linalg.norm(bones, axis=-1).min(axis=0) >= MIN_BONE
     return np.where(is_long, turns, 0.0)
+
+
+def max_turn(times: Array) -> float:
+    """Return the largest turn from a frame to the next that people make, in degrees."""
+    return MAX_TURN_SPEED * float(times[-1] - times[0]) / (len(times) - 1)
 
 
 def bone_names(skeleton: Skeleton) -> tuple[str, ...]:
@@ -197,16 +242,19 @@ def motion_lines(
     partner: Motion,
     samples: Motion,
     people: Sequence[PersonMotion],
+    sole: float = 0.0,
 ) -> list[str]:
-    """Return a line of all samples, and lines on those that people would not move like.
+    """Return a line for each measurement of all samples, and lines on those beyond its limit.
 
     Parameters
     ----------
     times : (T,) seconds, evenly spaced
     partner, samples : (T, J, 3) and (S, T, J, 3) metres
-    people : the partner and each sample with all joints of their files, which turn and accelerate
+    people : the partner and each sample with all joints and End Sites of their files, which turn,
+        accelerate and may be below the floor
+    sole : metres by which the End Sites of the rig are below its joints, in its own file
     """
-    parts, limits, every = [], list[SampleLimit](), range(len(samples))
+    lines, limits, every = list[str](), list[SampleLimit](), range(len(samples))
     if ankles := list(find_body_joints(skeleton).ankles):
         own = format_fixed(100 * _glide(partner[:, ankles], times), 1)
         glide = SampleLimit(
@@ -215,12 +263,15 @@ def motion_lines(
             "the slower foot moves at {} on average",
             " cm/s",
         )
-        limits.append(glide)
-        parts.append(f"{glide.said(every)}, {glide.wanted} (the partner's at {own})")
+        below = _below_partner(skeleton, times, partner, samples, people, sole)
+        limits += [glide, below]
+        lines.append(f"{glide.said(every)}, {glide.wanted} (the partner's at {own})")
+        of_rig = f" (1 cm, and {100 * sole:.1f} cm of the rig's soles)" if sole else ""
+        lines.append(f"{below.said(every)}, {below.wanted}{of_rig}")
     try:
         depths = [_depths(skeleton, times, partner, sample) for sample in samples]
     except ValueError as fault:
-        parts.append(f"how deep the bodies are in each other is not measured ({fault})")
+        lines.append(f"how deep the bodies are in each other is not measured ({fault})")
     else:
         deep = SampleLimit(
             [100 * max(0.0, float(depth.max())) for depth in depths],
@@ -231,13 +282,50 @@ def motion_lines(
         )
         limits.append(deep)
         most = format_range(deep.values, 1)
-        parts.append(f"the bodies are at most {most} cm deep in each other, {deep.wanted}")
+        lines.append(f"the bodies are at most {most} cm deep in each other, {deep.wanted}")
     jolt = _jolts(times, people[1:])
-    parts.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
+    lines.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
     turn, text = _turns(times, people)
-    parts.append(text)
     limits += [jolt, turn]
-    return [f"the motion of the reaction: {'; '.join(parts)}", *limit_lines(limits)]
+    of_samples = f"; least and greatest of {len(samples)} samples" if len(samples) > 1 else ""
+    return [
+        f"the motion of the reaction, measured in what was written (docs/react.md){of_samples}:",
+        *(f"  {line}" for line in (*lines, text)),
+        *limit_lines(limits),
+    ]
+
+
+def _below_partner(
+    skeleton: Skeleton,
+    times: Array,
+    partner: Motion,
+    samples: Motion,
+    people: Sequence[PersonMotion],
+    sole: float,
+) -> SampleLimit:
+    """Compare the lowest point of each sample with the partner's, in proportion to the legs.
+
+    Over one floor the joints of a smaller person are lower. The floor is level: the slope of one
+    that is fitted to a person in one place says nothing of another place.
+    """
+    fps = (len(times) - 1) / (times[-1] - times[0])
+    floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton).height
+    own, *heights = (person.motion[..., 1].astype(np.float64) - floor for person in people)
+    own_leg, *legs = (
+        leg_length(median_lengths(motion, skeleton), skeleton) for motion in (partner, *samples)
+    )
+    depths = [own.min() * leg / own_leg - of for leg, of in zip(legs, heights, strict=True)]
+    peaks = [
+        find_peak(depth, person.skeleton.joints, times)
+        for depth, person in zip(depths, people[1:], strict=True)
+    ]
+    return SampleLimit(
+        [100 * max(0.0, float(depth.max())) for depth in depths],
+        100 * (MAX_BELOW + sole),
+        "the lowest joint or End Site is {} below the partner's lowest",
+        " cm",
+        [f"{peak.joint} {peak.place}" for peak in peaks],
+    )
 
 
 def _jolts(times: Array, samples: Sequence[PersonMotion]) -> SampleLimit:
@@ -263,16 +351,16 @@ def _turns(times: Array, people: Sequence[PersonMotion]) -> tuple[SampleLimit, s
         find_peak(turns, bone_names(person.skeleton), times)
         for turns, person in zip(samples, people[1:], strict=True)
     ]
-    step = float(times[-1] - times[0]) / (len(times) - 1)
     limit = SampleLimit(
         [float(turns.max()) for turns in samples],
-        MAX_TURN_SPEED * step,
+        max_turn(times),
         "a bone turns by {} from one frame to the next",
         "°",
         [f"that to {peak.joint} {peak.place}" for peak in peaks],
     )
     number = int(np.argmax(limit.values))
-    peak, of_sample = peaks[number], f" of sample {number}" if len(samples) > 1 else ""
+    peak, texts = peaks[number], [format_fixed(value, 1) for value in limit.values]
+    of_sample = f" of {samples_of(texts, number)}" if len(samples) > 1 else ""
     return limit, (
         f"the bone to {peak.joint} turns most from one frame to the next, by "
         f"{format_fixed(limit.values[number], 1)}° {peak.place}{of_sample}, {limit.wanted} (the "

@@ -1,18 +1,36 @@
-"""Where a measurement of a variation is worst: person, joint, frame and time.
+"""Where a variation is worst: person, joint, frame and time.
 
 Measurements are means, percentiles or maxima over frames (``interaction_mesh.report``); whoever
-wants to mend a motion looks at the frame in which what they measure is largest.
+wants to mend a motion looks at the frame in which what they measure is largest. Turns of bones,
+accelerations and depths below the floor are measured in single frames, of all joints and End Sites
+of the files (``check_people``).
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.commands.captures import TwoPersonCapture
+from pacmo_core.commands.motion_checks import (
+    MAX_ACCELERATION,
+    MAX_BELOW,
+    angles,
+    bone_names,
+    bone_turns,
+    find_peak,
+    format_range,
+    joint_accelerations,
+    max_turn,
+    when,
+)
 from pacmo_core.commands.reading import PEOPLE
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import (
     ancestor_bones,
@@ -30,10 +48,57 @@ from pacmo_core.interaction_mesh.report import (
     mean_accelerations,
     seam_ratios,
 )
-from pacmo_core.interaction_mesh.scene import naive_scaling
+from pacmo_core.interaction_mesh.scene import common_scale, naive_scaling, scale_scene
 
 Array = NDArray[np.float64]
+People = tuple[PersonMotion, PersonMotion]
 TINY = float(np.finfo(np.float32).tiny)
+# Of the capture's turn of the same bone in the same frame, as accelerations are limited to that
+# share of the capture's (peak_acceleration_ratio in params.yaml).
+MAX_TURN_RATIO = 1.3
+MIN_LOSS = 1e-3  # metres, of a near distance: a capture itself is not more exact
+MAX_PAIRS = 3  # of joints in ``near_pairs``
+
+
+@dataclass(frozen=True)
+class FrameCheck:
+    """The worst single frame of a variation, of all joints and End Sites of the files.
+
+    Parameters
+    ----------
+    value, limit : the measured value, and the largest that is wanted
+    captured : what the capture itself has, in words
+    place : person, joint or bone, frame and time
+    """
+
+    value: float
+    limit: float
+    captured: str
+    place: str
+
+
+@dataclass(frozen=True)
+class FrameMeasure:
+    """What a ``FrameCheck`` measures: label, unit and decimals, and what follows the limit."""
+
+    label: str
+    unit: str
+    decimals: int
+    meaning: str = ""
+
+    def text(self, value: float) -> str:
+        """Return a value with its unit."""
+        return f"{format_fixed(value, self.decimals)}{self.unit}"
+
+    def limit_text(self, check: FrameCheck) -> str:
+        """Say the limit, and what the capture has."""
+        return f"wanted at most {self.text(check.limit)}{self.meaning}, {check.captured}"
+
+
+FRAME_MEASURES = {
+    "turn": FrameMeasure("turn of a bone", "°", 1, " from one frame to the next"),
+    "acceleration": FrameMeasure("joint acceleration", " m/s²", 0),
+}
 
 
 @dataclass(frozen=True)
@@ -46,7 +111,7 @@ class Places:
     supports : (T, N) which joints support
     scales : (E,) of the bones of both, without the scale that both have in common
     motion : (T, N, 3) metres, without it too
-    contact_distance : metres, below which joints are in contact
+    contact_distance, near_distance : metres, below which joints are in contact, and near
     worse : the person, 0 or 1, in whom each measurement of one person is worse
     """
 
@@ -55,6 +120,7 @@ class Places:
     scales: Array
     motion: Array
     contact_distance: float
+    near_distance: float
     worse: Mapping[str, int]
 
     def text(self, name: str) -> str:
@@ -110,10 +176,6 @@ class Places:
         change = np.abs(self.motion - self.scene.points)[..., 1]
         return np.where(self.supports, change, -np.inf)
 
-    def _depths_in_floor(self, _name: str) -> Array:
-        depths: Array = self.scene.levels.lowest - self.motion[..., 1]
-        return depths
-
     def _skates(self, _name: str) -> Array:
         before, after = (
             np.linalg.norm(np.diff(motion[..., ::2], axis=0), axis=-1)
@@ -158,6 +220,36 @@ class Places:
             return ""
         return f"{self._two(first, second)}, {100 * apart:.1f} cm apart {self._when(frame)}"
 
+    def near_pairs(self) -> list[str]:
+        """Return the near pairs whose distances change most beyond what scaling changes.
+
+        The worst first, each in its worst frame; a joint is in one of them.
+        """
+        n_a, scaled = self.scene.n_joints[0], naive_scaling(self.scene, self.scales[None])[..., 0]
+        worst, frames = (np.zeros(self.scene.n_joints, kind) for kind in (np.float64, np.intp))
+
+        def distances(motion: Array, joint: int) -> Array:
+            apart: Array = np.linalg.norm(motion[:, n_a:] - motion[:, joint, None], axis=-1)
+            return apart
+
+        motions = (self.scene.points, self.motion, scaled)
+        for joint in range(n_a):  # all pairs at once would take too much memory
+            before, after, naive = (distances(motion, joint) for motion in motions)
+            excess = np.abs(after - before) - np.abs(naive - before)
+            excess = np.where(before < self.near_distance, excess, 0.0)
+            worst[joint], frames[joint] = excess.max(axis=0), excess.argmax(axis=0)
+        texts = list[str]()
+        while len(texts) < MAX_PAIRS and worst.max() > MIN_LOSS:
+            i, j = (int(k) for k in np.unravel_index(worst.argmax(), worst.shape))
+            frame = int(frames[i, j])
+            captured, apart, naive = (100 * distances(m, i)[frame, j] for m in motions)
+            texts.append(
+                f"{self._two(i, n_a + j)}, {apart:.1f} cm apart {self._when(frame)}, "
+                f"{captured:.1f} cm in the capture, {naive:.1f} cm if only scaled"
+            )
+            worst[i], worst[:, j] = 0, 0
+        return texts
+
     def _deepest(self, _name: str) -> str:
         radii, n_a = capsule_radii(self.scene), self.scene.n_joints[0]
         n_bones = self.scene.n_bones
@@ -198,7 +290,7 @@ class Places:
     def _bend(self, first: int, second: int) -> Array:
         """``(T,)`` degrees by which two bones bend further than in the source."""
         before, after = (
-            _angles(*(_along(motion, self.scene.bones[row]) for row in (first, second)))
+            angles(*(_along(motion, self.scene.bones[row]) for row in (first, second)))
             for motion in (self.scene.points, self.motion)
         )
         return after - before
@@ -225,18 +317,153 @@ class Places:
         return f"{self._name(first)} of person a and {self._name(second)} of b"
 
     def _when(self, frame: int) -> str:
-        return f"in frame {frame} ({frame / self.scene.fps:.2f} s)"
+        return when(frame, frame / self.scene.fps)
+
+
+def check_people(
+    duo: TwoPersonCapture,
+    variations: Sequence[tuple[PersonMotion, PersonMotion]],
+    bodies: Array,
+    *,
+    has_ends: bool,
+) -> list[list[dict[str, FrameCheck]]]:
+    """Find the worst frames of person a and person b of each variation, by name.
+
+    Parameters
+    ----------
+    variations : all joints of both people in what was written
+    bodies : (V, E) scales of the bones of both
+    has_ends : whether the End Sites of BVH files are among the joints
+    """
+    whole = duo.whole if has_ends else duo.people
+    lowest = np.concatenate([person.motion[..., 1] for person in whole], axis=1).min(axis=1)
+    turns = [_turns_of_bones(duo.people[row], duo.whole[row]) for row in range(2)]
+    common = common_scale(duo.scene, bodies)
+    checked = []
+    for pair, scale in zip(variations, common, strict=True):
+        checks = []
+        for row, (own, person) in enumerate(zip(whole, pair, strict=True)):
+            whom = f"person {PEOPLE[row]}, "
+            motion = person.motion.astype(np.float64)[..., None]
+            heights = scale_scene(duo.scene, motion, 1 / scale[None])[..., 1, 0]
+            found = {
+                "below_floor": _check_floor(whom, own, person, heights, float(np.median(lowest)))
+            }
+            if len(person.times) > 1:
+                found["turn"] = _check_turns(whom, turns[row], person)
+            if len(person.times) > 2:
+                found["acceleration"] = _check_accelerations(whom, own, person)
+            checks.append(found)
+        checked.append(checks)
+    return checked
+
+
+def worst_of(checks: Sequence[FrameCheck]) -> FrameCheck:
+    """Return the check that is farthest beyond its limit, or nearest to it."""
+    return max(checks, key=lambda check: check.value / check.limit)
+
+
+def _turns_of_bones(*people: PersonMotion) -> dict[tuple[str, str], Array]:
+    """Return ``bone_turns`` of all bones of a person, each by its two joints."""
+    return {
+        (body.joints[parent], body.joints[child]): turns
+        for person in people
+        for body in [person.skeleton]
+        for (parent, child), turns in zip(
+            body.bones.tolist(), bone_turns(body, person.motion).T, strict=True
+        )
+    }
+
+
+def _check_floor(
+    whom: str, own: PersonMotion, person: PersonMotion, heights: Array, ground: float
+) -> FrameCheck:
+    """Compare the lowest joint or End Site with the capture's lowest: soles may be below its floor.
+
+    Parameters
+    ----------
+    heights : (T, J) metres, of the person without the scale that both bodies have in common
+    ground : metres, of the capture's floor
+    """
+    lowest = float(own.motion[..., 1].min())
+    peak = find_peak(lowest - heights, person.skeleton.joints, person.times)
+    captured = (
+        f"from the capture's own lowest point, {100 * max(0.0, ground - lowest):.2f} cm below its "
+        "floor"
+    )
+    depth = max(0.0, lowest - float(heights.min()))
+    return FrameCheck(depth, MAX_BELOW, captured, f"{whom}{peak.joint} {peak.place}")
+
+
+def _check_turns(
+    whom: str, captured: Mapping[tuple[str, str], Array], person: PersonMotion
+) -> FrameCheck:
+    """Compare the turns of all bones with what people do, and with the capture's."""
+    after = bone_turns(person.skeleton, person.motion)
+    before = np.zeros_like(after)
+    for column, child in enumerate(person.skeleton.bones[:, 1].tolist()):
+        before[:, column] = _captured_turn(captured, person.skeleton, child)
+    limits = np.maximum(max_turn(person.times), MAX_TURN_RATIO * before)
+    peak = find_peak(after / limits, bone_names(person.skeleton), person.times)
+    at = peak.row, peak.column
+    return FrameCheck(
+        float(after[at]),
+        float(limits[at]),
+        f"{format_fixed(before[at], 1)}° in the capture",
+        f"{whom}bone to {peak.joint} {peak.place}",
+    )
+
+
+def _captured_turn(
+    captured: Mapping[tuple[str, str], Array], body: Skeleton, child: int
+) -> Array | float:
+    """Return the capture's turn of the bone to a joint, or of the bone that carries it."""
+    parent = body.parents[child]
+    if parent < 0:
+        return 0.0
+    own = captured.get((body.joints[parent], body.joints[child]))
+    return _captured_turn(captured, body, parent) if own is None else own
+
+
+def _check_accelerations(whom: str, own: PersonMotion, person: PersonMotion) -> FrameCheck:
+    """Compare the accelerations of all joints with what people do, and with the capture's."""
+    before, after = (joint_accelerations(p.times, p.motion) for p in (own, person))
+    peak, most = find_peak(after, person.skeleton.joints, person.times), float(before.max())
+    return FrameCheck(
+        float(after.max()),
+        max(MAX_ACCELERATION, most),
+        f"at most {most:.0f} m/s² in the capture",
+        f"{whom}{peak.joint} {peak.place}",
+    )
+
+
+def captured_turn_lines(
+    duo: TwoPersonCapture, variations: Sequence[tuple[PersonMotion, PersonMotion]]
+) -> Iterator[str]:
+    """Yield the largest turn of each person in the capture, where people do not turn like that."""
+    for row, (label, own) in enumerate(zip(PEOPLE, duo.people, strict=True)):
+        if len(own.times) < 2:
+            return
+        written = [_turns_of_bones(pair[row]) for pair in variations]
+        captured = {
+            bone: turns
+            for bone, turns in _turns_of_bones(own, duo.whole[row]).items()
+            if bone in written[0] and turns.max(initial=0.0) > max_turn(own.times)
+        }
+        if captured:
+            bone = max(captured, key=lambda bone: captured[bone].max())
+            peak = find_peak(captured[bone][:, None], bone[1:], own.times)
+            after = format_range([float(turns[bone][peak.row]) for turns in written], 1)
+            yield (
+                f"  the capture itself turns a bone of person {label} by "
+                f"{captured[bone].max():.1f}° {peak.place} (to {peak.joint}, {after}° in what was "
+                "written): if it jumps there, mend the capture"
+            )
 
 
 def _along(motion: Array, bone: NDArray[np.intp]) -> Array:
     along: Array = motion[:, bone[1]] - motion[:, bone[0]]
     return along
-
-
-def _angles(first: Array, second: Array) -> Array:
-    sine = np.linalg.norm(np.cross(first, second), axis=-1)
-    angles: Array = np.degrees(np.arctan2(sine, (first * second).sum(axis=-1)))
-    return angles
 
 
 # What is compared at each joint in each frame, by the name of the measurement: (T, N), or fewer
@@ -248,7 +475,6 @@ _FAULTS: dict[str, Callable[[Places, str], Array]] = {
     "spine_bend": Places._spine,
     "pelvis_height_error": Places._pelvis,
     "support_height_error": Places._support_heights,
-    "below_floor": Places._depths_in_floor,
     "added_foot_skate": Places._skates,
     "peak_acceleration_ratio": Places._accelerations,
     "seam_ratio": Places._accelerations,

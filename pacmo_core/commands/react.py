@@ -131,6 +131,12 @@ class Reactions:
     rig: TargetRig | None = None
     partner_rig: TargetRig | None = None
 
+    @property
+    def sole(self) -> float:
+        """Metres by which the soles of the rig are lower, under its joints, than the partner's."""
+        own, other = (rig.sole if rig else 0.0 for rig in (self.rig, self.partner_rig))
+        return max(0.0, own - other)
+
 
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
     """Reject an output without a known suffix, or one that has another unit or axis."""
@@ -156,7 +162,8 @@ class Written:
     files : in the order of the samples, the partner's before the reaction's
     samples : (S, T, J, 3) float32, metres, as they are in the files
     fidelity : how well the files hold the motions
-    in_files : the partner, and the reaction of each sample, with all joints of their files
+    in_files : the partner, and the reaction of each sample, with all joints and End Sites of
+        their files
     """
 
     files: list[Path]
@@ -362,8 +369,14 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
         rig = reactions.rig
         typer.echo(f"fitting {frames} to the {len(rig.joints)} joints of {rig.file} ...")
     written = write_reactions(reactions, out, space)
+    sole = 0.0 if is_parquet(out) else reactions.sole
     for line in motion_lines(
-        reactions.skeleton, reactions.times, reactions.partner, written.samples, written.in_files
+        reactions.skeleton,
+        reactions.times,
+        reactions.partner,
+        written.samples,
+        written.in_files,
+        sole,
     ):
         typer.echo(line)
     if written.fidelity.is_of_files:

@@ -61,6 +61,13 @@ class TargetRig:
         """``(E,)`` metres: the bones of the model on this body."""
         return median_lengths(self.motion.motion, self.motion.skeleton)
 
+    @property
+    def sole(self) -> float:
+        """Metres by which End Sites are below the lowest joint of the file's own motion."""
+        heights = self.bvh.positions()[..., "xyz".index(self.space.up)] * self.space.unit
+        joints = np.delete(heights, self.bvh.end_sites, axis=1)
+        return float(joints.min() - heights.min())
+
     def text(
         self,
         person: PersonMotion,

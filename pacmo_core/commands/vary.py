@@ -76,6 +76,8 @@ from pacmo_core.store.motions import write_motions
 EVALUATION = Path("reports/skeleton_prior.json")
 # Share of the start's errors that training must remove, on average and with an interval above 0.
 MIN_GAIN = 0.2
+ERRORS = {"E_r": "error of joints E_r", "JPD": "error of distances between the two JPD"}
+START_ALONE = "the start alone, a rule without training,"
 
 Weights = Annotated[
     Path | None,
@@ -94,6 +96,10 @@ Network = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same interactions")]
 
+ADVICE = (
+    "pacmo augment, the solver, keeps near distances: give it the same files, and the bodies with "
+    "--a-scale, --b-scale or --profile"
+)
 Scales = NDArray[np.float64]
 People = tuple[PersonMotion, PersonMotion]
 
@@ -230,8 +236,11 @@ class Evidence:
     def __str__(self) -> str:
         """Say it in words."""
         motions = f"{self.motions} motion{'s' if self.motions > 1 else ''}"
-        gains = "; ".join(f"{name} {gain}" for name, gain in self.gains.items())
-        return f"{self.split}, {motions}, {100 * self.confidence:.0f} % intervals: {gains}"
+        gains = "; ".join(f"{ERRORS[name]} {gain}" for name, gain in self.gains.items())
+        return (
+            f"tested on {self.split}, {motions}; start to network, {100 * self.confidence:.0f} % "
+            f"intervals: {gains}"
+        )
 
 
 def _one_profile_each(words: list[str]) -> dict[str, str]:
@@ -255,13 +264,13 @@ def choose_network(weights: Path, asked: bool | None) -> tuple[bool, str]:
     evidence = find_evidence(weights)
     known = evidence or f"no {EVALUATION} compares these weights with their start"
     if asked is not None:
-        return asked, f"{'the network' if asked else 'the start alone'} is used, as asked ({known})"
+        return asked, f"{'the network' if asked else START_ALONE} is used, as asked ({known})"
     if evidence is None:
         return True, f"the network is used ({known})"
     if evidence.is_better:
         return True, f"the network is used, shown to be better than its start ({known})"
     reason = f"the network is not shown to be better ({known}); --network uses it"
-    return False, f"the start alone is used: {reason}"
+    return False, f"{START_ALONE} is used: {reason}"
 
 
 def find_evidence(weights: Path) -> Evidence | None:
@@ -283,7 +292,7 @@ def find_evidence(weights: Path) -> Evidence | None:
         for dataset, splits in json.loads(file.read_text("utf-8"))["gain"].items():
             for split, gain in splits.items():
                 if content in gain.get("weights", ()):
-                    errors = {name: gain[name] for name in ("E_r", "JPD")}
+                    errors = {name: gain[name] for name in ERRORS}
                     facts = {"split": f"{dataset}/{split}", "gains": errors}
                     return TypeAdapter(Evidence).validate_python({**gain, **facts})
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
@@ -299,9 +308,7 @@ def _select_joints(
     a, b = to_model_joints(duo.people, skeleton, two_sources(duo.files), options)
     has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
     keeps = duo.keeps_hierarchy and has_same_names and not options.joints
-    of_model = replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model")
-    has_rigs = all(of_model.is_on_own_rig(number) for number in range(2))
-    return replace(of_model, bodies=duo.people if has_rigs else None)
+    return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model", bodies=duo.whole)
 
 
 def _bodies(
@@ -367,7 +374,7 @@ def _say_measured(
     solving = read_solver_section(present_params())
     bodies = [(a, b) for _, (a, b) in variations]
     measured = measure_written(duo, people, bodies, solving.solver, in_files=in_files)
-    for line in measured.lines(solving.limits):
+    for line in measured.lines(solving.limits, ADVICE):
         typer.echo(line)
     return write_variation_page(duo, people, measured, solving.limits, out)
 
@@ -380,7 +387,7 @@ def _write(
     Returns
     -------
     The files, how well they hold the motions, and of each sample the people in them: their joints
-    of the model, and all joints.
+    of the model, and of BVH files all joints and End Sites.
     """
     moved = [duo.moved((pair.person_a, pair.person_b)) for pair, _ in variations]
     if is_parquet(places[0]):
@@ -388,8 +395,7 @@ def _write(
             names = _names(duo, len(variations))
             for name, (pair, _) in zip(names, variations, strict=True):
                 writer.add(name, pair)
-        exact = [one.people for one in moved]
-        return places, Fidelity(), exact, exact
+        return places, Fidelity(), [one.people for one in moved], []
     files, fidelity = list[Path](), Fidelity()
     people, in_files = list[People](), list[People]()
     for number, (one, (_, scales), out) in enumerate(zip(moved, variations, places, strict=True)):
@@ -400,5 +406,6 @@ def _write(
         files += written.files
         fidelity += written.fidelity
         people.append(written.people)
-        in_files.append(written.bodies)
+        if written.bodies:
+            in_files.append(written.bodies)
     return files, fidelity, people, in_files

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,17 @@ from typer.testing import CliRunner, Result
 
 from pacmo_core.augmentation.run import scene_from
 from pacmo_core.commands.augment import read_solver_section
+from pacmo_core.commands.captures import read_file, read_two_people
 from pacmo_core.commands.cli import app
+from pacmo_core.commands.reading import ReadOptions
 from pacmo_core.data.interaction import Interaction, bone_lengths
 from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.base import RawSequence
+from pacmo_core.formats.bvh import Bvh, read_bvh
+from pacmo_core.formats.bvh_channels import format_file
 from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.resample import resample, sample_times
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.interaction_mesh import prepare, retarget
@@ -45,6 +51,7 @@ def standing(n_frames: int = 20) -> Interaction:
 
 CLIP = standing()
 UNIT = ["--from-unit", 1, "--from-up", "y"]
+UNIT_AND_UP = {"unit": 1, "up": "y"}
 
 
 @pytest.fixture
@@ -398,3 +405,63 @@ def test_a_folder_of_settings_is_called_a_folder(stored: Path, tmp_path: Path) -
     words = ["augment", str(stored), "--clip", "one", "--a-scale", "uniform=0.9", "--out", "o.bvh"]
     said = CliRunner().invoke(app, [*words, "--params", str(tmp_path)])
     refused(said, f"{tmp_path}: a folder; wanted a file, such as {tmp_path / 'params.yaml'}")
+
+
+def bent(bvh: Bvh, joint: str, degrees: float, frame: int) -> Bvh:
+    """Turn a joint by its first channel in one frame, such as a leaf and so its End Site."""
+    row = bvh.joints.index(joint)
+    column = sum(map(len, bvh.channels[:row]))
+    motion = bvh.motion.copy()
+    motion[frame, column : column + 3] = [degrees, 0, 0]
+    motion[[frame - 1, frame + 1], column : column + 3] = 0
+    return replace(bvh, motion=motion)
+
+
+def test_end_sites_of_the_files_count_for_turns_and_depths(
+    files: list[Path], tmp_path: Path
+) -> None:
+    """Truth: a hand's End Site that turns by 80 degrees in a frame, a foot's of half a metre."""
+    bvh = read_bvh(files[1])
+    offsets = bvh.offsets.copy()
+    offsets[bvh.joints.index("left_foot_end")] = [0, -0.5, 0]
+    turned = bent(replace(bvh, offsets=offsets), "left_hand", 80, 9)
+    files[1].write_text(format_file(turned, turned.motion))
+    options = ReadOptions(unit=["1"], up=["y"])
+    duo = read_two_people((files[0], files[1]), options, "")
+    body = duo.whole[1]
+    assert body.skeleton.joints[-len(bvh.end_sites) :] == tuple(
+        bvh.joints[end] for end in bvh.end_sites
+    )
+    places = turned.positions()[:, [turned.joints.index(name) for name in body.skeleton.joints]]
+    np.testing.assert_allclose(body.motion, places, atol=1e-5)
+    heights = np.concatenate([person.motion[..., 1] for person in duo.whole], axis=1).min(axis=1)
+    deep = [100 * (np.median(heights) - person.motion[..., 1].min()) for person in duo.whole]
+
+    out = tmp_path / "out"
+    said = pacmo(*files, *UNIT, "--b-scale", "left_forearm=1.2", "--out", out).output
+    assert re.search(
+        r"\n  the capture itself turns a bone of person b by [\d.]+° in frame (9|10) \(0.6[07] s\) "
+        r"\(to left_hand_end, [\d.]+° in what was written\): if it jumps there, mend the capture\n",
+        said,
+    )
+    assert any(
+        f"from the capture's own lowest point, {max(0, depth):.2f} cm below its floor" in said
+        for depth in deep
+    )
+    written, body = read_bvh(out / files[1].name), read_file(out / files[1].name, UNIT_AND_UP)
+    assert body.skeleton.joints[-len(written.end_sites) :] == tuple(
+        written.joints[end] for end in written.end_sites
+    )
+
+
+def test_people_of_two_frame_rates_have_their_end_sites_at_the_same_times(
+    files: list[Path], tmp_path: Path
+) -> None:
+    at = sample_times(CLIP.times, 30.0)
+    files[1].write_text(format_bvh(resample(CLIP.person_b, CLIP.times, at), 30, SBU15))
+    duo = read_two_people((files[0], files[1]), ReadOptions(unit=["1"], up=["y"]), "")
+    for person, body in zip(duo.people, duo.whole, strict=True):
+        np.testing.assert_array_equal(person.times, body.times)
+        assert len(body.skeleton.joints) > len(person.skeleton.joints)
+        on_joints = body.select_joints(person.skeleton)
+        np.testing.assert_allclose(on_joints.motion, person.motion, atol=1e-6)

@@ -11,6 +11,8 @@ from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.body_parts import capsule_radii
 from pacmo_core.interaction_mesh.scene import Scene
+from pacmo_core.reaction.floor import find_floor
+from pacmo_core.reaction.stance import find_stance
 
 TIMES = np.arange(60) / 30
 CLIP = next(iter(synthesise(1).values()))
@@ -19,7 +21,16 @@ SKELETON = CLIP.skeleton
 
 def lines_of(partner: Motion, samples: Motion) -> list[str]:
     people = [PersonMotion(SKELETON, TIMES, motion) for motion in (partner, *samples)]
-    return motion_lines(SKELETON, TIMES, partner, samples, people)
+    return joined(motion_lines(SKELETON, TIMES, partner, samples, people))
+
+
+def joined(lines: list[str]) -> list[str]:
+    """Join the lines of all samples; those on what is beyond a limit follow."""
+    head = "the motion of the reaction, measured in what was written (docs/react.md)"
+    assert lines[0].startswith(head) and lines[0].endswith(":")
+    measured = [line for line in lines[1:] if line.startswith("  ")]
+    assert lines[1 : 1 + len(measured)] == measured
+    return ["; ".join(line.strip() for line in measured), *lines[1 + len(measured) :]]
 
 
 def standing() -> np.ndarray:
@@ -120,7 +131,9 @@ def test_bones_of_the_file_that_the_model_lacks_have_turns_too() -> None:
     tips[30:] += np.float32([-0.15, 0.15, 0])  # by a right angle
     in_file = PersonMotion(whole, TIMES, np.concatenate([still, tips], axis=1))
     own = PersonMotion(SKELETON, TIMES, partner)
-    line, jolt, turn, _ = motion_lines(SKELETON, TIMES, partner, still[None], [own, in_file])
+    line, jolt, turn, _ = joined(
+        motion_lines(SKELETON, TIMES, partner, still[None], [own, in_file])
+    )
     assert (
         "the bone to right_pinky turns most from one frame to the next, by 90.0° in frame 30 "
         "(1.00 s), wanted at most 25° (the partner's most: 0°)"
@@ -138,7 +151,7 @@ def test_a_turn_has_less_room_in_a_shorter_step() -> None:
     still = partner + np.float32([2, 0, 0])
     for times, wanted in ((TIMES, "25°"), (TIMES / 4, "6.25°"), (2 * TIMES, "50°")):
         people = [PersonMotion(SKELETON, times, motion) for motion in (partner, still)]
-        (line,) = motion_lines(SKELETON, times, partner, still[None], people)
+        (line,) = joined(motion_lines(SKELETON, times, partner, still[None], people))
         assert f"wanted at most {wanted} (the partner's most" in line
 
 
@@ -160,3 +173,52 @@ def test_many_samples_beyond_a_limit_have_one_line_and_the_others_are_named() ->
     _, line, hint = lines_of(partner, np.stack(motions))
     assert line.startswith("5 of 7 samples: the bodies are ")
     assert hint == "samples within every limit: 5, 6; another --seed gives other samples"
+
+
+def test_samples_that_are_alike_have_no_worst() -> None:
+    partner = standing()
+    measured, fault, _ = lines_of(partner, np.stack([partner, partner]))
+    assert "of all samples, wanted at most 25°" in measured
+    assert fault.endswith("wanted at most 8 cm (alike: sample 0, at 0.00 s; sample 1, at 0.00 s)")
+
+
+def with_toe(motion: Motion, toe: np.ndarray) -> PersonMotion:
+    """Add an End Site at a place (3,) beyond the left foot."""
+    names = (*SKELETON.joints, "left_foot_end")
+    foot = SKELETON.joints.index("left_foot")
+    whole = Skeleton("whole", names, (*SKELETON.parents, foot), mirror_by_name(names))
+    tip = motion[:, [foot]] + toe.astype(np.float32)
+    return PersonMotion(whole, TIMES, np.concatenate([motion, tip], axis=1))
+
+
+def test_a_toe_below_the_floor_is_named_but_for_the_sole_of_the_rig() -> None:
+    partner = standing()
+    still = partner + np.float32([2, 0, 0])
+    lowest = partner[..., 1].min()
+    foot = partner[0, SKELETON.joints.index("left_foot"), 1]
+    level = with_toe(partner, np.array([0, lowest - foot, 0.1]))
+    toes = np.tile([0, lowest - foot, 0.1], (len(TIMES), 1, 1))
+    toes[12, 0, 1] -= 0.015
+    dips = with_toe(still, toes)
+    for sole, wanted in ((0.0, "1 cm"), (0.004, "1.4 cm"), (0.006, "")):
+        _, *faults = joined(
+            motion_lines(SKELETON, TIMES, partner, still[None], [level, dips], sole)
+        )
+        if wanted:
+            assert faults[0] == (
+                "sample 0: the lowest joint or End Site is 1.5 cm below the partner's lowest, "
+                f"left_foot_end in frame 12 (0.40 s), wanted at most {wanted}"
+            )
+        else:
+            assert not faults
+
+
+def test_depth_below_the_partner_is_in_proportion_to_the_legs() -> None:
+    partner = standing()
+    partner[..., 1] -= np.float32(
+        find_floor(partner, find_stance(partner, 30, SKELETON), SKELETON).height
+    )
+    larger = np.float32(1.6) * partner + np.float32([2, 0, 0])
+    assert partner[..., 1].min() - larger[..., 1].min() > 0.01
+    (line,) = lines_of(partner, larger[None])
+    assert "the lowest joint or End Site is 0 cm below the partner's lowest" in line

@@ -22,7 +22,7 @@ def point(joint: str, person: int = 1) -> int:
 
 
 def places(motion: np.ndarray, scene: Scene = SCENE, **worse: int) -> Places:
-    return Places(scene, ALL, np.ones(len(scene.bones)), motion, 0.1, worse)
+    return Places(scene, ALL, np.ones(len(scene.bones)), motion, 0.1, 0.25, worse)
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,6 @@ def places(motion: np.ndarray, scene: Scene = SCENE, **worse: int) -> Places:
         ("spine_change_p95", "spine_mid", 0.1 * ASIDE, "spine_mid"),
         ("knee_change_p95", "left_ankle", 0.2 * UP + 0.2 * ASIDE, "left_knee"),
         ("elbow_change_p95", "right_wrist", 0.2 * ASIDE, "right_elbow"),
-        ("below_floor", "left_hand", -3 * UP, "left_hand"),
         ("pelvis_height_error", "spine_base", 0.2 * UP, "spine_base"),
         ("support_height_error", "right_foot", 0.3 * UP, "right_foot"),
         ("peak_acceleration_ratio", "head", 0.5 * ASIDE, "head"),
@@ -56,10 +55,29 @@ def test_a_foot_skates_in_the_frame_in_which_it_is_elsewhere() -> None:
 
 def test_the_place_is_in_the_person_in_whom_the_measurement_is_worse() -> None:
     motion = SCENE.points.copy()
-    motion[FRAME, point("left_hand", 0)] -= 3 * UP
-    motion[9, point("left_hand", 1)] -= 4 * UP
-    found = places(motion, below_floor=0).text("below_floor")
-    assert found == f"person a, left_hand {AT}"
+    motion[FRAME, point("spine_base", 0)] += 0.3 * UP
+    motion[9, point("spine_base", 1)] += 0.4 * UP
+    found = places(motion, pelvis_height_error=0).text("pelvis_height_error")
+    assert found == f"person a, spine_base {AT}"
+
+
+def test_near_pairs_that_change_more_than_by_scaling_are_named_the_worst_first() -> None:
+    captured = SCENE.points.copy()
+    hands = [point("left_hand", 0), point("right_hand", 0)], [point("left_hand"), point("head")]
+    for a, b in zip(*hands, strict=True):
+        captured[:, b] = captured[:, a] + 0.2 * ASIDE
+    a, b = np.split(captured.astype(np.float32), 2, axis=1)
+    scene = Scene((a, b), SCENE.skeletons, SCENE.fps)
+    motion = captured.copy()
+    motion[9, hands[1][0]] += 0.1 * ASIDE
+    motion[FRAME, hands[1][1]] += 0.3 * ASIDE
+    first, second, *_ = places(motion, scene).near_pairs()
+    assert first == (
+        f"right_hand of person a and head of b, 50.0 cm apart {AT}, 20.0 cm in the capture, "
+        "20.0 cm if only scaled"
+    )
+    assert second.startswith("left_hand of person a and left_hand of b, 30.0 cm apart in frame 9 ")
+    assert not places(captured, scene).near_pairs()
 
 
 def test_a_lost_contact_has_both_joints() -> None:

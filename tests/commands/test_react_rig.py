@@ -74,6 +74,30 @@ def touches(made: Interaction, reaction: np.ndarray) -> np.ndarray:
     return np.linalg.norm(reaction[:, :, None] - made.person_a[:, None], axis=-1) < 0.1
 
 
+def test_the_sole_of_a_rig_is_not_below_the_floor_and_its_toes_are(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    """Truth: End Sites of the feet, of 3 cm in the rig's T-pose."""
+    rig = tmp_path / "rig.bvh"
+    toe = re.compile(r"(ToeBase\n.*\n.*\n.*\n\s*End Site\n.*\n\s*OFFSET) [^\n]*")
+    text, n = toe.subn(r"\1 0 -3 0", t_pose())
+    assert n == 2, "both feet"
+    rig.write_text(text)
+    partner = read_bvh(captures[0])
+    heights = partner.positions()[..., 1]
+    sole = 3 - (np.delete(heights, partner.end_sites, axis=1).min() - heights.min())
+    said = pacmo(captures[0], "--rig", rig, "--out", tmp_path / "x.bvh")
+    assert said.exit_code == 0, said.output
+    assert re.search(
+        r"the lowest joint or End Site is [\d.]+ cm below the partner's lowest, wanted at most "
+        rf"{1 + sole:.3g} cm \(1 cm, and {sole:.1f} cm of the rig's soles\)",
+        said.stdout,
+    )
+    # A Parquet file has no End Sites.
+    said = pacmo(captures[0], "--rig", rig, "--out", tmp_path / "x.parquet")
+    assert re.search(r"below the partner's lowest, wanted at most 1 cm\n", said.stdout)
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_a_reaction_is_on_the_rig_that_is_named(
     captures: list[Path], tmp_path: Path, size: float
