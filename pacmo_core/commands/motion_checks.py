@@ -17,7 +17,8 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.registry import PersonMotion
-from pacmo_core.interaction_mesh.capsules import penetration_depths
+from pacmo_core.interaction_mesh.body_parts import capsule_radii
+from pacmo_core.interaction_mesh.capsules import closest_fractions
 from pacmo_core.interaction_mesh.scene import Scene
 from pacmo_core.metrics.plausibility import find_body_joints
 from pacmo_core.reaction.bones import leg_length, median_lengths
@@ -125,11 +126,16 @@ def limit_lines(limits: Sequence[SampleLimit]) -> list[str]:
     beyond = {number for one in limits for number in one.beyond}
     within = [number for number in range(len(limits[0].values)) if number not in beyond]
     within_text = [f"samples within every limit: {listed(within)}"] if within else []
-    return [*lines, "; ".join([*within_text, "another --seed gives other samples"])]
+    other = (
+        "other samples"
+        if len(limits[0].values) > 1
+        else ("another sample; where --samples 3 are all beyond it, try another capture")
+    )
+    return [*lines, "; ".join([*within_text, f"another --seed gives {other}"])]
 
 
-def listed(numbers: Sequence[int]) -> str:
-    """List numbers of samples, if they are not too many."""
+def listed(numbers: Sequence[object]) -> str:
+    """List numbers of samples, or values of each, if they are not too many."""
     return f"{', '.join(map(str, numbers[:MAX_NUMBERS]))}{', ...' * bool(numbers[MAX_NUMBERS:])}"
 
 
@@ -266,19 +272,19 @@ def motion_lines(
         below = _below_partner(skeleton, times, partner, samples, people, sole)
         limits += [glide, below]
         lines.append(f"{glide.said(every)}, {glide.wanted} (the partner's at {own})")
-        of_rig = f" (1 cm, and {100 * sole:.1f} cm of the rig's soles)" if sole else ""
+        of_rig = f" (1 cm, and {100 * sole:.2f} cm of the rig's soles)" if sole else ""
         lines.append(f"{below.said(every)}, {below.wanted}{of_rig}")
     try:
-        depths = [_depths(skeleton, times, partner, sample) for sample in samples]
+        found = [_deepest(skeleton, times, partner, sample) for sample in samples]
     except ValueError as fault:
         lines.append(f"how deep the bodies are in each other is not measured ({fault})")
     else:
         deep = SampleLimit(
-            [100 * max(0.0, float(depth.max())) for depth in depths],
+            [100 * depth for depth, _ in found],
             100 * MAX_DEPTH,
             "the bodies are {} deep in each other",
             " cm",
-            [f"at {times[depth.argmax()] - times[0]:.2f} s" for depth in depths],
+            [place for _, place in found],
         )
         limits.append(deep)
         most = format_range(deep.values, 1)
@@ -376,7 +382,22 @@ def _glide(ankles: Motion, times: Array) -> float:
     return float(speeds.min(axis=1).mean())
 
 
-def _depths(skeleton: Skeleton, times: Array, partner: Motion, sample: Motion) -> Array:
-    """``(T,)`` metres."""
+def _deepest(
+    skeleton: Skeleton, times: Array, partner: Motion, sample: Motion
+) -> tuple[float, str]:
+    """Return how deep the bodies are in each other at most, in metres, and where."""
     fps = (len(times) - 1) / (times[-1] - times[0])
-    return penetration_depths(Scene((partner, sample), (skeleton, skeleton), fps))
+    depths = capsule_depths(Scene((partner, sample), (skeleton, skeleton), fps))
+    frame, pair = (int(i) for i in np.unravel_index(depths.argmax(), depths.shape))
+    names = bone_names(skeleton)
+    own, others = names[pair % len(names)], names[pair // len(names)]
+    place = f"bones to {own} and the partner's {others} {when(frame, times[frame] - times[0])}"
+    return max(0.0, float(depths.max())), place
+
+
+def capsule_depths(scene: Scene) -> Array:
+    """Return how deep the capsules of all pairs of bones are in each other, ``(T, E_a E_b)`` m."""
+    n_a, radii = scene.n_bones[0], capsule_radii(scene)
+    reach = (radii[:n_a, None] + radii[n_a:]).reshape(-1)
+    depths: Array = reach - closest_fractions(scene)[2]
+    return depths

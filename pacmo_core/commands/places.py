@@ -21,6 +21,7 @@ from pacmo_core.commands.motion_checks import (
     angles,
     bone_names,
     bone_turns,
+    capsule_depths,
     find_peak,
     format_range,
     joint_accelerations,
@@ -34,13 +35,11 @@ from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import (
     ancestor_bones,
-    capsule_radii,
     hinges,
     scene_bone_kinds,
     trunk_bends,
     trunk_joints,
 )
-from pacmo_core.interaction_mesh.capsules import closest_fractions
 from pacmo_core.interaction_mesh.mesh import support_steps
 from pacmo_core.interaction_mesh.report import (
     MEDIAN_SECONDS,
@@ -251,12 +250,10 @@ class Places:
         return texts
 
     def _deepest(self, _name: str) -> str:
-        radii, n_a = capsule_radii(self.scene), self.scene.n_joints[0]
         n_bones = self.scene.n_bones
-        reach = (radii[: n_bones[0], None] + radii[n_bones[0] :]).reshape(-1)
-        parts = np.split(self.motion.astype(np.float32), [n_a], axis=1)
+        parts = np.split(self.motion.astype(np.float32), [self.scene.n_joints[0]], axis=1)
         moved = Scene((parts[0], parts[1]), self.scene.skeletons, self.scene.fps)
-        before, after = (reach - closest_fractions(one)[2] for one in (self.scene, moved))
+        before, after = (capsule_depths(one) for one in (self.scene, moved))
         added = after.max(axis=1).clip(min=0) - before.max(axis=1).clip(min=0)
         frame = int(added.argmax())
         first, second = divmod(int(after[frame].argmax()), n_bones[1])

@@ -43,8 +43,10 @@ from pacmo_core.commands.captures import (
     write_two_people,
 )
 from pacmo_core.commands.measured import measure_written, write_variation_page
+from pacmo_core.commands.motion_checks import listed
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
+    PEOPLE,
     FormatName,
     FromFps,
     FromUnit,
@@ -164,8 +166,8 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         places = _output_files(duo, samples, out)
         random = torch.Generator().manual_seed(seed)
         bodies = _bodies(model, duo, factors_of_people, profiles, samples, random)
-        if not uses_network and len(bodies) < samples:
-            typer.echo(f"the start makes one motion of a body: the {samples} samples are equal")
+        for line in _body_lines(bodies, duo, samples, uses_network=uses_network):
+            typer.echo(line)
         mover = model if uses_network else build_start(model.config)
         variations = list(_variations(mover, duo, bodies, samples, random))
         written, fidelity, people, in_files = _write(duo, variations, places)
@@ -323,6 +325,29 @@ def _bodies(
     if any(factors_of_people) or profiles:
         return np.stack(requested_scales(duo, factors_of_people, profiles))[None]
     return generate_skeletons(model, samples, random=random)
+
+
+def _body_lines(
+    bodies: Scales, duo: TwoPersonCapture, samples: int, *, uses_network: bool
+) -> Iterator[str]:
+    """Say how sampled bodies (V, 2, E) scale the bones, and if samples are equal."""
+    if len(bodies) < samples and not uses_network:
+        yield f"the start makes one motion of a body: the {samples} samples are equal"
+    if len(bodies) < 2:
+        return
+    texts = []
+    for row, person in enumerate(duo.people):
+        ends = person.motion[:, person.skeleton.bones]
+        lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1).mean(axis=0)
+        means = np.average(bodies[:, row], axis=1, weights=lengths)
+        is_same = np.allclose(bodies[:, row], 1)
+        scales = (
+            "as captured"
+            if is_same
+            else f"{listed([f'{mean:.2f}' for mean in means])} of the captured"
+        )
+        texts.append(f"person {PEOPLE[row]} {scales}")
+    yield f"sampled bodies, mean length of the bones: {'; '.join(texts)}"
 
 
 def _variations(

@@ -203,9 +203,14 @@ def test_the_start_moves_sampled_bodies_and_makes_one_motion_of_each(
         for name, pairs in made.items()
     }
     np.testing.assert_allclose(lengths["start"], lengths["network"], rtol=1e-4)
+    own = bone_lengths(CLIP.person_b, SBU15).mean(axis=0).sum()
+    means = ", ".join(f"{one.sum() / own:.2f}" for one in lengths["start"])
+    line = "sampled bodies, mean length of the bones: person a as captured; person b "
+    assert f"{line}{means} of the captured" in said.output
     body = ("--profile", "b=child", "--no-network")
     said = pacmo(*given, tmp_path / "one.parquet", *body)
     assert "the start makes one motion of a body: the 2 samples are equal" in said.output
+    assert "sampled bodies" not in said.output
     first, second = (pair for _, pair in stream_motions(tmp_path / "one.parquet"))
     np.testing.assert_array_equal(first.person_b, second.person_b)
 
