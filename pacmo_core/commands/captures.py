@@ -436,13 +436,19 @@ def _write_person(
         write_text(out, _rewritten(file, pairs, targets))
     else:
         write_text(out, bvh_text(person, person.motion, targets.weights, duo.space))
-    return read_file(out, settings)
+    return read_file(out, settings, has_ends=duo.is_on_own_rig(number))
 
 
-def read_file(file: Path, settings: Mapping[str, Any]) -> PersonMotion:
-    """Read all joints and End Sites of a BVH file that was written."""
+def read_file(file: Path, settings: Mapping[str, Any], *, has_ends: bool) -> PersonMotion:
+    """Read all joints of a BVH file that was written.
+
+    Parameters
+    ----------
+    has_ends : whether to add its End Sites: those of a rig are toes and fingertips, others were
+        made up by the writer, as the format wants them
+    """
     person = read_partner(file, "bvh", settings, person=None, clip="")
-    return with_end_sites(file, person, settings)
+    return with_end_sites(file, person, settings) if has_ends else person
 
 
 def _output_files(duo: TwoPersonCapture, out: Path) -> list[Path]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.registry import PersonMotion
@@ -258,7 +259,7 @@ def motion_lines(
     partner, samples : (T, J, 3) and (S, T, J, 3) metres
     people : the partner and each sample with all joints and End Sites of their files, which turn,
         accelerate and may be below the floor
-    sole : metres by which the End Sites of the rig are below its joints, in its own file
+    sole : metres by which the soles of the rig are lower, under its joints, than the partner's
     """
     lines, limits, every = list[str](), list[SampleLimit](), range(len(samples))
     if ankles := list(find_body_joints(skeleton).ankles):
@@ -269,10 +270,13 @@ def motion_lines(
             "the slower foot moves at {} on average",
             " cm/s",
         )
-        below = _below_partner(skeleton, times, partner, samples, people, sole)
-        limits += [glide, below]
+        limits.append(glide)
         lines.append(f"{glide.said(every)}, {glide.wanted} (the partner's at {own})")
-        of_rig = f" (1 cm, and {100 * sole:.2f} cm of the rig's soles)" if sole else ""
+    if feet(skeleton):
+        below = _below_partner(skeleton, times, partner, samples, people, sole)
+        limits.append(below)
+        lower = f"{100 * sole:.2f} cm by which the rig's soles are lower"
+        of_rig = f" ({100 * MAX_BELOW:g} cm, and {lower})" if sole else ""
         lines.append(f"{below.said(every)}, {below.wanted}{of_rig}")
     try:
         found = [_deepest(skeleton, times, partner, sample) for sample in samples]
@@ -387,17 +391,12 @@ def _deepest(
 ) -> tuple[float, str]:
     """Return how deep the bodies are in each other at most, in metres, and where."""
     fps = (len(times) - 1) / (times[-1] - times[0])
-    depths = capsule_depths(Scene((partner, sample), (skeleton, skeleton), fps))
+    scene = Scene((partner, sample), (skeleton, skeleton), fps)
+    n_a, radii = scene.n_bones[0], capsule_radii(scene)
+    reach = (radii[:n_a, None] + radii[n_a:]).reshape(-1)
+    depths = reach - closest_fractions(scene)[2]
     frame, pair = (int(i) for i in np.unravel_index(depths.argmax(), depths.shape))
     names = bone_names(skeleton)
     own, others = names[pair % len(names)], names[pair // len(names)]
     place = f"bones to {own} and the partner's {others} {when(frame, times[frame] - times[0])}"
     return max(0.0, float(depths.max())), place
-
-
-def capsule_depths(scene: Scene) -> Array:
-    """Return how deep the capsules of all pairs of bones are in each other, ``(T, E_a E_b)`` m."""
-    n_a, radii = scene.n_bones[0], capsule_radii(scene)
-    reach = (radii[:n_a, None] + radii[n_a:]).reshape(-1)
-    depths: Array = reach - closest_fractions(scene)[2]
-    return depths

@@ -21,7 +21,6 @@ from pacmo_core.commands.motion_checks import (
     angles,
     bone_names,
     bone_turns,
-    capsule_depths,
     find_peak,
     format_range,
     joint_accelerations,
@@ -35,11 +34,13 @@ from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import (
     ancestor_bones,
+    capsule_radii,
     hinges,
     scene_bone_kinds,
     trunk_bends,
     trunk_joints,
 )
+from pacmo_core.interaction_mesh.capsules import closest_fractions
 from pacmo_core.interaction_mesh.mesh import support_steps
 from pacmo_core.interaction_mesh.report import (
     MEDIAN_SECONDS,
@@ -250,10 +251,11 @@ class Places:
         return texts
 
     def _deepest(self, _name: str) -> str:
-        n_bones = self.scene.n_bones
+        n_bones, radii = self.scene.n_bones, capsule_radii(self.scene)
+        reach = (radii[: n_bones[0], None] + radii[n_bones[0] :]).reshape(-1)
         parts = np.split(self.motion.astype(np.float32), [self.scene.n_joints[0]], axis=1)
         moved = Scene((parts[0], parts[1]), self.scene.skeletons, self.scene.fps)
-        before, after = (capsule_depths(one) for one in (self.scene, moved))
+        before, after = (reach - closest_fractions(one)[2] for one in (self.scene, moved))
         added = after.max(axis=1).clip(min=0) - before.max(axis=1).clip(min=0)
         frame = int(added.argmax())
         first, second = divmod(int(after[frame].argmax()), n_bones[1])
@@ -332,7 +334,10 @@ def check_people(
     bodies : (V, E) scales of the bones of both
     has_ends : whether the End Sites of BVH files are among the joints
     """
-    whole = duo.whole if has_ends else duo.people
+    whole = [
+        duo.whole[row] if has_ends and duo.is_on_own_rig(row) else duo.people[row]
+        for row in range(2)
+    ]
     lowest = np.concatenate([person.motion[..., 1] for person in whole], axis=1).min(axis=1)
     turns = [_turns_of_bones(duo.people[row], duo.whole[row]) for row in range(2)]
     common = common_scale(duo.scene, bodies)

@@ -220,7 +220,12 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace
         texts = (partner_text, text_of(person, aims, weights, space))
         for file, of_file in zip(pair, texts, strict=True):
             write_text(file, of_file)
-        read = [read_file(file, asdict(space)) for file in pair]
+        # Where the reaction is on no rig, its feet end in joints, and so do the partner's.
+        has_ends = (None not in rigs, rig is not None)
+        read = [
+            read_file(file, asdict(space), has_ends=ends)
+            for file, ends in zip(pair, has_ends, strict=True)
+        ]
         found = [
             replace(wanted, motion=_on_model(one, own).select_joints(wanted.skeleton).motion)
             for one, own, wanted in zip(read, rigs, (partner, person), strict=True)

@@ -417,6 +417,13 @@ def bent(bvh: Bvh, joint: str, degrees: float, frame: int) -> Bvh:
     return replace(bvh, motion=motion)
 
 
+def test_end_sites_that_the_writer_makes_up_are_no_toes(stored: Path, tmp_path: Path) -> None:
+    """A clip of a table that hardly changes: its own lowest joint is that of the file."""
+    said = pacmo(stored, "--clip", "one", "--b-scale", "head=1.001", "--out", tmp_path / "out")
+    (row,) = re.findall(r"\n +below the floor.*", said.output)
+    assert re.search(r" 0(\.0\d*)? cm", row), row
+
+
 def test_end_sites_of_the_files_count_for_turns_and_depths(
     files: list[Path], tmp_path: Path
 ) -> None:
@@ -448,7 +455,10 @@ def test_end_sites_of_the_files_count_for_turns_and_depths(
         f"from the capture's own lowest point, {max(0, depth):.2f} cm below its floor" in said
         for depth in deep
     )
-    written, body = read_bvh(out / files[1].name), read_file(out / files[1].name, UNIT_AND_UP)
+    written, body = (
+        read_bvh(out / files[1].name),
+        read_file(out / files[1].name, UNIT_AND_UP, has_ends=True),
+    )
     assert body.skeleton.joints[-len(written.end_sites) :] == tuple(
         written.joints[end] for end in written.end_sites
     )

@@ -217,6 +217,18 @@ def test_a_toe_below_the_floor_is_named_but_for_the_sole_of_the_rig() -> None:
             assert not faults
 
 
+def test_feet_without_shins_have_no_depth_below_the_floor() -> None:
+    joints = ("root", "left_foot", "right_foot", "head")
+    skeleton = Skeleton("two feet", joints, (-1, 0, 0, 0), ((1, 2),))
+    pose = np.float32([[0, 1, 0], [0.1, 0, 0.05], [-0.1, 0, 0], [0, 1.7, 0.1]])
+    partner = np.repeat(pose[None], len(TIMES), axis=0)
+    sample = partner + np.float32([2, 0, 0])
+    people = [PersonMotion(skeleton, TIMES, motion) for motion in (partner, sample)]
+    (line,) = joined(motion_lines(skeleton, TIMES, partner, sample[None], people))
+    assert "the slower foot moves at 0 cm/s" in line
+    assert "End Site" not in line
+
+
 def test_depth_below_the_partner_is_in_proportion_to_the_legs() -> None:
     partner = standing()
     partner[..., 1] -= np.float32(

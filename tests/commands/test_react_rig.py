@@ -90,7 +90,7 @@ def test_the_sole_of_a_rig_is_not_below_the_floor_and_its_toes_are(
     assert said.exit_code == 0, said.output
     assert re.search(
         r"the lowest joint or End Site is [\d.]+ cm below the partner's lowest, wanted at most "
-        rf"{1 + sole:.3g} cm \(1 cm, and {sole:.2f} cm of the rig's soles\)",
+        rf"{1 + sole:.3g} cm \(1 cm, and {sole:.2f} cm by which the rig's soles are lower\)",
         said.stdout,
     )
     # A Parquet file has no End Sites.
