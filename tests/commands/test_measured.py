@@ -199,7 +199,8 @@ def test_a_toe_tip_below_the_floor_is_compared_with_that_of_the_capture() -> Non
         return replace(whole, motion=motion)
 
     for own, depth in ((0.0, 0.015), (0.02, 0.035), (0.02, 0.025)):
-        duo = replace(DUO, bodies=(toe(A, own), toe(B, own)))
+        on_rigs = (Path("a.bvh"), Path("b.bvh"))
+        duo = replace(DUO, files=on_rigs, bodies=(toe(A, own), toe(B, own)))
         found = measure_written(
             duo, [(A, B)], [(SAME, SAME)], SECTION.solver, in_files=[(toe(A, own), toe(B, depth))]
         )
