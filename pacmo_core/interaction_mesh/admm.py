@@ -29,10 +29,10 @@ from pacmo_core.interaction_mesh.acceleration import Iterates
 from pacmo_core.interaction_mesh.constraints import Floor, Rows
 from pacmo_core.interaction_mesh.factorisation import Factorisation
 from pacmo_core.interaction_mesh.linear_algebra import (
-    AXIS_ORDER,
     column_groups,
     padded_width,
     pair_frames,
+    to_blocks,
 )
 from pacmo_core.interaction_mesh.scene import Array, Single
 
@@ -43,6 +43,8 @@ BLOCKS_PER_STEP = 4
 # contact of a clip, or one toe in the floor, hardly counts in the residual.
 PAIR_TOLERANCE = 5e-4
 FLOOR_TOLERANCE = 1e-3
+# Of the directions x, y, z. The horizontal ones share a factorisation.
+HORIZONTAL, VERTICAL = slice(0, 3, 2), 1
 # Iterations between two checks of convergence.
 CHECK_EVERY = 3
 
@@ -51,12 +53,15 @@ CHECK_EVERY = 3
 class State:
     """The state of ADMM for V bodies side by side, in K blocks of two frames.
 
+    The three directions come before the rows: a factor of each row then multiplies one long run of
+    memory, also where few bodies are left.
+
     Parameters
     ----------
-    energy_rhs : (K, 2N, 3V) float32, the energy's own right-hand side g
-    rhs : (K, 2N, 3V) float32, right-hand side of the linear step
-    displacement : (K, 2N, 3V) float32 metres, U
-    governing : (K, 2, R, 3, V) float32 metres, v
+    energy_rhs : (K, 3, 2N, V) float32, the energy's own right-hand side g
+    rhs : (K, 3, 2N, V) float32, right-hand side of the linear step
+    displacement : (K, 3, 2N, V) float32 metres, U
+    governing : (K, 3, 2, R, V) float32 metres, v
     projection : (K, 2, R, V) float32, s; ``s v`` is the proximal point of v
     floor : (K, 2, F, V) float32 metres, v of the heights above the ground
     scales : (R, V) float32, factor on the bounds of each row
@@ -84,24 +89,7 @@ class State:
 
     def select(self, bodies: NDArray[np.intp]) -> "State":
         """Return the state of some of the bodies."""
-        energy_rhs, rhs, displacement = (
-            values.reshape(*values.shape[:2], 3, -1)
-            .take(bodies, axis=-1)
-            .reshape(*values.shape[:2], -1)
-            for values in (self.energy_rhs, self.rhs, self.displacement)
-        )
-        return State(
-            energy_rhs=energy_rhs,
-            rhs=rhs,
-            displacement=displacement,
-            governing=self.governing.take(bodies, axis=-1),
-            projection=self.projection.take(bodies, axis=-1),
-            floor=self.floor.take(bodies, axis=-1),
-            scales=self.scales.take(bodies, axis=-1),
-            lowest=self.lowest.take(bodies, axis=-1),
-            squared_step=self.squared_step[bodies],
-            largest_step=self.largest_step[bodies],
-        )
+        return State(**{name: values.take(bodies, axis=-1) for name, values in vars(self).items()})
 
     def clear_steps(self) -> "State":
         """Set the measured steps to zero; return the state itself."""
@@ -116,7 +104,7 @@ class State:
 
     def workspace(self) -> "Workspace":
         """Allocate working arrays."""
-        return Workspace(self.governing.shape[2], self.displacement.shape[1], self.n_bodies)
+        return Workspace(self.governing.shape[3], self.displacement.shape[2], self.n_bodies)
 
 
 class Workspace:
@@ -129,14 +117,14 @@ class Workspace:
 
     def __init__(self, n_rows: int, n_points: int, n_bodies: int) -> None:
         self.is_measured = False
-        self.coupled = np.zeros((n_points, 3 * n_bodies), dtype=np.float32)
+        self.coupled = np.zeros((3, n_points, n_bodies), dtype=np.float32)
         self.correction = np.zeros_like(self.coupled)
-        self._rows = np.zeros((BLOCKS_PER_STEP, 2, n_rows, 3, n_bodies), dtype=np.float32)
+        self._rows = np.zeros((BLOCKS_PER_STEP, 3, 2, n_rows, n_bodies), dtype=np.float32)
         self._other_rows = np.zeros_like(self._rows)
-        self._factors = np.zeros(self._rows[:, :, :, 0].shape, dtype=np.float32)
+        self._factors = np.zeros(self._rows[:, 0].shape, dtype=np.float32)
 
     def arrays(self, n_blocks: int) -> tuple[Single, Single, Single]:
-        """Return two arrays of differences, (B, 2, R, 3, V), and one of factors, (B, 2, R, V)."""
+        """Return two arrays of differences, (B, 3, 2, R, V), and one of factors, (B, 2, R, V)."""
         return self._rows[:n_blocks], self._other_rows[:n_blocks], self._factors[:n_blocks]
 
 
@@ -149,7 +137,7 @@ class AdmmSolver:
     factorisation : of ``H + A^T P A``
     rows : the differences
     gather, scatter : A, and A^T P, of each ``BLOCKS_PER_STEP`` blocks
-    source : (K, 2, R, 3, 1) float32 metres, a
+    source : (K, 3, 2, R, 1) float32 metres, a
     penalties : (K, 2, R, 1) float32
     lower, upper : (K, 2, R, 1) float32 metres, bounds on the lengths
     elasticity : (K, 2, R, 1) float32, fraction of the way from v to its projection
@@ -184,8 +172,8 @@ class AdmmSolver:
 
     @property
     def iterate_penalties(self) -> tuple[Single, Single]:
-        """P of ``State.iterate``, (K, 2, R, 1, 1) and (K, 2, F, 1)."""
-        return self.penalties[..., None], self.floor_penalties
+        """P of ``State.iterate``, (K, 1, 2, R, 1) and (K, 2, F, 1)."""
+        return self.penalties[:, None], self.floor_penalties
 
     def project(self, state: State, work: Workspace) -> None:
         """Project a new governing variable and set the right-hand side of the linear step."""
@@ -194,58 +182,54 @@ class AdmmSolver:
 
     def _forward(self, state: State, work: Workspace) -> None:
         """Eliminate: ``w_k = S_k^-1 (b_k - C_k-1 w_k-1)``."""
-        rhs, solution = column_groups(state.rhs), column_groups(state.displacement)
         for block in range(len(self.source)):
             if block:
                 self._couple_next(state.displacement[block - 1], 2 * block - 2, work.coupled)
                 np.subtract(state.rhs[block], work.coupled, out=state.rhs[block])
-            self._apply_pivot(block, rhs[block], solution[block])
+            self._apply_pivot(block, state.rhs[block], state.displacement[block])
 
     def _backward(self, state: State, work: Workspace) -> Iterator[int]:
         """Substitute: ``U_k = w_k - S_k^-1 C_k^T U_k+1``; yield each block after that."""
-        coupled, correction = column_groups(work.coupled), column_groups(work.correction)
         last = len(self.source) - 1
         for block in range(last, -1, -1):
             if block < last:
                 self._couple_previous(state.displacement[block + 1], 2 * block, work.coupled)
-                self._apply_pivot(block, coupled, correction)
+                self._apply_pivot(block, work.coupled, work.correction)
                 displacement = state.displacement[block]
                 np.subtract(displacement, work.correction, out=displacement)
             yield block
 
     def _apply_pivot(self, block: int, rhs: Single, out: Single) -> None:
-        """Multiply by S_k^-1; two thirds of the columns are horizontal directions."""
-        n_horizontal = 2 * len(rhs) // 3
-        horizontal, vertical = self.factorisation.horizontal, self.factorisation.vertical
-        np.matmul(horizontal[block], rhs[:n_horizontal], out=out[:n_horizontal])
-        np.matmul(vertical[block], rhs[n_horizontal:], out=out[n_horizontal:])
+        """Multiply by S_k^-1."""
+        rhs, out = column_groups(rhs), column_groups(out)
+        np.matmul(self.factorisation.horizontal[block], rhs[HORIZONTAL], out=out[HORIZONTAL])
+        np.matmul(self.factorisation.vertical[block], rhs[VERTICAL], out=out[VERTICAL])
 
     def _local_step(self, state: State, work: Workspace, blocks: slice) -> None:
         """Update the governing variable, ``v + A U + a - s v``, and project it."""
         rows, other, factors = work.arrays(blocks.stop - blocks.start)
         governing = state.governing[blocks]
-        displacement = state.displacement[blocks].reshape(-1, state.displacement.shape[-1])
+        displacement = state.displacement[blocks].reshape(-1, state.n_bodies)
         differences = self.gather[blocks.start // BLOCKS_PER_STEP] @ displacement
         np.add(differences.reshape(rows.shape), self.source[blocks], out=rows)
         np.subtract(np.float32(1), state.projection[blocks], out=factors)
         if work.is_measured:
             other[:] = governing
-        np.multiply(governing, factors[:, :, :, None], out=governing)
+        np.multiply(governing, factors[:, None], out=governing)
         np.add(governing, rows, out=governing)
         if work.is_measured:
             np.subtract(other, governing, out=other)
             np.multiply(other, other, out=other)
             _add_rows(other, state.squared_step)
-            pairs = other[:, :, self.rows.n_body_rows :].reshape(-1, 3, state.n_bodies)
-            if len(pairs):
-                _add_largest(pairs.sum(axis=1), PAIR_TOLERANCE, state.largest_step)
+            pairs = other[..., self.rows.n_body_rows :, :].sum(axis=1)
+            _add_largest(pairs, PAIR_TOLERANCE, state.largest_step)
         self._floor_step(state, work, blocks)
         self._project(state, work, blocks)
 
     def _floor_step(self, state: State, work: Workspace, blocks: slice) -> None:
         """Update the governing variable of the heights."""
         floor = state.floor[blocks]
-        step = self._floor_rows(state.displacement[blocks], state.n_bodies)
+        step = self._heights(state.displacement[blocks])
         step += self.floor_source[blocks]
         step -= np.maximum(floor, state.lowest)
         floor += step
@@ -254,10 +238,9 @@ class AdmmSolver:
             _add_rows(squares, state.squared_step)
             _add_largest(squares, FLOOR_TOLERANCE, state.largest_step)
 
-    def _floor_rows(self, blocks: Single, n_bodies: int) -> Single:
-        """Return the heights of the floor's joints, (B, 2, F, V), of blocks (B, 2N, 3V)."""
-        points = blocks.reshape(len(blocks), 2, -1, blocks.shape[-1])
-        return points[:, :, self.floor.joints, -n_bodies:]
+    def _heights(self, displacement: Single) -> Single:
+        """Return those of the floor's joints, (B, 2, F, V), of a displacement (B, 3, 2N, V)."""
+        return _frames(displacement[:, VERTICAL])[:, :, self.floor.joints]
 
     def _project(self, state: State, work: Workspace, blocks: slice) -> None:
         """Compute the factor s of the proximal point, and the right-hand side of the linear step.
@@ -267,8 +250,8 @@ class AdmmSolver:
         rows, _, factors = work.arrays(blocks.stop - blocks.start)
         governing, projection = state.governing[blocks], state.projection[blocks]
         np.multiply(governing, governing, out=rows)
-        np.add(rows[:, :, :, 0], rows[:, :, :, 1], out=projection)
-        np.add(projection, rows[:, :, :, 2], out=projection)
+        np.add(rows[:, 0], rows[:, 1], out=projection)
+        np.add(projection, rows[:, 2], out=projection)
         np.sqrt(projection, out=projection)
         np.maximum(projection, np.float32(1e-9), out=projection)
         lengths = np.multiply(self.lower[blocks], state.scales, out=factors)
@@ -281,40 +264,43 @@ class AdmmSolver:
         # The reflection of v at its proximal point, 2 s v - v = z - u.
         np.multiply(projection, np.float32(2), out=factors)
         np.subtract(factors, np.float32(1), out=factors)
-        np.multiply(governing, factors[:, :, :, None], out=rows)
+        np.multiply(governing, factors[:, None], out=rows)
         # The source is subtracted before the sum: forces that cancel must do so to the last digit,
         # as hardly anything but the regularisation fixes the position of the scene.
         np.subtract(rows, self.source[blocks], out=rows)
         rhs, energy_rhs = state.rhs[blocks], state.energy_rhs[blocks]
         scatter = self.scatter[blocks.start // BLOCKS_PER_STEP]
-        forces = scatter @ rows.reshape(-1, rhs.shape[-1])
+        forces = scatter @ rows.reshape(-1, state.n_bodies)
         np.add(forces.reshape(rhs.shape), energy_rhs, out=rhs)
         floor = state.floor[blocks]
         reflected = 2 * np.maximum(floor, state.lowest) - floor - self.floor_source[blocks]
-        points = rhs.reshape(len(rhs), 2, -1, rhs.shape[-1])
-        points[:, :, self.floor.joints, -state.n_bodies :] += (
-            self.floor_penalties[blocks] * reflected
-        )
+        heights = _frames(rhs[:, VERTICAL])
+        heights[:, :, self.floor.joints] += self.floor_penalties[blocks] * reflected
 
     def _couple_next(self, rows: Single, frame: int, out: Single) -> None:
         """Multiply by C_k: from the frames of a block to those of the next."""
         lag_one, lag_two = self.factorisation.lag_one, self.factorisation.lag_two
-        half = len(rows) // 2
-        upper, lower = rows[:half], rows[half:]
-        np.multiply(lower, lag_one[frame + 1], out=out[:half])
-        np.multiply(upper, lag_two[frame], out=out[half:])
-        np.add(out[:half], out[half:], out=out[:half])
-        np.multiply(lower, lag_two[frame + 1], out=out[half:])
+        upper, lower = np.split(rows, 2, axis=1)
+        top, bottom = np.split(out, 2, axis=1)
+        np.multiply(lower, lag_one[frame + 1], out=top)
+        np.multiply(upper, lag_two[frame], out=bottom)
+        np.add(top, bottom, out=top)
+        np.multiply(lower, lag_two[frame + 1], out=bottom)
 
     def _couple_previous(self, rows: Single, frame: int, out: Single) -> None:
         """Multiply by C_k^T: from the next block's frames to those of a block."""
         lag_one, lag_two = self.factorisation.lag_one, self.factorisation.lag_two
-        half = len(rows) // 2
-        upper, lower = rows[:half], rows[half:]
-        np.multiply(upper, lag_one[frame + 1], out=out[half:])
-        np.multiply(lower, lag_two[frame + 1], out=out[:half])
-        np.add(out[half:], out[:half], out=out[half:])
-        np.multiply(upper, lag_two[frame], out=out[:half])
+        upper, lower = np.split(rows, 2, axis=1)
+        top, bottom = np.split(out, 2, axis=1)
+        np.multiply(upper, lag_one[frame + 1], out=bottom)
+        np.multiply(lower, lag_two[frame + 1], out=top)
+        np.add(bottom, top, out=bottom)
+        np.multiply(upper, lag_two[frame], out=top)
+
+
+def _frames(blocks: Single) -> Single:
+    """View blocks (B, 2N, V) as frames, (B, 2, N, V)."""
+    return blocks.reshape(len(blocks), 2, -1, blocks.shape[-1])
 
 
 def _add_rows(values: Single, total: NDArray[np.float64]) -> None:
@@ -332,7 +318,7 @@ def _add_largest(squares: Single, tolerance: float, largest: Single) -> None:
 def build_solver(
     factorisation: Factorisation, rows: Rows, floor: Floor, source: Array
 ) -> AdmmSolver:
-    """Arrange constraints in blocks, directions in ``AXIS_ORDER``.
+    """Arrange constraints in blocks.
 
     Parameters
     ----------
@@ -352,14 +338,15 @@ def build_solver(
     for first in range(0, len(points), BLOCKS_PER_STEP):
         blocks = slice(first, first + BLOCKS_PER_STEP)
         gather = _difference_matrix(points[blocks], coefficients[blocks], n_points)
-        weighted = csr_array(gather.T.multiply(penalties[blocks].reshape(-1)))
+        weights = np.repeat(penalties[blocks, None], 3, axis=1)
+        weighted = csr_array(gather.T.multiply(weights.reshape(-1)))
         matrices.append((gather.astype(np.float32), weighted.astype(np.float32)))
     return AdmmSolver(
         factorisation=factorisation,
         rows=rows,
         gather=tuple(gather for gather, _ in matrices),
         scatter=tuple(scatter for _, scatter in matrices),
-        source=pair_frames(source[..., AXIS_ORDER])[..., None].astype(np.float32),
+        source=to_blocks(source[..., None]),
         penalties=penalties[..., None].astype(np.float32),
         lower=lower,
         upper=upper,
@@ -371,14 +358,15 @@ def build_solver(
 
 
 def _difference_matrix(points: NDArray[np.intp], coefficients: Array, n_points: int) -> csr_array:
-    """Return A of some blocks, with points and coefficients (B, 2, R, 4)."""
-    frames = np.arange(2 * len(points)).reshape(-1, 2, 1, 1)
-    is_used = coefficients != 0
-    row = np.arange(coefficients[..., 0].size).reshape(coefficients.shape[:-1])
-    rows = np.broadcast_to(row[..., None], coefficients.shape)[is_used]
-    columns = (points + n_points * frames)[is_used]
-    shape = (coefficients[..., 0].size, 2 * n_points * len(points))
-    return csr_array((coefficients[is_used], (rows, columns)), shape=shape)
+    """Return A of some blocks, the same in each direction; points, coefficients (B, 2, R, 4)."""
+    n_blocks, _, n_rows, _ = points.shape
+    frames = np.arange(6 * n_blocks).reshape(n_blocks, 3, 2, 1, 1)
+    columns = points[:, None] + n_points * frames
+    rows = np.arange(n_rows)[:, None] + n_rows * frames + np.zeros_like(columns)
+    values = np.broadcast_to(coefficients[:, None], columns.shape)
+    is_used = values != 0
+    shape = (6 * n_blocks * n_rows, 6 * n_blocks * n_points)
+    return csr_array((values[is_used], (rows[is_used], columns[is_used])), shape=shape)
 
 
 @dataclass(frozen=True)
@@ -387,8 +375,8 @@ class AdmmStart:
 
     Parameters
     ----------
-    energy_rhs : (K, 2N, 3, V) float32, g
-    governing : (K, 2, R, 3, V) float32 metres, v
+    energy_rhs : (K, 3, 2N, V) float32, g
+    governing : (K, 3, 2, R, V) float32 metres, v
     floor : (K, 2, F, V) float32 metres, v of the heights
     scales : (R, V) float32, factors on the bounds
     lowest : (F, V) float32 metres, lower bounds of the heights
@@ -405,12 +393,12 @@ class AdmmStart:
 
 @dataclass(frozen=True)
 class AdmmSolution:
-    """The result of ADMM for V bodies, directions in ``AXIS_ORDER``.
+    """The result of ADMM for V bodies.
 
     Parameters
     ----------
-    displacement : (K, 2N, 3, V) float32 metres, U
-    governing : (K, 2, R, 3, V) float32 metres, v
+    displacement : (K, 3, 2N, V) float32 metres, U
+    governing : (K, 3, 2, R, V) float32 metres, v
     projection : (K, 2, R, V) float32, s; z is ``s v``
     residual : (V,) fixed-point residual: the last step of v relative to ``step_scale``, root mean
         square
@@ -425,8 +413,7 @@ class AdmmSolution:
 
     def store(self, state: State, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
         """Copy the state of the bodies ``columns`` to the ``rows`` of the result."""
-        displacement = state.displacement.reshape(*self.displacement.shape[:3], -1)
-        self.displacement[..., rows] = displacement[..., columns]
+        self.displacement[..., rows] = state.displacement[..., columns]
         self.governing[..., rows] = state.governing[..., columns]
         self.projection[..., rows] = state.projection[..., columns]
 
@@ -442,7 +429,7 @@ def solve_admm(
     columns = np.resize(np.arange(n_bodies), padded_width(n_bodies))
     active = np.arange(len(columns)) < n_bodies  # the others only pad
     state = _initial_state(start)
-    solution, work = _empty_solution(start, state), state.workspace()
+    solution, work = _empty_solution(start), state.workspace()
     solver.project(state, work)
     iterates = Iterates(state.iterate, solver.iterate_penalties)
     for number in range(1, max_iterations + 1):
@@ -481,13 +468,12 @@ def _initial_state(start: AdmmStart) -> State:
     bodies = np.resize(np.arange(len(start.step_scale)), padded_width(len(start.step_scale)))
     governing = start.governing.take(bodies, axis=-1)
     energy_rhs = start.energy_rhs.take(bodies, axis=-1)
-    energy_rhs = energy_rhs.reshape(*energy_rhs.shape[:2], -1)
     return State(
         energy_rhs=energy_rhs,
         rhs=np.zeros_like(energy_rhs),
         displacement=np.zeros_like(energy_rhs),
         governing=governing,
-        projection=np.zeros((*governing.shape[:3], len(bodies)), dtype=np.float32),
+        projection=np.zeros_like(governing[:, 0]),
         floor=start.floor.take(bodies, axis=-1),
         scales=start.scales.take(bodies, axis=-1),
         lowest=start.lowest.take(bodies, axis=-1),
@@ -496,12 +482,12 @@ def _initial_state(start: AdmmStart) -> State:
     )
 
 
-def _empty_solution(start: AdmmStart, state: State) -> AdmmSolution:
+def _empty_solution(start: AdmmStart) -> AdmmSolution:
     n_bodies = len(start.step_scale)
     return AdmmSolution(
         displacement=np.zeros_like(start.energy_rhs),
         governing=np.zeros_like(start.governing),
-        projection=np.zeros((*state.projection.shape[:3], n_bodies), dtype=np.float32),
+        projection=np.zeros_like(start.governing[:, 0]),
         residual=np.zeros(n_bodies),
         iterations=np.zeros(n_bodies, dtype=np.intp),
     )

@@ -23,11 +23,12 @@ from pacmo_core.interaction_mesh.constraints import (
 from pacmo_core.interaction_mesh.energy import QuadraticEnergy, build_energy, energy_rhs
 from pacmo_core.interaction_mesh.factorisation import bone_stiffness, factorise
 from pacmo_core.interaction_mesh.linear_algebra import (
-    AXIS_ORDER,
     COLUMN_WIDTH,
+    from_blocks,
     padded_width,
     pair_frames,
     single_blas_thread,
+    to_blocks,
 )
 from pacmo_core.interaction_mesh.mesh import support_weights
 from pacmo_core.interaction_mesh.report import measure_limited
@@ -377,7 +378,7 @@ def _attempt_start(
     """
     attempt, n_bodies = window.settings.attempts[number], len(previous)
     solver, scene = window.solver(attempt), window.scene
-    rhs = _to_blocks(energy_rhs(window.energy, scales)[..., :n_bodies])
+    rhs = to_blocks(energy_rhs(window.energy, scales)[..., :n_bodies])
     penalties = (attempt.bone_penalty * window.stiffness[..., None]).astype(np.float32)
     bones = window.response.warm_start(scene.bone_vectors, scales, penalties)[..., :n_bodies]
     scales, floor = scales[:n_bodies].T, solver.floor
@@ -396,18 +397,13 @@ def _attempt_start(
     pairs = np.ones((others.shape[1] - len(angles), n_bodies))
     min_growth = MIN_GROWTH_RMS**2 * len(window.stiffness)
     return AdmmStart(
-        energy_rhs=rhs.reshape(len(rhs), -1, *rhs.shape[3:]),
-        governing=_to_blocks(np.concatenate([bones, others], axis=1)),
+        energy_rhs=rhs.reshape(*rhs.shape[:2], -1, n_bodies),
+        governing=to_blocks(np.concatenate([bones, others], axis=1)),
         floor=pair_frames(heights.astype(np.float32), repeat=True),
         scales=np.concatenate([scales, angles, pairs]).astype(np.float32),
         lowest=(floor.lowest[:, None] / common).astype(np.float32),
         step_scale=step_scale(window.squared_growth(scales.T) + min_growth),
     )
-
-
-def _to_blocks(columns: NDArray[np.floating]) -> Single:
-    """Reshape (T, R, 3, V) to (K, 2, R, 3, V) float32, axes in ``AXIS_ORDER``."""
-    return pair_frames(columns.astype(np.float32, copy=False)[:, :, AXIS_ORDER])
 
 
 def _solve_attempt(
@@ -422,19 +418,17 @@ def _solve_attempt(
         tolerance=attempt.tolerance,
     )
     n_frames, n_bones = window.stiffness.shape
-    n_points = window.scene.points.shape[1]
-
-    def from_blocks(blocks: Single, n_rows: int) -> Single:
-        rows = blocks.reshape(-1, n_rows, 3, blocks.shape[-1])[:n_frames]
-        return rows[:, :, AXIS_ORDER][..., columns]
-
-    governing = solution.governing[:, :, :n_bones]
-    bones = governing * solution.projection[:, :, :n_bones, None]
+    governing = solution.governing[:, :, :, :n_bones]
+    bones = governing * solution.projection[:, None, :, :n_bones]
     penalties = (attempt.bone_penalty * window.stiffness[..., None, None]).astype(np.float32)
+
+    def frames(blocks: Single) -> Single:
+        return from_blocks(blocks, n_frames)[..., columns]
+
     return _AttemptSolution(
-        displacement=from_blocks(solution.displacement, n_points),
-        bones=from_blocks(bones, n_bones),
-        bone_forces=from_blocks(governing - bones, n_bones) * penalties,
+        displacement=frames(solution.displacement.reshape(len(bones), 3, 2, -1, bones.shape[-1])),
+        bones=frames(bones),
+        bone_forces=frames(governing - bones) * penalties,
         residual=solution.residual,
         iterations=solution.iterations,
     )

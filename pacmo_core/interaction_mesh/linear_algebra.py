@@ -19,9 +19,6 @@ from pacmo_core.interaction_mesh.scene import Array, Real, Single
 Values = TypeVar("Values", Array, Single, NDArray[np.intp])
 
 COLUMN_WIDTH = 8
-# Order of x, y, z in the solver: the two horizontal axes, which share a factorisation, are
-# adjacent. The permutation is its own inverse.
-AXIS_ORDER = [0, 2, 1]
 
 _CONTROLLER = ThreadpoolController()
 
@@ -73,3 +70,15 @@ def pair_frames(values: Values, *, repeat: bool = False) -> Values:
         values = np.concatenate([values, padding])
     paired: Values = values.reshape(len(values) // 2, 2, *values.shape[1:])
     return paired
+
+
+def to_blocks(rows: Real) -> Single:
+    """Reshape (T, R, 3, V) to the solver's layout, (K, 3, 2, R, V) float32."""
+    paired = pair_frames(rows.astype(np.float32, copy=False))
+    return np.ascontiguousarray(np.moveaxis(paired, 3, 1))
+
+
+def from_blocks(blocks: Single, n_frames: int) -> Single:
+    """Reshape the solver's layout, (K, 3, 2, R, V), to (T, R, 3, V)."""
+    paired = np.moveaxis(blocks, 1, 3)
+    return paired.reshape(-1, *paired.shape[2:])[:n_frames]
