@@ -120,7 +120,7 @@ class Measured:
             name: fmean(sample[name] for sample in self.samples)
             for name in (*names, "near_distance_error_naive")
         }
-        rows = measurement_lines([means], asdict(limits), self.worse)
+        rows = measurement_lines(means, asdict(limits), self.worse)
         for name, row in zip(names, rows, strict=True):
             measure, values = MEASURES[name], [sample[name] for sample in self.samples]
             number = max(range(len(values)), key=lambda n: measure.fault(values[n]))

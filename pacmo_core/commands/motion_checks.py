@@ -18,8 +18,7 @@ from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.registry import PersonMotion
-from pacmo_core.interaction_mesh.body_parts import capsule_radii
-from pacmo_core.interaction_mesh.capsules import closest_fractions
+from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.scene import Scene
 from pacmo_core.metrics.plausibility import find_body_joints
 from pacmo_core.reaction.bones import leg_length, median_lengths
@@ -392,9 +391,7 @@ def _deepest(
     """Return how deep the bodies are in each other at most, in metres, and where."""
     fps = (len(times) - 1) / (times[-1] - times[0])
     scene = Scene((partner, sample), (skeleton, skeleton), fps)
-    n_a, radii = scene.n_bones[0], capsule_radii(scene)
-    reach = (radii[:n_a, None] + radii[n_a:]).reshape(-1)
-    depths = reach - closest_fractions(scene)[2]
+    depths = penetration_depths(scene)
     frame, pair = (int(i) for i in np.unravel_index(depths.argmax(), depths.shape))
     names = bone_names(skeleton)
     own, others = names[pair % len(names)], names[pair // len(names)]

@@ -34,13 +34,12 @@ from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh import Scene
 from pacmo_core.interaction_mesh.body_parts import (
     ancestor_bones,
-    capsule_radii,
     hinges,
     scene_bone_kinds,
     trunk_bends,
     trunk_joints,
 )
-from pacmo_core.interaction_mesh.capsules import closest_fractions
+from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.mesh import support_steps
 from pacmo_core.interaction_mesh.report import (
     MEDIAN_SECONDS,
@@ -251,15 +250,14 @@ class Places:
         return texts
 
     def _deepest(self, _name: str) -> str:
-        n_bones, radii = self.scene.n_bones, capsule_radii(self.scene)
-        reach = (radii[: n_bones[0], None] + radii[n_bones[0] :]).reshape(-1)
         parts = np.split(self.motion.astype(np.float32), [self.scene.n_joints[0]], axis=1)
         moved = Scene((parts[0], parts[1]), self.scene.skeletons, self.scene.fps)
-        before, after = (reach - closest_fractions(one)[2] for one in (self.scene, moved))
+        before, after = (penetration_depths(one) for one in (self.scene, moved))
         added = after.max(axis=1).clip(min=0) - before.max(axis=1).clip(min=0)
         frame = int(added.argmax())
-        first, second = divmod(int(after[frame].argmax()), n_bones[1])
-        ends = self.scene.bones[[first, n_bones[0] + second], 1].tolist()
+        n_a, n_b = self.scene.n_bones
+        first, second = divmod(int(after[frame].argmax()), n_b)
+        ends = self.scene.bones[[first, n_a + second], 1].tolist()
         return f"bones to {self._two(*ends)} {self._when(frame)}"
 
     def _trunk(self, _name: str) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from statistics import fmean
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.clips import Panel, PlayedClip
@@ -225,26 +224,20 @@ def _in_units(name: str, cell: Measurements) -> Measurements:
 
 
 def measurement_lines(
-    samples: Sequence[Measurements], limits: Measurements, worse: Mapping[str, str]
+    measurements: Measurements, limits: Measurements, worse: Mapping[str, str]
 ) -> list[str]:
-    """Return a line for each of ``PRINTED``: the mean, its limit, and in whom it is worse.
-
-    Of several samples also the worst of them, by its number.
+    """Return a line for each of ``PRINTED``: the value, its limit, and in whom it is worse.
 
     Parameters
     ----------
-    samples : measurements of each; those that are absent have no line
+    measurements : those that are absent have no line
     limits : of those that have one
     worse : the person, of measurements that are those of a person
     """
     lines = []
-    measurements = {name: fmean(sample[name] for sample in samples) for name in samples[0]}
     for name in (name for name in PRINTED if name in measurements):
         measure = MEASURES[name]
         notes = []
-        if len(samples) > 1:
-            number = max(range(len(samples)), key=lambda n: measure.fault(samples[n][name]))
-            notes.append(f"worst {measure.text(samples[number][name])} in sample {number}")
         if name == "near_distance_error":
             naive = "near_distance_error_naive"
             notes.append(f"{MEASURES[naive].text(measurements[naive])} if only scaled")

@@ -182,26 +182,27 @@ class AdmmSolver:
 
     def _forward(self, state: State, work: Workspace) -> None:
         """Eliminate: ``w_k = S_k^-1 (b_k - C_k-1 w_k-1)``."""
+        rhs, solution = column_groups(state.rhs), column_groups(state.displacement)
         for block in range(len(self.source)):
             if block:
                 self._couple_next(state.displacement[block - 1], 2 * block - 2, work.coupled)
                 np.subtract(state.rhs[block], work.coupled, out=state.rhs[block])
-            self._apply_pivot(block, state.rhs[block], state.displacement[block])
+            self._apply_pivot(block, rhs[block], solution[block])
 
     def _backward(self, state: State, work: Workspace) -> Iterator[int]:
         """Substitute: ``U_k = w_k - S_k^-1 C_k^T U_k+1``; yield each block after that."""
+        coupled, correction = column_groups(work.coupled), column_groups(work.correction)
         last = len(self.source) - 1
         for block in range(last, -1, -1):
             if block < last:
                 self._couple_previous(state.displacement[block + 1], 2 * block, work.coupled)
-                self._apply_pivot(block, work.coupled, work.correction)
+                self._apply_pivot(block, coupled, correction)
                 displacement = state.displacement[block]
                 np.subtract(displacement, work.correction, out=displacement)
             yield block
 
     def _apply_pivot(self, block: int, rhs: Single, out: Single) -> None:
         """Multiply by S_k^-1."""
-        rhs, out = column_groups(rhs), column_groups(out)
         np.matmul(self.factorisation.horizontal[block], rhs[HORIZONTAL], out=out[HORIZONTAL])
         np.matmul(self.factorisation.vertical[block], rhs[VERTICAL], out=out[VERTICAL])
 
@@ -280,8 +281,7 @@ class AdmmSolver:
     def _couple_next(self, rows: Single, frame: int, out: Single) -> None:
         """Multiply by C_k: from the frames of a block to those of the next."""
         lag_one, lag_two = self.factorisation.lag_one, self.factorisation.lag_two
-        upper, lower = np.split(rows, 2, axis=1)
-        top, bottom = np.split(out, 2, axis=1)
+        upper, lower, top, bottom = *_halves(rows), *_halves(out)
         np.multiply(lower, lag_one[frame + 1], out=top)
         np.multiply(upper, lag_two[frame], out=bottom)
         np.add(top, bottom, out=top)
@@ -290,8 +290,7 @@ class AdmmSolver:
     def _couple_previous(self, rows: Single, frame: int, out: Single) -> None:
         """Multiply by C_k^T: from the next block's frames to those of a block."""
         lag_one, lag_two = self.factorisation.lag_one, self.factorisation.lag_two
-        upper, lower = np.split(rows, 2, axis=1)
-        top, bottom = np.split(out, 2, axis=1)
+        upper, lower, top, bottom = *_halves(rows), *_halves(out)
         np.multiply(upper, lag_one[frame + 1], out=bottom)
         np.multiply(lower, lag_two[frame + 1], out=top)
         np.add(bottom, top, out=bottom)
@@ -301,6 +300,12 @@ class AdmmSolver:
 def _frames(blocks: Single) -> Single:
     """View blocks (B, 2N, V) as frames, (B, 2, N, V)."""
     return blocks.reshape(len(blocks), 2, -1, blocks.shape[-1])
+
+
+def _halves(block: Single) -> tuple[Single, Single]:
+    """View a block (3, 2N, V) as its two frames."""
+    half = block.shape[1] // 2
+    return block[:, :half], block[:, half:]
 
 
 def _add_rows(values: Single, total: NDArray[np.float64]) -> None:
@@ -401,7 +406,8 @@ class AdmmSolution:
     governing : (K, 3, 2, R, V) float32 metres, v
     projection : (K, 2, R, V) float32, s; z is ``s v``
     residual : (V,) fixed-point residual: the last step of v relative to ``step_scale``, root mean
-        square
+        square; or the tolerance times the largest step of a row relative to its own, if that is
+        more
     iterations : (V,)
     """
 
@@ -438,8 +444,8 @@ def solve_admm(
         solver.iterate(state.clear_steps(), work)
         iterates.add(state.iterate)
         if work.is_measured:
-            residuals, has_settled = _measure(state, start.step_scale[columns], tolerance)
-            converged = (has_settled | is_last) & active
+            residuals = _measure(state, start.step_scale[columns], tolerance)
+            converged = ((residuals <= tolerance) | is_last) & active
             rows = columns[converged]
             solution.residual[rows], solution.iterations[rows] = residuals[converged], number
             solution.store(state, rows, np.flatnonzero(converged))
@@ -458,10 +464,11 @@ def solve_admm(
     return solution
 
 
-def _measure(state: State, step_scale: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the fixed-point residual of each body, (V,), and whether it has converged."""
-    residuals = np.sqrt(state.squared_step / step_scale)
-    return residuals, (residuals <= tolerance) & (state.largest_step <= 1)
+def _measure(state: State, step_scale: Array, tolerance: float) -> Array:
+    """Return the fixed-point residual of each body, (V,); converged are those within tolerance."""
+    of_all = np.sqrt(state.squared_step / step_scale)
+    residuals: Array = np.maximum(of_all, tolerance * np.sqrt(state.largest_step))
+    return residuals
 
 
 def _initial_state(start: AdmmStart) -> State:

@@ -22,7 +22,6 @@ CAPSULE_RADII = {
     "thigh": 0.085,
     "shin": 0.055,
     "foot": 0.04,
-    "toes": 0.03,
     "upper_arm": 0.05,
     "forearm": 0.04,
     "trunk": 0.11,

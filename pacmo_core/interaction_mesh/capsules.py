@@ -49,9 +49,13 @@ def segment_differences(
 
 
 def penetration_depths(scene: Scene) -> Array:
-    """Return the depth of the deepest pair of capsules, (T,) metres; negative if all are apart."""
-    _, _, distances = closest_fractions(scene)
-    depths: Array = (_reach(scene) - distances).max(axis=1)
+    """Return how deep the bones of all pairs are in each other, negative where they are apart.
+
+    Returns
+    -------
+    (T, E_a E_b) metres
+    """
+    depths: Array = _reach(scene) - closest_fractions(scene)[2]
     return depths
 
 
@@ -76,15 +80,13 @@ def capsule_penetration(scene: Scene, points: Array) -> Array:
     -------
     (V,) metres
     """
-    n_a, reach = scene.n_bones[0], _reach(scene)
-    _, _, distances = closest_fractions(scene)
+    n_a, reach, source = scene.n_bones[0], _reach(scene), penetration_depths(scene)
     largest = np.zeros(points.shape[-1])
     for frames in _batches(len(points)):
-        gaps = distances[frames] - reach
-        frame, pair = np.nonzero(gaps < MAX_GAP)
+        frame, pair = np.nonzero(source[frames] > -MAX_GAP)
         if not len(frame):
             continue
-        before = (-gaps).max(axis=1).clip(min=0)
+        before = source[frames].max(axis=1).clip(min=0)
         a, b = pair // scene.n_bones[1], n_a + pair % scene.n_bones[1]
         moved = points[frames]
         ends = [_bone(scene, moved, frame, bone) for bone in (a, b)]

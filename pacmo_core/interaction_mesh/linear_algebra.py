@@ -38,18 +38,17 @@ def padded_width(n_columns: int) -> int:
     return -(-n_columns // COLUMN_WIDTH) * COLUMN_WIDTH
 
 
-def batched_product(matrices: Real, columns: Real) -> Real:
-    """Multiply ``(R, N)`` or ``(..., R, N)`` with ``(..., N, C)``, ``COLUMN_WIDTH`` columns each.
+def batched_product(matrix: Real, columns: Real) -> Real:
+    """Multiply ``(R, N)`` with ``(N, C)``, ``COLUMN_WIDTH`` columns at a time.
 
     A column of the result does not depend on the other columns.
     """
-    n_columns = columns.shape[-1]
-    padded: Real = np.zeros((*columns.shape[:-1], padded_width(n_columns)), dtype=columns.dtype)
-    padded[..., :n_columns] = columns
-    shape = (*columns.shape[:-2], matrices.shape[-2], padded.shape[-1])
-    result: Real = np.zeros(shape, padded.dtype)
-    np.matmul(matrices[..., None, :, :], column_groups(padded), out=column_groups(result))
-    return result[..., :n_columns]
+    n_columns = columns.shape[1]
+    padded: Real = np.zeros((len(columns), padded_width(n_columns)), dtype=columns.dtype)
+    padded[:, :n_columns] = columns
+    result: Real = np.zeros((len(matrix), padded.shape[1]), dtype=padded.dtype)
+    np.matmul(matrix, column_groups(padded), out=column_groups(result))
+    return result[:, :n_columns]
 
 
 def column_groups(columns: Real) -> Real:
