@@ -42,7 +42,7 @@ BLOCKS_PER_STEP = 4
 # Metres, the largest steps of a row between the bodies and of a height when ADMM has converged: one
 # contact of a clip, or one toe in the floor, hardly counts in the residual.
 PAIR_TOLERANCE = 5e-4
-FLOOR_TOLERANCE = 1e-3
+FLOOR_TOLERANCE = 2e-3
 # Of the directions x, y, z. The horizontal ones share a factorisation.
 HORIZONTAL, VERTICAL = slice(0, 3, 2), 1
 # Iterations between two checks of convergence.
