@@ -32,7 +32,7 @@ from pacmo_core.figures.viewer import Scene
 from pacmo_core.formats.base import FormatError, check_up, to_y_up
 from pacmo_core.formats.bvh import Bvh
 from pacmo_core.formats.bvh_channels import format_file
-from pacmo_core.formats.convert_bvh import move_root
+from pacmo_core.formats.convert_bvh import bone_motion, check_constant_bones, move_root
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import from_y_up, resample, sample_times
@@ -109,7 +109,7 @@ def export_scene(
 
     Parameters
     ----------
-    rigs : of all people, if their files are BVH: BVH is written on them
+    rigs : of all people, if their files are BVH: BVH and glTF are written on them
     """
     suffix = out.suffix.lower()
     if scene.other and suffix not in OF_A_PERSON:
@@ -118,17 +118,22 @@ def export_scene(
             f"one person at a time, or to {', '.join(OF_A_PERSON)}, which hold one each"
         )
     fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
-    if suffix == ".bvh":
-        on_rigs, fault = _converted(rigs, scene, fps, form.space)
+    fault = ""
+    if suffix in OF_A_PERSON:
+        on_rigs, fault = _converted(rigs, scene, fps, form, is_bvh=suffix == ".bvh")
         if on_rigs:
             names = " and ".join(str(rig.file) for rig in rigs)
-            files = _on_own_rigs(out, on_rigs, form)
+            if suffix == ".bvh":
+                files = _write_people(out, [format_file(rig, rig.motion) for rig in on_rigs])
+            else:
+                times = scene.times if fps is None else sample_times(scene.times, fps)
+                files = _write_gltf(out, scene, times, [bone_motion(rig) for rig in on_rigs])
             rate = _rate_line(len(on_rigs[0].motion), 1 / on_rigs[0].frame_time)
             return files, f"{rate}, in {form.space}, with the rest pose of {names}"
     written = scene if fps is None else resample_scene(scene, fps)
     files, errors = WRITERS[suffix](out, written, form)
     summary = _rate_line(len(written.times), _fps(written))
-    if suffix == ".bvh":
+    if suffix in OF_A_PERSON:
         summary += f", in {form.space}, with the rest pose of a body fitted to the joints{fault}"
     return files, "; ".join(filter(None, (summary, errors)))
 
@@ -138,15 +143,27 @@ def _rate_line(n_frames: int, fps: float) -> str:
 
 
 def _converted(
-    rigs: Sequence[OwnRig], scene: Scene, fps: float | None, space: OutputSpace
+    rigs: Sequence[OwnRig], scene: Scene, fps: float | None, form: ExportOptions, *, is_bvh: bool
 ) -> tuple[list[Bvh], str]:
-    """Return people's files at the times of a scene, in this space; or none, and why."""
+    """Return people's files at the times of a scene, in the space of the output; or none, and why.
+
+    ``--ground`` and ``--centre`` have moved them.
+    """
+    if not rigs:
+        return [], ""
     if fps is not None:
         _check_work(scene, sample_times(scene.times, fps), fps)
     try:
-        return [rig.converted(scene.times, fps, space) for rig in rigs], ""
+        for rig in rigs if not is_bvh else ():
+            check_constant_bones(rig.file, rig.bvh)
+        people = [rig.converted(scene.times, fps, form.space) for rig in rigs]
     except FormatError as fault:
         return [], f" ({fault})"
+    joints = [
+        np.delete(person.positions(), person.end_sites, axis=1) * form.unit for person in people
+    ]
+    shift = _shift(joints, [0] * len(people), form) / form.unit
+    return [move_root(person, shift) for person in people], ""
 
 
 def _check_work(scene: Scene, at: NDArray[np.float64], fps: float) -> None:
@@ -246,16 +263,6 @@ def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]
     return _write_people(out, texts), summary
 
 
-def _on_own_rigs(out: Path, people: Sequence[Bvh], form: ExportOptions) -> list[Path]:
-    """Write people on the rigs of their files, in the unit and axes of the output."""
-    joints = [
-        np.delete(person.positions(), person.end_sites, axis=1) * form.unit for person in people
-    ]
-    shift = _shift(joints, [0] * len(people), form) / form.unit
-    moved = [move_root(person, shift) for person in people]
-    return _write_people(out, [format_file(person, person.motion) for person in moved])
-
-
 def _write_people(out: Path, texts: Sequence[str]) -> list[Path]:
     """Write a file for each person; return them."""
     names = [out.with_name(f"{out.stem}_{person}{out.suffix}") for person in "AB"]
@@ -267,14 +274,23 @@ def _write_people(out: Path, texts: Sequence[str]) -> list[Path]:
 
 def _gltf(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
     fits, summary = _fit_people(scene, form)
+    return _write_gltf(out, scene, scene.times, fits), summary
+
+
+def _write_gltf(
+    out: Path,
+    scene: Scene,
+    times: NDArray[np.float64],
+    motions: Sequence[ConstantBoneMotion],
+) -> list[Path]:
     actors = []
-    for person, fit, body, colour in zip("ab", fits, scene.skeletons, COLOURS, strict=False):
-        skin = make_skin(make_body_shape(body), body, rest_positions(fit, body))
-        actors.append(AnimatedPerson(person, body, fit, skin, colour))
-    document, data = gltf_document(scene.times, actors)
+    for person, motion, body, colour in zip("ab", motions, scene.skeletons, COLOURS, strict=False):
+        skin = make_skin(make_body_shape(body), body, rest_positions(motion, body))
+        actors.append(AnimatedPerson(person, body, motion, skin, colour))
+    document, data = gltf_document(times, actors)
     write = to_glb if out.suffix.lower() == ".glb" else to_gltf
     _write_bytes(out, write(document, data))
-    return [out], summary
+    return [out]
 
 
 def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
@@ -356,9 +372,9 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo export walk_A.bvh+walk_B.bvh --from-unit cm --from-up y --out walk.gif
 
-    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh; of BVH files the rig itself, with its rest
-    pose, channels and rotations. .glb, .gltf: glTF 2.0, both people with an
-    armature, skin and animation each, in metres, y up. These formats hold rotations of bones of
+    .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with an
+    armature and a skin each, and one animation, in metres, y up. Of BVH files both are the rig
+    itself, with its rest pose and rotations. These formats hold rotations of bones of
     constant length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of
     joints, which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip
     install imageio-ffmpeg). A CLIP is named as for ``pacmo view``. --ground and --centre move both
@@ -371,6 +387,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
         )
         form_of_file.check(out)
         (named,) = read_named_clips([clip], options)
-        rigs = own_rigs(named.sources, named.read) if out.suffix.lower() == ".bvh" else []
+        is_on_rigs = out.suffix.lower() in OF_A_PERSON
+        rigs = own_rigs(named.sources, named.read) if is_on_rigs else []
         files, summary = export_scene(named.scene, out, form_of_file, rigs)
     typer.echo(f"{', '.join(map(str, files))}: {summary}")

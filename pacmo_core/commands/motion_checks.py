@@ -36,6 +36,9 @@ MAX_TURN_SPEED = 750.0
 MIN_BONE = 0.005
 # Metres: the bodies are modelled as capsules, and captured hugs are up to 8 cm deep.
 MAX_DEPTH = 0.08
+# Metres, the same of the legs of one body: at most 6.5 cm in recorded dances, greetings, stretches
+# and walks.
+MAX_LEG_DEPTH = 0.07
 # Metres below the floor, as in augment.limits of params.yaml.
 MAX_BELOW = 0.01
 # Metres per second: the mean speed of the slower foot, 99 of 100 captured motions are below 28.5
@@ -90,8 +93,12 @@ class SampleLimit:
 
     def said(self, numbers: Sequence[int]) -> str:
         """Return the measurement of some samples in words: one value, or least and greatest."""
+        return self.text.format(self.range_of(numbers))
+
+    def range_of(self, numbers: Sequence[int]) -> str:
+        """Return one value, or the least and the greatest of some samples, with the unit."""
         values = format_range([self.values[number] for number in numbers], self.decimals)
-        return self.text.format(f"{values}{self.unit}")
+        return f"{values}{self.unit}"
 
     def lines(self) -> list[str]:
         """Return a line for each sample beyond the limit; one line if they are many, or all."""
@@ -278,20 +285,15 @@ def motion_lines(
         of_rig = f" ({100 * MAX_BELOW:g} cm, and {lower})" if sole else ""
         lines.append(f"{below.said(every)}, {below.wanted}{of_rig}")
     try:
-        found = [_deepest(skeleton, times, partner, sample) for sample in samples]
+        depths = _depths(skeleton, times, partner, samples)
     except ValueError as fault:
         lines.append(f"how deep the bodies are in each other is not measured ({fault})")
     else:
-        deep = SampleLimit(
-            [100 * depth for depth, _ in found],
-            100 * MAX_DEPTH,
-            "the bodies are {} deep in each other",
-            " cm",
-            [place for _, place in found],
-        )
-        limits.append(deep)
-        most = format_range(deep.values, 1)
-        lines.append(f"the bodies are at most {most} cm deep in each other, {deep.wanted}")
+        limits += depths
+        lines += [
+            f"{depth.text.format(f'at most {depth.range_of(every)}')}, {depth.wanted}"
+            for depth in depths
+        ]
     jolt = _jolts(times, people[1:])
     lines.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
     turn, text = _turns(times, people)
@@ -383,6 +385,57 @@ def _glide(ankles: Motion, times: Array) -> float:
     path = gaussian_filter1d(ankles[..., [0, 2]].astype(np.float64), SMOOTHING / step, axis=0)
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=-1) / step
     return float(speeds.min(axis=1).mean())
+
+
+def _depths(
+    skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
+) -> list[SampleLimit]:
+    """Measure how deep the bodies are in each other at most, and the legs of each sample.
+
+    Raises
+    ------
+    ValueError
+        If a body is none.
+    """
+    found = [_deepest(skeleton, times, partner, sample) for sample in samples]
+    bodies = SampleLimit(
+        [100 * depth for depth, _ in found],
+        100 * MAX_DEPTH,
+        "the bodies are {} deep in each other",
+        " cm",
+        [place for _, place in found],
+    )
+    if len(feet(skeleton)) != 2:
+        return [bodies]
+    return [bodies, _crossed_legs(skeleton, times, partner, samples)]
+
+
+def _crossed_legs(
+    skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
+) -> SampleLimit:
+    """Measure how deep a shin of each sample is in the other leg; the partner's, if that is more.
+
+    Thighs, which begin beside each other, are not compared with each other.
+    """
+    shins = [foot[0] for foot in feet(skeleton)]
+    thighs = [skeleton.parents[shin] for shin in shins]
+    rows = {joint: row for row, joint in enumerate(skeleton.bones[:, 1].tolist())}
+    pairs = [(shins[0], shins[1]), (shins[0], thighs[1]), (thighs[0], shins[1])]
+    columns = [len(rows) * rows[left] + rows[right] for left, right in pairs]
+    fps = (len(times) - 1) / (times[-1] - times[0])
+    own, *found = (
+        penetration_depths(Scene((body, body), (skeleton, skeleton), fps))[:, columns]
+        for body in (partner, *samples)
+    )
+    names = tuple(" and ".join(skeleton.joints[joint] for joint in pair) for pair in pairs)
+    peaks = [find_peak(depths, names, times) for depths in found]
+    return SampleLimit(
+        [100 * max(0.0, float(depths.max())) for depths in found],
+        100 * max(MAX_LEG_DEPTH, float(own.max())),
+        "the legs of the reaction are {} deep in each other",
+        " cm",
+        [f"bones to {peak.joint} {peak.place}" for peak in peaks],
+    )
 
 
 def _deepest(

@@ -57,10 +57,11 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_fps, check_up
 from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import PersonMotion, select_person
+from pacmo_core.formats.resample import sample_times
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
-from pacmo_core.reaction.inference import finish_reactions, react_all, sample_times
+from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import PartnerMotion, sample_poses
 from pacmo_core.store.files import write_text
@@ -509,10 +510,14 @@ def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArra
         raise CommandError(f"{name}: wanted {MIN_FRAMES} frames or more; got {len(capture.times)}")
     if fps is not None:
         check_fps(fps)
-    at = capture.times if fps is None else sample_times(capture.times, fps)
-    if len(at) < 2:
-        raise CommandError(f"{name}: too short for two frames at {fps:g} fps")
-    return at
+    if fps is None:
+        return capture.times
+    try:
+        at = sample_times(capture.times, fps)
+    except ValueError as fault:
+        raise CommandError(f"{name}: {fault}") from fault
+    within: NDArray[np.float64] = np.minimum(at, capture.times[-1])
+    return within
 
 
 def check_samples(samples: int) -> None:

@@ -30,7 +30,9 @@ def make_skin(body: BodyShape, skeleton: Skeleton, rest: Array) -> Skin:
         spheres = [(rest[j], r, p) for (j, r), p in zip(body.trunk, above, strict=True)]
         left = rest[body.trunk[0][0]] - rest[body.trunk[1][0]]
         spine = (rest[[j for j, _ in body.trunk[:2]]] - rest[[j for j, _ in body.trunk[2:]]]).sum(0)
-        parts.append(_hull(spheres, _axes(left, np.cross(left, spine))))
+        front = np.cross(left, spine)
+        if front.any():  # not where a rig rests with all of the trunk on one line
+            parts.append(_hull(spheres, _axes(left, front)))
     if body.head:
         centre = rest[list(body.head)].mean(axis=0)
         parts.append(_hull([(centre, body.head_radius, body.head[0])], np.eye(3)))

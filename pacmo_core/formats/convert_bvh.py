@@ -20,12 +20,14 @@ from pacmo_core.formats.bvh_channels import (
     local_rotations,
     rows_of,
 )
+from pacmo_core.formats.fit_bones import ConstantBoneMotion
 from pacmo_core.formats.rotations import euler_angles_near
 
 Array = NDArray[np.float64]
 
 TO_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # of column vectors, from y up
 SAME_TIME = 1e-3  # of the time between two frames: frames so near are one
+SAME_BONE = 1e-3  # of the longest offset: bones that change by less are constant
 
 
 def change_unit(bvh: Bvh, factor: float) -> Bvh:
@@ -44,6 +46,33 @@ def move_root(bvh: Bvh, shift: Array) -> Bvh:
         if joint == 0 and channel.endswith("position"):
             motion[:, column] += shift["xyz".index(channel[0])]
     return replace(bvh, motion=motion)
+
+
+def check_constant_bones(file: Path, bvh: Bvh) -> None:
+    """Refuse a file in which a joint moves in its parent's frame.
+
+    Raises
+    ------
+    FormatError
+        If position channels of a joint beside the root do so.
+    """
+    moved = displacements(bvh, bvh.offsets)[:, 1:]
+    change = np.ptp(moved, axis=0).max(axis=1)
+    if change.max(initial=0.0) > SAME_BONE * np.linalg.norm(bvh.offsets, axis=1).max():
+        name = bvh.joints[1 + int(change.argmax())]
+        raise FormatError(file, f"the bone to {name} changes; wanted bones of constant length")
+
+
+def bone_motion(bvh: Bvh) -> ConstantBoneMotion:
+    """Return the motion of a file's joints, in its unit and axes, without End Sites.
+
+    In the rest pose no joint is rotated. Bones are constant (``check_constant_bones``).
+    """
+    joints = np.setdiff1d(np.arange(len(bvh.joints)), bvh.end_sites)
+    moved = displacements(bvh, bvh.offsets)[:, joints]
+    offsets = moved.mean(axis=0)
+    offsets[0] = 0
+    return ConstantBoneMotion(offsets, moved[:, 0], local_rotations(bvh)[:, joints])
 
 
 def change_axes(file: Path, bvh: Bvh, from_up: str, to_up: str) -> Bvh:

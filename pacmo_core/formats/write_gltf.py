@@ -175,7 +175,7 @@ def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def _joint_nodes(person: AnimatedPerson, first: int) -> list[dict[str, Any]]:
-    """Describe the joints in their first frame's pose."""
+    """Describe the joints in the rest pose, where the root is in the first frame."""
     nodes = []
     for joint, name in enumerate(person.skeleton.joints):
         at_root = joint == person.skeleton.root
@@ -186,7 +186,6 @@ def _joint_nodes(person: AnimatedPerson, first: int) -> list[dict[str, Any]]:
         node: dict[str, Any] = {
             "name": f"{person.name}_{name}",
             "translation": position.astype(np.float32).tolist(),
-            "rotation": quaternions(person.fitted.rotations[:1, joint])[0].tolist(),
         }
         nodes.append(node | ({"children": children} if children else {}))
     return nodes
@@ -250,12 +249,12 @@ def _animate(
     buffer: BinaryBuffer,
     numbers: tuple[int, int],
 ) -> None:
-    """Add the channels: the root's translation and the rotation of every joint with children."""
+    """Add the channels: the root's translation and the rotation of every joint."""
     clock, first = numbers
     animated = [(person.skeleton.root, "translation", person.fitted.root.astype(np.float32))]
     animated += [
         (joint, "rotation", quaternions(person.fitted.rotations[:, joint]))
-        for joint in sorted(set(person.skeleton.parents) - {-1})
+        for joint in range(len(person.skeleton.joints))
     ]
     for joint, path, values in animated:
         target = {"node": first + joint, "path": path}

@@ -1,5 +1,7 @@
-"""BVH from BVH. Truth: the files that were exported, and SciPy's slerp between their frames."""
+"""BVH and glTF of BVH. Truth: the files that were exported; SciPy's slerp between their frames."""
 
+import base64
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -167,3 +169,84 @@ def test_a_rig_that_cannot_be_resampled_is_fitted_and_the_command_says_why(
     assert said.exit_code == 0, said.output
     assert "with the rest pose of a body fitted to the joints (anna.bvh: " in said.stdout
     assert "Head has 1 rotation axes" in said.stdout
+
+
+def gltf_nodes(file: Path) -> tuple[dict, dict[str, dict[str, np.ndarray]]]:
+    """Read a glTF file: nodes by name, and the channels of each, by path."""
+    document = json.loads(file.read_text())
+    data = base64.b64decode(document["buffers"][0]["uri"].partition(",")[2])
+
+    def values(index: int) -> np.ndarray:
+        accessor = document["accessors"][index]
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor["type"]]
+        start = document["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        numbers = np.frombuffer(data, np.float32, accessor["count"] * width, start)
+        return numbers.reshape(-1, width)
+
+    (animation,) = document["animations"]
+    channels: dict[str, dict[str, np.ndarray]] = {}
+    for channel in animation["channels"]:
+        name = document["nodes"][channel["target"]["node"]]["name"]
+        found = values(animation["samplers"][channel["sampler"]]["output"])
+        channels.setdefault(name, {})[channel["target"]["path"]] = found
+    bind = [values(skin["inverseBindMatrices"]).reshape(-1, 4, 4) for skin in document["skins"]]
+    return {node["name"]: node for node in document["nodes"]} | {"bind": bind}, channels
+
+
+@pytest.mark.usefixtures("no_fit")
+def test_gltf_of_bvh_has_its_rest_pose_and_its_rotations(duo: list[Path]) -> None:
+    said = export("anna.bvh+ben.bvh", *CM, "--out", "x.gltf")
+    assert said.exit_code == 0, said.output
+    assert "in metres, y up, with the rest pose of anna.bvh and ben.bvh" in said.stdout
+    nodes, channels = gltf_nodes(Path("x.gltf"))
+    for number, file in enumerate(duo):
+        given = read_bvh(file)
+        local, rest = local_rotations(given), np.zeros((len(given.joints), 3))
+        joints = [joint for joint in range(len(given.joints)) if joint not in given.end_sites]
+        for joint in joints:
+            node = f"{'ab'[number]}_{given.joints[joint]}"
+            turned = Rotation.from_quat(channels[node]["rotation"]).as_matrix()
+            np.testing.assert_allclose(turned, local[:, joint], atol=1e-6)
+            assert "rotation" not in nodes[node]
+            if joint:
+                offset = 0.01 * given.offsets[joint]
+                np.testing.assert_allclose(nodes[node]["translation"], offset, atol=1e-7)
+                rest[joint] = rest[given.parents[joint]] + offset
+            else:
+                root = channels[node]["translation"]
+                np.testing.assert_allclose(root, 0.01 * given.positions()[:, 0], atol=1e-6)
+        bind = nodes["bind"][number]
+        np.testing.assert_allclose(bind[:, 3, :3], -rest[joints], atol=1e-6)
+
+
+@pytest.mark.usefixtures("no_fit")
+def test_gltf_of_bvh_at_another_rate_stands_on_the_floor_if_asked(duo: list[Path]) -> None:
+    words = [*CM, "--to-fps", 60, "--ground"]
+    assert export("anna.bvh+ben.bvh", *words, "--out", "x.gltf").exit_code == 0
+    assert export("anna.bvh+ben.bvh", *words, "--out", "x.bvh").exit_code == 0
+    _, channels = gltf_nodes(Path("x.gltf"))
+    for person, name in zip("ab", "AB", strict=True):
+        of_bvh = read_bvh(Path(f"x_{name}.bvh"))
+        root = channels[f"{person}_{of_bvh.joints[0]}"]["translation"]
+        np.testing.assert_allclose(root, of_bvh.positions()[:, 0], atol=1e-5)
+    assert len(root) == 2 * N_FRAMES - 1
+    assert len(duo) == 2
+
+
+def test_gltf_of_a_rig_whose_bones_change_is_fitted_and_the_command_says_why(
+    duo: list[Path],
+) -> None:
+    given = read_bvh(duo[0])
+    head = given.joints.index("mixamorig:Head")
+    first = sum(len(channels) for channels in given.channels[:head])
+    channels = list(given.channels)
+    channels[head] = ("xposition", "yposition", "zposition", *channels[head])
+    places = given.offsets[head] + np.linspace(0, 1, N_FRAMES)[:, None]
+    rows = np.insert(given.motion, [first], places, axis=1)
+    duo[0].write_text(format_file(replace(given, channels=tuple(channels)), rows))
+    assert "with the rest pose of anna.bvh" in export("anna.bvh", *CM, "--out", "x.bvh").stdout
+    said = export("anna.bvh", *CM, "--out", "x.glb")
+    assert said.exit_code == 0, said.output
+    assert (
+        "a body fitted to the joints (anna.bvh: the bone to mixamorig:Head changes" in said.stdout
+    )

@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pytest
 
 from pacmo_core.api import synthesise
 from pacmo_core.commands.motion_checks import motion_lines
@@ -238,3 +239,30 @@ def test_depth_below_the_partner_is_in_proportion_to_the_legs() -> None:
     assert partner[..., 1].min() - larger[..., 1].min() > 0.01
     (line,) = lines_of(partner, larger[None])
     assert "the lowest joint or End Site is 0 cm below the partner's lowest" in line
+
+
+def test_crossed_shins_are_named_and_the_partners_crossed_legs_excuse_them() -> None:
+    partner = standing()
+    crossed = partner + np.float32([2, 0, 0])
+    left, right = (SKELETON.joints.index(f"{side}_ankle") for side in ("left", "right"))
+    crossed[20, right] = crossed[20, left]
+    lines = lines_of(partner, crossed[None])
+    scene = Scene((partner, partner), (SKELETON, SKELETON), 30.0)
+    (radius,) = {
+        float(value)
+        for value, bone in zip(capsule_radii(scene), scene.bones[:, 1].tolist(), strict=False)
+        if bone == left
+    }
+    assert lines[1].startswith(
+        f"sample 0: the legs of the reaction are {200 * radius:.1f} cm deep in each other, bones "
+        "to left_ankle and right_ankle in frame 20 (0.67 s), wanted at most 7 cm"
+    )
+    crossed[:, right] = crossed[:, left]
+    (line,) = lines_of(crossed - np.float32([2, 0, 0]), crossed[None])
+    found = re.search(
+        r"the legs of the reaction are at most ([\d.]+) cm deep in .* at most (.+?) cm", line
+    )
+    assert found is not None
+    depth, wanted = map(float, found.groups())
+    assert depth == pytest.approx(wanted, abs=0.05)
+    assert depth > 7
