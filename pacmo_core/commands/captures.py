@@ -322,6 +322,16 @@ def meant_rate(fps: float) -> float:
     return whole if np.isclose(fps, whole, rtol=1e-4, atol=0) else fps
 
 
+def meant_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ``(T,)`` seconds: the times of frames at the rate that was meant.
+
+    A rate that is a multiple of it keeps the frames of a file, whose Frame Time is rounded.
+    """
+    fps = float(1 / np.median(np.diff(times)))
+    meant: NDArray[np.float64] = times[0] + (times - times[0]) * (fps / meant_rate(fps))
+    return meant
+
+
 def _check_same_times(a: PersonMotion, b: PersonMotion, text: str) -> None:
     if len(a.times) != len(b.times):
         raise CommandError(f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other")

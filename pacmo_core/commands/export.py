@@ -10,7 +10,7 @@ import typer
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, planted_weights
-from pacmo_core.commands.captures import OutputSpace, rate_text
+from pacmo_core.commands.captures import OutputSpace, meant_times, rate_text
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -31,7 +31,7 @@ from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
 from pacmo_core.figures.viewer import Scene
 from pacmo_core.formats.base import FormatError, check_up, to_y_up
 from pacmo_core.formats.bvh import Bvh
-from pacmo_core.formats.bvh_channels import format_file
+from pacmo_core.formats.bvh_channels import check_channels, format_file
 from pacmo_core.formats.convert_bvh import bone_motion, check_constant_bones, move_root
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
 from pacmo_core.formats.registry import PersonMotion
@@ -126,7 +126,7 @@ def export_scene(
             if suffix == ".bvh":
                 files = _write_people(out, [format_file(rig, rig.motion) for rig in on_rigs])
             else:
-                times = scene.times if fps is None else sample_times(scene.times, fps)
+                times = np.arange(len(on_rigs[0].motion)) * np.float64(on_rigs[0].frame_time)
                 files = _write_gltf(out, scene, times, [bone_motion(rig) for rig in on_rigs])
             rate = _rate_line(len(on_rigs[0].motion), 1 / on_rigs[0].frame_time)
             return files, f"{rate}, in {form.space}, with the rest pose of {names}"
@@ -154,8 +154,11 @@ def _converted(
     if fps is not None:
         _check_work(scene, sample_times(scene.times, fps), fps)
     try:
-        for rig in rigs if not is_bvh else ():
-            check_constant_bones(rig.file, rig.bvh)
+        for rig in rigs:
+            if not is_bvh:
+                check_constant_bones(rig.file, rig.bvh)
+            if form.ground or form.centre:
+                check_channels(rig.file, rig.bvh)
         people = [rig.converted(scene.times, fps, form.space) for rig in rigs]
     except FormatError as fault:
         return [], f" ({fault})"
@@ -174,9 +177,10 @@ def _check_work(scene: Scene, at: NDArray[np.float64], fps: float) -> None:
 
 def resample_scene(scene: Scene, fps: float) -> Scene:
     """Return the scene at another frame rate."""
-    at = sample_times(scene.times, fps)
+    times = meant_times(scene.times)
+    at = sample_times(times, fps)
     _check_work(scene, at, fps)
-    people = tuple(resample(motion, scene.times, at) for motion in scene.people)
+    people = tuple(resample(motion, times, at) for motion in scene.people)
     return replace(scene, times=at - at[0], people=people)
 
 

@@ -19,6 +19,7 @@ from pacmo_core.commands.captures import (
     ToUp,
     bvh_text,
     is_parquet,
+    meant_times,
     names_clips,
     read_clip,
     read_file,
@@ -54,7 +55,7 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.base import check_fps, check_up
+from pacmo_core.formats.base import check_up
 from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import PersonMotion, select_person
 from pacmo_core.formats.resample import sample_times
@@ -353,6 +354,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         model, source = load_reaction_model(chosen), Source(file, person or "a", person)
         people = _read(source, rig, model.skeleton, options, clip)
         capture, name = people.partner, clip or file.stem
+        if to_fps is not None and len(capture.times) > 1:
+            capture = replace(capture, times=meant_times(capture.times))
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
@@ -508,8 +511,6 @@ def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArra
     """Return the times of the frames of the reaction."""
     if len(capture.times) < MIN_FRAMES:
         raise CommandError(f"{name}: wanted {MIN_FRAMES} frames or more; got {len(capture.times)}")
-    if fps is not None:
-        check_fps(fps)
     if fps is None:
         return capture.times
     try:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import frame_rate
-from pacmo_core.commands.captures import OutputSpace, meant_rate
+from pacmo_core.commands.captures import OutputSpace, meant_times
 from pacmo_core.commands.reading import (
     ReadOptions,
     ReadPerson,
@@ -171,20 +171,10 @@ class OwnRig:
         """
         times = self.times
         if fps is not None:
-            times, at = _meant(times), sample_times(_meant(at), fps)
+            times, at = meant_times(times), sample_times(meant_times(at), fps)
         resampled = resample_bvh(self.file, self.bvh, times, at)
         turned = change_axes(self.file, resampled, self.space.up, space.up)
         return change_unit(turned, self.space.unit / space.unit)
-
-
-def _meant(times: Array) -> Array:
-    """``(T,)`` seconds: the times of frames at the rate that was meant.
-
-    A rate that is a multiple of it keeps the frames of a file, whose Frame Time is rounded.
-    """
-    fps = float(1 / np.median(np.diff(times)))
-    meant: Array = times[0] + (times - times[0]) * (fps / meant_rate(fps))
-    return meant
 
 
 def space_of(file: Path, read: ReadPerson) -> OutputSpace:

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 TO_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # of column vectors, from y up
 SAME_TIME = 1e-3  # of the time between two frames: frames so near are one
-SAME_BONE = 1e-3  # of the longest offset: bones that change by less are constant
+SAME_BONE = 1e-3  # of the longest bone: bones that change by less are constant
 
 
 def change_unit(bvh: Bvh, factor: float) -> Bvh:
@@ -58,7 +58,8 @@ def check_constant_bones(file: Path, bvh: Bvh) -> None:
     """
     moved = displacements(bvh, bvh.offsets)[:, 1:]
     change = np.ptp(moved, axis=0).max(axis=1)
-    if change.max(initial=0.0) > SAME_BONE * np.linalg.norm(bvh.offsets, axis=1).max():
+    lengths = np.linalg.norm(moved.mean(axis=0), axis=1)
+    if change.max(initial=0.0) > SAME_BONE * lengths.max(initial=0.0):
         name = bvh.joints[1 + int(change.argmax())]
         raise FormatError(file, f"the bone to {name} changes; wanted bones of constant length")
 

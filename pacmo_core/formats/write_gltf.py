@@ -140,7 +140,15 @@ def gltf_document(
     Parameters
     ----------
     times : (T,) float64, seconds, of every person's frames; the first becomes zero
+
+    Raises
+    ------
+    ValueError
+        If a person has another number of frames.
     """
+    for person in people:
+        if len(person.fitted.root) != len(times):
+            raise ValueError(f"{len(times)} times; got {len(person.fitted.root)} frames")
     buffer = BinaryBuffer()
     clock = buffer.add((times - times[0]).astype(np.float32), bounds=True)
     document: dict[str, Any] = {

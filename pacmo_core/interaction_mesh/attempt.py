@@ -1,4 +1,4 @@
-"""One attempt of ADMM on a window of the source, and the attempts with growing penalties.
+"""One attempt of ADMM on a window of the source, and the attempts with ever more constraints.
 
 A body gets several attempts, until the result is within the limits; bodies that need a further one
 wait for it together, so that the many easy ones do not iterate with the few hard ones. All is

@@ -219,18 +219,53 @@ def test_gltf_of_bvh_has_its_rest_pose_and_its_rotations(duo: list[Path]) -> Non
         np.testing.assert_allclose(bind[:, 3, :3], -rest[joints], atol=1e-6)
 
 
-@pytest.mark.usefixtures("no_fit")
-def test_gltf_of_bvh_at_another_rate_stands_on_the_floor_if_asked(duo: list[Path]) -> None:
+@pytest.mark.usefixtures("no_fit", "duo")
+def test_gltf_of_bvh_at_another_rate_stands_on_the_floor_if_asked() -> None:
     words = [*CM, "--to-fps", 60, "--ground"]
     assert export("anna.bvh+ben.bvh", *words, "--out", "x.gltf").exit_code == 0
     assert export("anna.bvh+ben.bvh", *words, "--out", "x.bvh").exit_code == 0
     _, channels = gltf_nodes(Path("x.gltf"))
+    lowest = []
     for person, name in zip("ab", "AB", strict=True):
         of_bvh = read_bvh(Path(f"x_{name}.bvh"))
+        places = np.delete(of_bvh.positions(), of_bvh.end_sites, axis=1)
         root = channels[f"{person}_{of_bvh.joints[0]}"]["translation"]
-        np.testing.assert_allclose(root, of_bvh.positions()[:, 0], atol=1e-5)
+        np.testing.assert_allclose(root, places[:, 0], atol=1e-5)
+        lowest.append(places[..., 1].min())
     assert len(root) == 2 * N_FRAMES - 1
-    assert len(duo) == 2
+    assert min(lowest) == pytest.approx(0, abs=1e-5)
+
+
+def test_a_root_that_cannot_be_moved_is_fitted_where_it_shall_be(duo: list[Path]) -> None:
+    given = read_bvh(duo[0])
+    channels = (given.channels[0][3:], *given.channels[1:])
+    fixed = replace(given, channels=channels, motion=given.motion[:, 3:])
+    duo[0].write_text(format_file(fixed, fixed.motion))
+    for name in ("x.bvh", "x.glb"):
+        said = export("anna.bvh", *CM, "--ground", "--out", name)
+        assert said.exit_code == 0, said.output
+        assert "fitted to the joints (anna.bvh: mixamorig:Hips has no position" in said.stdout
+
+
+@pytest.mark.usefixtures("no_fit")
+@pytest.mark.parametrize("fps", [25, 60, 240])
+def test_gltf_of_a_long_take_of_a_rounded_rate_has_a_time_for_each_frame(
+    duo: list[Path], fps: int
+) -> None:
+    given = read_bvh(duo[0])
+    many = np.resize(given.motion, (1501, given.motion.shape[1]))
+    text = format_file(replace(given, frame_time=0.033333), many)
+    duo[0].write_text(text)
+    said = export("anna.bvh", *CM, "--to-fps", fps, "--out", "x.gltf")
+    assert said.exit_code == 0, said.output
+    document = json.loads(Path("x.gltf").read_text())
+    (animation,) = document["animations"]
+    counts = {
+        document["accessors"][sampler[end]]["count"]
+        for sampler in animation["samplers"]
+        for end in ("input", "output")
+    }
+    assert counts == {50 * fps + 1}
 
 
 def test_gltf_of_a_rig_whose_bones_change_is_fitted_and_the_command_says_why(

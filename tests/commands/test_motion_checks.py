@@ -258,7 +258,8 @@ def test_crossed_shins_are_named_and_the_partners_crossed_legs_excuse_them() -> 
         "to left_ankle and right_ankle in frame 20 (0.67 s), wanted at most 7 cm"
     )
     crossed[:, right] = crossed[:, left]
-    (line,) = lines_of(crossed - np.float32([2, 0, 0]), crossed[None])
+    moved = crossed - np.float32([2, 0, 0])
+    (line,) = lines_of(moved, crossed[None])
     found = re.search(
         r"the legs of the reaction are at most ([\d.]+) cm deep in .* at most (.+?) cm", line
     )
@@ -266,3 +267,6 @@ def test_crossed_shins_are_named_and_the_partners_crossed_legs_excuse_them() -> 
     depth, wanted = map(float, found.groups())
     assert depth == pytest.approx(wanted, abs=0.05)
     assert depth > 7
+    moved[:, right] += np.float32([0.01, 0, 0])  # less deep: no excuse
+    fault = lines_of(moved, crossed[None])[1]
+    assert fault.startswith("sample 0: the legs of the reaction are")
