@@ -83,7 +83,7 @@ def check(
     fitted = [error for error in errors if error.max() > 1e-4]  # a partner may be exact
     assert float(joints[1]) == pytest.approx(1e3 * np.mean(fitted), abs=0.06)
     assert float(joints[2]) == pytest.approx(1e3 * np.max(errors), abs=0.06)
-    place = re.search(r"mm at most \((\w+) in frame (\d+) \(([\d.]+) s\) of (.*?)\)[ ;]", said)
+    place = re.search(r"mm at most \((\w+) in frame (\d+) \(([\d.]+) s\) of (.*?)\)[ ;,]", said)
     assert place, said
     number = int("_B.bvh" in place[4] or place[4] == "person b")
     frame, joint = int(place[2]), SBU15.joints.index(place[1])
