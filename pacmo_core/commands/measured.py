@@ -155,6 +155,7 @@ class Measured:
                     f"all within the {LIMITS}",
                     *["turns of the capture itself, named above, do not count"]
                     * bool(self.captured),
+                    "errors of joints against the exact motion have none",
                     *["near distances have none, see below"] * is_near_worse,
                 ]
             )

@@ -21,10 +21,10 @@ def test_the_mean_error_is_of_the_people_whose_file_is_not_exact() -> None:
     line = Fidelity.of(people, found, ["a.bvh", "b.bvh"]).error_line()
     assert "off by 10.0 mm on average, 150.0 mm at most" in line
     assert f"{SBU15.joints[3]} in frame" in line
-    assert "wanted at most 80 mm: look at that frame" in line
+    assert ", over 80 mm: look at that frame" in line
     off[:, 3, 0] -= 0.1
     within = Fidelity.of(people, [people[0], replace(people[1], motion=off)], ["a.bvh", "b.bvh"])
-    assert within.error_line().endswith(", wanted at most 80 mm")
+    assert within.error_line().endswith(")")
     off[:, 3, 0] += 0.1
     both = Fidelity.of(people, [replace(people[0], motion=CLIP.person_a + 0.01), found[1]], "ab")
     expected = (1e3 * np.sqrt(3) * 0.01 + 10) / 2

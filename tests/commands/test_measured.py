@@ -70,7 +70,7 @@ def test_the_last_line_says_what_is_beyond_and_in_how_many() -> None:
     (*_, none) = measured((A, B)).lines(SECTION.limits)
     assert none == (
         "all within the limits of what looks natural (augment.limits of params.yaml, and those "
-        "above)"
+        "above); errors of joints against the exact motion have none"
     )
 
 
