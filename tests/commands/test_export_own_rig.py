@@ -58,6 +58,13 @@ def bones(bvh: Bvh) -> np.ndarray:
     return np.linalg.norm(positions[:, child] - positions[:, parents], axis=-1)
 
 
+def with_head(file: Path) -> tuple[Bvh, int, int]:
+    """Read a file; return it, its head, and the head's first column of the motion."""
+    given = read_bvh(file)
+    head = given.joints.index("mixamorig:Head")
+    return given, head, sum(len(channels) for channels in given.channels[:head])
+
+
 def check_kept(found: Bvh, given: Bvh, offsets: np.ndarray) -> None:
     for name in ("joints", "parents", "channels", "end_sites"):
         assert getattr(found, name) == getattr(given, name)
@@ -156,9 +163,7 @@ def test_people_of_two_frame_rates_are_both_on_their_rigs_at_the_lower(duo: list
 def test_a_rig_that_cannot_be_resampled_is_fitted_and_the_command_says_why(
     duo: list[Path],
 ) -> None:
-    given = read_bvh(duo[0])
-    head = given.joints.index("mixamorig:Head")
-    first = sum(len(channels) for channels in given.channels[:head])
+    given, head, first = with_head(duo[0])
     channels = list(given.channels)
     channels[head] = channels[head][:1]
     rows = np.delete(given.motion, [first + 1, first + 2], axis=1)
@@ -271,9 +276,7 @@ def test_gltf_of_a_long_take_of_a_rounded_rate_has_a_time_for_each_frame(
 def test_gltf_of_a_rig_whose_bones_change_is_fitted_and_the_command_says_why(
     duo: list[Path],
 ) -> None:
-    given = read_bvh(duo[0])
-    head = given.joints.index("mixamorig:Head")
-    first = sum(len(channels) for channels in given.channels[:head])
+    given, head, first = with_head(duo[0])
     channels = list(given.channels)
     channels[head] = ("xposition", "yposition", "zposition", *channels[head])
     places = given.offsets[head] + np.linspace(0, 1, N_FRAMES)[:, None]
