@@ -218,11 +218,11 @@ class Fidelity:
                 else ""
             )
             parts.append(
-                f"{share:.1f} % of the {self.contacts} touches (two joints within 10 cm in a "
-                f"frame) are kept{missed}"
+                f"{share:.1f} % of the exact motion's {self.contacts:,} touches (two joints within "
+                f"10 cm in a frame) are kept{missed}"
             )
         else:
-            parts.append("there are no touches (two joints within 10 cm in a frame)")
+            parts.append("the two touch nowhere (no two joints within 10 cm in a frame)")
         return "; ".join(parts)
 
 

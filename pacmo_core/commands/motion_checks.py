@@ -41,10 +41,17 @@ MAX_DEPTH = 0.08
 MAX_LEG_DEPTH = 0.07
 # Metres below the floor, as in augment.limits of params.yaml.
 MAX_BELOW = 0.01
+# Metres by which the lowest point is above the partner's in half of the frames: 99 of 100 captured
+# motions of the default are below 5.6 cm.
+MAX_HOVER = 0.06
 # Metres per second: the mean speed of the slower foot, 99 of 100 captured motions are below 28.5
 # cm/s.
 MAX_GLIDE = 0.3
-# Seconds, standard deviation of the kernel by which ankles are smoothed.
+# Times as fast as the reaction that the partner moves: 1.4 at most in recorded dances, greetings,
+# stretches, push-ups and embraces, 2.7 in the default; whoever receives an object may stand still.
+MAX_SPEED_RATIO = 3.0
+MIN_SPEED = 1e-3  # metres per second: slower is still
+# Seconds, standard deviation of the kernel by which paths are smoothed.
 SMOOTHING = 0.1
 # Samples with a line each; more of them have one line together.
 MAX_LINES = 4
@@ -267,7 +274,10 @@ def motion_lines(
         accelerate and may be below the floor
     sole : metres by which the soles of the rig are lower, under its joints, than the partner's
     """
-    lines, limits, every = list[str](), list[SampleLimit](), range(len(samples))
+    every = range(len(samples))
+    speeds = _speed_ratios(times, partner, samples)
+    own = format_fixed(100 * _mean_speed(partner, times), 1)
+    lines, limits = [f"{speeds.said(every)}, {speeds.wanted} (at {own} cm/s)"], [speeds]
     if ankles := list(find_body_joints(skeleton).ankles):
         own = format_fixed(100 * _glide(partner[:, ankles], times), 1)
         glide = SampleLimit(
@@ -279,11 +289,12 @@ def motion_lines(
         limits.append(glide)
         lines.append(f"{glide.said(every)}, {glide.wanted} (the partner's at {own})")
     if feet(skeleton):
-        below = _below_partner(skeleton, times, partner, samples, people, sole)
-        limits.append(below)
+        below, above = _heights(skeleton, times, partner, samples, people, sole)
+        limits += [below, above]
         lower = f"{100 * sole:.2f} cm by which the rig's soles are lower"
         of_rig = f" ({100 * MAX_BELOW:g} cm, and {lower})" if sole else ""
         lines.append(f"{below.said(every)}, {below.wanted}{of_rig}")
+        lines.append(f"{above.said(every)}, {above.wanted}")
     try:
         depths = _depths(skeleton, times, partner, samples)
     except ValueError as fault:
@@ -306,18 +317,20 @@ def motion_lines(
     ]
 
 
-def _below_partner(
+def _heights(
     skeleton: Skeleton,
     times: Array,
     partner: Motion,
     samples: Motion,
     people: Sequence[PersonMotion],
     sole: float,
-) -> SampleLimit:
+) -> tuple[SampleLimit, SampleLimit]:
     """Compare the lowest point of each sample with the partner's, in proportion to the legs.
 
-    Over one floor the joints of a smaller person are lower. The floor is level: the slope of one
-    that is fitted to a person in one place says nothing of another place.
+    The first is how far it is below the partner's lowest in any frame, the second how far it is
+    above the partner's in half of the frames: a body that floats. Over one floor the joints of a
+    smaller person are lower. The floor is level: the slope of one that is fitted to a person in one
+    place says nothing of another place.
     """
     fps = (len(times) - 1) / (times[-1] - times[0])
     floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton).height
@@ -330,13 +343,42 @@ def _below_partner(
         find_peak(depth, person.skeleton.joints, times)
         for depth, person in zip(depths, people[1:], strict=True)
     ]
-    return SampleLimit(
+    below = SampleLimit(
         [100 * max(0.0, float(depth.max())) for depth in depths],
         100 * (MAX_BELOW + sole),
         "the lowest joint or End Site is {} below the partner's lowest",
         " cm",
         [f"{peak.joint} {peak.place}" for peak in peaks],
     )
+    usual = float(np.median(own.min(axis=1)))
+    above = SampleLimit(
+        [
+            100 * float(np.median(of.min(axis=1)) - usual * leg / own_leg)
+            for leg, of in zip(legs, heights, strict=True)
+        ],
+        100 * MAX_HOVER,
+        "in the median frame that lowest point is {} above the partner's",
+        " cm",
+    )
+    return below, above
+
+
+def _speed_ratios(times: Array, partner: Motion, samples: Motion) -> SampleLimit:
+    """Compare the mean speed of the partner's joints with that of each sample's."""
+    own = _mean_speed(partner, times)
+    return SampleLimit(
+        [own / max(_mean_speed(sample, times), MIN_SPEED) for sample in samples],
+        MAX_SPEED_RATIO,
+        "the partner's joints move {} as fast as those of the reaction, on average",
+        " times",
+    )
+
+
+def _mean_speed(motion: Motion, times: Array) -> float:
+    """Return the mean speed of all joints, their paths smoothed, in metres per second."""
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    paths = gaussian_filter1d(motion.astype(np.float64), SMOOTHING / step, axis=0)
+    return float(np.linalg.norm(np.diff(paths, axis=0), axis=-1).mean() / step)
 
 
 def _jolts(times: Array, samples: Sequence[PersonMotion]) -> SampleLimit:

@@ -390,6 +390,9 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
         typer.echo(line)
     if written.fidelity.is_of_files:
         typer.echo(written.fidelity.line())
+        if not written.fidelity.contacts:
+            typer.echo("a reaction touches where the model predicts it; what to do where you "
+                       "expect a touch: docs/react.md, Where a touch is missing")  # fmt: skip
     typer.echo(_files_line(reactions, written.files, space))
 
 
@@ -419,7 +422,10 @@ def _files_line(reactions: Reactions, files: list[Path], space: OutputSpace) -> 
         )
     made = f"{files[1]}{f' ... {files[-1]}' if samples > 1 else ''}"
     if rig is None:
-        return f"{text}: the partner in {files[0]}, the reaction in {made}, with {body}"
+        return (
+            f"{text}: the partner in {files[0]}, the reaction in {made}, with {body}; both in "
+            f"{space}"
+        )
     partner = "as captured" if reactions.partner_rig else "on the joints of the model"
     return (
         f"{text}: the partner in {files[0]}, {partner}; the reaction in {made}, on the rig of "

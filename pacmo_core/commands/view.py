@@ -13,6 +13,7 @@ from pacmo_core.commands.captures import (
     check_two_people,
     names_clips,
     on_one_clock,
+    rate_text,
     read_clip,
     some_clips,
     two_sources,
@@ -212,6 +213,18 @@ def _with_labels(scenes: Sequence[Scene], words: Sequence[str], labels: list[str
     return [replace(scene, label=label) for scene, label in zip(scenes, labels, strict=True)]
 
 
+def _described(scene: Scene) -> str:
+    """Say what is played: joints of each person, frames, rate and duration."""
+    joints = " and ".join(str(len(body.joints)) for body in scene.skeletons)
+    people = "1 person" if len(scene.people) == 1 else "2 people"
+    seconds = float(scene.times[-1] - scene.times[0])
+    rate = rate_text((len(scene.times) - 1) / seconds) if seconds else "0"
+    return (
+        f"{scene.label}: {people} of {joints} joints, {len(scene.times):,} frames at {rate} "
+        f"frames a second"
+    )
+
+
 Clips = Annotated[
     list[str], typer.Argument(metavar="CLIP...", help="NAME, FOLDER:NAME, FILE or FILE+FILE")
 ]
@@ -259,6 +272,8 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
             raise CommandError(f"wanted at most {MAX_CLIPS} clips side by side; got {len(clips)}")
         scenes = _with_labels(read_scenes(clips, options), clips, label)
         write_text(out, render_viewer(scenes, contact=contact))
+    for scene in scenes:
+        typer.echo(_described(scene))
     typer.echo(f"{out}: {len(scenes)} {'clip' if len(scenes) == 1 else 'clips'}")
     if open_it:
         webbrowser.open(out.resolve().as_uri())

@@ -241,6 +241,37 @@ def test_depth_below_the_partner_is_in_proportion_to_the_legs() -> None:
     assert "the lowest joint or End Site is 0 cm below the partner's lowest" in line
 
 
+@pytest.mark.parametrize(("share", "is_named"), [(0.5, False), (0.25, True), (0.0, True)])
+def test_a_body_that_stands_still_beside_a_dancer_is_named(share: float, is_named: bool) -> None:
+    sway = np.sin(2 * np.pi * TIMES)[:, None, None] * np.float32([0.3, 0, 0])
+    still = standing()
+    partner = (still + sway).astype(np.float32)
+    reaction = (still + share * sway + [2, 0, 0]).astype(np.float32)
+    line, *faults = lines_of(partner, reaction[None])
+    # 0.3 m x 4 in a second, less what is smoothed.
+    (speed,) = re.findall(r"at most 3 times \(at ([\d.]+) cm/s\)", line)
+    assert 60 < float(speed) < 120
+    ratio = rf"{1 / share:.1f}" if share else r"\d{3,}\.\d"
+    said = rf"the partner's joints move {ratio} times as fast as those of the reaction, on average"
+    assert re.search(said, line)
+    assert bool(faults and re.match(rf"sample 0: {said}, wanted at most 3 times", faults[0])) == (
+        is_named
+    )
+
+
+@pytest.mark.parametrize(("rise", "is_named"), [(0.05, False), (0.08, True)])
+def test_a_body_that_floats_is_named_and_one_that_jumps_is_not(rise: float, is_named: bool) -> None:
+    partner = standing()
+    floats = partner + np.float32([2, rise, 0])
+    jumps = partner + np.float32([2, 0, 0])
+    jumps[10:35, :, 1] += np.float32(0.1)
+    line, *faults = lines_of(partner, np.stack([floats, jumps]))
+    above = "in the median frame that lowest point is {} cm above the partner's, wanted at most 6"
+    assert above.format(f"0 to {100 * rise:.1f}") in line
+    named = f"sample 0: {above.format(f'{100 * rise:.1f}')} cm"
+    assert (named in faults) == is_named
+
+
 def test_crossed_shins_are_named_and_the_partners_crossed_legs_excuse_them() -> None:
     partner = standing()
     crossed = partner + np.float32([2, 0, 0])

@@ -89,13 +89,13 @@ def check(
     frame, joint = int(place[2]), SBU15.joints.index(place[1])
     assert 1e3 * errors[number][frame, joint] == pytest.approx(float(joints[2]), abs=0.06)
     assert float(place[3]) == pytest.approx(CLIP.times[frame] - CLIP.times[0], abs=0.01)
-    printed = re.search(r"; ([\d.]+) % of the (\d+) touches", said)
+    printed = re.search(r"; ([\d.]+) % of the exact motion's ([\d,]+) touches", said)
     touch = distances(wanted) < CONTACT
     assert (touch.any() and share) == (printed is not None)
     if printed:
         held = (distances(found) < CONTACT)[touch].mean()
         assert float(printed[1]) == pytest.approx(100 * held, abs=0.06)
-        assert int(printed[2]) == touch.sum()
+        assert int(printed[2].replace(",", "")) == touch.sum()
         missed = np.where(touch, distances(found), 0)
         named = re.search(
             r"are kept, the farthest missed (\w+) of person a and (\w+) of b in frame (\d+) "

@@ -139,6 +139,9 @@ def test_two_people_of_different_skeletons_are_a_pair(tmp_path: Path) -> None:
     (tmp_path / "y.bvh").write_text(format_bvh(other, 15, NTU25))
     said = view("x.bvh+y.bvh", "--from-unit", 1, "--from-up", "y")
     assert said.exit_code == 0, said.output
+    joints = f"{len(SBU15.joints)} and {len(NTU25.joints)} joints"
+    frames = f"{len(REAL.times)} frames at 15 frames a second"
+    assert f"x + y: 2 people of {joints}, {frames}" in said.output
     (facts,) = packed(tmp_path / "view.html")
     assert set(facts["joints"]) == set(SBU15.joints)
     assert set(facts["other"]["joints"]) == set(NTU25.joints)
