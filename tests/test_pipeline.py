@@ -43,8 +43,8 @@ def reproduce(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def twins(tmp_path_factory):
-    return [reproduce(tmp_path_factory.mktemp(name) / "clone") for name in ("one", "two")]
+def clone(tmp_path_factory):
+    return reproduce(tmp_path_factory.mktemp("one") / "clone")
 
 
 def hashes(folder: Path) -> dict[str, str]:
@@ -56,21 +56,22 @@ def hashes(folder: Path) -> dict[str, str]:
     }
 
 
+@pytest.mark.scheduled
 @pytest.mark.slow
-def test_the_same_commit_reproduced_twice_gives_the_same_bytes(twins):
-    one, two = map(hashes, twins)
+def test_the_same_commit_reproduced_twice_gives_the_same_bytes(clone, tmp_path):
+    one, two = map(hashes, (clone, reproduce(tmp_path / "clone")))
     assert {Path(name).suffix for name in one} >= {".parquet", ".json", ".html", ".safetensors"}
     assert one == two
 
 
 @pytest.mark.slow
-def test_there_is_then_nothing_to_do(twins):
-    assert "up to date" in run(twins[0], sys.executable, "-m", "dvc", "repro")
+def test_there_is_then_nothing_to_do(clone):
+    assert "up to date" in run(clone, sys.executable, "-m", "dvc", "repro")
 
 
 @pytest.mark.slow
-def test_the_metrics_hold_every_row(twins):
-    metrics = json.loads((twins[0] / "reports" / "details.json").read_text())
+def test_the_metrics_hold_every_row(clone):
+    metrics = json.loads((clone / "reports" / "details.json").read_text())
     assert metrics["data"]["usable"] == 40
     assert metrics["pacmo"]["rows"].keys() >= {
         *("real", "oracle", "pacmo", "pacmo_paper", "gru", "wrong_partner", "pacmo_permuted"),
@@ -80,7 +81,7 @@ def test_the_metrics_hold_every_row(twins):
     assert len(gained["each"]["f2id"]) == 1  # a fold
     assert "mean" in gained["clips"]["f2id"]
     assert gained["folds"] == {}  # one fold has no interval
-    assert "Does augmentation improve PaCMO?" in (twins[0] / "reports" / "report.html").read_text()
+    assert "Does augmentation improve PaCMO?" in (clone / "reports" / "report.html").read_text()
     for row in metrics["pacmo"]["rows"].values():
         for name in ("f2id", "mmd_a", "mmd_s", "diversity", "matching", "ape", "energy_score"):
             cell = row[name]  # with fewer than four pairs of people there is no interval
@@ -89,8 +90,8 @@ def test_the_metrics_hold_every_row(twins):
 
 
 @pytest.mark.slow
-def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(twins):
-    found = json.loads((twins[0] / "reports" / "details.json").read_text())["skeleton_prior"]
+def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(clone):
+    found = json.loads((clone / "reports" / "details.json").read_text())["skeleton_prior"]
     for task in ("retargeting", "generation"):
         models = found[task]["default"]["random"]
         assert models.keys() == {"template", "start", "kinematic", "f_cnn"}
@@ -101,8 +102,8 @@ def test_the_metrics_hold_both_tasks_of_the_priors_and_our_bones_are_exact(twins
 
 
 @pytest.mark.slow
-def test_the_oracle_keeps_the_partner_and_changes_the_reaction(twins):
-    data = twins[0] / "data"
+def test_the_oracle_keeps_the_partner_and_changes_the_reaction(clone):
+    data = clone / "data"
     oracle = pl.read_parquet(data / "reactions" / "1" / "oracle" / "1" / "motions.parquet")
     name = oracle["clip"][0]
     assert name.endswith("#a#0")
@@ -117,19 +118,20 @@ def test_the_oracle_keeps_the_partner_and_changes_the_reaction(twins):
 
 
 @pytest.mark.slow
-def test_an_edit_of_a_parameter_runs_only_the_stages_that_depend_on_it(twins):
-    params = twins[1] / "params.yaml"
+def test_an_edit_of_a_parameter_runs_only_the_stages_that_depend_on_it(clone):
+    params = clone / "params.yaml"
     params.write_text(params.read_text().replace("played_clips: 2", "played_clips: 1"))
-    said = run(twins[1], sys.executable, "-m", "dvc", "repro")
+    said = run(clone, sys.executable, "-m", "dvc", "repro")
     assert "Running stage 'report'" in said
     assert said.count("Running stage") == 1
 
 
+@pytest.mark.scheduled
 @pytest.mark.slow
-def test_a_further_seed_trains_only_its_own_models(twins):
-    params = twins[1] / "params.yaml"
+def test_a_further_seed_trains_only_its_own_models(clone):
+    params = clone / "params.yaml"
     params.write_text(params.read_text().replace("seeds: [1] ", "seeds: [1, 2] ", 1))
-    said = run(twins[1], sys.executable, "-m", "dvc", "repro")
+    said = run(clone, sys.executable, "-m", "dvc", "repro")
     ran = {line.split("'")[1] for line in said.splitlines() if line.startswith("Running stage")}
     assert ran == {
         *("train_reaction@gru-1-2", "train_reaction@regression-1-2"),
@@ -140,18 +142,18 @@ def test_a_further_seed_trains_only_its_own_models(twins):
         *("react_without_finish@pacmo-1-2", "react_without_finish@pacmo_paper-1-2"),
         *("evaluate_pacmo@1", "pool_pacmo", "report"),
     }
-    models = twins[1] / "models" / "1" / "gru"
+    models = clone / "models" / "1" / "gru"
     first, second = ((models / seed / "weights.safetensors").read_bytes() for seed in "12")
     assert first != second
 
 
 @pytest.mark.slow
-def test_an_experiment_without_skeleton_priors_ends_with_a_report(twins):
-    params = twins[1] / "params.yaml"
+def test_an_experiment_without_skeleton_priors_ends_with_a_report(clone):
+    params = clone / "params.yaml"
     params.write_text(params.read_text().replace("datasets: [default]", "datasets: []", 1))
     for name in ("scores", "samples"):  # as in a checkout that never trained any
-        shutil.rmtree(twins[1] / "data" / "priors" / name)
-    said = run(twins[1], sys.executable, "-m", "dvc", "repro")
+        shutil.rmtree(clone / "data" / "priors" / name)
+    said = run(clone, sys.executable, "-m", "dvc", "repro")
     assert "Running stage 'pool_skeleton_prior'" in said and "Running stage 'train" not in said
-    details = json.loads((twins[1] / "reports" / "details.json").read_text())
+    details = json.loads((clone / "reports" / "details.json").read_text())
     assert details["skeleton_prior"]["generation"] == {}
