@@ -10,7 +10,7 @@ import typer
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, planted_weights
-from pacmo_core.commands.captures import OutputSpace, meant_times, rate_text
+from pacmo_core.commands.captures import OutputSpace, meant_rate, meant_times, rate_text
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -126,11 +126,14 @@ def export_scene(
             if suffix == ".bvh":
                 files = _write_people(out, [format_file(rig, rig.motion) for rig in on_rigs])
             else:
-                times = np.arange(len(on_rigs[0].motion)) * np.float64(on_rigs[0].frame_time)
+                # Keys on the frames of the rate that is printed, not beside them.
+                fps = meant_rate(1 / on_rigs[0].frame_time)
+                times = np.arange(len(on_rigs[0].motion)) / np.float64(fps)
                 files = _write_gltf(out, scene, times, [bone_motion(rig) for rig in on_rigs])
             rate = _rate_line(len(on_rigs[0].motion), 1 / on_rigs[0].frame_time)
             return files, f"{rate}, in {form.space}, with the rest pose of {names}"
-    written = scene if fps is None else resample_scene(scene, fps)
+    same = replace(scene, times=meant_times(scene.times))
+    written = same if fps is None else resample_scene(scene, fps)
     files, errors = WRITERS[suffix](out, written, form)
     summary = _rate_line(len(written.times), _fps(written))
     if suffix in OF_A_PERSON:

@@ -130,10 +130,15 @@ class SampleLimit:
 
 
 def limit_lines(limits: Sequence[SampleLimit]) -> list[str]:
-    """Return the lines of all limits, and one on what to do; nothing if all samples are within."""
+    """Return the lines of all limits, and one on what to do; one if all samples are within."""
     lines = [line for one in limits for line in one.lines()]
     if not lines:
-        return []
+        count = len(limits[0].values)
+        return [
+            f"all {count} samples are within every limit"
+            if count > 1
+            else "the reaction is within every limit"
+        ]
     if any(one.is_beyond_in_all for one in limits):
         return [*lines, "where all samples are beyond a limit another --seed hardly helps: try "
                 "another capture, or train on captures like this one (docs/react.md)"]  # fmt: skip

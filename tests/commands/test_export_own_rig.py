@@ -273,6 +273,26 @@ def test_gltf_of_a_long_take_of_a_rounded_rate_has_a_time_for_each_frame(
     assert counts == {50 * fps + 1}
 
 
+@pytest.mark.usefixtures("no_fit")
+@pytest.mark.parametrize("rate", [(), ("--to-fps", FPS)])
+def test_keys_of_gltf_and_times_of_a_table_are_on_the_frames_of_the_printed_rate(
+    duo: list[Path], rate: tuple[object, ...]
+) -> None:
+    rounded = duo[0].read_text().replace("Frame Time: 0.0333333333", "Frame Time: 0.033333")
+    assert rounded != duo[0].read_text()
+    duo[0].write_text(rounded)
+    for out in ("x.gltf", "x.csv"):
+        said = export("anna.bvh", *CM, *rate, "--out", out)
+        assert said.exit_code == 0, said.output
+        assert f"{N_FRAMES} frames at {FPS} frames a second" in said.stdout
+    document = json.loads(Path("x.gltf").read_text())
+    (animation,) = document["animations"]
+    inputs = {sampler["input"] for sampler in animation["samplers"]}
+    ends = {document["accessors"][number]["max"][0] for number in inputs}
+    assert list(ends) == pytest.approx([(N_FRAMES - 1) / FPS], abs=1e-7)
+    assert f"# fps: {FPS}\n" in Path("x.csv").read_text()
+
+
 def test_gltf_of_a_rig_whose_bones_change_is_fitted_and_the_command_says_why(
     duo: list[Path],
 ) -> None:

@@ -26,12 +26,17 @@ def lines_of(partner: Motion, samples: Motion) -> list[str]:
 
 
 def joined(lines: list[str]) -> list[str]:
-    """Join the lines of all samples; those on what is beyond a limit follow."""
+    """Join the lines of all samples; those on what is beyond a limit follow, if anything is."""
     head = "the motion of the reaction, measured in what was written (docs/react.md)"
     assert lines[0].startswith(head) and lines[0].endswith(":")
     measured = [line for line in lines[1:] if line.startswith("  ")]
     assert lines[1 : 1 + len(measured)] == measured
-    return ["; ".join(line.strip() for line in measured), *lines[1 + len(measured) :]]
+    verdict = lines[1 + len(measured) :]
+    assert verdict
+    if verdict[-1].endswith(" within every limit"):
+        whose = r"the reaction is|all \d+ samples are"
+        assert len(verdict) == 1 and re.fullmatch(f"({whose}) within every limit", verdict.pop())
+    return ["; ".join(line.strip() for line in measured), *verdict]
 
 
 def standing() -> np.ndarray:
