@@ -387,7 +387,8 @@ def _displaced_at(values: Scales, names: Sequence[str], own: PersonMotion) -> st
     number, frame, joint = (int(i) for i in np.unravel_index(values.argmax(), values.shape))
     texts = [f"{100 * of_one.max():.1f}" for of_one in values]
     of_samples = samples_of(texts, number)
-    of_sample = "" if of_samples in ("", "all samples") else f" of {of_samples}"
+    alike = {"": "", "all samples": ", alike in all samples"}
+    of_sample = alike.get(of_samples, f" of {of_samples}")
     time = own.times[frame] - own.times[0]
     return f" ({names[joint]} in frame {frame}, {time:.2f} s{of_sample})"
 

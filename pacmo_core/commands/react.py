@@ -64,7 +64,12 @@ from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
 from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.stream import ReactionStream
-from pacmo_core.reaction.windows import PartnerMotion, sample_poses
+from pacmo_core.reaction.windows import (
+    PartnerMotion,
+    ReactionModel,
+    is_deterministic,
+    sample_poses,
+)
 from pacmo_core.store.files import write_text
 from pacmo_core.store.motions import write_motions
 
@@ -143,11 +148,12 @@ class Reactions:
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
     """Reject an output without a known suffix, or one that has another unit or axis."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
-        stored = out.with_suffix(".parquet").name
+        stored, bvh = (out.with_suffix(suffix).name for suffix in (".parquet", ".bvh"))
         raise CommandError(
             f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files; for others: "
             f"react ... --out {stored}, then pacmo export {stored}:NAME#0000 --out {out.name}, "
-            "with NAME the partner's file without its suffix, or the clip"
+            "with NAME the partner's file without its suffix, or the clip; on rigs: react ... "
+            f"--out {bvh}, then pacmo export {out.stem}_0_A.bvh+{out.stem}_0_B.bvh --out {out.name}"
         )
     check_up(space.up)
     check_unit(space.unit, "--to-unit")
@@ -359,7 +365,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
-        (motions,) = react_all(model, [partner_motion], n_samples=samples, random=random)
+        motions = _samples(model, partner_motion, samples, random)
         if finish:
             motions = finish_reactions(model, partner_motion, motions, people.lengths)
         partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
@@ -369,6 +375,20 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             people.copied_partner(at, space),
         )  # fmt: skip
         _write(reactions, out, space)
+
+
+def _samples(
+    model: ReactionModel, partner: PartnerMotion, samples: int, random: torch.Generator
+) -> Motion:
+    """Generate reactions, ``(S, T, J, 3)`` metres, each the same to the bit however many there are.
+
+    In a batch of another size sums are rounded otherwise, by a micrometre, of which the rotations
+    of a rig may make millimetres.
+    """
+    if is_deterministic(model):
+        return react_all(model, [partner], n_samples=samples, random=random)[0]
+    alone = (react_all(model, [partner], n_samples=1, random=random)[0] for _ in range(samples))
+    return np.concatenate(list(alone))
 
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:

@@ -236,3 +236,16 @@ def test_a_rig_that_does_not_fit_is_one_line(captures: list[Path], tmp_path: Pat
     rows = [" ".join(row.split()[: 6 + text.count("CHANNELS 1 Xrotation")]) for row in text[-2:]]
     rig.write_text("\n".join([*text[:-2], *rows, ""]))
     refused(pacmo(captures[0], "--rig", rig, "--out", out), "wanted three to write")
+
+
+def test_a_sample_on_a_rig_has_the_same_bytes_however_many_there_are(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    anna, ben = captures
+    for samples in (1, 3):
+        out = tmp_path / f"x{samples}.bvh"
+        said = pacmo(anna, "--rig", ben, "--samples", samples, "--out", out)
+        assert said.exit_code == 0, said.output
+    first = [(tmp_path / f"x{samples}_0_B.bvh").read_bytes() for samples in (1, 3)]
+    assert first[0] == first[1]
+    assert first[0] != (tmp_path / "x3_1_B.bvh").read_bytes()
