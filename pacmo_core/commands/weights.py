@@ -34,7 +34,7 @@ LIMITS = (
     "Trained on synthetic motion of ten scripted actions alone: the scores are those of new "
     "synthetic people, and do not apply to recorded motion, where hands often do not meet.",
     "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
-    "Punches and kicks arrive late, early or short; samples vary less than real reactions do.",
+    "One of five punches, kicks and pushes does not arrive, and others come late or early.",
 )
 
 _CLIPS = "clips.parquet"  # beside stored motions
