@@ -42,6 +42,7 @@ def reproduce(folder: Path) -> Path:
     return folder
 
 
+# Tests that edit its parameters come after those that do not.
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory):
     return reproduce(tmp_path_factory.mktemp("one") / "clone")

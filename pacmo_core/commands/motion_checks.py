@@ -50,7 +50,7 @@ MAX_GLIDE = 0.3
 # Times as fast as the reaction that the partner moves: 1.4 at most in recorded dances, greetings,
 # stretches, push-ups and embraces, 2.7 in the default; whoever receives an object may stand still.
 MAX_SPEED_RATIO = 3.0
-MIN_SPEED = 1e-3  # metres per second: slower is still
+MIN_SPEED = 0.03  # metres per second: who stands and breathes is no slower
 # Seconds, standard deviation of the kernel by which paths are smoothed.
 SMOOTHING = 0.1
 # Samples with a line each; more of them have one line together.
@@ -135,9 +135,9 @@ def limit_lines(limits: Sequence[SampleLimit]) -> list[str]:
     if not lines:
         count = len(limits[0].values)
         return [
-            f"all {count} samples are within every limit"
+            f"all {count} samples are within every limit that was measured"
             if count > 1
-            else "the reaction is within every limit"
+            else "the reaction is within every limit that was measured"
         ]
     if any(one.is_beyond_in_all for one in limits):
         return [*lines, "where all samples are beyond a limit another --seed hardly helps: try "

@@ -387,8 +387,9 @@ def _samples(
     """
     if is_deterministic(model):
         return react_all(model, [partner], n_samples=samples, random=random)[0]
-    alone = (react_all(model, [partner], n_samples=1, random=random)[0] for _ in range(samples))
-    return np.concatenate(list(alone))
+    return np.concatenate(
+        [react_all(model, [partner], n_samples=1, random=random)[0] for _ in range(samples)]
+    )
 
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:

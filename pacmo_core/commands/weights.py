@@ -34,7 +34,8 @@ LIMITS = (
     "Trained on synthetic motion of ten scripted actions alone: the scores are those of new "
     "synthetic people, and do not apply to recorded motion, where hands often do not meet.",
     "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
-    "One of five punches, kicks and pushes does not arrive, and others come late or early.",
+    "Punches and kicks may stop short, or come late or early; samples vary less than real "
+    "reactions do; in walking apart a foot may slide while it carries the body.",
 )
 
 _CLIPS = "clips.parquet"  # beside stored motions
