@@ -132,8 +132,11 @@ def export_scene(
                 files = _write_gltf(out, scene, times, [bone_motion(rig) for rig in on_rigs])
             rate = _rate_line(len(on_rigs[0].motion), 1 / on_rigs[0].frame_time)
             return files, f"{rate}, in {form.space}, with the rest pose of {names}"
-    same = replace(scene, times=meant_times(scene.times))
-    written = same if fps is None else resample_scene(scene, fps)
+    written = (
+        replace(scene, times=meant_times(scene.times))
+        if fps is None
+        else resample_scene(scene, fps)
+    )
     files, errors = WRITERS[suffix](out, written, form)
     summary = _rate_line(len(written.times), _fps(written))
     if suffix in OF_A_PERSON:

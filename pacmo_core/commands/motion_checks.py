@@ -380,10 +380,16 @@ def _speed_ratios(times: Array, partner: Motion, samples: Motion) -> SampleLimit
 
 
 def _mean_speed(motion: Motion, times: Array) -> float:
-    """Return the mean speed of all joints, their paths smoothed, in metres per second."""
+    """Return the mean speed of all joints in metres per second."""
+    return float(_speeds(motion, times).mean())
+
+
+def _speeds(paths: Motion, times: Array) -> Array:
+    """Return the speeds, ``(T - 1, J)`` metres per second, of smoothed paths ``(T, J, D)``."""
     step = (times[-1] - times[0]) / (len(times) - 1)
-    paths = gaussian_filter1d(motion.astype(np.float64), SMOOTHING / step, axis=0)
-    return float(np.linalg.norm(np.diff(paths, axis=0), axis=-1).mean() / step)
+    smooth = gaussian_filter1d(paths.astype(np.float64), SMOOTHING / step, axis=0)
+    speeds: Array = np.linalg.norm(np.diff(smooth, axis=0), axis=-1) / step
+    return speeds
 
 
 def _jolts(times: Array, samples: Sequence[PersonMotion]) -> SampleLimit:
@@ -428,10 +434,7 @@ def _turns(times: Array, people: Sequence[PersonMotion]) -> tuple[SampleLimit, s
 
 def _glide(ankles: Motion, times: Array) -> float:
     """Return the mean horizontal speed of the slower ankle in metres per second."""
-    step = (times[-1] - times[0]) / (len(times) - 1)
-    path = gaussian_filter1d(ankles[..., [0, 2]].astype(np.float64), SMOOTHING / step, axis=0)
-    speeds = np.linalg.norm(np.diff(path, axis=0), axis=-1) / step
-    return float(speeds.min(axis=1).mean())
+    return float(_speeds(ankles[..., [0, 2]], times).min(axis=1).mean())
 
 
 def _depths(

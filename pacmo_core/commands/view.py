@@ -214,14 +214,14 @@ def _with_labels(scenes: Sequence[Scene], words: Sequence[str], labels: list[str
 
 
 def _described(scene: Scene) -> str:
-    """Say what is played: joints of each person, frames, rate and duration."""
+    """Say what is played: people, joints of each, frames and rate."""
     joints = " and ".join(str(len(body.joints)) for body in scene.skeletons)
     people = "1 person" if len(scene.people) == 1 else "2 people"
     seconds = float(scene.times[-1] - scene.times[0])
     rate = rate_text((len(scene.times) - 1) / seconds) if seconds else "0"
     return (
         f"{scene.label}: {people} of {joints} joints, {len(scene.times):,} frames at {rate} "
-        f"frames a second"
+        "frames a second"
     )
 
 
