@@ -6,6 +6,7 @@ from pathlib import Path
 from benchmarks._sampling import Sampled
 from pacmo_core.formats.base import Format
 from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.joint_names import StatedNames, name_joints
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.windows import max_duration
@@ -30,7 +31,7 @@ MIN_FRAMES = 20
 
 
 def captures_of(model: Generator) -> tuple[str, list[Sampled]]:
-    """Return the dataset with a model's joints, and clips no longer than in its training."""
+    """Return the dataset that has a model's joints, and clips no longer than in its training."""
     root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
     for name, (form, folder) in SETS.items():
         if not (root / folder).is_dir():
@@ -38,9 +39,12 @@ def captures_of(model: Generator) -> tuple[str, list[Sampled]]:
         clips: list[Sampled] = []
         for sequence in form.find(root / folder)[:MAX_CLIPS]:
             clip = form.read(sequence).interaction
-            if clip.skeleton.joints != model.skeleton.joints:
+            try:
+                names = name_joints(clip.skeleton, model.skeleton, StatedNames())
+            except ValueError:  # a joint of the model that these captures lack
                 break
-            clips += _cut(Sampled(clip.person_a, clip.times), max_duration(model.normalisation))
+            partner = Sampled(names.apply(clip.person_a), clip.times)
+            clips += _cut(partner, max_duration(model.normalisation))
         if clips:
             return name, clips[:MAX_CLIPS]
     return "", []

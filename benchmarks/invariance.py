@@ -12,12 +12,13 @@ of 16 modes on 1.25 of the model's usual duration: at most 12.8 cycles. 129 fram
 ``mismatch_2x``, ``_4x``, ``_jitter`` (by up to 40 % of a step), ``_dropped`` (30 % of frames) and
 ``_half`` (every second frame, 65) are against these.
 
-Real partners are captures under PACMO_REAL_DATA of the joints that a model has: SBU at 15 frames
-a second, salsa at 120. For each model of ``--real`` (or ``--weights``): ``SET_half``, ``_quarter``
-and ``_dropped`` against all frames; ``_finer``, the spline through all frames at 2 T - 1 jittered
-instants, against them; and ``SET_input_...``, how far the splines of the two inputs differ
-themselves: noisy or few frames lack information of the others, so that reactions that depend on
-the partner must differ too. ``mismatch_real`` is the worst of half and dropped.
+Real partners are captures under PACMO_REAL_DATA in which the joints of a model can be named: SBU
+at 15 frames a second, or salsa at 120. For each model of ``--real`` (or ``--weights``):
+``SET_half``, ``_quarter`` and ``_dropped`` against all frames; ``_finer``, the spline through all
+frames at 2 T - 1 jittered instants, against them; and ``SET_input_...``, how far the splines of
+the two inputs differ themselves: noisy or few frames lack information of the others, so that
+reactions that depend on the partner must differ too. ``mismatch_real`` is the worst of half and
+dropped.
 """
 
 from pathlib import Path

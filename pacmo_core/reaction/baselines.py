@@ -111,12 +111,31 @@ class Gru(nn.Module):
 
     def loss(self, frames: FrameSequences, rows: Sequence[int]) -> Tensor:
         """Return the mean squared error over all frames but padding, in normalised units."""
-        partner = pad_sequence([frames.partner[i] for i in rows], batch_first=True)
-        reaction = pad_sequence([frames.reaction[i] for i in rows], batch_first=True)
-        lengths = torch.tensor([len(frames.partner[i]) for i in rows], device=partner.device)
-        is_frame = torch.arange(partner.shape[1], device=partner.device) < lengths[:, None]
+        return self._loss(*pad(frames, rows))
+
+    def training_loss(
+        self,
+        frames: FrameSequences,
+        rows: Sequence[int],
+        augmentation: RandomAugmentation,
+        random: torch.Generator,
+    ) -> Tensor:
+        """Return ``loss`` of clips that are transformed at random."""
+        partner, reaction, is_frame = pad(frames, rows)
+        return self._loss(*augmentation.people(partner, reaction, random), is_frame)
+
+    def _loss(self, partner: Tensor, reaction: Tensor, is_frame: Tensor) -> Tensor:
         error = (self(partner) - reaction).square().mean(dim=-1) / self.normalisation.scale**2
         return torch.masked_select(error, is_frame).mean()
+
+
+def pad(frames: FrameSequences, rows: Sequence[int]) -> tuple[Tensor, Tensor, Tensor]:
+    """Return partners and reactions ``(B, T, 3 J)``, and ``(B, T)`` which frames are no padding."""
+    partner = pad_sequence([frames.partner[i] for i in rows], batch_first=True)
+    reaction = pad_sequence([frames.reaction[i] for i in rows], batch_first=True)
+    lengths = torch.tensor([len(frames.partner[i]) for i in rows], device=partner.device)
+    is_frame = torch.arange(partner.shape[1], device=partner.device) < lengths[:, None]
+    return partner, reaction, is_frame
 
 
 def frame_times(start: float, end: float, fps: float) -> NDArray[np.float64]:
@@ -150,10 +169,11 @@ def build_gru_training(
     model = Gru(config)
     initialise_weights(model, random)
     model.to(device).normalisation.fit(sample_motion_pairs(directions, n_points=33).to(device))
+    augmentation = RandomAugmentation(settings.augmentation, model.skeleton, n_points=0)
     trainer = SupervisedTrainer(
         model,
         len(frames.partner),
-        lambda rows: model.loss(frames, rows.tolist()),
+        lambda rows: model.training_loss(frames, rows.tolist(), augmentation, random),
         (lambda: model.loss(validation_frames, range(len(validation_frames.partner))))
         if validation
         else None,

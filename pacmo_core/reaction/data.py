@@ -1,8 +1,9 @@
 """Interactions as training data: pairs of functions of normalised time, and their augmentation.
 
 Each interaction is transformed to the frame of the partner's first pose and sampled at N evenly
-spaced times in [0, 1]. Augmentation mirrors, scales and rotates both people and lowers the
-partner's frame rate: the result is as natural as the capture.
+spaced times in [0, 1]. Augmentation mirrors, scales and rotates both people, lowers the partner's
+frame rate, changes the tempo, and moves the partner's joints as another skeleton or a sensor would.
+So the partners of other captures, whose joints lie elsewhere in the body, are less strange.
 """
 
 from collections.abc import Callable, Sequence
@@ -182,7 +183,7 @@ MIRROR_X = (-1.0, 1.0, 1.0)  # factors of x, y, z; in the partner's frame left i
 
 
 class RandomAugmentation:
-    """Transform a batch at random: both people alike, but the frame rate of the partner only.
+    """Transform a batch at random: both people, but frame rate and joints of the partner alone.
 
     Parameters
     ----------
@@ -192,7 +193,7 @@ class RandomAugmentation:
     """
 
     def __init__(self, settings: AugmentationSettings, skeleton: Skeleton, n_points: int) -> None:
-        self.settings = settings
+        self.settings, self.root = settings, skeleton.root
         mirrored = dict(skeleton.left_right) | {right: left for left, right in skeleton.left_right}
         self.mirrored_joints = torch.tensor(
             [mirrored.get(i, i) for i in range(len(skeleton.joints))]
@@ -201,18 +202,35 @@ class RandomAugmentation:
         self.frame_rates = [frame_rate_matrix(n_points, n) for n in range(min_frames, n_points)]
 
     def __call__(self, pairs: MotionPairs, random: torch.Generator) -> MotionPairs:
-        """Sample a transform for each interaction, and a frame rate for the batch."""
-        transforms = random_transforms(len(pairs), self.settings, random).to(pairs.partner.device)
-        mirror = torch.rand(len(pairs), generator=random) < self.settings.mirror_probability
-        partner, reaction = (
-            self._transform(motion, mirror.to(motion.device), transforms)
-            for motion in (pairs.partner, pairs.reaction)
-        )
+        """Sample a transform and a tempo for each interaction, and a frame rate for the batch."""
+        partner, reaction = self.people(pairs.partner, pairs.reaction, random)
         if self.frame_rates:
             rate = int(torch.randint(len(self.frame_rates) + 1, (), generator=random))
             if rate < len(self.frame_rates):
                 partner = self.frame_rates[rate].to(partner.device) @ partner
-        return replace(pairs, partner=partner, reaction=reaction)
+        tempo = self.settings.tempo_spread * torch.randn(len(pairs), generator=random)
+        log_duration = pairs.log_duration + tempo.to(partner.device)
+        return replace(pairs, partner=partner, reaction=reaction, log_duration=log_duration)
+
+    def people(
+        self, partner: Tensor, reaction: Tensor, random: torch.Generator
+    ) -> tuple[Tensor, Tensor]:
+        """Transform both people alike, and move the partner's joints.
+
+        Parameters
+        ----------
+        partner, reaction : (B, T, 3 J) metres, of any T
+        random : CPU generator
+        """
+        n = len(partner)
+        transforms = random_transforms(n, self.settings, random).to(partner.device)
+        mirror = torch.rand(n, generator=random) < self.settings.mirror_probability
+        there, back = (
+            self._transform(motion, mirror.to(motion.device), transforms)
+            for motion in (partner, reaction)
+        )
+        errors = random_joint_errors(partner.shape, self.settings, self.root, random)
+        return there + errors.to(there.device), back
 
     def _transform(self, motion: Tensor, mirror: Tensor, transforms: Tensor) -> Tensor:
         joints = motion.view(*motion.shape[:-1], -1, 3)
@@ -228,6 +246,21 @@ def random_transforms(n: int, settings: AugmentationSettings, random: torch.Gene
     cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros(n), torch.ones(n)
     rows = [[cos, zero, -sin], [zero, one, zero], [sin, zero, cos]]
     return size[:, None, None] * torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+
+
+def random_joint_errors(
+    shape: Sequence[int], settings: AugmentationSettings, root: int, random: torch.Generator
+) -> Tensor:
+    """Sample ``(n, T, 3 J)`` metres by which a partner's joints are elsewhere in another capture.
+
+    Skeletons of other systems put a joint at another place of the same body: an offset that lasts,
+    of all joints but the root, where the partner's frame is. Sensors add noise, more or less.
+    """
+    n, n_times, channels = shape
+    offset = settings.joint_offset * torch.randn(n, 1, channels, generator=random)
+    offset[..., 3 * root : 3 * root + 3] = 0
+    level = 2 * settings.joint_noise * torch.rand(n, 1, 1, generator=random)
+    return offset + level * torch.randn(n, n_times, channels, generator=random)
 
 
 def frame_rate_matrix(n_points: int, n_frames: int) -> Tensor:

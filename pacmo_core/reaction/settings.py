@@ -39,6 +39,42 @@ class AutoencoderSettings:
         check_positive(self, *LOOP_COUNTS)
 
 
+JOINT_ERRORS = ("joint_offset", "joint_noise")
+
+
+@dataclass(frozen=True)
+class AugmentationSettings:
+    """Random augmentation of training pairs; see ``data.RandomAugmentation``.
+
+    Parameters
+    ----------
+    mirror_probability : of showing an interaction as its mirror image
+    size_spread : standard deviation of the logarithm of both people's size
+    rotation_spread : standard deviation of a rotation about the vertical axis, radians
+    min_rate : lowest frame rate of the partner, as a share of the grid's points
+    tempo_spread : standard deviation of the logarithm of the duration
+    joint_offset : metres, standard deviation of the partner's joints from where others put them
+    joint_noise : metres, mean standard deviation of the partner's joints from one time to the next
+    """
+
+    mirror_probability: float
+    size_spread: float
+    rotation_spread: float
+    min_rate: float
+    tempo_spread: float
+    joint_offset: float
+    joint_noise: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mirror_probability <= 1:
+            raise ValueError(f"mirror_probability must be in [0, 1]; got {self.mirror_probability}")
+        for name in ("size_spread", "rotation_spread", "tempo_spread", *JOINT_ERRORS):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name} must be at least 0; got {getattr(self, name)}")
+        if not 0 < self.min_rate <= 1:
+            raise ValueError(f"min_rate must be in (0, 1]; got {self.min_rate}")
+
+
 @dataclass(frozen=True)
 class GruSettings:
     """The ``train_gru`` section."""
@@ -55,9 +91,16 @@ class GruSettings:
     validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
     both_directions: bool
+    augmentation: AugmentationSettings
 
     def __post_init__(self) -> None:
         check_positive(self, *LOOP_COUNTS)
+        if (self.augmentation.min_rate, self.augmentation.tempo_spread) != (1, 0):
+            raise ValueError(
+                "a recurrence has one frame rate: wanted an augmentation with min_rate 1 and "
+                f"tempo_spread 0; got {self.augmentation.min_rate} and "
+                f"{self.augmentation.tempo_spread}"
+            )
 
 
 @dataclass(frozen=True)
@@ -66,35 +109,6 @@ class AdamSettings:
 
     learning_rate: float
     betas: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class AugmentationSettings:
-    """Random augmentation of training pairs; see ``data.RandomAugmentation``.
-
-    Parameters
-    ----------
-    mirror_probability : of showing an interaction as its mirror image
-    size_spread : standard deviation of the logarithm of both people's size
-    rotation_spread : standard deviation of a rotation about the vertical axis, radians
-    min_rate : lowest frame rate of the partner, as a share of the grid's points
-    """
-
-    mirror_probability: float
-    size_spread: float
-    rotation_spread: float
-    min_rate: float
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.mirror_probability <= 1:
-            raise ValueError(f"mirror_probability must be in [0, 1]; got {self.mirror_probability}")
-        if self.size_spread < 0 or self.rotation_spread < 0:
-            raise ValueError(
-                "size_spread and rotation_spread must be at least 0; "
-                f"got {self.size_spread} and {self.rotation_spread}"
-            )
-        if not 0 < self.min_rate <= 1:
-            raise ValueError(f"min_rate must be in (0, 1]; got {self.min_rate}")
 
 
 @dataclass(frozen=True)

@@ -85,6 +85,15 @@ GRU = GruSettings(
     validate_every=1,
     checkpoint_every=2,
     both_directions=True,
+    augmentation=AugmentationSettings(
+        mirror_probability=0.0,
+        size_spread=0.0,
+        rotation_spread=0.0,
+        min_rate=1.0,
+        tempo_spread=0.0,
+        joint_offset=0.0,
+        joint_noise=0.0,
+    ),
 )
 PACMO = PacmoSettings(
     random_seed=0,
@@ -127,7 +136,13 @@ PACMO = PacmoSettings(
     ema_decay=0.5,
     both_directions=True,
     augmentation=AugmentationSettings(
-        mirror_probability=0.5, size_spread=0.05, rotation_spread=0.1, min_rate=0.5
+        mirror_probability=0.5,
+        size_spread=0.05,
+        rotation_spread=0.1,
+        min_rate=0.5,
+        tempo_spread=0.1,
+        joint_offset=0.02,
+        joint_noise=0.01,
     ),
     mixed_precision=False,
     compile_generator=False,
@@ -148,7 +163,13 @@ REGRESSION = RegressionSettings(
     checkpoint_every=5,
     both_directions=False,
     augmentation=AugmentationSettings(
-        mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
+        mirror_probability=0.0,
+        size_spread=0.0,
+        rotation_spread=0.0,
+        min_rate=1.0,
+        tempo_spread=0.0,
+        joint_offset=0.0,
+        joint_noise=0.0,
     ),
 )
 FLOW_MATCHING = FlowMatchingSettings(

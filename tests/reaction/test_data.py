@@ -122,7 +122,13 @@ def test_a_permuted_reaction_is_resampled_to_the_other_partners_duration():
 
 PAIRS = sample_motion_pairs(clips(6), 17)
 PLAIN = AugmentationSettings(
-    mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
+    mirror_probability=0.0,
+    size_spread=0.0,
+    rotation_spread=0.0,
+    min_rate=1.0,
+    tempo_spread=0.0,
+    joint_offset=0.0,
+    joint_noise=0.0,
 )
 
 
@@ -193,12 +199,41 @@ def test_a_lower_frame_rate_is_the_partners_alone() -> None:
     np.testing.assert_allclose(found[0].partner[:, 0], PAIRS.partner[:, 0], atol=1e-6)
 
 
+def test_an_offset_lasts_and_moves_all_joints_of_the_partner_but_its_root() -> None:
+    found = augmented(replace(PLAIN, joint_offset=0.05))
+    torch.testing.assert_close(found.reaction, PAIRS.reaction)
+    moved = as_joints(found.partner - PAIRS.partner)
+    torch.testing.assert_close(moved, moved[:, :1].expand_as(moved), atol=1e-6, rtol=0)
+    torch.testing.assert_close(moved[:, :, SBU15.root], torch.zeros(len(PAIRS), 17, 3))
+    others = [joint for joint in range(len(SBU15.joints)) if joint != SBU15.root]
+    assert 0.04 < float(moved[:, 0, others].std()) < 0.06
+
+
+def test_noise_differs_from_one_time_to_the_next_and_in_its_level() -> None:
+    many = PAIRS.repeat(20)
+    moved = augmented(replace(PLAIN, joint_noise=0.02), many).partner - many.partner
+    levels = moved.flatten(1).std(dim=1)  # uniform from 0 to twice the mean
+    assert 0.016 < float(levels.mean()) < 0.024 and 0.035 < float(levels.max()) < 0.045
+    alike = torch.corrcoef(torch.stack([moved[:, 3].flatten(), moved[:, 4].flatten()]))[0, 1]
+    assert abs(float(alike)) < 0.05
+
+
+def test_a_tempo_changes_the_duration_alone() -> None:
+    found = augmented(replace(PLAIN, tempo_spread=0.2), PAIRS.repeat(50))
+    torch.testing.assert_close(found.partner, PAIRS.repeat(50).partner)
+    torch.testing.assert_close(found.reaction, PAIRS.repeat(50).reaction)
+    assert 0.17 < float((found.log_duration - PAIRS.repeat(50).log_duration).std()) < 0.23
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
+        ({"tempo_spread": -0.1}, "tempo_spread must be at least 0"),
+        ({"joint_offset": -0.1}, "joint_offset must be at least 0"),
+        ({"joint_noise": -0.1}, "joint_noise must be at least 0"),
         ({"mirror_probability": 1.5}, "mirror_probability must be in"),
-        ({"size_spread": -0.1}, "got -0.1 and 0.0"),
-        ({"rotation_spread": -0.1}, "got 0.0 and -0.1"),
+        ({"size_spread": -0.1}, "size_spread must be at least 0; got -0.1"),
+        ({"rotation_spread": -0.1}, "rotation_spread must be at least 0; got -0.1"),
         ({"min_rate": 0.0}, "min_rate must be in"),
     ],
 )

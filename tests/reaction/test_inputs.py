@@ -25,7 +25,13 @@ LABELLED = replace(
     validate_every=200,
     both_directions=False,
     augmentation=AugmentationSettings(
-        mirror_probability=0.0, size_spread=0.0, rotation_spread=0.0, min_rate=1.0
+        mirror_probability=0.0,
+        size_spread=0.0,
+        rotation_spread=0.0,
+        min_rate=1.0,
+        tempo_spread=0.0,
+        joint_offset=0.0,
+        joint_noise=0.0,
     ),
 )
 

@@ -1,0 +1,204 @@
+"""Recorded partners, and weights that were not trained on them.
+
+Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--without-finish] [--json]
+
+Under PACMO_REAL_DATA: SBU, the couple of CMU's subjects 18 and 19, and the variations of handover,
+in the joints of a model, clips of at most 14 seconds, reactions of either person. SBU has no
+wrists, toes and spine: they are put where the rule of ``_sbu_joints`` says, in both people. The
+captured motion counts as contact where any two joints are within 10 cm.
+
+For each model and set, pooled over its clips: ``met`` the captured frames of contact in which the
+generated two are within 15 cm; ``false`` those with the captured two farther apart than 25 cm in
+which they are; ``f1`` of frames within 10 cm; ``hands`` the share of reactions whose hand comes
+within 10 cm of one of the partner's hands, or as near as the captured one does and 5 cm;
+``energy_score`` in metres; ``ape`` in metres. ``SET_permuted_...`` are the same of the captured
+reaction to the next partner of the same act, in its place relative to that partner: somebody who
+does what the act wants and does not see whom with.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from benchmarks._captures import BVH
+from benchmarks._figures import arguments, show
+from benchmarks.invariance import model_of
+from pacmo_core.data.interaction import Interaction, Motion, min_point_distance
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.joint_names import StatedNames, name_joints
+from pacmo_core.formats.sbu import Sbu
+from pacmo_core.formats.table import Table
+from pacmo_core.metrics.contact import contact_f1, contacts_met, false_contacts
+from pacmo_core.reaction.data import expand_directions, replace_reaction, to_partner_frame
+from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.inference import finish_reactions, react
+from pacmo_core.reaction.windows import PartnerMotion
+
+Distances = NDArray[np.float64]
+PACKAGE = Path("pacmo_core/commands/starting_weights.safetensors")
+CONTACT, MET, APART, HANDS = 0.1, 0.15, 0.25, 0.05  # metres
+MAX_SECONDS = 14.0
+# Of SBU's limbs, which end in a hand and a foot: how far along the forearm its wrist is put, and
+# the toes ahead of the foot and below it, in metres.
+WRIST, TOES, BELOW = 0.82, 0.12, 0.04
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = arguments(__doc__ or "")
+    parser.add_argument("--weights", type=Path, nargs="+", default=[PACKAGE])
+    parser.add_argument("--samples", type=int, default=2, help="reactions to each partner")
+    parser.add_argument("--without-finish", action="store_true")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    figures: dict[str, float] = {}
+    for number, path in enumerate(options.weights):
+        model = model_of(path)
+        prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
+        for name, acts in recorded(model.skeleton).items():
+            rows = [
+                react_to(model, act, options.samples, not options.without_finish) for act in acts
+            ]
+            scores = pooled([pair for row in rows for pair in row])
+            figures |= {f"{prefix}{name}_{key}": value for key, value in scores.items()}
+            if not number:
+                others = pooled([pair for act in acts for pair in permuted(act)])
+                figures |= {f"{name}_permuted_{key}": value for key, value in others.items()}
+    show(figures, as_json=options.json)
+
+
+def recorded(skeleton: Skeleton) -> dict[str, list[list[Interaction]]]:
+    """Read the sets; of each, the clips of each act, either person as the partner."""
+    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+    readers = {
+        "sbu": (Sbu(fps=15), "sbu", "*"),
+        "cmu": (replace(BVH, preset="cmu_18_19", max_root_distance=None), "cmu_18_19", "18_19/*"),
+        "handover": (Table(), "handover", "variation_*"),
+    }
+    sets: dict[str, list[list[Interaction]]] = {}
+    for name, (form, folder, pattern) in readers.items():
+        acts: dict[str, list[Interaction]] = {}
+        for sequence in form.find(root / folder) if (root / folder).is_dir() else ():
+            if not Path(sequence.name).match(pattern):
+                continue
+            try:
+                clip = form.read(sequence).interaction
+            except ValueError:  # a take of one person
+                continue
+            if clip.duration <= MAX_SECONDS:
+                act = sequence.action if name == "sbu" else name
+                acts.setdefault(act, []).append(on_floor(in_joints(clip, skeleton)))
+        if acts:
+            sets[name] = [expand_directions(clips, both=True) for clips in acts.values()]
+    return sets
+
+
+def in_joints(clip: Interaction, skeleton: Skeleton) -> Interaction:
+    """Express both people in the joints of a model."""
+    if "torso" in clip.skeleton.joints:
+        people = [_sbu_joints(p, clip.skeleton, skeleton) for p in (clip.person_a, clip.person_b)]
+    else:
+        rig = "zed34" if "naval_spine" in clip.skeleton.joints else ""
+        names = name_joints(clip.skeleton, skeleton, StatedNames(rig))
+        people = [names.apply(clip.person_a), names.apply(clip.person_b)]
+    return replace(clip, skeleton=skeleton, person_a=people[0], person_b=people[1])
+
+
+def on_floor(clip: Interaction) -> Interaction:
+    """Lower both people alike, so that the lower one stands at height 0, but for noise."""
+    lowest = [motion[..., 1].min(axis=1) for motion in (clip.person_a, clip.person_b)]
+    floor = np.array([0, np.quantile(lowest, 0.2), 0], np.float32)
+    return replace(clip, person_a=clip.person_a - floor, person_b=clip.person_b - floor)
+
+
+def react_to(
+    model: Generator, partners: Sequence[Interaction], n_samples: int, finished: bool
+) -> list[tuple[Interaction, Motion]]:
+    """Return each captured interaction with reactions to its ``person_a``, (S, T, J, 3)."""
+    random, pairs = torch.Generator().manual_seed(1), []
+    for clip in partners:
+        times = clip.times - clip.times[0]
+        reactions = react(
+            model, clip.person_a, times, out_times=times, n_samples=n_samples, random=random
+        )
+        if finished:
+            partner = PartnerMotion(clip.person_a, times, times)
+            reactions = finish_reactions(model, partner, reactions)
+        pairs.append((clip, reactions))
+    return pairs
+
+
+def permuted(partners: Sequence[Interaction]) -> Iterator[tuple[Interaction, Motion]]:
+    """Give each partner the captured reaction to the next one of the same act."""
+    half = len(partners) // 2  # the second half are the first with people exchanged
+    for clips in (partners[:half], partners[half:]):
+        for clip, other in zip(clips, [*clips[1:], clips[0]], strict=True):
+            here, there = to_partner_frame(clip), to_partner_frame(other)
+            yield here, replace_reaction(here, there).person_b[None]
+
+
+def pooled(pairs: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:
+    """Score reactions ``(S, T, J, 3)`` to the partners of captured interactions, over all."""
+    every = [(clip, motion) for clip, reactions in pairs for motion in reactions]
+    made = [min_point_distance(clip.person_a, motion) for clip, motion in every]
+    real = [min_point_distance(clip.person_a, clip.person_b) for clip, _ in every]
+    counts = {
+        "met": contacts_met(made, real, contact=CONTACT, met=MET),
+        "false": false_contacts(made, real, apart=APART, met=MET),
+        "f1": contact_f1(made, real, distance=CONTACT),
+    }
+    shares = {name: float(hits.sum() / max(of.sum(), 1)) for name, (hits, of) in counts.items()}
+    return {
+        **shares,
+        "hands": float(np.mean([_hands_meet(clip, motion) for clip, motion in every])),
+        "energy_score": float(np.mean([_energy_score(c.person_b, made) for c, made in pairs])),
+        "ape": float(np.mean([_distance(clip.person_b, motion) for clip, motion in every])),
+        "reactions": len(every),
+    }
+
+
+def _hands_meet(clip: Interaction, motion: Motion) -> bool:
+    hands = [clip.skeleton.joints.index(f"{side}_hand") for side in ("left", "right")]
+    made, real = (
+        float(min_point_distance(clip.person_a[:, hands], person[:, hands]).min())
+        for person in (motion, clip.person_b)
+    )
+    return made <= max(CONTACT, real + HANDS)
+
+
+def _energy_score(captured: Motion, reactions: Motion) -> float:
+    pairs = [_distance(a, b) for n, a in enumerate(reactions) for b in reactions[:n]]
+    spread = float(np.mean(pairs)) if pairs else 0.0
+    return float(np.mean([_distance(captured, motion) for motion in reactions])) - spread / 2
+
+
+def _distance(first: Motion, second: Motion) -> float:
+    return float(np.linalg.norm(first - second, axis=-1).mean())
+
+
+def _sbu_joints(motion: Motion, sbu: Skeleton, model: Skeleton) -> Motion:
+    """Put SBU's 15 joints, and what lies between and beyond them, at the joints of NTU."""
+    place = {joint: motion[:, i] for i, joint in enumerate(sbu.joints)}
+    hips, shoulders = (
+        (place[f"left_{joint}"] + place[f"right_{joint}"]) / 2 for joint in ("hip", "shoulder")
+    )
+    place["spine_base"], place["spine_shoulder"] = hips, shoulders
+    place["spine_mid"] = hips + 0.6 * (shoulders - hips)
+    place["neck"] = shoulders + 0.4 * (place["head"] - shoulders)
+    ahead = np.cross(place["left_hip"] - place["right_hip"], [0, 1, 0])
+    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
+    for side in ("left", "right"):
+        elbow, hand = place[f"{side}_elbow"], place[f"{side}_hand"]
+        place[f"{side}_wrist"] = elbow + WRIST * (hand - elbow)
+        place[f"{side}_ankle"] = place[f"{side}_foot"]
+        place[f"{side}_foot"] = place[f"{side}_ankle"] + TOES * ahead - np.array([0, BELOW, 0])
+    return np.stack([place[joint] for joint in model.joints], axis=1).astype(np.float32)
+
+
+if __name__ == "__main__":
+    main()
