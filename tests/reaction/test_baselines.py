@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.reaction import baselines
+from pacmo_core.reaction.data import RandomAugmentation, mirror_interaction
 from tests.reaction.problems import GRU, REGRESSION, clips
 
 
@@ -23,6 +25,27 @@ def test_clips_of_different_lengths_do_not_change_each_other_in_the_baseline() -
     lengths = np.array([len(motion) for motion in frames.partner])
     alone = np.array([model.loss(frames, [i]).item() for i in range(4)])
     assert together == pytest.approx((alone * lengths).sum() / lengths.sum(), rel=1e-5)
+
+
+def test_the_baseline_is_trained_on_mirror_images_too() -> None:
+    model = baselines.build_gru_training(clips(4), replace(GRU, n_epochs=1)).finish()
+    both = RandomAugmentation(replace(GRU.augmentation, mirror_probability=1.0), model.skeleton, 0)
+    frames = baselines.sample_frames(clips(4), GRU.fps, "cpu")
+    images = baselines.sample_frames([mirror_interaction(clip) for clip in clips(4)], 15.0, "cpu")
+    shown = model.training_loss(frames, range(4), both, torch.Generator())
+    torch.testing.assert_close(shown, model.loss(images, range(4)))
+    assert abs(float(shown - model.loss(frames, range(4)))) > 1e-3
+    none = RandomAugmentation(GRU.augmentation, model.skeleton, 0)
+    torch.testing.assert_close(
+        model.training_loss(frames, range(4), none, torch.Generator()),
+        model.loss(frames, range(4)),
+    )
+
+
+@pytest.mark.parametrize("change", [{"min_rate": 0.5}, {"tempo_spread": 0.1}])
+def test_a_recurrence_has_one_frame_rate(change: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="a recurrence has one frame rate"):
+        replace(GRU, augmentation=replace(GRU.augmentation, **change))
 
 
 @pytest.mark.slow
