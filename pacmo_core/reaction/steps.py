@@ -25,7 +25,9 @@ SMOOTHING = 0.08  # seconds, standard deviation of the filter on the ankles' pat
 GLIDE_SPEED = 0.12  # metres per second, of the slower foot
 MIN_GLIDE = 0.25  # metres that both feet slide before they step instead
 MAX_PAUSE = 0.15  # seconds for which a glide may rest
-LOW_QUANTILE = 0.05  # of a foot's heights, at which it is on the floor
+# Within which the lower foot comes down to the floor: that of a camera that is tilted rises along
+# the way, by as much as a foot is lifted.
+FLOOR_SECONDS = 0.3
 MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher one is lifted
 # Of one step, at most: how far a foot stands before or behind where it would be beneath the body,
 # in metres and radians of the body's turn; and its time.
@@ -36,9 +38,9 @@ STEP_HEIGHT = 0.08  # metres
 # Speed of a foot, metres per second, above which it is lifted, and the lift for the speed beyond.
 LIFT_SPEED, LIFT_SECONDS = 0.1, 0.2
 SWING_SECONDS = 0.1  # within which a foot that steps is lifted
-# Of a joint of legs that step, in metres per second (squared), as in captured walking: a body that
-# is faster glides on.
-MAX_SPEED, MAX_ACCELERATION = 4.5, 90.0
+# Of a joint of legs that step, in metres per second (squared); captured walking has 5.4 and 70 in
+# the median, 6.6 and 93 at the 90th percentile. A body that is faster glides on.
+MAX_SPEED, MAX_ACCELERATION = 5.5, 100.0
 EVEN_SECONDS = 0.2  # standard deviation of the filter on the path of a body that glides
 SLACK = 0.02  # of the legs' length, of ``set_legs``
 FADE_SECONDS = 0.15  # from steps to a glide
@@ -106,7 +108,7 @@ def find_lift(motion: Array, fps: float, skeleton: Skeleton) -> Array:
     """
     path = _ankle_paths(motion, fps, skeleton)
     speed = np.linalg.norm(np.gradient(path[..., [0, 2]], 1 / fps, axis=0), axis=-1)
-    lift = path[..., 1] - np.quantile(path[..., 1], LOW_QUANTILE, axis=0)
+    lift = _lifts(path, fps)
     faster = (2 * (speed - speed[:, ::-1]) / np.maximum(speed, 1e-9)).clip(0, 1)
     wanted = faster * (LIFT_SECONDS * (speed - LIFT_SPEED)).clip(0, STEP_HEIGHT)
     # A foot in the middle of a step is lifted soon, if it is not yet.
@@ -128,7 +130,7 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
         return []
     path = _ankle_paths(motion, fps, skeleton)
     speed = np.linalg.norm(np.gradient(path[..., [0, 2]], 1 / fps, axis=0), axis=-1)
-    lift = path[..., 1] - np.quantile(path[..., 1], LOW_QUANTILE, axis=0)
+    lift = _lifts(path, fps)
     slides = (speed.min(axis=1) > GLIDE_SPEED) & (lift.max(axis=1) < MAX_LIFT)
     found: list[slice] = []
     end = 0
@@ -151,6 +153,13 @@ def _ankle_paths(motion: Array, fps: float, skeleton: Skeleton) -> Array:
         motion[:, ankles].astype(np.float64), SMOOTHING * fps, axis=0, mode="nearest"
     )
     return path
+
+
+def _lifts(path: Array, fps: float) -> Array:
+    """``(T, 2)`` metres of ankles ``(T, 2, 3)`` over where the lower one comes down nearby."""
+    reach = 2 * round(FLOOR_SECONDS * fps) + 1
+    floor = minimum_filter1d(path[..., 1].min(axis=1), reach, mode="nearest")
+    return np.asarray(path[..., 1] - floor[:, None])
 
 
 def _joined_runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:

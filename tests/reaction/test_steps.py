@@ -132,6 +132,16 @@ def test_a_foot_that_is_dragged_is_lifted_and_the_other_stands() -> None:
     assert find_lift(lifted, FPS, SBU15)[33:42].max() < 0.01
 
 
+def test_a_glide_up_a_tilted_floor_takes_steps() -> None:
+    # 1.5 m by a camera that is tilted by five degrees: 13 cm, more than feet are lifted.
+    motion = glide(1.5)
+    motion[..., 1] += np.tan(np.radians(5)) * motion[:, :1, 2]
+    assert len(find_glides(motion, FPS, SBU15)) == 1
+    stepping = take_steps(motion, LENGTHS, FPS, SBU15)
+    assert moves(motion).all(axis=0).sum() > 45
+    assert moves(stepping).all(axis=0).sum() < 0.2 * moves(motion).all(axis=0).sum()
+
+
 def test_a_leap_is_no_glide() -> None:
     leap = glide(1.5)
     leap[45:75, :, 1] += 0.4
