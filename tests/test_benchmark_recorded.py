@@ -1,0 +1,84 @@
+"""Truth: the captured reaction itself, and bodies whose joints are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.recorded import in_joints, on_floor, permuted, pooled, recorded
+from pacmo_core.api import synthesise
+from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import NTU25, SBU15
+from pacmo_core.reaction.turns import turned
+from tests.formats.real_files import real_folder
+
+JOINTS = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
+
+
+@pytest.fixture(scope="module")
+def handshake() -> Interaction:
+    return synthesise(10)["handshake-1"]
+
+
+def test_the_captured_reaction_meets_all_contacts_and_has_no_error(handshake: Interaction) -> None:
+    found = pooled([(handshake, handshake.person_b[None])])
+    assert found.pop("reactions") == 1
+    assert found == {
+        "met": 1.0,
+        "false": 0.0,
+        "f1": 1.0,
+        "hands": 1.0,
+        "energy_score": 0.0,
+        "ape": 0.0,
+    }
+
+
+def test_a_reaction_beside_the_partner_meets_nothing(handshake: Interaction) -> None:
+    aside = handshake.person_b + np.array([3, 0, 0], np.float32)
+    found = pooled([(handshake, np.stack([aside, aside]))])
+    assert found["met"] == found["f1"] == found["hands"] == 0
+    assert found["ape"] == pytest.approx(3, rel=1e-5) == found["energy_score"]
+
+
+def test_reactions_are_permuted_within_an_act_and_not_across_people(handshake: Interaction) -> None:
+    longer = replace(handshake, times=2 * handshake.times)
+    clips = [handshake, longer, handshake.swapped(), longer.swapped()]
+    found = list(permuted(clips))
+    assert len(found) == 4
+    for clip, motions in found:
+        np.testing.assert_allclose(motions[0], clip.person_b, atol=1e-4)
+
+
+def test_joints_that_sbu_lacks_are_put_by_the_body_whichever_way_it_faces() -> None:
+    body = np.zeros((2, 15, 3))
+    rows = {joint: row for row, joint in enumerate(SBU15.joints)}
+    for side, sign in (("left", 1), ("right", -1)):
+        for joint, x, y in (("hip", 0.1, 0.9), ("foot", 0.1, 0.08), ("shoulder", 0.2, 1.4)):
+            body[:, rows[f"{side}_{joint}"]] = sign * x, y, 0
+        body[:, rows[f"{side}_elbow"]] = sign * 0.5, 1.4, 0
+        body[:, rows[f"{side}_hand"]] = sign * 0.8, 1.4, 0
+    body[:, rows["head"]] = 0, 1.7, 0
+    times = np.arange(2.0)
+    for yaw in (0.0, 1.2):
+        motion = turned(body, np.full(2, yaw)).astype(np.float32)
+        clip = Interaction(SBU15, times, motion, motion)
+        found = turned(in_joints(clip, JOINTS).person_a.astype(np.float64), np.full(2, -yaw))[0]
+        joint = dict(zip(JOINTS.joints, found, strict=True))
+        np.testing.assert_allclose(joint["left_foot"], [0.1, 0.04, 0.12], atol=1e-6)
+        np.testing.assert_allclose(joint["right_wrist"], [-0.746, 1.4, 0], atol=1e-6)
+        np.testing.assert_allclose(joint["spine_mid"], [0, 1.2, 0], atol=1e-6)
+
+
+def test_both_people_are_lowered_alike(handshake: Interaction) -> None:
+    up = np.array([0, 2.5, 0], np.float32)
+    raised = replace(handshake, person_a=handshake.person_a + up, person_b=handshake.person_b + up)
+    found, there = on_floor(raised), on_floor(handshake)
+    np.testing.assert_allclose(found.person_a, there.person_a, atol=1e-5)
+    np.testing.assert_allclose(found.person_b, there.person_b, atol=1e-5)
+
+
+def test_every_act_of_sbu_and_the_couples_are_read() -> None:
+    real_folder("sbu")
+    sets = recorded(JOINTS)
+    assert len(sets["sbu"]) == 8 and sum(map(len, sets["sbu"])) == 564
+    assert len(sets["cmu"][0]) == 18 and len(sets["handover"][0]) == 200
