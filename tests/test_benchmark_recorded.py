@@ -9,7 +9,7 @@ from benchmarks.recorded import in_joints, on_floor, permuted, pooled, recorded
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, SBU15
-from pacmo_core.reaction.turns import turned
+from pacmo_core.finish.turns import turned
 from tests.formats.real_files import real_folder
 
 JOINTS = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])

@@ -19,6 +19,7 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.base import to_y_up
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
@@ -28,7 +29,6 @@ from pacmo_core.formats.inverse_kinematics import (
     proximity_weights,
 )
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion
-from pacmo_core.reaction.stance import find_stance
 
 # Weight of the squared error of the joints of a foot that stands, in addition to that of any joint,
 # 1. It fades in and out, as a step in a weight would cause a jerk.

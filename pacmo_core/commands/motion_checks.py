@@ -17,13 +17,13 @@ from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.finish.bones import leg_length, median_lengths
+from pacmo_core.finish.floor import find_floor
+from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.scene import Scene
 from pacmo_core.metrics.plausibility import find_body_joints
-from pacmo_core.reaction.bones import leg_length, median_lengths
-from pacmo_core.reaction.floor import find_floor
-from pacmo_core.reaction.stance import find_stance
 
 # Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
 MAX_ACCELERATION = 150.0

@@ -21,6 +21,7 @@ from pacmo_core.commands.reading import (
 )
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.bones import median_lengths
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_channels import format_file
 from pacmo_core.formats.bvh_pairs import BvhPairs
@@ -30,7 +31,6 @@ from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion
 from pacmo_core.formats.resample import from_y_up, sample_times
 from pacmo_core.formats.write_bvh import write_on_rig
 from pacmo_core.project.workspace import CommandError
-from pacmo_core.reaction.bones import median_lengths
 
 
 @dataclass(frozen=True)

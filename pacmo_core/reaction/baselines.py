@@ -18,6 +18,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.limits import MAX_PARAMETERS
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.data.transforms import body_frame
+from pacmo_core.finish.learnt import LearntModule
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spectral import initialise_weights
@@ -32,7 +33,6 @@ from pacmo_core.reaction.data import (
 )
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from pacmo_core.reaction.inputs import Normalisation
-from pacmo_core.reaction.learnt import LearntModule
 from pacmo_core.reaction.settings import GruSettings, RegressionSettings
 from pacmo_core.training.loop import TrainingLoop
 from pacmo_core.training.supervised import SupervisedTrainer

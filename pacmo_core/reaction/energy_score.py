@@ -21,11 +21,11 @@ from torch import Tensor
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.turns import trunk_pairs
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.data import MotionPairs
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.settings import ContactScoreSettings
-from pacmo_core.reaction.turns import trunk_pairs
 
 # Metres. The first keeps the square root differentiable where joints coincide; the second bounds
 # the logarithm there.

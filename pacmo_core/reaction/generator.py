@@ -11,11 +11,11 @@ import torch
 from torch import Tensor, nn
 
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.learnt import LearntModule
 from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
 from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
-from pacmo_core.reaction.learnt import LearntModule
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,19 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.bones import median_lengths
+from pacmo_core.finish.contacts import find_pairs, learn_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.floor import set_down
+from pacmo_core.finish.heights import learn_heights, pelvis_heights
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.travel import NO_LIMIT, peak_speeds, spread_bursts
+from pacmo_core.finish.trunk import learn_trunk, shape_trunk
+from pacmo_core.finish.turns import resolve_turns
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
-from pacmo_core.reaction.bones import median_lengths
-from pacmo_core.reaction.contacts import find_pairs, learn_contacts
 from pacmo_core.reaction.data import Condition, expand_directions
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.floor import set_down
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.heights import learn_heights, pelvis_heights
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.travel import NO_LIMIT, peak_speeds, spread_bursts
-from pacmo_core.reaction.trunk import learn_trunk, shape_trunk
-from pacmo_core.reaction.turns import resolve_turns
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.transforms import body_frame
+from pacmo_core.finish.finish import FrameFinish
 from pacmo_core.operators.spline import SmoothingSpline
-from pacmo_core.reaction.finish import FrameFinish
 from pacmo_core.reaction.inference import evaluate_queries
 from pacmo_core.reaction.windows import (
     ReactionModel,

@@ -9,11 +9,11 @@ from pacmo_core.api import synthesise
 from pacmo_core.commands.motion_checks import motion_lines
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
+from pacmo_core.finish.floor import find_floor
+from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.body_parts import capsule_radii
 from pacmo_core.interaction_mesh.scene import Scene
-from pacmo_core.reaction.floor import find_floor
-from pacmo_core.reaction.stance import find_stance
 
 TIMES = np.arange(60) / 30
 CLIP = next(iter(synthesise(1).values()))

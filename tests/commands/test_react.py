@@ -17,6 +17,7 @@ from pacmo_core.commands.cli import app
 from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.write_bvh import format_bvh
@@ -24,7 +25,6 @@ from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.inference import finish_reactions, react, sample_times
-from pacmo_core.reaction.stance import find_stance
 from pacmo_core.reaction.windows import PartnerMotion
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights

@@ -8,9 +8,9 @@ import torch
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.transforms import Frame
+from pacmo_core.finish.contacts import find_pairs, no_contacts
 from pacmo_core.models import MODELS
 from pacmo_core.reaction import baselines, inference, wgan
-from pacmo_core.reaction.contacts import find_pairs, no_contacts
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import react, react_all
 from pacmo_core.reaction.windows import PartnerMotion

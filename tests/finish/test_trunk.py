@@ -5,18 +5,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.skeleton import NTU25, SBU15
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.floor import set_down
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.trunk import (
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.floor import set_down
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.trunk import (
     learn_trunk,
     shape_trunk,
     trunk_joints,
     trunk_size,
     unshaped,
 )
-from tests.reaction.test_floor import LEG, standing
+from tests.finish.test_floor import LEG, standing
 from tests.strategies import make_interaction
 
 JOINTS = list(trunk_joints(NTU25))

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import NTU25, Skeleton
-from pacmo_core.reaction.bones import (
+from pacmo_core.finish.bones import (
     median_lengths,
     raised,
     set_bone_lengths,
     set_legs,
     with_lengths,
 )
-from tests.reaction.test_floor import LEG, standing
+from tests.finish.test_floor import LEG, standing
 
 HIP, KNEE, ANKLE, FOOT = NTU25.indices(["left_hip", "left_knee", "left_ankle", "left_foot"])
 NO_FLOOR = np.full((20, 25), -np.inf)

@@ -5,14 +5,14 @@ import pytest
 
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.finish.bones import median_lengths, set_legs
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.stance import frame_runs
+from pacmo_core.finish.steps import STEP_HEIGHT, find_glides, find_lift, take_steps
+from pacmo_core.finish.turns import find_collapses, turned
 from pacmo_core.formats.registry import open_format
-from pacmo_core.reaction.bones import median_lengths, set_legs
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.stance import frame_runs
-from pacmo_core.reaction.steps import STEP_HEIGHT, find_glides, find_lift, take_steps
-from pacmo_core.reaction.turns import find_collapses, turned
 from tests.formats.real_files import real_folder
 from tests.reaction.problems import REST
 from tests.strategies import SMALL

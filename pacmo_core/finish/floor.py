@@ -16,8 +16,8 @@ from scipy.ndimage import gaussian_filter1d
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.bones import leg_length, median_lengths
-from pacmo_core.reaction.stance import Mask, find_stance, frame_runs
+from pacmo_core.finish.bones import leg_length, median_lengths
+from pacmo_core.finish.stance import Mask, find_stance, frame_runs
 
 Array = NDArray[np.float64]
 

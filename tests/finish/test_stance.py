@@ -5,7 +5,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction.stance import _shortest_path, find_stance, frame_runs
+from pacmo_core.finish.stance import _shortest_path, find_stance, frame_runs
 from tests.reaction.problems import REST
 from tests.strategies import SMALL
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction.contacts import (
+from pacmo_core.finish.contacts import (
     BODY_CONTACT_DISTANCE,
     CONTACT_DISTANCE,
     MAX_DISTANCE,

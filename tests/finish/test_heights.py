@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.reaction.bones import median_lengths, set_legs
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.heights import learn_heights, no_change, pelvis_heights, straighten
-from pacmo_core.reaction.learnt import Learnt
-from tests.reaction.test_floor import LEG, standing
+from pacmo_core.finish.bones import median_lengths, set_legs
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.heights import learn_heights, no_change, pelvis_heights, straighten
+from pacmo_core.finish.learnt import Learnt
+from tests.finish.test_floor import LEG, standing
 
 FPS = 30.0
 ANKLES = NTU25.indices(["left_ankle", "right_ankle"])

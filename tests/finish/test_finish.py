@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.data.transforms import Frame
-from pacmo_core.reaction import finish as finish_module
-from pacmo_core.reaction.contacts import end_effector_groups, no_contacts
-from pacmo_core.reaction.finish import FrameFinish, finish
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.trunk import unshaped
+from pacmo_core.finish import finish as finish_module
+from pacmo_core.finish.contacts import end_effector_groups, no_contacts
+from pacmo_core.finish.finish import FrameFinish, finish
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.trunk import unshaped
 from tests.reaction.problems import REST, delayed_mirror
 from tests.strategies import make_interaction
 

@@ -11,16 +11,16 @@ from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import NTU25, SBU15, Skeleton
-from pacmo_core.reaction.bones import median_lengths, set_legs
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.steps import MAX_SPEED, take_steps
+from pacmo_core.finish.bones import median_lengths, set_legs
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.steps import MAX_SPEED, take_steps
 from pacmo_core.store.motions import stream_motions
+from tests.finish.test_floor import LEG, standing
+from tests.finish.test_steps import FEET, FPS, LENGTHS, crouching, glide, turned
 from tests.formats.real_files import real_folder
 from tests.reaction.problems import REST
-from tests.reaction.test_floor import LEG, standing
-from tests.reaction.test_steps import FEET, FPS, LENGTHS, crouching, glide, turned
 
 
 def peak_speed(motion: Motion, fps: float = FPS) -> float:

@@ -16,7 +16,7 @@ from scipy.optimize import isotonic_regression
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.bones import leg_joints, leg_length, set_bone_lengths, set_legs
+from pacmo_core.finish.bones import leg_joints, leg_length, set_bone_lengths, set_legs
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.bones import leg_joints, set_bone_lengths, set_legs
-from pacmo_core.reaction.stance import frame_runs
-from pacmo_core.reaction.turns import find_headings, smooth_step, turned
+from pacmo_core.finish.bones import leg_joints, set_bone_lengths, set_legs
+from pacmo_core.finish.stance import frame_runs
+from pacmo_core.finish.turns import find_headings, smooth_step, turned
 
 Array = NDArray[np.float64]
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.travel import NO_LIMIT, peak_speeds, slow_down, spread_bursts
-from pacmo_core.reaction.turns import find_headings, turned
-from tests.reaction.test_floor import LEG, NTU25, standing
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.travel import NO_LIMIT, peak_speeds, slow_down, spread_bursts
+from pacmo_core.finish.turns import find_headings, turned
+from tests.finish.test_floor import LEG, NTU25, standing
 
 FPS = 30.0
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from torch import nn
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.heights import no_change
-from pacmo_core.reaction.travel import NO_LIMIT
-from pacmo_core.reaction.trunk import unshaped
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.heights import no_change
+from pacmo_core.finish.travel import NO_LIMIT
+from pacmo_core.finish.trunk import unshaped
 
 Array = NDArray[np.float64]
 

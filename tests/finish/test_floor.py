@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import NTU25
-from pacmo_core.reaction.bones import leg_length, median_lengths, set_legs
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.floor import ANKLE_SHARE, find_floor, set_down
-from pacmo_core.reaction.learnt import Learnt
+from pacmo_core.finish.bones import leg_length, median_lengths, set_legs
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.floor import ANKLE_SHARE, find_floor, set_down
+from pacmo_core.finish.learnt import Learnt
 from tests.strategies import make_interaction
 
 FOOT = NTU25.indices(["left_ankle", "left_foot"])

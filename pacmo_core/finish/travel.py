@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.turns import find_headings, smooth_step, turned
+from pacmo_core.finish.turns import find_headings, smooth_step, turned
 
 Array = NDArray[np.float64]
 

@@ -31,7 +31,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.bones import (
+from pacmo_core.finish.bones import (
     lengths_by_joint,
     median_lengths,
     resized,
@@ -39,15 +39,15 @@ from pacmo_core.reaction.bones import (
     set_legs,
     with_lengths,
 )
-from pacmo_core.reaction.contacts import Contacts, predict_contacts
-from pacmo_core.reaction.floor import MAX_ROLL, find_floor, rest_heights, set_down
-from pacmo_core.reaction.heights import straighten
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.stance import find_stance, footholds, frame_runs
-from pacmo_core.reaction.steps import take_steps
-from pacmo_core.reaction.travel import spread_bursts
-from pacmo_core.reaction.trunk import shape_trunk, trunk_joints, trunk_size
-from pacmo_core.reaction.turns import resolve_turns
+from pacmo_core.finish.contacts import Contacts, predict_contacts
+from pacmo_core.finish.floor import MAX_ROLL, find_floor, rest_heights, set_down
+from pacmo_core.finish.heights import straighten
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.stance import find_stance, footholds, frame_runs
+from pacmo_core.finish.steps import take_steps
+from pacmo_core.finish.travel import spread_bursts
+from pacmo_core.finish.trunk import shape_trunk, trunk_joints, trunk_size
+from pacmo_core.finish.turns import resolve_turns
 
 Array = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.reaction.contacts import no_contacts
-from pacmo_core.reaction.finish import finish
-from pacmo_core.reaction.learnt import Learnt
-from pacmo_core.reaction.turns import TURN_SPEED, find_headings, resolve_turns, turned
+from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.turns import TURN_SPEED, find_headings, resolve_turns, turned
 from tests.reaction.problems import REST
 from tests.strategies import SMALL
 

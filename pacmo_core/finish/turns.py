@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.reaction.stance import frame_runs
+from pacmo_core.finish.stance import frame_runs
 
 Array = NDArray[np.float64]
 
