@@ -30,6 +30,7 @@ from benchmarks._figures import arguments, show
 from benchmarks.invariance import model_of
 from pacmo_core.data.interaction import Interaction, Motion, min_point_distance
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.base import Format
 from pacmo_core.formats.joint_names import StatedNames, name_joints
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.formats.table import Table
@@ -75,7 +76,7 @@ def main() -> None:
 def recorded(skeleton: Skeleton) -> dict[str, list[list[Interaction]]]:
     """Read the sets; of each, the clips of each act, either person as the partner."""
     root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
-    readers = {
+    readers: dict[str, tuple[Format, str, str]] = {
         "sbu": (Sbu(fps=15), "sbu", "*"),
         "cmu": (replace(BVH, preset="cmu_18_19", max_root_distance=None), "cmu_18_19", "18_19/*"),
         "handover": (Table(), "handover", "variation_*"),
@@ -183,7 +184,7 @@ def _distance(first: Motion, second: Motion) -> float:
 
 def _sbu_joints(motion: Motion, sbu: Skeleton, model: Skeleton) -> Motion:
     """Put SBU's 15 joints, and what lies between and beyond them, at the joints of NTU."""
-    place = {joint: motion[:, i] for i, joint in enumerate(sbu.joints)}
+    place = {joint: motion[:, i].astype(np.float64) for i, joint in enumerate(sbu.joints)}
     hips, shoulders = (
         (place[f"left_{joint}"] + place[f"right_{joint}"]) / 2 for joint in ("hip", "shoulder")
     )
