@@ -32,10 +32,11 @@ MAX_PRIOR_BYTES = 1_000_000
 LICENCE = "Apache-2.0"
 LIMITS = (
     "Trained on synthetic motion of ten scripted actions alone: the scores are those of new "
-    "synthetic people, and do not apply to recorded motion, where hands often do not meet.",
+    "synthetic people. On recorded partners (docs/results.md, Recorded partners) hands find hands "
+    "in two of three reactions, and fewer than a third of the captured contacts are met.",
     "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
-    "Punches and kicks may stop short, or come late or early; samples vary less than real "
-    "reactions do; in walking apart a foot may slide while it carries the body.",
+    "Kicks may stop short, and blows come late or early; in turns and long strides knees buckle, "
+    "and a foot may slide while it carries the body.",
 )
 
 _CLIPS = "clips.parquet"  # beside stored motions
@@ -99,6 +100,8 @@ def trained_on_line(weights: Path, *, synthetic_capture: bool | None) -> str:
     text = f"{name} was trained on {trained_on}"
     if not trained_on.is_synthetic or synthetic_capture:
         return text
+    if synthetic_capture is None and weights == PACKAGED:
+        return f"{text}; on recorded partners fewer contacts are met (docs/results.md)"
     if synthetic_capture is None:
         return f"{text}; how such weights do on recorded motion is not known"
     return f"{text}; this capture is recorded: the figures of the report do not apply to it"

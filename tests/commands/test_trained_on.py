@@ -9,7 +9,7 @@ import torch
 from typer.testing import CliRunner
 
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.weights import is_synthetic, trained_on_line
+from pacmo_core.commands.weights import PACKAGED, is_synthetic, trained_on_line
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.motions import write_motions
@@ -42,6 +42,7 @@ def test_training_clips_are_summarised_and_stated_by_the_weights(
     assert f"was trained on {text}" in line
     assert ("this capture is recorded" in line) == (len(records) == 3 and records[1] is FACTS)
     assert "recorded:" not in trained_on_line(tmp_path / "w", synthetic_capture=True)
+    assert "on recorded partners fewer" in trained_on_line(PACKAGED, synthetic_capture=None)
     unknown = trained_on_line(tmp_path / "w", synthetic_capture=None)
     assert "capture is recorded" not in unknown
     assert ("on recorded motion is not known" in unknown) == facts.is_synthetic
