@@ -37,6 +37,8 @@ def test_a_reaction_beside_the_partner_meets_nothing(handshake: Interaction) -> 
     aside = handshake.person_b + np.array([3, 0, 0], np.float32)
     found = pooled([(handshake, np.stack([aside, aside]))])
     assert found["met"] == found["f1"] == found["hands"] == 0
+    apart = replace(handshake, person_b=aside)
+    assert pooled([(apart, handshake.person_b[None])])["false_hands"] == 1
     assert found["ape"] == pytest.approx(3, rel=1e-5) == found["energy_score"]
 
 
@@ -69,6 +71,12 @@ def test_joints_that_sbu_lacks_are_put_by_the_body_whichever_way_it_faces() -> N
         np.testing.assert_allclose(joint["spine_mid"], [0, 1.2, 0], atol=1e-6)
 
 
+def test_a_model_of_other_joints_than_ntus_is_refused() -> None:
+    motion = np.zeros((2, 15, 3), np.float32)
+    with pytest.raises(ValueError, match="wanted a model of NTU's joints; got one of sbu15"):
+        in_joints(Interaction(SBU15, np.arange(2.0), motion, motion), SBU15)
+
+
 def test_both_people_are_lowered_alike(handshake: Interaction) -> None:
     up = np.array([0, 2.5, 0], np.float32)
     raised = replace(handshake, person_a=handshake.person_a + up, person_b=handshake.person_b + up)
@@ -81,4 +89,6 @@ def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     real_folder("sbu")
     sets = recorded(JOINTS)
     assert len(sets["sbu"]) == 8 and sum(map(len, sets["sbu"])) == 564
+    real_folder("cmu_18_19")
+    real_folder("handover")
     assert len(sets["cmu"][0]) == 18 and len(sets["handover"][0]) == 200

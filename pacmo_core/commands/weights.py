@@ -100,10 +100,10 @@ def trained_on_line(weights: Path, *, synthetic_capture: bool | None) -> str:
     text = f"{name} was trained on {trained_on}"
     if not trained_on.is_synthetic or synthetic_capture:
         return text
-    if synthetic_capture is None and weights == PACKAGED:
-        return f"{text}; on recorded partners fewer contacts are met (docs/results.md)"
     if synthetic_capture is None:
-        return f"{text}; how such weights do on recorded motion is not known"
+        known = "on recorded partners fewer contacts are met (docs/results.md)"
+        unknown = "how such weights do on recorded motion is not known"
+        return f"{text}; {known if weights == PACKAGED else unknown}"
     return f"{text}; this capture is recorded: the figures of the report do not apply to it"
 
 

@@ -253,8 +253,9 @@ def random_joint_errors(
 ) -> Tensor:
     """Sample ``(n, T, 3 J)`` metres by which a partner's joints are elsewhere in another capture.
 
-    Skeletons of other systems put a joint at another place of the same body: an offset that lasts,
-    of all joints but the root, where the partner's frame is. Sensors add noise, more or less.
+    Skeletons of other systems put a joint at another place of the body: an offset that lasts, in
+    fixed axes, of all joints but the root, where the partner's frame is. Sensors add noise to all
+    joints: its level is uniform from 0 to twice ``joint_noise``.
     """
     n, n_times, channels = shape
     offset = settings.joint_offset * torch.randn(n, 1, channels, generator=random)
