@@ -38,9 +38,9 @@ STEP_HEIGHT = 0.08  # metres
 # Speed of a foot, metres per second, above which it is lifted, and the lift for the speed beyond.
 LIFT_SPEED, LIFT_SECONDS = 0.1, 0.2
 SWING_SECONDS = 0.1  # within which a foot that steps is lifted
-# Of a joint of legs that step, in metres per second (squared), within the peaks of captured walks, a
-# frame's noise smoothed: over 142 people of the default 5.4 and 70 in the median, 6.6 and 93 at the
-# 90th percentile. A body that is faster glides on.
+# Of a joint of legs that step, in metres per second (squared), within the peaks of captured walks,
+# lightly smoothed: over 142 people of the default 5.4 and 70 in the median, 6.6 and 93 at the 90th
+# percentile. A body that is faster glides on.
 MAX_SPEED, MAX_ACCELERATION = 5.5, 100.0
 EVEN_SECONDS = 0.2  # standard deviation of the filter on the path of a body that glides
 SLACK = 0.02  # of the legs' length, of ``set_legs``
