@@ -30,9 +30,14 @@ MAX_CLIPS = 60  # of a dataset
 MIN_FRAMES = 20
 
 
+def real_data() -> Path:
+    """Return the folder of real captures."""
+    return Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+
+
 def captures_of(model: Generator) -> tuple[str, list[Sampled]]:
     """Return the dataset that has a model's joints, and clips no longer than in its training."""
-    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+    root = real_data()
     for name, (form, folder) in SETS.items():
         if not (root / folder).is_dir():
             continue

@@ -8,16 +8,15 @@ in ``_holosoma.py``.
 
 import importlib
 import importlib.util
-import os
 import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._captures import real_data
 from benchmarks._retargeting_tasks import SETTINGS, Task
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.interaction_mesh import Attempt, Scene, prepare, retarget
@@ -163,7 +162,7 @@ def released_seam_ratio() -> float | None:
 
     Between their windows only: the sample has no source to which other peaks could be compared.
     """
-    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data")) / "skeleton_priors"
+    root = real_data() / "skeleton_priors"
     files = sorted(root.rglob("*.bvh"))
     if not files:
         return None

@@ -4,7 +4,6 @@ Li et al. (2024), supplement, section 1: 363 frames each; all bones of one body,
 upper body, scaled by 0.75 to 1.25 in steps of 0.05.
 """
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from ruamel.yaml import YAML
 
+from benchmarks._captures import real_data
 from pacmo_core.data.interaction import Interaction, joint_distances
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.interaction_mesh import Scene, Settings
@@ -43,7 +43,7 @@ class Task:
 
 def retargeting_tasks() -> tuple[str, list[Task]]:
     """Return the kind of data, and nine windows with about as many variations each."""
-    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+    root = real_data()
     real = [window for name in TAKES for window in _windows(root, name)]
     kind, windows = ("real", real) if len(real) == 9 else ("synthetic", _synthetic())
     counts = np.diff(np.linspace(0, N_VARIATIONS, len(windows) + 1).round().astype(int))

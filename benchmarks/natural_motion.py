@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks._captures import real_data
 from benchmarks._figures import arguments, show
 from benchmarks._retargeting_tasks import SETTINGS
 from pacmo_core.augmentation.bodies import measure_body, profile_scales
@@ -102,7 +103,7 @@ def main() -> None:
     parser = arguments(__doc__ or "")
     parser.add_argument("--captures", nargs="*", default=[], metavar="PRESET=FOLDER")
     options = parser.parse_args()
-    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+    root = real_data()
     windows = list(_folders(options.captures) if options.captures else _listed(root))
     if not windows:
         raise SystemExit(f"no captures in {root}: set PACMO_REAL_DATA to a folder of captures")

@@ -6,7 +6,6 @@ Both read the same files in the same run, in turn, on one thread; figures are me
 time, which other work on the machine disturbs least.
 """
 
-import os
 import statistics
 import tempfile
 import time
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks._captures import real_data
 from benchmarks._figures import arguments, show
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
@@ -35,7 +35,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         n_bytes = write_clips(Path(folder), MEGABYTES * 10**6)
         figures = compare(NTU.find(Path(folder)), n_bytes)
-    real = sorted(Path(os.environ.get("PACMO_REAL_DATA", "../shared/data")).glob("ntu/two*/*"))
+    real = sorted(real_data().glob("ntu/two*/*"))
     if real:
         n_bytes = sum(path.stat().st_size for path in real)
         published = compare(NTU.find(real[0].parent) * 20, 20 * n_bytes)

@@ -20,18 +20,17 @@ Handover states the giver's floor 20 cm too low; both people are lowered alike, 
 each other else.
 """
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from benchmarks._captures import BVH
+from benchmarks._captures import BVH, real_data
 from benchmarks._figures import arguments, show
 from benchmarks.invariance import model_of
+from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.interaction import Interaction, Motion, min_point_distance
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import Format, FormatError
@@ -44,8 +43,6 @@ from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import finish_reactions, react
 from pacmo_core.reaction.windows import PartnerMotion
 
-Distances = NDArray[np.float64]
-PACKAGE = Path("pacmo_core/commands/starting_weights.safetensors")
 CONTACT, MET, APART = 0.1, 0.15, 0.25  # metres
 MAX_SECONDS = 14.0
 # Of SBU's limbs, which end in a hand and a foot: how far along the forearm its wrist is put, and
@@ -56,7 +53,7 @@ WRIST, TOES, BELOW = 0.82, 0.12, 0.04
 def main() -> None:
     """Measure and print."""
     parser = arguments(__doc__ or "")
-    parser.add_argument("--weights", type=Path, nargs="+", default=[PACKAGE])
+    parser.add_argument("--weights", type=Path, nargs="+", default=[PACKAGED])
     parser.add_argument("--samples", type=int, default=2, help="reactions to each partner")
     parser.add_argument("--without-finish", action="store_true")
     options = parser.parse_args()
@@ -79,7 +76,7 @@ def main() -> None:
 
 def recorded(skeleton: Skeleton) -> dict[str, list[list[Interaction]]]:
     """Read the sets; of each, the clips of each act, either person as the partner."""
-    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+    root = real_data()
     readers: dict[str, tuple[Format, str, str]] = {
         "sbu": (Sbu(fps=15), "sbu", "*"),
         "cmu": (replace(BVH, preset="cmu_18_19", max_root_distance=None), "cmu_18_19", "18_19/*"),

@@ -13,7 +13,6 @@ points. ``joints_mm``: mean distance of file and points. ``time_ratio``: writing
 over solving, processor time.
 """
 
-import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._captures import real_data
 from benchmarks._figures import arguments, show
 from benchmarks._retargeting_tasks import N_FRAMES, NEAR, SETTINGS
 from pacmo_core.augmentation.bodies import measure_body, profile_scales
@@ -123,7 +123,7 @@ def summarise(results: list[Result]) -> dict[str, float]:
 
 def _windows(folder: Path) -> Iterator[tuple[str, str, tuple[Path, ...]]]:
     """Cut the window of each capture with the most near pairs; yield take, preset and files."""
-    root = Path(os.environ.get("PACMO_REAL_DATA", "../shared/data"))
+    root = real_data()
     for preset, takes in TAKES.items():
         pairs = BvhPairs(**{**DEFAULT_SETTINGS["bvh"], "preset": preset})
         found = {sequence.name: sequence for sequence in pairs.find(root / preset)}

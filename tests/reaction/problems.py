@@ -72,6 +72,15 @@ AUTOENCODER = AutoencoderSettings(
     checkpoint_every=2,
     both_directions=True,
 )
+NO_AUGMENTATION = AugmentationSettings(
+    mirror_probability=0.0,
+    size_spread=0.0,
+    rotation_spread=0.0,
+    min_rate=1.0,
+    tempo_spread=0.0,
+    joint_offset=0.0,
+    joint_noise=0.0,
+)
 GRU = GruSettings(
     random_seed=0,
     device="cpu",
@@ -85,15 +94,7 @@ GRU = GruSettings(
     validate_every=1,
     checkpoint_every=2,
     both_directions=True,
-    augmentation=AugmentationSettings(
-        mirror_probability=0.0,
-        size_spread=0.0,
-        rotation_spread=0.0,
-        min_rate=1.0,
-        tempo_spread=0.0,
-        joint_offset=0.0,
-        joint_noise=0.0,
-    ),
+    augmentation=NO_AUGMENTATION,
 )
 PACMO = PacmoSettings(
     random_seed=0,
@@ -162,15 +163,7 @@ REGRESSION = RegressionSettings(
     validate_every=5,
     checkpoint_every=5,
     both_directions=False,
-    augmentation=AugmentationSettings(
-        mirror_probability=0.0,
-        size_spread=0.0,
-        rotation_spread=0.0,
-        min_rate=1.0,
-        tempo_spread=0.0,
-        joint_offset=0.0,
-        joint_noise=0.0,
-    ),
+    augmentation=NO_AUGMENTATION,
 )
 FLOW_MATCHING = FlowMatchingSettings(
     **vars(REGRESSION),

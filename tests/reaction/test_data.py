@@ -23,7 +23,7 @@ from pacmo_core.reaction.data import (
 )
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import AugmentationSettings
-from tests.reaction.problems import clips, delayed_mirror
+from tests.reaction.problems import NO_AUGMENTATION, clips, delayed_mirror
 from tests.strategies import make_interaction
 
 
@@ -121,15 +121,7 @@ def test_a_permuted_reaction_is_resampled_to_the_other_partners_duration():
 
 
 PAIRS = sample_motion_pairs(clips(6), 17)
-PLAIN = AugmentationSettings(
-    mirror_probability=0.0,
-    size_spread=0.0,
-    rotation_spread=0.0,
-    min_rate=1.0,
-    tempo_spread=0.0,
-    joint_offset=0.0,
-    joint_noise=0.0,
-)
+PLAIN = NO_AUGMENTATION
 
 
 def augmented(

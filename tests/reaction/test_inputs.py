@@ -11,8 +11,8 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.data import Condition, sample_motion_pairs
 from pacmo_core.reaction.inputs import ActionEmbedding, action_indices
-from pacmo_core.reaction.settings import AdamSettings, AugmentationSettings
-from tests.reaction.problems import PACMO, REST
+from pacmo_core.reaction.settings import AdamSettings
+from tests.reaction.problems import NO_AUGMENTATION, PACMO, REST
 
 LABELLED = replace(
     PACMO,
@@ -24,15 +24,7 @@ LABELLED = replace(
     n_epochs=200,
     validate_every=200,
     both_directions=False,
-    augmentation=AugmentationSettings(
-        mirror_probability=0.0,
-        size_spread=0.0,
-        rotation_spread=0.0,
-        min_rate=1.0,
-        tempo_spread=0.0,
-        joint_offset=0.0,
-        joint_noise=0.0,
-    ),
+    augmentation=NO_AUGMENTATION,
 )
 
 
