@@ -235,7 +235,10 @@ def variation_findings(augment: Mapping[str, Any]) -> list[Finding]:
 
 
 def prior_findings(scores: Scores, dataset: str) -> list[Finding]:
-    """Return a sentence for each skeleton prior of a dataset, over all of its motions."""
+    """Return a sentence for each skeleton prior that is the best somewhere, and one for the rest.
+
+    The scores are those of one dataset, over all of its motions.
+    """
     cells = [
         (block, models)
         for block in METRIC_ROWS
@@ -243,27 +246,31 @@ def prior_findings(scores: Scores, dataset: str) -> list[Finding]:
         for split in SPLITS
         if len(models := _complete(scores.get(block.task, {}).get(split, {}), block)) > 1
     ]
-    result = []
+    result, others = [], []
     for model, metric in PRIOR_MODELS.items():
         of_model = [(block, models) for block, models in cells if model in models]
-        if of_model:
-            subject = f"Skeleton prior “{metric.label}”"
-            result.append(Finding(subject, _prior_sentence(model, dataset, of_model)))
+        lowest = [_is_lowest(model, models, block) for block, models in of_model]
+        if any(lowest):
+            text = _prior_sentence(model, dataset, of_model, sum(lowest))
+            result.append(Finding(f"Skeleton prior “{metric.label}”", text))
+        elif lowest:
+            others.append(f"“{metric.label}”")
+    if others:
+        subject = "Other skeleton priors" if result else "Skeleton priors"
+        text = f"have the lowest value of all models in no comparison on {dataset}"
+        result.append(Finding(subject, f"{text}: {', '.join(others)}."))
     return result
 
 
 def _prior_sentence(
-    model: str, dataset: str, cells: Sequence[tuple[MetricRow, Mapping[str, Any]]]
+    model: str, dataset: str, cells: Sequence[tuple[MetricRow, Mapping[str, Any]]], n_lowest: int
 ) -> str:
-    lowest = [_is_lowest(model, models, block) for block, models in cells]
     measured = [cell for cell in cells if _has_intervals(*cell)]
     certain = [_is_lowest(model, models, block, key=("high", "low")) for block, models in measured]
     text = (
-        f"has the lowest value of all models in {sum(lowest)} of "
+        f"has the lowest value of all models in {n_lowest} of "
         f"{count(len(cells), 'comparison')} on {dataset}"
     )
-    if not any(lowest):
-        return f"{text}."
     if not measured:
         return f"{text}, each of one motion and one seed only, so that no difference is certain."
     text += f"; in {sum(certain)} its interval over motions and seeds lies below all others"
