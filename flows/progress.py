@@ -1,4 +1,4 @@
-"""Show a run: one live line on a terminal, or else a line at each stage's start and end."""
+"""Show a run: one live line on a terminal, or else a line an event and one after long silence."""
 
 import json
 import os
@@ -6,12 +6,14 @@ import select
 import shutil
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TextIO
 
 from flows.dvc_commands import progress_file
 
 _REFRESH_S = 0.5
+_SILENCE_S = 120  # without a terminal: after so long a line says what runs
 _CLEAR_LINE = "\r\x1b[2K"
 _INFO = "info"
 
@@ -56,10 +58,13 @@ class Display:
     ----------
     stream : where to
     live : whether the stream is a terminal
+    clock : gives seconds
     """
 
     stream: TextIO = field(default_factory=lambda: sys.stderr)
     live: bool = field(default_factory=lambda: sys.stderr.isatty())
+    clock: Callable[[], float] = time.monotonic
+    written: float = 0.0
     running: dict[str, RunningStage] = field(default_factory=dict)
     n_ended: int = 0
     n_stages: int = 0
@@ -88,7 +93,7 @@ class Display:
             self.n_stages, self.n_ended = event["n_stages"], 0
         state = event.get("state")
         if state == "start":
-            self.running[event["stage"]] = RunningStage(event["stage"], time.monotonic())
+            self.running[event["stage"]] = RunningStage(event["stage"], self.clock())
         elif state == "end":
             self.running.pop(event["stage"], None)
             self.n_ended += 1
@@ -98,25 +103,30 @@ class Display:
         # On a terminal the live line shows what has started.
         if not (self.live and state == "start"):
             self.clear()
-            self.stream.write(f"{text}\n")
-            self.stream.flush()
+            self._write(f"{text}\n")
 
     def refresh(self) -> None:
-        """Write the live line anew."""
-        if not (self.live and self.running):
+        """Write the live line anew, or without a terminal a line after long silence."""
+        now = self.clock()
+        if not self.running or not (self.live or now - self.written >= _SILENCE_S):
             return
-        now = time.monotonic()
         stages = " | ".join(stage.text(now) for stage in self.running.values())
         line = f"[{self.n_ended} of {self.n_stages}] {stages}"
-        width = shutil.get_terminal_size().columns
-        self.stream.write(_CLEAR_LINE + line[: width - 1])
-        self.stream.flush()
+        if self.live:
+            width = shutil.get_terminal_size().columns
+            self._write(_CLEAR_LINE + line[: width - 1])
+        else:
+            self._write(f"{line}\n")
 
     def clear(self) -> None:
         """Remove the live line."""
         if self.live:
-            self.stream.write(_CLEAR_LINE)
-            self.stream.flush()
+            self._write(_CLEAR_LINE)
+
+    def _write(self, text: str) -> None:
+        self.stream.write(text)
+        self.stream.flush()
+        self.written = self.clock()
 
 
 def duration(seconds: float) -> str:
