@@ -202,13 +202,15 @@ def comparison_note(confidence: float, pooled: Mapping[str, Any]) -> str:
     estimate = _finite_estimate(pooled["rows"].get("real", {}).get(FLOOR, {}))
     label = METRICS[CLOSENESS].label
     floor = (
-        f" {label} is the distance from real motion; that of two samples of real motion is "
-        f"{format_estimate(estimate)}."
+        f" {label} is the distance from the tested motion; another sample of real motion, with "
+        f"other partners, is at {format_estimate(estimate)}."
         if estimate
         else ""
     )
     seeds = max((len(seeds) for seeds in pooled["seeds"].values()), default=0)
+    compared = ", ".join(map(_in_list, COMPARED))
     return (
+        f"Compared: {compared}; further ones in the table of paired differences. "
         f"Better and worse: the {100 * confidence:g} % interval of the paired difference excludes "
         f"zero; of 100 such intervals about {100 * (1 - confidence):.2g} do so by chance. "
         f"{count(pooled['test_reactions'], 'reaction')} tested in "

@@ -150,7 +150,7 @@
     say() {
       const { scrub, clock, said } = this.parts, { times } = this.finest;
       scrub.value = this.time;
-      clock.textContent = `${this.time.toFixed(2)} s · frame ${this.finest.frameAt(this.time) + 1} of ${times.length}`;
+      clock.textContent = `${this.time.toFixed(2)} s · frame ${this.finest.frameAt(this.time)} of ${times.length - 1}`;
       if (!this.colour) return;
       this.plot.draw(this.time);
       said.textContent = this.plot.said(this.time);

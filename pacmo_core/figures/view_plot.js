@@ -3,7 +3,7 @@
 
 (() => {
   const DASHES = [[], [6, 3], [2, 2.5], [9, 3, 2, 3], [4, 6], [12, 4], [14, 3, 2, 3, 2, 3]];
-  const LEFT = 44, RIGHT = 8, TOP = 8, BOTTOM = 14, MOST = 2000;
+  const LEFT = 44, RIGHT = 8, TOP = 8, BOTTOM = 14, BAR = 4, MOST = 2000;
 
   // The smallest round step that divides a range into at most so many parts.
   function tickStep(range, parts) {
@@ -29,12 +29,14 @@
 
     set(clips, metric, joint, colour) {
       Object.assign(this, { clips, metric, colour, lines: linesOf(clips, metric, joint), stale: true });
+      this.pairs = clips.filter((clip) => clip.motions.length > 1);
       const finite = this.lines.flatMap(({ values }) => [values.reduce((a, b) => Math.max(a, b), 0)]);
       this.top = Math.max(...finite, 1e-3) * 1.06;
     }
 
     x(time) { return LEFT + (time / (this.length || 1)) * (this.width - LEFT - RIGHT); }
-    y(value) { return this.height - BOTTOM - (value / this.top) * (this.height - TOP - BOTTOM); }
+    get floor() { return this.height - BOTTOM - BAR * this.pairs.length; }
+    y(value) { return this.floor - (value / this.top) * (this.floor - TOP); }
     timeAt(x) { return Math.min(1, Math.max(0, (x - LEFT) / (this.width - LEFT - RIGHT))) * this.length; }
 
     // The lines are drawn once, the cursor each frame.
@@ -75,12 +77,12 @@
       this.touching(ctx);
     }
 
-    // Contacts: a bar at the bottom, one row per clip.
+    // Contacts: bars below the curves, a row for each clip in their order.
     touching(ctx) {
       ctx.fillStyle = this.colour.lit;
       ctx.strokeStyle = this.colour.soft;
-      this.clips.filter((clip) => clip.motions.length > 1).forEach((clip, row) => {
-        const gaps = clip.series("closest", 0, clip.root), y = this.height - BOTTOM - 3 - 4 * row;
+      this.pairs.forEach((clip, row) => {
+        const gaps = clip.series("closest", 0, clip.root), y = this.floor + 2 + BAR * row;
         let from = -1;
         for (let frame = 0; frame <= gaps.length; frame += 1) {
           const touches = frame < gaps.length && gaps[frame] <= clip.contact;
@@ -109,7 +111,7 @@
       Object.assign(ctx, { strokeStyle: colour.ink, lineWidth: 1 });
       ctx.beginPath();
       ctx.moveTo(x, TOP - 4);
-      ctx.lineTo(x, this.height - BOTTOM);
+      ctx.lineTo(x, this.height - BOTTOM + 2);
       ctx.stroke();
       for (const { clip, person, values } of this.lines.filter((line) => time <= line.clip.length)) {
         const value = values[clip.frameAt(time)];

@@ -58,7 +58,9 @@ class Estimate:
         return Estimate(self.plain - other.plain, self.resampled - other.resampled)
 
 
-def interval(estimate: Estimate, confidence: float, *, minimum: float = -np.inf) -> Interval:
+def interval(
+    estimate: Estimate, confidence: float, *, minimum: float = -np.inf, maximum: float = np.inf
+) -> Interval:
     """Compute the interval about the value on all samples from the bootstrap replicates.
 
     With θ̂ the plain value and θ* the replicates, the interval is θ̂ − (q(θ*) − mean θ*), q the two
@@ -76,7 +78,7 @@ def interval(estimate: Estimate, confidence: float, *, minimum: float = -np.inf)
     ----------
     estimate : the metric and its replicates
     confidence : in (0, 1)
-    minimum : the smallest possible value of the metric, at which the interval is cut
+    minimum, maximum : the possible values of the metric, at which the interval is cut
 
     Returns
     -------
@@ -89,7 +91,8 @@ def interval(estimate: Estimate, confidence: float, *, minimum: float = -np.inf)
     spread = estimate.resampled - estimate.resampled.mean()
     high, low = np.quantile(spread, [(1 - confidence) / 2, (1 + confidence) / 2])
     mean = estimate.plain
-    return Interval(mean, max(mean - float(low), minimum), max(mean - float(high), minimum))
+    bounds = np.clip([mean - low, mean - high], minimum, maximum)
+    return Interval(mean, float(bounds[0]), float(bounds[1]))
 
 
 def difference(first: Estimate, second: Estimate, confidence: float) -> Interval:
@@ -225,7 +228,8 @@ def pooled_interval(
     # The noise floor of F²ID is not a row of the catalogue.
     can_be_negative = row.can_be_negative if row else metric != "f2id_floor"
     minimum = -np.inf if can_be_negative else 0.0
-    return interval(pool_folds(folds, random_seed), confidence, minimum=minimum)
+    maximum = 1.0 if row and row.is_share else np.inf
+    return interval(pool_folds(folds, random_seed), confidence, minimum=minimum, maximum=maximum)
 
 
 def is_repeated_metric(metric: str) -> bool:

@@ -17,6 +17,7 @@ class Metric:
     ----------
     better : ``↓`` lower, ``↑`` higher, ``→`` closer to the row ``real``, empty if neither
     tolerance : relative difference allowed between trainings of one commit on different processors
+    is_share : at most 1
     can_be_negative : true of unbiased estimates, excesses and extrapolations
     exact_for_real : real pairs are compared with themselves; their value is exact by construction
     partner_independent : depends on the reactions only, and not on their pairing with partners
@@ -27,6 +28,7 @@ class Metric:
     unit: str
     meaning: str
     tolerance: float = 0.25
+    is_share: bool = False
     can_be_negative: bool = False
     exact_for_real: bool = False
     partner_independent: bool = False
@@ -101,6 +103,7 @@ METRICS = {
         HIGHER,
         "",
         "share of reactions for which the true partner fits best among the candidates",
+        is_share=True,
         tolerance=0.15,
     ),
     "contacts_met": Metric(
@@ -108,6 +111,7 @@ METRICS = {
         HIGHER,
         "",
         "share of the captured frames within 10 cm in which the generated two are within 15 cm",
+        is_share=True,
         tolerance=0.15,
         exact_for_real=True,
     ),
@@ -116,6 +120,7 @@ METRICS = {
         HIGHER,
         "",
         "the same, where a contact may be 0.1 s early or late",
+        is_share=True,
         tolerance=0.15,
         exact_for_real=True,
     ),
@@ -124,6 +129,7 @@ METRICS = {
         LOWER,
         "",
         "share of the captured frames beyond 25 cm in which the generated two are within 15 cm",
+        is_share=True,
         tolerance=1.0,
         exact_for_real=True,
     ),
@@ -132,6 +138,7 @@ METRICS = {
         HIGHER,
         "",
         "agreement of the frames within 10 cm with those of the real reaction",
+        is_share=True,
         tolerance=0.15,
         exact_for_real=True,
     ),
@@ -184,6 +191,7 @@ METRICS = {
         LOWER,
         "",
         "share of reactions with a joint of greater acceleration than in any real one",
+        is_share=True,
         tolerance=1.0,
         exact_for_real=True,
         partner_independent=True,

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from pacmo_core.metrics.bootstrap import Array
+from pacmo_core.metrics.bootstrap import MIN_UNITS, Array
 from pacmo_core.metrics.contact import (
     contact_distances,
     contact_f1,
@@ -51,7 +51,8 @@ def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Es
 def measure_contact(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
     """Measure contacts met, over all clips and by action, false contacts, and their agreement.
 
-    The metric of one action is named ``contacts_met.ACTION``; actions without contact have none.
+    The metric of one action is named ``contacts_met.ACTION``. Actions with fewer than ``MIN_UNITS``
+    clips with contact have none: it would rest on a few frames.
     """
     settings = context.settings
     generated, captured = contact_distances(row), contact_distances(context.real)
@@ -59,6 +60,7 @@ def measure_contact(row: Reactions, context: EvaluationContext) -> tuple[Estimat
     limits = {"contact": settings.contact_distance, "met": settings.met_distance}
     met = contacts_met(generated, captured, **limits)
     actions = np.array(context.real.actions)
+    named, n_touching = np.unique(actions[met[1] > 0], return_counts=True)
     sums = {
         "contacts_met": met,
         "contacts_met_near": contacts_met(near, captured, **limits),
@@ -66,7 +68,10 @@ def measure_contact(row: Reactions, context: EvaluationContext) -> tuple[Estimat
             generated, captured, apart=settings.apart_distance, met=settings.met_distance
         ),
         "contact_f1": contact_f1(generated, captured, distance=settings.contact_distance),
-        **{f"contacts_met.{name}": met * (actions == name) for name in np.unique(actions)},
+        **{
+            f"contacts_met.{name}": met * (actions == name)
+            for name in named[n_touching >= MIN_UNITS]
+        },
     }
     result = ratios(sums, context)
     return result, {

@@ -93,7 +93,7 @@ def extremes(errors: dict[str, float]) -> dict[str, str]:
         name = order[index]
         remarks.setdefault(
             name,
-            f"{word} of {len(order):,} reactions of {row_label(RANKED)}: joints "
+            f"{word} of {len(order):,} reactions of person b by {row_label(RANKED)}: joints "
             f"{format_number(errors[name])} m from the captured reaction on average, which is one "
             "of many plausible ones.",
         )

@@ -144,7 +144,8 @@ def test_the_note_states_confidence_data_and_noise_floor() -> None:
     text = comparison_note(0.95, pooled())
     for words in ("95 % interval", "about 5 do so", "1,234 reactions", "2 folds", "3 seeds"):
         assert words in text
-    assert text.endswith("that of two samples of real motion is 0.100 (0.0900 to 0.110).")
+    assert text.startswith("Compared: F²ID, ") and "APE of joints" in text
+    assert text.endswith("with other partners, is at 0.100 (0.0900 to 0.110).")
 
 
 def test_a_missing_value_makes_no_claim() -> None:

@@ -48,6 +48,12 @@ def test_a_metric_that_cannot_be_negative_is_cut_at_zero():
     assert pooled_interval("f2id_excess", folds, 0, 0.9).low < 0
 
 
+def test_a_share_is_cut_at_one_and_a_distance_is_not():
+    folds = [{1: Estimate(0.9, np.linspace(0, 1, 100))}]
+    assert pooled_interval("contacts_met.kick", folds, 0, 0.9).high == 1
+    assert pooled_interval("ape", folds, 0, 0.9).high > 1
+
+
 def test_what_has_not_one_number_of_draws_is_refused():
     with pytest.raises(ValueError, match="one number of replicates"):
         pool_folds([{1: constant(1.0, 5)}, {1: constant(1.0, 6)}], 0)

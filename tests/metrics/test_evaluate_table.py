@@ -91,6 +91,13 @@ def test_every_row_has_every_metric_on_every_replicate(measured):
             assert np.isfinite([estimate.plain, *estimate.resampled]).all()
 
 
+def test_an_action_of_which_three_clips_touch_has_no_figure_of_its_own(sets):
+    real, train, _ = sets
+    actions = ["bow"] * 3 + ["wave"] * (len(real.motions) - 3)
+    found = table_of(replace(real, actions=actions), train).measure(replace(real, actions=actions))
+    assert {name for name in found.estimates if "." in name} == {"contacts_met.wave"}
+
+
 def test_plain_values_are_those_of_the_metrics_called_alone(sets, measured):
     real, _, rows = sets
     found, row = values(measured["far"]), rows["far"]
