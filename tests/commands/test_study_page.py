@@ -43,7 +43,7 @@ def participate(tab: Tab, number: int, wrong: dict[str, int], clips: int = PER_P
     for _ in range(clips):
         tab.wait_until(f"({READY.format('clips')}) && {CLOCK}.includes('frame')")
         tab.run("Pacmo.study.player.play(false)")
-        frames = int(tab.run(CLOCK).split()[-1])
+        frames = int(tab.run(CLOCK).split()[-1]) + 1
         kind = next(kind for kind, n in FRAMES.items() if n == frames)
         wrong[kind] -= 1
         press(tab, "real" if (kind == REAL) == (wrong[kind] < 0) else "fake", number)
