@@ -168,6 +168,8 @@ class PrivateVariables:
     manner : 0, 1, 2: variant of the action
     idle : 0 to 3: position of the free hand
     early : seconds by which a reach or an arrival is early, or a return is late
+    heading, facing : radians to the left of the straight line to the meeting plane: of the way in,
+        and of the pelvis at the event
     more : eight numbers between 0 and 1, used by the actions
     gait : of this person in this clip
     phases, rates : of the sway, radians and hertz
@@ -179,6 +181,8 @@ class PrivateVariables:
     manner: int
     idle: int
     early: float
+    heading: float
+    facing: float
     more: tuple[float, ...]
     gait: Gait
     phases: Array
@@ -194,6 +198,8 @@ def sample_private_variables(random: np.random.Generator, person: Subject) -> Pr
         manner=int(random.choice(3, p=[0.45, 0.35, 0.2])),
         idle=int(random.choice(4, p=[0.5, 0.2, 0.15, 0.15])),
         early=float(random.uniform(0.0, 0.25)),
+        heading=float(np.clip(random.normal(0.0, 0.3), -0.7, 0.7)),
+        facing=float(np.clip(random.normal(0.0, 0.14), -0.4, 0.4)),
         more=tuple(random.random(8).tolist()),
         gait=_sample_gait(random, person),
         phases=random.uniform(0.0, 2.0 * np.pi, (N_SWAY_CHANNELS, N_HARMONICS)),

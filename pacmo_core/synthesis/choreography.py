@@ -15,6 +15,7 @@ from pacmo_core.synthesis.kinematics import Array, bump, ease_in_out, window
 from pacmo_core.synthesis.script import Role, Script
 
 LEFT, RIGHT = 0, 1
+MAX_LEAD = 0.6  # radians by which the side of a hand that is given goes ahead
 Trajectory = Callable[[Array], Array]  # (T,) seconds to (T, 3) metres
 
 
@@ -142,6 +143,11 @@ class RoleView:
         return self.script.stand[1 - "ab".index(self.role)]
 
     @property
+    def place(self) -> float:
+        """Metres to the left of the middle at which this person stands."""
+        return 0.5 * self.script.passing
+
+    @property
     def entry(self) -> float:
         """Metres that this person walks in or out."""
         return self.script.entry["ab".index(self.role)]
@@ -185,11 +191,11 @@ class RootMove:
     bow: float = 0.0
 
 
-def root_path(x: float, z: float, *moves: RootMove) -> Path:
-    """Start at (x, z) facing the partner and make every move; ``bow`` curves it sideways."""
+def root_path(start: tuple[float, float, float], *moves: RootMove) -> Path:
+    """Start at x, z and a yaw, and make every move; ``bow`` curves it sideways."""
 
     def path(times: Array) -> Array:
-        position = np.tile([x, z, 0.0], (len(times), 1))
+        position = np.tile(start, (len(times), 1))
         for move in moves:
             fraction = ease_in_out(times, move.start, move.stop, move.ease)
             position = position + fraction[:, None] * [move.x, move.z, move.yaw]
@@ -199,17 +205,33 @@ def root_path(x: float, z: float, *moves: RootMove) -> Path:
     return path
 
 
-def walk_in(role_view: RoleView, arrive: float, extra: float = 0.0) -> RootMove:
-    """Walk in, arriving at ``arrive``."""
-    distance = role_view.entry + extra
-    time = 0.5 + distance / (
-        1.0 * role_view.subject.tempo * (0.9 + 0.25 * role_view.private.more[0])
-    )
-    return RootMove(
-        arrive - time,
-        arrive,
-        z=distance,
-        bow=role_view.private.side * 0.05 * role_view.private.more[1],
+def way_in(
+    role_view: RoleView, arrive: float, *then: RootMove, extra: float = 0.0, lead: bool = False
+) -> Path:
+    """Come in obliquely, be turned to the other at ``arrive``, and make further moves.
+
+    People who shake hands or hand something over turn the pelvis away from the hand that they give
+    and pass the other's line: in SBU the other is 41 degrees to the right of the pelvis as hands
+    join (a quarter of them under 27, a quarter over 46).
+
+    Parameters
+    ----------
+    extra : metres in addition to the script's, for a last step
+    lead : whether the side of the used hand goes ahead
+    """
+    private, distance = role_view.private, role_view.entry + extra
+    time = 0.5 + distance / (role_view.subject.tempo * (0.9 + 0.25 * private.more[0]))
+    heading = private.heading if distance else 0.6 * private.heading
+    facing = private.facing
+    if lead:
+        facing += MAX_LEAD * private.more[7] * (1.0 if role_view.hand == RIGHT else -1.0)
+    oblique = distance * float(np.tan(heading))
+    bow = private.side * 0.05 * private.more[1]
+    return root_path(
+        (role_view.place - oblique, -role_view.stand - distance, heading),
+        RootMove(arrive - time, arrive, x=oblique, z=distance, bow=bow),
+        RootMove(arrive - max(0.8, 0.7 * time), arrive, yaw=facing - heading),
+        *then,
     )
 
 

@@ -10,9 +10,8 @@ from pacmo_core.synthesis.choreography import (
     Trajectory,
     TrunkMotion,
     oscillating,
-    root_path,
     step_back,
-    walk_in,
+    way_in,
 )
 from pacmo_core.synthesis.gait import Path
 from pacmo_core.synthesis.kinematics import Array, ease_in_out, window
@@ -49,11 +48,11 @@ def hug(role_view: RoleView) -> MotionPlan:
         middle = 0.5 * (role_view.event + role_view.contact_end)
         rock = TimeInterval(role_view.event, middle, middle + 0.05, role_view.contact_end + 0.1)
         trunk_motions.append(TrunkMotion(rock, roll=0.05 * private.side * private.strength))
-    path = root_path(
-        side * role_view.script.aside,
-        -role_view.stand - role_view.entry - 0.3,
-        walk_in(role_view, role_view.event + 0.05, 0.3),
+    path = way_in(
+        role_view,
+        role_view.event + 0.05,
         *step_back(role_view, gone - 0.1, always=True),
+        extra=0.3,
     )
     return MotionPlan(path, hand_targets=tuple(hand_targets), trunk_motions=tuple(trunk_motions))
 
@@ -61,8 +60,7 @@ def hug(role_view: RoleView) -> MotionPlan:
 def _palm_on_back(role_view: RoleView, hand: int, above: bool) -> Trajectory:
     """Lay a palm on the partner's back; in the first manner it pats."""
     sign = 1.0 - 2.0 * hand
-    side = 1.0 if role_view.hand == 1 else -1.0
-    middle = -side * role_view.script.aside  # where the partner's spine is along my x
+    middle = -role_view.place  # where the partner's spine is along my x
     low = -0.02 if above else 0.30
     spot = (
         middle + 0.10 * sign,
@@ -107,11 +105,7 @@ def circle_dance(role_view: RoleView) -> MotionPlan:
         c, s = np.cos(angle(times)), np.sin(angle(times))
         return np.stack([c * x + s * z, c * z - s * x, yaw + angle(times)], axis=-1)
 
-    approach: Path = root_path(
-        0.0,
-        -role_view.stand - role_view.entry,
-        walk_in(role_view, role_view.event - 0.1 - private.early),
-    )
+    approach: Path = way_in(role_view, role_view.event - 0.1 - private.early)
     gone = role_view.contact_end + 0.15 * private.more[4]
     start = contact_start - 0.6 + 0.4 * private.delay
     hand_targets = tuple(

@@ -15,7 +15,7 @@ from pacmo_core.synthesis.choreography import (
     oscillating,
     root_path,
     step_back,
-    walk_in,
+    way_in,
 )
 from pacmo_core.synthesis.kinematics import Array
 
@@ -23,7 +23,6 @@ from pacmo_core.synthesis.kinematics import Array
 def approach(role_view: RoleView) -> MotionPlan:
     """Walk toward each other; some wave or nod."""
     arrive = role_view.event - 0.25 + 0.5 * role_view.private.delay
-    walk = walk_in(role_view, arrive)
     trunk_motions: tuple[TrunkMotion, ...] = ()
     hand = int(role_view.private.side < 0)
     hand_targets = free_hand(role_view, hand) if role_view.private.idle == 3 else ()
@@ -36,7 +35,7 @@ def approach(role_view: RoleView) -> MotionPlan:
     if role_view.private.manner == 2:
         hand_targets = (_wave(role_view, hand, arrive - 0.6),)
     return MotionPlan(
-        root_path(0.0, -role_view.stand - walk.z, walk),
+        way_in(role_view, arrive),
         hand_targets=hand_targets,
         trunk_motions=trunk_motions,
     )
@@ -56,7 +55,8 @@ def depart(role_view: RoleView) -> MotionPlan:
         -distance * np.sin(stray),
         -distance * np.cos(stray),
     )
-    turn = RootMove(begin, begin + 1.5, yaw=private.side * np.pi + stray, ease=0.4)
+    yaw = private.side * np.pi + stray - private.facing
+    turn = RootMove(begin, begin + 1.5, yaw=yaw, ease=0.4)
     back = RootMove(begin - 0.3, begin + 0.6, z=-backward)
     hand = int(private.side < 0)
     hand_targets = (
@@ -67,7 +67,7 @@ def depart(role_view: RoleView) -> MotionPlan:
         twist=0.3 * private.side,
     )
     return MotionPlan(
-        root_path(0.0, -role_view.stand, back, turn, go),
+        root_path((role_view.place, -role_view.stand, private.facing), back, turn, go),
         step_rate_factor=1.25,
         hand_targets=hand_targets,
         trunk_motions=(trunk_motion,),
@@ -129,11 +129,11 @@ def handshake(role_view: RoleView) -> MotionPlan:
                 bow, pitch=0.12 * private.strength, nod=0.25, ahead=-0.07 * private.strength
             )
         )
-    path = root_path(
-        0.0,
-        -role_view.stand - role_view.entry,
-        walk_in(role_view, role_view.event - 0.1 - private.early),
+    path = way_in(
+        role_view,
+        role_view.event - 0.1 - private.early,
         *step_back(role_view, gone + 0.1),
+        lead=True,
     )
     return MotionPlan(path, hand_targets=(shake, *other), trunk_motions=tuple(trunk_motions))
 
@@ -169,11 +169,11 @@ def high_five(role_view: RoleView) -> MotionPlan:
         trunk_motions.append(
             TrunkMotion(after, twist=0.35 * sign, crouch=0.04 * private.strength, nod=0.15)
         )
-    path = root_path(
-        0.0,
-        -role_view.stand - role_view.entry,
-        walk_in(role_view, role_view.event - 0.1 - private.early),
+    path = way_in(
+        role_view,
+        role_view.event - 0.1 - private.early,
         *step_back(role_view, role_view.contact_end),
+        lead=True,
     )
     return MotionPlan(
         path,
@@ -214,11 +214,11 @@ def hand_over(role_view: RoleView) -> MotionPlan:
     if private.manner == 2:
         thanks = TimeInterval(gone, gone + 0.35, gone + 0.45, gone + 0.95)
         trunk_motions.append(TrunkMotion(thanks, pitch=0.12 * private.strength, nod=0.25))
-    path = root_path(
-        0.0,
-        -role_view.stand - role_view.entry,
-        walk_in(role_view, role_view.event - 0.1 - private.early),
+    path = way_in(
+        role_view,
+        role_view.event - 0.1 - private.early,
         *step_back(role_view, gone + 0.1),
+        lead=True,
     )
     return MotionPlan(
         path, hand_targets=(*hand_targets, *other), trunk_motions=tuple(trunk_motions)

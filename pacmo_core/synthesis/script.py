@@ -31,6 +31,8 @@ CONTACT_SECONDS = {
     "circle dance": (1.6, 2.3),
 }
 MAX_CONTACT_HEIGHT = 0.5  # of the arm length: largest height difference of contact and shoulder
+MAX_PASSING = 0.44  # metres between the lines of two who give the same hand
+MAX_ACROSS = 0.22  # metres, largest distance to the side that an arm's reach allows for
 CHEST_DEPTH = 0.11  # metres from the spine to the front of the chest
 
 
@@ -54,6 +56,7 @@ class Placement(NamedTuple):
     hands: tuple[int, int]
     aside: float
     level: float
+    passing: float
 
 
 def sample_timing(random: np.random.Generator, action: str, tempo: float) -> Timing:
@@ -94,26 +97,42 @@ def sample_placement(
     hands = _sample_hands(random, action, people, first)
     shoulders = [0.5 * (p.body.shoulder_height - 0.03) for p in people]
     shoulder = float(sum(shoulders))
-    ease = float(random.uniform(0.90, 1.0))
+    turn = 1.0 if hands[0] == 1 else -1.0
     if action in ("push", "punch", "kick"):
         level, gap = _sample_strike(random, action, actor, other)
-        return Placement((0.5 * gap, 0.5 * gap), hands, float(random.normal(0.0, 0.015)), level)
+        aside = float(random.normal(0.0, 0.015))
+        return Placement((0.5 * gap, 0.5 * gap), hands, aside, level, 0.0)
     if action in ("approach", "depart"):
         apart = random.uniform(0.38, 0.6, 2)
-        return Placement((float(apart[0]), float(apart[1])), hands, 0.0, shoulder)
+        passing = float(random.uniform(-0.3, 0.3))
+        return Placement((float(apart[0]), float(apart[1])), hands, 0.0, shoulder, passing)
     if action == "hug":
         near = float(random.uniform(0.165, 0.20))
-        return Placement((near, near), hands, float(random.uniform(0.05, 0.08)), shoulder)
+        passing = turn * float(random.uniform(0.15, 0.21))
+        return Placement((near, near), hands, 0.0, shoulder, passing)
     lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.17}[
         action
     ]
     target = shoulder + lift + float(random.uniform(-0.15, 0.15))
     level = _clip_to_reach(target, [p.body for p in people])
-    stretch = 0.70 if action == "circle dance" else 0.80
-    near_a, near_b = (ease * _reach_distance(p.body, level, stretch) for p in people)
-    sides = [(1.0 - 2.0 * hands[0]), -(1.0 - 2.0 * hands[1])]
-    aside = float(sum(sides)) * 0.08 + float(random.uniform(-0.12, 0.12))
-    return Placement((near_a, near_b), hands, aside, level)
+    side_a, side_b = 1.0 - 2.0 * hands[0], 1.0 - 2.0 * hands[1]
+    aside = (side_a - side_b) * 0.08 + float(random.uniform(-0.1, 0.1))
+    passing, stretch = 0.0, float(random.uniform(0.78, 0.97))
+    if action == "circle dance":
+        stretch = 0.70 * float(random.uniform(0.9, 1.0))
+        across = (people[0].body.shoulder_half, people[1].body.shoulder_half)
+    else:
+        if hands[0] == hands[1]:
+            passing = turn * float(random.uniform(0.0, MAX_PASSING))
+        across = (
+            aside - 0.5 * passing - side_a * people[0].body.shoulder_half,
+            -aside - 0.5 * passing - side_b * people[1].body.shoulder_half,
+        )
+    near_a, near_b = (
+        _reach_distance(person.body, level, stretch, min(abs(far), MAX_ACROSS))
+        for person, far in zip(people, across, strict=True)
+    )
+    return Placement((near_a, near_b), hands, aside, level, passing)
 
 
 def _sample_hands(
@@ -137,11 +156,14 @@ def _clip_to_reach(level: float, bodies: list[Body]) -> float:
     return min(max(level, low), high)
 
 
-def _reach_distance(body: Body, level: float, stretch: float) -> float:
-    """Return the distance ahead of the pelvis of a hand at ``level``, for an arm extension."""
+def _reach_distance(body: Body, level: float, stretch: float, across: float) -> float:
+    """Return the distance ahead of the pelvis of a hand at ``level``, for an arm extension.
+
+    ``across`` is the distance, to the side, from the shoulder to the hand.
+    """
     drop = body.shoulder_height - 0.03 - level
     lean = 0.05
-    return lean + float(np.sqrt((stretch * body.arm) ** 2 - drop**2 - body.shoulder_half**2))
+    return lean + float(np.sqrt((stretch * body.arm) ** 2 - drop**2 - across**2))
 
 
 def _sample_strike(
@@ -156,10 +178,10 @@ def _sample_strike(
     if action == "push":
         level = other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16))
         level = _clip_to_reach(level, [actor])
-        return level, _reach_distance(actor, level, 0.74) + CHEST_DEPTH + 0.08
+        return level, _reach_distance(actor, level, 0.74, actor.shoulder_half) + CHEST_DEPTH + 0.08
     level = other.head_height - 0.03 - float(random.uniform(0.0, 0.06))
     level = _clip_to_reach(level, [actor])
-    return level, _reach_distance(actor, level, 0.84) + CHEST_DEPTH + 0.24
+    return level, _reach_distance(actor, level, 0.84, actor.shoulder_half) + CHEST_DEPTH + 0.24
 
 
 def sample_view(
@@ -216,7 +238,9 @@ class Script:
     entry : metres that each person, a and b, walks in or out
     stand : metres from each person's pelvis to the meeting plane at the event
     hands : the hand each person uses, 0 left, 1 right
-    aside, level : metres: position of the contact to the left of person a's midline, and its height
+    aside, level : metres: position of the contact to the left of person a's line, and its height
+    passing : metres by which the lines on which the two come in pass each other, each to the left
+        of the other's: right hands are then before each other
     vigour : strength of the action, about 1
     beat : hertz, of repeated movements
     turn : radians by which the pair turns or parts; positive to the left
@@ -240,6 +264,7 @@ class Script:
     hands: tuple[int, int]
     aside: float
     level: float
+    passing: float
     vigour: float
     beat: float
     turn: float

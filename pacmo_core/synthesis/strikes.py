@@ -13,10 +13,10 @@ from pacmo_core.synthesis.choreography import (
     TrunkMotion,
     constant,
     free_hand,
-    root_path,
     step_back,
-    walk_in,
+    way_in,
 )
+from pacmo_core.synthesis.gait import Path
 from pacmo_core.synthesis.kinematics import Array, ramp
 from pacmo_core.synthesis.script import CHEST_DEPTH
 
@@ -36,12 +36,10 @@ def punch(role_view: RoleView) -> MotionPlan:
     return _punch_plan(role_view) if role_view.first else react_to_punch(role_view)
 
 
-def _step_in(role_view: RoleView, distance: float) -> tuple[RootMove, ...]:
+def _step_in(role_view: RoleView, distance: float) -> Path:
     """Walk in with a last step into the strike, and perhaps step back from it."""
-    return (
-        walk_in(role_view, role_view.event + 0.02, distance),
-        *step_back(role_view, role_view.event + 0.3),
-    )
+    back = step_back(role_view, role_view.event + 0.3)
+    return way_in(role_view, role_view.event + 0.02, *back, extra=distance)
 
 
 def _push_plan(role_view: RoleView) -> MotionPlan:
@@ -77,9 +75,7 @@ def _push_plan(role_view: RoleView) -> MotionPlan:
         ahead=0.05,
     )
     distance = 0.12 + 0.12 * private.more[5]
-    path = root_path(
-        0.0, -role_view.stand - role_view.entry - distance, *_step_in(role_view, distance)
-    )
+    path = _step_in(role_view, distance)
     return MotionPlan(
         path, step_rate_factor=1.2, hand_targets=tuple(hand_targets), trunk_motions=(trunk_motion,)
     )
@@ -130,8 +126,7 @@ def _kick_plan(role_view: RoleView) -> MotionPlan:
         HandTarget(1 - foot, arms, guard, True, 0.5),
         HandTarget(foot, arms, counter, True, 0.7),
     )
-    walk = walk_in(role_view, event - 0.45)
-    path = root_path(0.0, -role_view.stand - walk.z, walk, *step_back(role_view, gone + 0.45))
+    path = way_in(role_view, event - 0.45, *step_back(role_view, gone + 0.45))
     return MotionPlan(path, hand_targets=hand_targets, trunk_motions=(trunk_motion,), kick=leg)
 
 
@@ -167,9 +162,7 @@ def _punch_plan(role_view: RoleView) -> MotionPlan:
         ),
     )
     distance = 0.10 + 0.15 * private.more[5]
-    path = root_path(
-        0.0, -role_view.stand - role_view.entry - distance, *_step_in(role_view, distance)
-    )
+    path = _step_in(role_view, distance)
     return MotionPlan(
         path, step_rate_factor=1.2, hand_targets=hand_targets, trunk_motions=trunk_motions
     )
@@ -188,8 +181,8 @@ def react_to_push(role_view: RoleView) -> MotionPlan:
         jolt, pitch=-0.20 * force, nod=0.15 * force, crouch=0.03 if private.manner < 2 else 0.08
     )
     twist = TrunkMotion(jolt, twist=(0.0, 0.35 * private.side, 0.0)[private.manner])
-    walk = walk_in(role_view, role_view.event - 0.35 - private.early)
-    path = root_path(0.0, -role_view.stand - walk.z, walk, fall)
+    arrive = role_view.event - 0.35 - private.early
+    path = way_in(role_view, arrive, fall)
     fling = TimeInterval(begin + 0.04, begin + 0.32, begin + 0.4, begin + 1.0)
     high = -0.12 - 0.1 * private.more[5]
     hand_targets = tuple(
@@ -224,7 +217,7 @@ def react_to_kick(role_view: RoleView) -> MotionPlan:
         TrunkMotion(interval, roll=-0.18 * private.side, twist=0.45 * private.side, crouch=0.03),
         TrunkMotion(interval, pitch=0.20 * force, twist=-0.35 * private.side, ahead=-0.06),
     )[private.manner]
-    walk = walk_in(role_view, role_view.event - 0.35 - private.early)
+    arrive = role_view.event - 0.35 - private.early
     belly = (constant(0.07, -0.36, 0.18), constant(-0.07, -0.33, 0.18))
     fend = constant(private.side * 0.12, -0.42, 0.30)
     near = int(private.side < 0)
@@ -237,7 +230,7 @@ def react_to_kick(role_view: RoleView) -> MotionPlan:
         (HandTarget(near, interval, fend, True, 0.4),),
     )[private.manner]
     return MotionPlan(
-        root_path(0.0, -role_view.stand - walk.z, walk, flinch),
+        way_in(role_view, arrive, flinch),
         step_rate_factor=1.4,
         hand_targets=hand_targets,
         trunk_motions=(trunk_motion,),
@@ -261,7 +254,7 @@ def react_to_punch(role_view: RoleView) -> MotionPlan:
         ),
         TrunkMotion(jolt, pitch=-0.12 * force, crouch=0.06, nod=0.2),
     )[private.manner]
-    walk = walk_in(role_view, role_view.event - 0.35 - private.early)
+    arrive = role_view.event - 0.35 - private.early
     near = int(private.side < 0)
     cover = TimeInterval(begin + 0.05, begin + 0.35, begin + 0.75, begin + 1.3)
     ahead = (0.0, 0.0, 0.18)
@@ -273,7 +266,7 @@ def react_to_punch(role_view: RoleView) -> MotionPlan:
     hand_targets = (touch if private.more[4] < 0.6 else (), touch, both)[private.manner]
     if private.manner == 0:
         hand_targets = (*hand_targets, *free_hand(role_view, 1 - near))
-    path = root_path(0.0, -role_view.stand - walk.z, walk, stagger)
+    path = way_in(role_view, arrive, stagger)
     return MotionPlan(
         path, step_rate_factor=1.4, hand_targets=hand_targets, trunk_motions=(trunk_motion,)
     )

@@ -19,7 +19,7 @@ GAIT = Gait(
     clearance=0.07,
 )
 TIMES = np.linspace(0, 4, 1201)
-WALK = root_path(0.0, -3.0, RootMove(0.3, 3.0, z=2.5))
+WALK = root_path((0.0, -3.0, 0.0), RootMove(0.3, 3.0, z=2.5))
 
 
 def test_feet_on_the_ground_do_not_slide() -> None:
@@ -54,9 +54,11 @@ def test_feet_end_under_the_body() -> None:
 
 
 def test_who_stands_takes_no_step() -> None:
-    assert [len(foot) for foot in plan_steps(root_path(0.0, -1.0), GAIT, 4.0)] == [1, 1]
+    assert [len(foot) for foot in plan_steps(root_path((0.0, -1.0, 0.0)), GAIT, 4.0)] == [1, 1]
 
 
 def test_who_turns_on_the_spot_steps_round() -> None:
-    feet = sample_footsteps(root_path(0.0, 0.0, RootMove(0.5, 1.8, yaw=np.pi)), GAIT, TIMES, 4.0)
+    feet = sample_footsteps(
+        root_path((0.0, 0.0, 0.0), RootMove(0.5, 1.8, yaw=np.pi)), GAIT, TIMES, 4.0
+    )
     assert feet.yaw[:, -1].mean() == pytest.approx(np.pi, abs=0.15)
