@@ -60,6 +60,16 @@ class Table:
         reasons = [entry.reason for line in self.lines for entry in line.entries if entry.reason]
         return list(dict.fromkeys(reasons))
 
+    @property
+    def meanings(self) -> dict[str, str]:
+        """The labels of the columns that have a meaning, by it."""
+        labels: dict[str, str] = {}
+        for metric in self.metrics:
+            if metric.meaning:
+                before = labels.get(metric.meaning)
+                labels[metric.meaning] = f"{before}, {metric.label}" if before else metric.label
+        return labels
+
 
 def metrics_table(rows: Rows) -> Table:
     """Return a table of rows and metrics, with the best model of each column marked.

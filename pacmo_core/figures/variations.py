@@ -134,7 +134,12 @@ MEASURES = {
         "Peak acceleration", LOWER, "×", "largest acceleration over that of the source", perfect=1
     ),
     "knee_flips": Measure(
-        "Knee flips", LOWER, "%", "share of frames with a knee bent backwards", 100, perfect=0
+        "Knee flips",
+        LOWER,
+        "%",
+        "share of frames in which a knee bends to the other side",
+        100,
+        perfect=0,
     ),
     "elbow_flips": Measure("Elbow flips", LOWER, "%", "the same of elbows", 100, perfect=0),
     "seam_ratio": Measure(
@@ -321,14 +326,14 @@ class ShownVariation:
     measurements : of the solver's report
     motion : of both people
     worst_by : measurements by which it is the worst of all
-    remark : why it is left out of training; empty if it is not
+    beyond : those beyond their limits, for which it is left out of training
     """
 
     label: str
     measurements: Measurements
     motion: Interaction
     worst_by: Sequence[str] = ()
-    remark: str = ""
+    beyond: Sequence[str] = ()
 
     @property
     def caption(self) -> str:
@@ -338,40 +343,20 @@ class ShownVariation:
             for name in self.worst_by
         ]
         worst = f"is the worst by {', '.join(parts)}" if parts else ""
-        return "; ".join(filter(None, (worst, self.remark)))
+        reasons = ", ".join(map(measure_label, self.beyond))
+        return "; ".join(filter(None, (worst, reasons and f"left out of training for {reasons}")))
 
 
 def played_variation(
-    name: str, source: Interaction, variations: Sequence[ShownVariation]
+    name: str, source: Interaction, variations: Sequence[ShownVariation], limits: Measurements
 ) -> PlayedClip:
-    """Return variations beside their source as a clip to play, with their measurements."""
+    """Return variations beside their source as a clip to play, their measurements and limits."""
+    columns = [(shown.label, shown.measurements, shown.beyond) for shown in variations]
     panels = [Panel(shown.label, shown.motion) for shown in variations]
     return PlayedClip(
         name,
         "",
         (Panel("Source", source), *panels),
         captions=tuple((shown.label, shown.caption) for shown in variations if shown.caption),
-        table=measurements_table(variations),
+        table=limits_table(columns, limits),
     )
-
-
-def measurements_table(variations: Sequence[ShownVariation]) -> Table:
-    """Return a table with a column for each variation and a line for each measurement.
-
-    Marked: the variation is the worst of all by this measurement.
-    """
-    lines = []
-    for name in TABLE_MEASURES:
-        metric = MEASURES[name].metric
-        label = " ".join(filter(None, (metric.label, metric.better, metric.unit)))
-        entries = tuple(
-            make_entry(
-                {"mean": MEASURES[name].factor * shown.measurements[name]}
-                if name in shown.measurements
-                else {},
-                "worst" if name in shown.worst_by else "",
-            )
-            for shown in variations
-        )
-        lines.append(Line(label, metric.meaning, is_model=False, entries=entries))
-    return Table(tuple(Metric(shown.label, UNKNOWN, "", "") for shown in variations), tuple(lines))

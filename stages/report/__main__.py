@@ -91,6 +91,7 @@ def main(paths: argparse.Namespace) -> None:
     experiment = read_params("experiment", str)
     runs = read_params("runs", Runs)
     finished = read_params("react.finish", list[str])
+    limits = read_params("augment.limits", dict[str, float])
     ingest, pooled, priors = map(read_json, (paths.ingest, paths.pooled, paths.prior_pooled))
     augment = read_json(paths.augment)
     splits = {fold: read_json(paths.split_reports / f"{fold}.json") for fold in runs.folds}
@@ -119,7 +120,7 @@ def main(paths: argparse.Namespace) -> None:
             for name, file in curve_files(paths.curves, paths.seed).items()
         },
         clips=tuple(played((paths.clips, paths.split), reactions, params.played_clips)),
-        gallery=tuple(gallery(paths.variations, params.variations_each)),
+        gallery=tuple(gallery(paths.variations, params.variations_each, limits)),
         generated=tuple(prior_clips(paths.priors / "samples", priors)),
     )
     write_text(paths.page, render_report(page))

@@ -1,6 +1,6 @@
 """The clips that the page plays: best, median and worst reaction, then one of each action."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -132,12 +132,13 @@ def variation_sections(augment: dict[str, Any]) -> Iterator[Section]:
         yield Section(title, variation_table(facts["kinds"]), (counts, *beyond, usual))
 
 
-def gallery(variations: Path, n_each: int) -> Iterator[PlayedClip]:
+def gallery(variations: Path, n_each: int, limits: Mapping[str, float]) -> Iterator[PlayedClip]:
     """Yield clips beside those of their variations that are the worst by a measurement.
 
     Parameters
     ----------
     n_each : variations beside their source, at most; further ones are in a further clip
+    limits : by measurement, of a variation that is accepted
     """
     for folder in sorted(path for path in variations.iterdir() if path.is_dir()):
         rows = {
@@ -154,18 +155,16 @@ def gallery(variations: Path, n_each: int) -> Iterator[PlayedClip]:
                     for name in names[start : start + n_each]
                 ]
                 source = read_motion(motion_file(folder / SOURCES, clip), clip)
-                yield played_variation(f"{folder.name}, {clip}", source, shown)
+                yield played_variation(f"{folder.name}, {clip}", source, shown, limits)
 
 
 def shown_variation(folder: Path, row: VariationRecord, worst_by: list[str]) -> ShownVariation:
-    """Read the motion of a variation, and put in words why it is left out, if it is."""
+    """Read the motion of a variation, and the measurements for which it is left out, if it is."""
     file = motion_file(folder / (ACCEPTED if row.accepted else FAILED), row.clip)
-    exceeded = [part.split()[0] for part in row.reason.split("; ")] if row.reason else []
-    remark = f"left out of training for {', '.join(map(measure_label, exceeded))}"
     return ShownVariation(
         variation_label(split_variation_name(row.variation)[1]),
         row.measurements,
         read_motion(file, row.variation),
         worst_by,
-        remark if exceeded else "",
+        [part.split()[0] for part in row.reason.split("; ")] if row.reason else [],
     )

@@ -111,3 +111,10 @@ def test_nothing_is_marked_or_called_insensitive_without_an_interval() -> None:
     cells = {"f2id": {"mean": 1.0, "sensitive": False}, "ape": {**cell(0), "sensitive": False}}
     assert insensitive_metrics(cells) == ["APE"]
     assert undecided_metrics(cells) == ["F²ID"]
+
+
+def test_columns_with_one_meaning_say_it_once() -> None:
+    columns = ("contacts_met.kick", "contacts_met.hug", "ape")
+    meanings = metrics_table({"pacmo": dict.fromkeys(columns, cell(0.5))}).meanings
+    assert len(meanings) == 2
+    assert sorted(len(labels.split(", ")) for labels in meanings.values()) == [1, 2]

@@ -22,7 +22,10 @@ LAST = "Pacmo.players.at(-1)"
 
 
 def test_source_and_variations_play_side_by_side_with_their_figures(tmp_path: Path) -> None:
-    page = replace(report(n_clips=1), gallery=(played_variation("salsa", interaction(2), SHOWN),))
+    page = replace(
+        report(n_clips=1),
+        gallery=(played_variation("salsa", interaction(2), SHOWN, {"knee_change_p95": 3.0}),),
+    )
     (tmp_path / "report.html").write_text(render_report(page), encoding="utf-8")
     with open_page(tmp_path / "report.html", tmp_path / "profile") as tab:
         tab.size(900, 700)
