@@ -170,6 +170,7 @@ class PrivateVariables:
     early : seconds by which a reach or an arrival is early, or a return is late
     heading, facing : radians to the left of the straight line to the meeting plane: of the way in,
         and of the pelvis at the event
+    leaves : whether the person walks off after a greeting or a strike
     more : eight numbers between 0 and 1, used by the actions
     gait : of this person in this clip
     phases, rates : of the sway, radians and hertz
@@ -183,6 +184,7 @@ class PrivateVariables:
     early: float
     heading: float
     facing: float
+    leaves: bool
     more: tuple[float, ...]
     gait: Gait
     phases: Array
@@ -200,6 +202,7 @@ def sample_private_variables(random: np.random.Generator, person: Subject) -> Pr
         early=float(random.uniform(0.0, 0.25)),
         heading=float(np.clip(random.normal(0.0, 0.3), -0.7, 0.7)),
         facing=float(np.clip(random.normal(0.0, 0.14), -0.4, 0.4)),
+        leaves=bool(random.random() < 0.25),
         more=tuple(random.random(8).tolist()),
         gait=_sample_gait(random, person),
         phases=random.uniform(0.0, 2.0 * np.pi, (N_SWAY_CHANNELS, N_HARMONICS)),

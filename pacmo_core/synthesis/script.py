@@ -30,6 +30,7 @@ CONTACT_SECONDS = {
     "hand over": (0.25, 0.5),
     "circle dance": (1.6, 2.3),
 }
+STRIKES = ("push", "kick", "punch")
 MAX_CONTACT_HEIGHT = 0.5  # of the arm length: largest height difference of contact and shoulder
 MAX_PASSING = 0.44  # metres between the lines of two who give the same hand
 MAX_ACROSS = 0.22  # metres, largest distance to the side that an arm's reach allows for
@@ -63,11 +64,12 @@ def sample_timing(random: np.random.Generator, action: str, tempo: float) -> Tim
     """Sample the timing of an action for two people of a mean tempo."""
     hold = float(random.uniform(*CONTACT_SECONDS[action])) / tempo
     walks = random.random() < 0.65
-    near = random.uniform(0.25, 0.75, 2) * (1.0 if walks else 0.0)
+    near = random.uniform(0.25, 0.95, 2) * (1.0 if walks else 0.0)
     entry = random.uniform(0.8, 1.4, 2) if action in ("approach", "depart") else near
     event = _sample_event(random, action, float(entry.max()), tempo)
     hold = min(hold, MAX_DURATION - MIN_TAIL - event)
-    tail = random.uniform(0.35, 0.7) if action == "approach" else random.uniform(0.8, 1.3)
+    tail = random.uniform(0.8 if action in STRIKES else 0.45, 1.3)
+    tail = min(tail, 0.7) if action == "approach" else tail
     tail = max(tail, float(entry.max()) / 1.1 + 1.0) if action == "depart" else tail
     sign = -1.0 if random.random() < 0.5 else 1.0
     return Timing(
@@ -86,6 +88,8 @@ def _sample_event(random: np.random.Generator, action: str, entry: float, tempo:
     slack = random.uniform(0.0, 0.9)
     if action == "depart":
         return float(0.35 + slack)
+    if action not in STRIKES:
+        slack = 1.4 * slack - 0.4  # a recording may begin as a hand comes up
     return float((0.8 + slack + entry / 1.05) / tempo)
 
 
@@ -98,7 +102,7 @@ def sample_placement(
     shoulders = [0.5 * (p.body.shoulder_height - 0.03) for p in people]
     shoulder = float(sum(shoulders))
     turn = 1.0 if hands[0] == 1 else -1.0
-    if action in ("push", "punch", "kick"):
+    if action in STRIKES:
         level, gap = _sample_strike(random, action, actor, other)
         aside = float(random.normal(0.0, 0.015))
         return Placement((0.5 * gap, 0.5 * gap), hands, aside, level, 0.0)
