@@ -202,7 +202,7 @@ def sample_private_variables(random: np.random.Generator, person: Subject) -> Pr
         early=float(random.uniform(0.0, 0.25)),
         heading=float(np.clip(random.normal(0.0, 0.3), -0.7, 0.7)),
         facing=float(np.clip(random.normal(0.0, 0.14), -0.4, 0.4)),
-        leaves=bool(random.random() < 0.25),
+        leaves=bool(random.random() < 0.3),
         more=tuple(random.random(8).tolist()),
         gait=_sample_gait(random, person),
         phases=random.uniform(0.0, 2.0 * np.pi, (N_SWAY_CHANNELS, N_HARMONICS)),

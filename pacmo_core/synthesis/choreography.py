@@ -238,15 +238,15 @@ def way_in(
 def step_back(role_view: RoleView, start: float, *, always: bool = False) -> tuple[RootMove, ...]:
     """Step back after the action, or walk off; unless ``always``, only if the script has it."""
     private = role_view.private
-    begin = start + 0.1 + private.delay
     if always or not (role_view.script.stays or private.leaves):
+        begin = start + 0.1 + private.delay
         distance = 0.2 + 0.35 * private.more[2]
         stop = begin + 0.55 + distance / 0.9
         return (RootMove(begin, stop, z=-distance, yaw=0.35 * private.side),)
     if not private.leaves:
         return ()
     way = private.side * (1.2 + 1.9 * private.more[2])  # radians; not through the other
-    distance = 0.7 + 0.8 * private.more[1]
+    begin, distance = start - 0.1 + 0.5 * private.delay, 0.7 + 0.8 * private.more[1]
     x, z = distance * float(np.sin(way)), distance * float(np.cos(way))
     stop = begin + 0.8 + distance / (1.1 * role_view.subject.tempo)
     yaw = way - private.facing
