@@ -33,12 +33,12 @@ def clip(act: str, pair: int) -> tuple[Script, np.random.Generator]:
 
 def instants(script: Script) -> list[int]:
     """Choose five frames: before, on the way, the event, the response, the end."""
-    last, event = len(script.instants) - 1, round(30 * script.event)
+    last, event = len(script.frame_times) - 1, round(30 * script.event)
     middle = event + max(8, round(15 * script.hold))
     if script.action in ("approach", "depart"):
         return [round(share * last) for share in (0.0, 0.25, 0.45, 0.65, 0.85)]
     frames = [0, event - 12, event, middle, round(30 * (script.event + script.hold)) + 15]
-    return [min(frame, last) for frame in frames]
+    return [min(max(frame, 0), last) for frame in frames]
 
 
 def acts(names: list[str]) -> list[Row]:
@@ -56,7 +56,7 @@ def oracle() -> list[Row]:
     real = sample_interaction(script, random)
     role: Role = "b" if script.initiator == "a" else "a"
     event = round(30 * script.event)
-    frames = [min(event + late, len(script.instants) - 1) for late in (-6, 0, 8, 16, 24)]
+    frames = [min(event + late, len(script.frame_times) - 1) for late in (-6, 0, 8, 16, 24)]
     rows: list[Row] = [("as captured", real, frames)]
     for draw in (1, 2, 3):
         fresh = sample_oracle_reaction(script, role, np.random.default_rng(draw))

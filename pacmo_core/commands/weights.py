@@ -32,8 +32,9 @@ MAX_PRIOR_BYTES = 1_000_000
 LICENCE = "Apache-2.0"
 LIMITS = (
     "Trained on synthetic motion of ten scripted actions alone: the scores are those of new "
-    "synthetic people. On recorded partners (docs/results.md, Recorded partners) hands meet in "
-    "half of the reactions in which they should, and fewer than a third of the contacts are met.",
+    "synthetic people. On recorded partners (docs/results.md, Recorded partners) hands meet in two "
+    "of three reactions in which they should, fewer than half of the contacts are met, and people "
+    "touch where the captured ones do not.",
     "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
     "Kicks may stop short, and blows come late or early; in turns and long strides knees buckle, "
     "and a foot may slide while it carries the body.",
