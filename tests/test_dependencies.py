@@ -249,7 +249,8 @@ def test_a_stage_reads_its_own_section_of_the_parameters(stage):
     own |= {MODELS[name].section for name in models}
     own |= {MODELS[name].changes.partition(".")[0] for name in models}
     shared = {"experiment", "runs"} | ({"augment"} if "evaluate" in stage else set())
-    shared |= {"react"} if stage == "report" else set()  # which rows are finished
+    # Which rows are finished, and the limits that stand beside measurements of variations.
+    shared |= {"react", "augment"} if stage == "report" else set()
     assert {param.partition(".")[0] for param in STAGES[stage]["params"]} <= own | shared
 
 
