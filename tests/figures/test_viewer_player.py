@@ -57,7 +57,7 @@ def test_the_page_opens_without_a_word_in_the_console_or_a_request(tab: Tab) -> 
 
 
 def test_a_name_with_markup_is_shown_and_not_run(tab: Tab) -> None:
-    assert tab.run("document.title") == f"experiment {HOSTILE}"
+    assert tab.run("document.title") == f"experiment {HOSTILE}: report of PaCMO"
     assert tab.run("document.querySelector('.clip h3 small').textContent") == HOSTILE
 
 

@@ -53,7 +53,7 @@ def test_a_clip_whose_file_is_missing_is_named() -> None:
 def test_the_gallery_shows_the_worst_by_each_measurement_once_beside_its_source() -> None:
     rows = {row.variation: row for row in read_variations(SMALL / "variations.parquet")}
     worst = worst_by_measure((name, row.measurements) for name, row in rows.items())
-    clips = list(gallery(Path("variations"), 5))
+    clips = list(gallery(Path("variations"), 5, LIMITS))
     shown = [(clip.name, label) for clip in clips for label in clip.labels[1:]]
     assert sorted(shown) == sorted(
         (f"small, {rows[name].clip}", variation_label(split_variation_name(name)[1]))
@@ -69,9 +69,9 @@ def test_the_gallery_shows_the_worst_by_each_measurement_once_beside_its_source(
 
 
 def test_a_gallery_of_few_panels_goes_on_in_a_further_clip() -> None:
-    few = list(gallery(Path("variations"), 1))
+    few = list(gallery(Path("variations"), 1, LIMITS))
     assert all(len(clip.panels) == 2 for clip in few)
-    assert len(few) == sum(len(clip.panels) - 1 for clip in gallery(Path("variations"), 5))
+    assert len(few) == sum(len(clip.panels) - 1 for clip in gallery(Path("variations"), 5, LIMITS))
 
 
 def test_a_variation_that_is_left_out_says_for_what(
@@ -79,6 +79,6 @@ def test_a_variation_that_is_left_out_says_for_what(
 ) -> None:
     write_params(tmp_path, limits=LIMITS | {"peak_acceleration_ratio": 1e-9})
     run(tmp_path, monkeypatch)
-    texts = [text for clip in gallery(Path("variations"), 5) for _, text in clip.captions]
+    texts = [text for clip in gallery(Path("variations"), 5, LIMITS) for _, text in clip.captions]
     assert texts
     assert all(text.endswith("left out of training for peak acceleration") for text in texts)
