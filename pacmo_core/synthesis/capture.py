@@ -86,6 +86,7 @@ def sample_noise(random: np.random.Generator, frames: int) -> Array:
 PLANS = {
     "approach": meetings.approach,
     "depart": meetings.depart,
+    "point": meetings.point,
     "handshake": meetings.handshake,
     "high five": meetings.high_five,
     "push": strikes.push,

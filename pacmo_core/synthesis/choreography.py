@@ -162,6 +162,14 @@ class RoleView:
         """The contact's x in this person's frame."""
         return self.script.aside * (1.0 if self.role == "a" else -1.0)
 
+    def facing(self, *, lead: bool) -> float:
+        """Radians to the left by which the pelvis is turned at the event.
+
+        With ``lead`` the side of the used hand goes ahead.
+        """
+        ahead = MAX_LEAD * self.private.more[7] * (1.0 if self.hand == RIGHT else -1.0)
+        return self.private.facing + ahead * lead
+
     @property
     def event(self) -> float:
         """Seconds of the main event."""
@@ -222,21 +230,23 @@ def way_in(
     private, distance = role_view.private, role_view.entry + extra
     time = 0.5 + distance / (role_view.subject.tempo * (0.9 + 0.25 * private.more[0]))
     heading = private.heading if distance else 0.6 * private.heading
-    facing = private.facing
-    if lead:
-        facing += MAX_LEAD * private.more[7] * (1.0 if role_view.hand == RIGHT else -1.0)
     oblique = distance * float(np.tan(heading))
     bow = private.side * 0.05 * private.more[1]
     return root_path(
         (role_view.place - oblique, -role_view.stand - distance, heading),
         RootMove(arrive - time, arrive, x=oblique, z=distance, bow=bow),
-        RootMove(arrive - max(0.8, 0.7 * time), arrive, yaw=facing - heading),
+        RootMove(arrive - max(0.8, 0.7 * time), arrive, yaw=role_view.facing(lead=lead) - heading),
         *then,
     )
 
 
-def step_back(role_view: RoleView, start: float, *, always: bool = False) -> tuple[RootMove, ...]:
-    """Step back after the action, or walk off; unless ``always``, only if the script has it."""
+def step_back_or_leave(
+    role_view: RoleView, start: float, *, always: bool = False, lead: bool = False
+) -> tuple[RootMove, ...]:
+    """Step back after the action, or walk off; unless ``always``, only if the script has it.
+
+    ``lead`` is that of ``way_in``: who walks off turns from where it left the pelvis.
+    """
     private = role_view.private
     if always or not (role_view.script.stays or private.leaves):
         begin = start + 0.1 + private.delay
@@ -249,7 +259,7 @@ def step_back(role_view: RoleView, start: float, *, always: bool = False) -> tup
     begin, distance = start - 0.1 + 0.5 * private.delay, 0.7 + 0.8 * private.more[1]
     x, z = distance * float(np.sin(way)), distance * float(np.cos(way))
     stop = begin + 0.8 + distance / (1.1 * role_view.subject.tempo)
-    yaw = way - private.facing
+    yaw = way - role_view.facing(lead=lead)
     turn = RootMove(begin, begin + 0.7 + 0.35 * abs(yaw), yaw=yaw, ease=0.4)
     return turn, RootMove(begin + 0.2, stop, x=x, z=z)
 

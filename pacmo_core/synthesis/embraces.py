@@ -10,7 +10,7 @@ from pacmo_core.synthesis.choreography import (
     Trajectory,
     TrunkMotion,
     oscillating,
-    step_back,
+    step_back_or_leave,
     way_in,
 )
 from pacmo_core.synthesis.gait import Path
@@ -51,7 +51,7 @@ def hug(role_view: RoleView) -> MotionPlan:
     path = way_in(
         role_view,
         role_view.event + 0.05,
-        *step_back(role_view, gone - 0.1, always=True),
+        *step_back_or_leave(role_view, gone - 0.1, always=True),
         extra=0.3,
     )
     return MotionPlan(path, hand_targets=tuple(hand_targets), trunk_motions=tuple(trunk_motions))

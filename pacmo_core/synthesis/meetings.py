@@ -1,4 +1,4 @@
-"""Actions of meeting: approach, depart, handshake, high five, hand over."""
+"""Actions of meeting: approach, depart, point, handshake, high five, hand over."""
 
 import numpy as np
 
@@ -8,13 +8,14 @@ from pacmo_core.synthesis.choreography import (
     RoleView,
     RootMove,
     TimeInterval,
+    Trajectory,
     TrunkMotion,
     constant,
     contact_point,
     free_hand,
     oscillating,
     root_path,
-    step_back,
+    step_back_or_leave,
     way_in,
 )
 from pacmo_core.synthesis.kinematics import Array
@@ -91,6 +92,60 @@ def _wave(role_view: RoleView, hand: int, start: float) -> HandTarget:
     )
 
 
+def point(role_view: RoleView) -> MotionPlan:
+    """Talk and listen at a distance: hands beat time, one points at the other, the other nods."""
+    private = role_view.private
+    arrive = role_view.event - 0.4 - private.early
+    begin = role_view.event if role_view.first else role_view.contact_end - private.delay
+    end = begin + (role_view.script.hold if role_view.first else 0.9)
+    interval = TimeInterval(begin - 0.4, begin, end, end + 0.5)
+    nod = TimeInterval(
+        role_view.response, role_view.response + 0.2, role_view.response + 0.3, role_view.event + 1
+    )
+    trunk_motions = [TrunkMotion(nod, nod=0.25 * private.strength)]
+    hand_targets = free_hand(role_view, 1 - role_view.hand)
+    if private.manner == 0:
+        both = private.more[4] < 0.5
+        hand_targets = tuple(
+            HandTarget(hand, interval, _beats(role_view, hand), True, 0.3)
+            for hand in (0, 1)
+            if both or hand == role_view.hand
+        )
+        trunk_motions.append(TrunkMotion(interval, pitch=0.05 * private.strength))
+    if private.manner == 1 and role_view.first:
+        hand_targets = (_point_at(role_view, interval), *hand_targets)
+        trunk_motions.append(TrunkMotion(interval, pitch=0.06 * private.strength))
+    path = way_in(role_view, arrive, *step_back_or_leave(role_view, end + 0.3))
+    return MotionPlan(path, hand_targets=hand_targets, trunk_motions=tuple(trunk_motions))
+
+
+def _beats(role_view: RoleView, hand: int) -> Trajectory:
+    """Beat the time of what is said, before the chest."""
+    sign, size = 1.0 - 2.0 * hand, role_view.subject.body.stature
+    private = role_view.private
+
+    def trajectory(times: Array) -> Array:
+        wave = np.sin(np.pi * role_view.script.beat * (times - role_view.event) + hand)
+        rise = 0.03 * private.strength * wave
+        x = sign * (0.11 * size + 0.4 * rise)
+        depth = np.full_like(x, (0.11 + 0.05 * private.more[5]) * size)
+        return np.stack([x, rise - (0.13 + 0.06 * private.more[6]) * size, depth], axis=-1)
+
+    return trajectory
+
+
+def _point_at(role_view: RoleView, interval: TimeInterval) -> HandTarget:
+    """Stretch an arm towards the other's chest, which is out of reach."""
+    body, sign = role_view.subject.body, 1.0 - 2.0 * role_view.hand
+    reach = (0.75 + 0.15 * role_view.private.more[5]) * body.arm
+    place = constant(
+        role_view.place + 0.7 * sign * body.shoulder_half,
+        min(role_view.script.level, body.shoulder_height),
+        reach - role_view.stand,
+    )
+    return HandTarget(role_view.hand, interval, place, curve=(sign * 0.08, 0.0, 0.0))
+
+
 def handshake(role_view: RoleView) -> MotionPlan:
     """Join right hands and shake them; some cover with the other hand, some bow."""
     private = role_view.private
@@ -132,7 +187,7 @@ def handshake(role_view: RoleView) -> MotionPlan:
     path = way_in(
         role_view,
         role_view.event - 0.1 - private.early,
-        *step_back(role_view, gone + 0.1),
+        *step_back_or_leave(role_view, gone + 0.1, lead=True),
         lead=True,
     )
     return MotionPlan(path, hand_targets=(shake, *other), trunk_motions=tuple(trunk_motions))
@@ -172,7 +227,7 @@ def high_five(role_view: RoleView) -> MotionPlan:
     path = way_in(
         role_view,
         role_view.event - 0.1 - private.early,
-        *step_back(role_view, role_view.contact_end),
+        *step_back_or_leave(role_view, role_view.contact_end, lead=True),
         lead=True,
     )
     return MotionPlan(
@@ -217,7 +272,7 @@ def hand_over(role_view: RoleView) -> MotionPlan:
     path = way_in(
         role_view,
         role_view.event - 0.1 - private.early,
-        *step_back(role_view, gone + 0.1),
+        *step_back_or_leave(role_view, gone + 0.1, lead=True),
         lead=True,
     )
     return MotionPlan(

@@ -21,6 +21,7 @@ FRAME_JITTER = 0.002  # seconds, standard deviation of frame times
 CONTACT_SECONDS = {
     "approach": (0.0, 0.0),
     "depart": (0.0, 0.0),
+    "point": (0.6, 1.6),  # of the gesture
     "handshake": (0.6, 1.2),
     "high five": (0.05, 0.10),
     "push": (0.10, 0.16),
@@ -31,6 +32,7 @@ CONTACT_SECONDS = {
     "circle dance": (1.6, 2.3),
 }
 STRIKES = ("push", "kick", "punch")
+APART = ("approach", "depart", "point")  # acts without contact
 MAX_CONTACT_HEIGHT = 0.5  # of the arm length: largest height difference of contact and shoulder
 MAX_PASSING = 0.44  # metres between the lines of two who give the same hand
 MAX_ACROSS = 0.22  # metres, largest distance to the side that an arm's reach allows for
@@ -97,27 +99,43 @@ def sample_placement(
     random: np.random.Generator, action: str, people: tuple[Subject, Subject], first: int
 ) -> Placement:
     """Sample positions from which both can reach; ``first`` (0 or 1) is the initiator."""
-    actor, other = people[first].body, people[1 - first].body
     hands = _sample_hands(random, action, people, first)
-    shoulders = [0.5 * (p.body.shoulder_height - 0.03) for p in people]
-    shoulder = float(sum(shoulders))
-    turn = 1.0 if hands[0] == 1 else -1.0
     if action in STRIKES:
-        level, gap = _sample_strike(random, action, actor, other)
-        aside = float(random.normal(0.0, 0.015))
-        return Placement((0.5 * gap, 0.5 * gap), hands, aside, level, 0.0)
-    if action in ("approach", "depart"):
-        apart = random.uniform(0.38, 0.6, 2)
-        passing = float(random.uniform(-0.3, 0.3))
-        return Placement((float(apart[0]), float(apart[1])), hands, 0.0, shoulder, passing)
+        return _place_strike(random, action, people[first].body, people[1 - first].body, hands)
+    if action in APART:
+        return _place_apart(random, action, people, hands)
     if action == "hug":
         near = float(random.uniform(0.165, 0.20))
-        passing = turn * float(random.uniform(0.15, 0.21))
-        return Placement((near, near), hands, 0.0, shoulder, passing)
+        passing = (1.0 if hands[0] == 1 else -1.0) * float(random.uniform(0.15, 0.21))
+        return Placement((near, near), hands, 0.0, _mean_shoulder_height(people), passing)
+    return _place_hands(random, action, people, hands)
+
+
+def _place_apart(
+    random: np.random.Generator,
+    action: str,
+    people: tuple[Subject, Subject],
+    hands: tuple[int, int],
+) -> Placement:
+    """Sample positions of two who do not touch."""
+    nearest, farthest = (0.45, 0.85) if action == "point" else (0.38, 0.6)
+    apart = random.uniform(nearest, farthest, 2)
+    passing = float(random.uniform(-0.3, 0.3))
+    stand = float(apart[0]), float(apart[1])
+    return Placement(stand, hands, 0.0, _mean_shoulder_height(people), passing)
+
+
+def _place_hands(
+    random: np.random.Generator,
+    action: str,
+    people: tuple[Subject, Subject],
+    hands: tuple[int, int],
+) -> Placement:
+    """Sample where hands meet, and positions from which both reach it."""
     lift = {"handshake": -0.30, "high five": 0.24, "hand over": -0.24, "circle dance": -0.17}[
         action
     ]
-    target = shoulder + lift + float(random.uniform(-0.15, 0.15))
+    target = _mean_shoulder_height(people) + lift + float(random.uniform(-0.15, 0.15))
     level = _clip_to_reach(target, [p.body for p in people])
     side_a, side_b = 1.0 - 2.0 * hands[0], 1.0 - 2.0 * hands[1]
     aside = (side_a - side_b) * 0.08 + float(random.uniform(-0.1, 0.1))
@@ -127,6 +145,7 @@ def sample_placement(
         across = (people[0].body.shoulder_half, people[1].body.shoulder_half)
     else:
         if hands[0] == hands[1]:
+            turn = 1.0 if hands[0] == 1 else -1.0
             passing = turn * float(random.uniform(0.0, MAX_PASSING))
         across = (
             aside - 0.5 * passing - side_a * people[0].body.shoulder_half,
@@ -137,6 +156,10 @@ def sample_placement(
         for person, far in zip(people, across, strict=True)
     )
     return Placement((near_a, near_b), hands, aside, level, passing)
+
+
+def _mean_shoulder_height(people: tuple[Subject, Subject]) -> float:
+    return float(sum(0.5 * (person.body.shoulder_height - 0.03) for person in people))
 
 
 def _sample_hands(
@@ -168,6 +191,15 @@ def _reach_distance(body: Body, level: float, stretch: float, across: float) -> 
     drop = body.shoulder_height - 0.03 - level
     lean = 0.05
     return lean + float(np.sqrt((stretch * body.arm) ** 2 - drop**2 - across**2))
+
+
+def _place_strike(
+    random: np.random.Generator, action: str, actor: Body, other: Body, hands: tuple[int, int]
+) -> Placement:
+    """Sample the height of a strike, and positions in which it lands."""
+    level, gap = _sample_strike(random, action, actor, other)
+    aside = float(random.normal(0.0, 0.015))
+    return Placement((0.5 * gap, 0.5 * gap), hands, aside, level, 0.0)
 
 
 def _sample_strike(
@@ -211,10 +243,12 @@ def sample_frame_times(random: np.random.Generator, duration: float) -> tuple[fl
 
 Role = Literal["a", "b"]
 
-# The nearest NTU RGB+D action. NTU has no dance; in A119 two people move hand in hand.
+# The nearest NTU RGB+D action. NTU has no dance; in A119 two people move hand in hand. Of its acts
+# without contact A054, in which one points at the other, is nearest to two who talk.
 ACTIONS = {
     "approach": "A059",
     "depart": "A060",
+    "point": "A054",
     "handshake": "A058",
     "high five": "A112",
     "push": "A052",

@@ -13,7 +13,7 @@ from pacmo_core.synthesis.choreography import (
     TrunkMotion,
     constant,
     free_hand,
-    step_back,
+    step_back_or_leave,
     way_in,
 )
 from pacmo_core.synthesis.gait import Path
@@ -38,7 +38,7 @@ def punch(role_view: RoleView) -> MotionPlan:
 
 def _step_in(role_view: RoleView, distance: float) -> Path:
     """Walk in with a last step into the strike, and perhaps step back from it."""
-    back = step_back(role_view, role_view.event + 0.3)
+    back = step_back_or_leave(role_view, role_view.event + 0.3)
     return way_in(role_view, role_view.event + 0.02, *back, extra=distance)
 
 
@@ -126,7 +126,7 @@ def _kick_plan(role_view: RoleView) -> MotionPlan:
         HandTarget(1 - foot, arms, guard, True, 0.5),
         HandTarget(foot, arms, counter, True, 0.7),
     )
-    path = way_in(role_view, event - 0.45, *step_back(role_view, gone + 0.45))
+    path = way_in(role_view, event - 0.45, *step_back_or_leave(role_view, gone + 0.45))
     return MotionPlan(path, hand_targets=hand_targets, trunk_motions=(trunk_motion,), kick=leg)
 
 

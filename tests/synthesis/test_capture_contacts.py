@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pacmo_core.synthesis import ACTIONS, sample_script
-from pacmo_core.synthesis.body import sample_pair
-from pacmo_core.synthesis.capture import noiseless_motion
+from pacmo_core.synthesis.body import sample_pair, sample_private_variables
+from pacmo_core.synthesis.capture import PLANS, noiseless_motion
+from pacmo_core.synthesis.choreography import RoleView
 from tests.synthesis.clips import POPULATION, Clip, clips, distance_to_segment
 
 
@@ -22,6 +23,37 @@ def test_hands_meet(action: str, bound: float) -> None:
         script = clip.script
         for time in (script.event, script.event + 0.5 * script.hold):
             assert _palms(clip, time) < bound, script
+
+
+def test_two_who_talk_never_touch_and_a_pointing_hand_is_nearest_to_the_other() -> None:
+    pointed = 0
+    for clip in clips("point"):
+        me, script = clip.initiator, clip.script
+        apart = clip.motions[0][:, :, None] - clip.motions[1][:, None]
+        assert np.linalg.norm(apart, axis=-1).min() > 0.15, script
+        hand = f"{clip.hand(me)}_hand"
+        ahead = clip.at(1 - me, "spine_base", script.event) - clip.at(
+            me, "spine_base", script.event
+        )
+        reach = clip.at(me, hand, script.event) - clip.at(me, "spine_shoulder", script.event)
+        pointed += bool(reach @ ahead / np.linalg.norm(ahead) > 0.38)
+    assert 1 <= pointed <= 8  # a third of twelve
+
+
+@pytest.mark.parametrize("act", ["handshake", "high five", "hand over"])
+def test_who_walks_off_looks_where_they_go(act: str) -> None:
+    leaving = 0
+    for number, clip in enumerate(clips(act)):
+        subject, other = clip.script.people
+        private = sample_private_variables(np.random.default_rng(number), subject)
+        plan = PLANS[act](RoleView(clip.script, "a", subject, other, private))
+        # Long after: the last move has ended, whose way is that from the contact.
+        held, after = plan.path(np.array([clip.script.event, 30.0]))
+        way = np.arctan2(after[0] - held[0], after[1] - held[1])
+        if private.leaves:
+            leaving += 1
+            assert np.cos(after[2] - way) > 0.999, clip.script
+    assert leaving
 
 
 def test_dancers_hold_both_hands_all_the_way_round() -> None:
