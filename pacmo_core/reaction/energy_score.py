@@ -18,6 +18,7 @@ positions hardly show: whether the two people are in contact, and whether a foot
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
@@ -32,7 +33,8 @@ from pacmo_core.reaction.settings import ContactScoreSettings
 DISTANCE_SOFTENING, LOG_OFFSET = 0.02, 0.05
 
 # Factors that bring the views of a motion to similar magnitudes.
-BONE_SCALE, SPEED_SCALE, HEIGHT_SCALE = 2.0, 0.25, 4.0
+BONE_SCALE, SPEED_SCALE, ACCELERATION_SCALE = 2.0, 0.25, 0.02
+HEIGHT_SCALE, TRUNK_SCALE = 8.0, 4.0
 INSTANT_WEIGHT = 0.1  # of each score at instants, relative to the mean of those of whole motions
 
 
@@ -49,9 +51,10 @@ class EnergyScore:
     and to the right, a trunk without width, is hardly worse than one of them. At an instant it is
     far from all: a foot stands or swings, one hand or the other is up. So the velocities of both
     feet together, the places of both hands and of both feet, and the vectors from right to left hip
-    and shoulder are scored at each instant, and the scores averaged. So are the height of the root
-    and the vector along the trunk: people walk metres and rise and sink by centimetres, so that in
-    the other views a body that folds for a fifth of a second scores nearly as well as one upright.
+    and shoulder are scored at each instant, and the scores averaged. So are the height of the root,
+    the vectors along the trunk, and the accelerations of root and shoulders: people walk metres and
+    rise and sink by centimetres, so that in the other views a body that folds for a fifth of a
+    second scores nearly as well as one that is upright.
 
     Parameters
     ----------
@@ -118,11 +121,19 @@ class EnergyScore:
         views += [places[..., pair, :].flatten(-2) for pair in self.end_pairs]
         across = (joints[..., left, :] - joints[..., right, :] for left, right in self.trunk_pairs)
         views += [BONE_SCALE * vector for vector in across]
-        views += [HEIGHT_SCALE * joints[..., self.root, 1:2]]
-        if len(self.trunk_pairs) > 1:
-            lower, upper = (joints[..., pair, :].mean(dim=-2) for pair in self.trunk_pairs[:2])
-            views += [HEIGHT_SCALE * (upper - lower)]
+        views += self._trunk_views(joints, step)
         return [view[..., None, :] for view in views]
+
+    def _trunk_views(self, joints: Tensor, step: float) -> list[Tensor]:
+        """Return the root's height, vectors along the trunk, accelerations: ``(..., T, C)``."""
+        root = joints[..., self.root, :]
+        trunk = [joints[..., pair, :].mean(dim=-2) for pair in self.trunk_pairs]
+        views = [HEIGHT_SCALE * root[..., 1:2]]
+        views += [TRUNK_SCALE * (middle - root) for middle in trunk]
+        moving = torch.cat([root, *trunk], dim=-1)
+        bend = moving[..., 2:, :] - 2 * moving[..., 1:-1, :] + moving[..., :-2, :]
+        bend = functional.pad(bend, (0, 0, 1, 1))  # none at the ends
+        return [*views, ACCELERATION_SCALE * bend / step**2]
 
 
 class ContactScore:

@@ -14,9 +14,12 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.data import MotionPairs
 from pacmo_core.reaction.energy_score import (
+    ACCELERATION_SCALE,
     BONE_SCALE,
+    HEIGHT_SCALE,
     INSTANT_WEIGHT,
     SPEED_SCALE,
+    TRUNK_SCALE,
     ContactScore,
     EnergyScore,
     energy_score,
@@ -236,8 +239,36 @@ def test_feet_hands_and_the_width_of_the_trunk_are_scored_at_each_instant():
     place = d / 6**0.5 / 2  # a half of d on average
     width = BONE_SCALE * d / 3**0.5 / 2
     # Velocities of feet; places of hands and of feet; shoulders and hips.
-    assert scores[0] == pytest.approx([speed, 0, place, 0, 0], abs=1e-6)
-    assert scores[1] == pytest.approx([0, 0, 0, 0, width], abs=1e-6)
+    assert scores[0][:5] == pytest.approx([speed, 0, place, 0, 0], abs=1e-6)
+    assert scores[1][:5] == pytest.approx([0, 0, 0, 0, width], abs=1e-6)
+
+
+def test_a_body_that_sinks_and_folds_for_an_instant_is_seen_in_height_trunk_and_acceleration():
+    d, middle = 0.2, 2
+    truth = torch.from_numpy(REST).float().expand(1, 5, 15, 3)
+    score = EnergyScore(SBU15)
+    sinks, folds = truth.clone(), truth.clone()
+    sinks[:, middle, :, 1] -= d
+    for pair in score.trunk_pairs[:1]:  # the shoulders, which lean ahead
+        folds[:, middle, pair, 2] += d
+    norms = []
+    for motion in (sinks, folds):
+        views = zip(
+            score._instant_views(motion.flatten(2)),
+            score._instant_views(truth.flatten(2)),
+            strict=True,
+        )
+        errors = [(a - b).square().mean(dim=(-1, -2)).sqrt()[0] for a, b in views]
+        norms.append([error.tolist() for error in errors[5:]])
+    height, *trunk, acceleration = norms[0]
+    assert height == pytest.approx([0, 0, HEIGHT_SCALE * d, 0, 0], abs=1e-5)
+    assert max(map(max, trunk)) < 1e-5
+    # Second differences d, -2 d, d of three points' heights: three of nine channels; four steps.
+    bend = ACCELERATION_SCALE * 16 * d / 3**0.5
+    assert acceleration == pytest.approx([0, bend, 2 * bend, bend, 0], rel=1e-4, abs=1e-5)
+    height, shoulders, hips, _ = norms[1]
+    assert max(height + hips) < 1e-5
+    assert shoulders == pytest.approx([0, 0, TRUNK_SCALE * d / 3**0.5, 0, 0], rel=1e-4, abs=1e-5)
 
 
 def test_gaits_out_of_step_score_better_than_their_mean_that_glides():
