@@ -15,6 +15,8 @@ the others; ``energy_score`` and ``ape`` in metres, of the mean distance of join
 no spread: its energy score is its ape. ``SET_permuted_...`` are the same of the captured reaction
 of the next clip of the same act (one act each: CMU's takes, and handover's), in its place beside
 that partner, not finished: somebody who does what the act wants and does not see whom with.
+``SET_handshake_to_a`` and ``..._b`` are, of eight reactions to one person of each handshake (CMU's
+is 18_01), the share in which right hands come within 10 cm.
 
 Handover states the giver's floor 20 cm too low; both people are lowered alike, as hands would miss
 each other else.
@@ -45,6 +47,7 @@ from pacmo_core.reaction.windows import PartnerMotion
 
 CONTACT, MET, APART = 0.1, 0.15, 0.25  # metres
 MAX_SECONDS = 14.0
+CMU_HANDSHAKE = "18_19/18_01"
 # Of SBU's limbs, which end in a hand and a foot: how far along the forearm its wrist is put, and
 # the toes ahead of the foot and below it, in metres.
 WRIST, TOES, BELOW = 0.82, 0.12, 0.04
@@ -62,10 +65,15 @@ def main() -> None:
     for number, path in enumerate(options.weights):
         model = model_of(path)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
-        for name, acts in recorded(model.skeleton).items():
+        for name, (acts, handshakes) in recorded(model.skeleton).items():
             rows = [
                 react_to(model, act, options.samples, not options.without_finish) for act in acts
             ]
+            if handshakes:
+                shaken = react_to(model, handshakes, 8, not options.without_finish)
+                half = len(shaken) // 2
+                for person, pairs in (("a", shaken[:half]), ("b", shaken[half:])):
+                    figures[f"{prefix}{name}_handshake_to_{person}"] = _right_hands(pairs)
             scores = pooled([pair for row in rows for pair in row])
             figures |= {f"{prefix}{name}_{key}": value for key, value in scores.items()}
             if not number:
@@ -74,17 +82,18 @@ def main() -> None:
     show(figures, as_json=options.json)
 
 
-def recorded(skeleton: Skeleton) -> dict[str, list[list[Interaction]]]:
-    """Read the sets; of each, the clips of each act, either person as the partner."""
+def recorded(skeleton: Skeleton) -> dict[str, tuple[list[list[Interaction]], list[Interaction]]]:
+    """Read the sets; of each, the clips of each act, and the handshakes; either as the partner."""
     root = real_data()
     readers: dict[str, tuple[Format, str, str]] = {
         "sbu": (Sbu(fps=15), "sbu", "*"),
         "cmu": (replace(BVH, preset="cmu_18_19", max_root_distance=None), "cmu_18_19", "18_19/*"),
         "handover": (Table(), "handover", "variation_*"),
     }
-    sets: dict[str, list[list[Interaction]]] = {}
+    sets: dict[str, tuple[list[list[Interaction]], list[Interaction]]] = {}
     for name, (form, folder, pattern) in readers.items():
         acts: dict[str, list[Interaction]] = {}
+        handshakes: list[Interaction] = []
         for sequence in form.find(root / folder) if (root / folder).is_dir() else ():
             if not Path(sequence.name).match(pattern):
                 continue
@@ -95,8 +104,11 @@ def recorded(skeleton: Skeleton) -> dict[str, list[list[Interaction]]]:
             if clip.duration <= MAX_SECONDS:
                 act = sequence.action if name == "sbu" else name
                 acts.setdefault(act, []).append(on_floor(in_joints(clip, skeleton)))
+                if act == "shaking hands" or sequence.name == CMU_HANDSHAKE:
+                    handshakes.append(acts[act][-1])
         if acts:
-            sets[name] = [expand_directions(clips, both=True) for clips in acts.values()]
+            both = [expand_directions(clips, both=True) for clips in acts.values()]
+            sets[name] = both, expand_directions(handshakes, both=True)
     return sets
 
 
@@ -170,6 +182,16 @@ def _hands(every: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:
     made = np.array([_hands_meet(clip, motion) for clip, motion in every])
     groups = {"hands": real, "false_hands": ~real}
     return {name: float(made[rows].mean()) for name, rows in groups.items() if rows.any()}
+
+
+def _right_hands(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
+    """Return the share of reactions whose right hand comes near the partner's."""
+    gaps = []
+    for clip, reactions in pairs:
+        hand = clip.skeleton.joints.index("right_hand")
+        gap = np.linalg.norm(reactions[..., hand, :] - clip.person_a[:, hand], axis=-1)
+        gaps += gap.min(axis=-1).tolist()
+    return float((np.array(gaps) <= CONTACT).mean())
 
 
 def _hands_meet(clip: Interaction, person: Motion) -> bool:

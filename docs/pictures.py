@@ -70,7 +70,7 @@ def main(folder: Path) -> None:
     """Write the three pictures."""
     folder.mkdir(parents=True, exist_ok=True)
     names = list(ACTIONS)
-    pictures = {"acts_1": acts(names[:5]), "acts_2": acts(names[5:]), "oracle": oracle()}
+    pictures = {"acts_1": acts(names[:6]), "acts_2": acts(names[6:]), "oracle": oracle()}
     for name, rows in pictures.items():
         figure = film_strip(rows, min_width=1.9, inches=1.9)
         figure.savefig(folder / f"{name}.png", dpi=100, metadata={"Software": None})

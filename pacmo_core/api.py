@@ -109,7 +109,7 @@ def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:
 
     Parameters
     ----------
-    n : how many; ten actions by each pair of people
+    n : how many; eleven actions by each pair of people
     random_seed : of the population and of every clip
 
     Returns

@@ -31,7 +31,7 @@ PACKAGED_PRIOR = PACKAGED.with_name("starting_prior.safetensors")
 MAX_PRIOR_BYTES = 1_000_000
 LICENCE = "Apache-2.0"
 LIMITS = (
-    "Trained on synthetic motion of ten scripted actions alone: the scores are those of new "
+    "Trained on synthetic motion of eleven scripted actions alone: the scores are those of new "
     "synthetic people. On recorded partners (docs/results.md, Recorded partners) hands meet in two "
     "of three reactions in which they should, fewer than half of the contacts are met, and people "
     "touch where the captured ones do not.",
