@@ -34,7 +34,7 @@ DISTANCE_SOFTENING, LOG_OFFSET = 0.02, 0.05
 
 # Factors that bring the views of a motion to similar magnitudes.
 BONE_SCALE, SPEED_SCALE, ACCELERATION_SCALE = 2.0, 0.25, 0.02
-HEIGHT_SCALE, TRUNK_SCALE = 8.0, 4.0
+HEIGHT_SCALE, TRUNK_SCALE = 6.0, 3.0
 INSTANT_WEIGHT = 0.1  # of each score at instants, relative to the mean of those of whole motions
 
 
