@@ -196,6 +196,16 @@ METRICS = {
         exact_for_real=True,
         partner_independent=True,
     ),
+    "lurches": Metric(
+        "Lurches",
+        LOWER,
+        "",
+        "share of reactions whose trunk or pelvis goes off and back within a third of a second, "
+        "farther than in 95 % of the real ones",
+        is_share=True,
+        tolerance=1.0,
+        partner_independent=True,
+    ),
     "penetration": Metric(
         "Penetration",
         CLOSER_TO_REAL,
@@ -240,7 +250,8 @@ PARTNER_COLUMNS = (
 )
 CONTACT_COLUMNS = ("contacts_met", "contacts_met_near", "false_contacts", "contact_f1")
 PLAUSIBILITY_COLUMNS = (
-    *("foot_skate", "ground_penetration", "bone_variation", "jerk", "jolts", "penetration"),
+    *("foot_skate", "ground_penetration", "bone_variation"),
+    *("jerk", "jolts", "lurches", "penetration"),
 )
 FURTHER_COLUMNS = ("multimodality", "f2id_infinity", "ave")
 PUBLISHED_COLUMNS = (

@@ -1,6 +1,7 @@
-"""Plausibility of reactions: feet, ground, bones, jerk, jolts; distances between bodies over time.
+"""Plausibility of reactions: feet, ground, bones, jerk, jolts, lurches; distances over time.
 
-The joints that these metrics use (root, feet, hands, head) are found by name in any skeleton.
+The joints that these metrics use (root, feet, hands, head, shoulders) are found by name in any
+skeleton.
 """
 
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.metrics.bootstrap import Array
 from pacmo_core.metrics.reactions import Reactions, to_length
@@ -29,6 +31,7 @@ class BodyJoints:
     feet : indices of the foot joints; empty if no joint has such a name
     ankles : of the ankles; the feet if no joint has such a name
     bones : (E, 2) indices, parent and child
+    shoulders : where upper arms begin; empty if no arm has a name
     """
 
     root: int
@@ -36,6 +39,7 @@ class BodyJoints:
     feet: tuple[int, ...]
     ankles: tuple[int, ...]
     bones: NDArray[np.intp]
+    shoulders: tuple[int, ...]
 
 
 def find_body_joints(skeleton: Skeleton) -> BodyJoints:
@@ -51,6 +55,13 @@ def find_body_joints(skeleton: Skeleton) -> BodyJoints:
         feet=feet,
         ankles=_left_and_right(skeleton, _ANKLES),
         bones=skeleton.bones,
+        shoulders=tuple(
+            skeleton.parents[child]
+            for child, segment in zip(
+                skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True
+            )
+            if segment.kind == "upper_arm"
+        ),
     )
 
 
@@ -64,6 +75,8 @@ def _left_and_right(skeleton: Skeleton, words: tuple[str, ...]) -> tuple[int, ..
     return ()
 
 
+# A lurch is there and back within twice this, seconds; real ones are small but for this share.
+LURCH_SECONDS, REAL_LURCHES = 1 / 6, 0.05
 # Quantile of the foot heights of a real clip that is its ground; lower ones are noise.
 GROUND_TOLERANCE = 0.05
 
@@ -159,6 +172,38 @@ def peak_acceleration(motion: NDArray[np.float32], times: Array) -> float:
     velocity = np.diff(motion.astype(np.float64), axis=0) / steps
     change = np.diff(velocity, axis=0) / ((steps[1:] + steps[:-1]) / 2)
     return float(np.linalg.norm(change, axis=-1).max(initial=0.0))
+
+
+def lurches(row: Reactions, real: Reactions, body: BodyJoints, *, smoothing: float) -> Array:
+    """Return which reactions lurch, 0 or 1, and ones, (2, n).
+
+    A lurch is a trunk that leans away and comes back within a third of a second, or a pelvis that
+    sinks or rises and comes back, farther than those of 95 % of the real reactions. No mean over
+    joints and time shows it: eyes do. Positions are smoothed as for ``foot_skate``.
+    """
+    sizes = [
+        np.array([_lurch(m, t, body, smoothing) for m, t in zip(s.motions, s.times, strict=True)])
+        for s in (row, real)
+    ]
+    limits = np.quantile(sizes[1], 1 - REAL_LURCHES, axis=0)
+    return np.array([(sizes[0] > limits).any(axis=1), np.ones(len(row))], dtype=np.float64)
+
+
+def _lurch(motion: NDArray[np.float32], times: Array, body: BodyJoints, width: float) -> Array:
+    """Return the largest lurch of a trunk's direction, as a unit vector, and of a pelvis, metres."""
+    inner = times[(times >= times[0] + LURCH_SECONDS) & (times <= times[-1] - LURCH_SECONDS)]
+    if not len(inner):
+        return np.zeros(2)
+    path = smooth(motion[:, [body.root, *body.shoulders]], times, width)
+    trunk = path[:, 1:].mean(axis=1) - path[:, 0]
+    length = np.maximum(np.linalg.norm(trunk, axis=-1, keepdims=True), 1e-9)
+    values = np.concatenate([trunk / length, path[:, 0, 1:2]], axis=1)
+    before, now, after = (
+        np.stack([np.interp(inner + shift, times, column) for column in values.T], axis=1)
+        for shift in (-LURCH_SECONDS, 0.0, LURCH_SECONDS)
+    )
+    off = now - (before + after) / 2
+    return np.array([np.linalg.norm(off[:, :3], axis=1).max(), np.abs(off[:, 3]).max()])
 
 
 def smooth(values: NDArray[np.float32], times: Array, width: float) -> Array:

@@ -26,13 +26,14 @@ from pacmo_core.metrics.plausibility import (
     ground_penetration,
     jerk,
     jolts,
+    lurches,
 )
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.row_metrics import Estimates, Reasons, as_estimate
 
 
 def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:
-    """Measure feet, ground, bones, jerk, jolts and penetration; return reasons for missing ones."""
+    """Measure how a motion is, and how deep bodies are; return reasons for missing metrics."""
     settings = context.settings
     sums = {
         "penetration": penetration(row, settings.body, radius=settings.body_radius),
@@ -40,12 +41,17 @@ def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Es
         "jerk": jerk(row, smoothing=settings.smoothing),
         "jolts": jolts(row, context.real),
     }
-    if not settings.body.feet:
-        reason = "the skeleton names no feet"
-        return ratios(sums, context), {"foot_skate": reason, "ground_penetration": reason}
-    sums["foot_skate"] = foot_skate(row, settings.body, smoothing=settings.smoothing)
-    sums["ground_penetration"] = ground_penetration(row, context.real, settings.body)
-    return ratios(sums, context), {}
+    missing = {}
+    if settings.body.shoulders:
+        sums["lurches"] = lurches(row, context.real, settings.body, smoothing=settings.smoothing)
+    else:
+        missing["lurches"] = "the skeleton names no arms"
+    if settings.body.feet:
+        sums["foot_skate"] = foot_skate(row, settings.body, smoothing=settings.smoothing)
+        sums["ground_penetration"] = ground_penetration(row, context.real, settings.body)
+    else:
+        missing |= dict.fromkeys(["foot_skate", "ground_penetration"], "the skeleton names no feet")
+    return ratios(sums, context), missing
 
 
 def measure_contact(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:

@@ -14,6 +14,7 @@ from pacmo_core.metrics.plausibility import (
     ground_penetration,
     jerk,
     jolts,
+    lurches,
     peak_acceleration,
     smooth,
 )
@@ -48,7 +49,8 @@ def test_without_names_every_joint_is_a_key_and_no_foot_slides():
     table = Evaluation(real=real, train=train, weights=WEIGHTS, settings=settings)
     found, reasons = measure_plausibility(real, table.context)
     no_feet = "the skeleton names no feet"
-    assert reasons == {"foot_skate": no_feet, "ground_penetration": no_feet}
+    no_arms = "the skeleton names no arms"
+    assert reasons == {"foot_skate": no_feet, "ground_penetration": no_feet, "lurches": no_arms}
     assert set(found) == {"penetration", "bone_variation", "jerk", "jolts"}
 
 
@@ -142,6 +144,28 @@ def test_one_joint_that_jumps_in_one_frame_is_a_jolt_and_real_motion_has_none():
     motions = [m.copy() for m in real.motions]
     motions[2][5:, 1, 0] += 0.1
     assert ratio(jolts(replace(real, motions=motions), real)) == 1 / 4
+
+
+def test_a_trunk_that_folds_and_a_pelvis_that_sinks_for_an_instant_lurch():
+    times = np.arange(31) / 30
+    still = np.zeros((31, 3, 3), dtype=np.float32)
+    still[:, 0, 1] = 0.5  # the shoulders, above the root, which is joint 1
+    rng = np.random.default_rng(5)
+    noisy = [(still + 0.002 * rng.normal(size=still.shape)).astype(np.float32) for _ in range(4)]
+    base = standing_row(1.0, 0.0)
+    real = replace(base, motions=noisy, partners=[still] * 4, times=[times] * 4)
+    bump = np.exp(-0.5 * ((times - 0.5) / 0.06) ** 2).astype(np.float32)
+    folds, sinks, walks = still.copy(), still.copy(), still.copy()
+    folds[:, 0, 2] += 0.15 * bump
+    sinks[:, :, 1] -= 0.1 * bump[:, None]
+    walks[:, :, 2] += 2 * times[:, None]
+    row = replace(real, motions=[folds, sinks, walks, still])
+    found = lurches(row, real, BODY, smoothing=0.05)
+    np.testing.assert_array_equal(found, [[1, 1, 0, 0], [1, 1, 1, 1]])
+    short = replace(
+        row, motions=[m[:8] for m in row.motions], partners=[still[:8]] * 4, times=[times[:8]] * 4
+    )
+    assert ratio(lurches(short, real, BODY, smoothing=0.05)) == 0
 
 
 def test_multimodality_is_the_mean_distance_of_the_features_of_one_partners_reactions():
