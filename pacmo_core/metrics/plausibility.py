@@ -190,7 +190,7 @@ def lurches(row: Reactions, real: Reactions, body: BodyJoints, *, smoothing: flo
 
 
 def _lurch(motion: NDArray[np.float32], times: Array, body: BodyJoints, width: float) -> Array:
-    """Return the largest lurch of a trunk's direction, as a unit vector, and of a pelvis, metres."""
+    """Return the largest lurch of a trunk, of its unit vector, and of a pelvis, metres; (2,)."""
     inner = times[(times >= times[0] + LURCH_SECONDS) & (times <= times[-1] - LURCH_SECONDS)]
     if not len(inner):
         return np.zeros(2)
