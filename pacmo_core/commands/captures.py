@@ -334,7 +334,10 @@ def meant_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _check_same_times(a: PersonMotion, b: PersonMotion, text: str) -> None:
     if len(a.times) != len(b.times):
-        raise CommandError(f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other")
+        raise CommandError(
+            f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other; "
+            "wanted two people of one take"
+        )
     if not np.allclose(a.times, b.times, rtol=1e-4):
         ends = f"{a.times[-1]:g} s and {b.times[-1]:g} s"
         raise CommandError(f"{text}: not at the same times; they end at {ends}")

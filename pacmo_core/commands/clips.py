@@ -139,7 +139,8 @@ def _table(path: Path) -> Path:
     """
     if not path.exists():
         raise CommandError(
-            f"no {path}: ./run makes data/clips and data/sequences; name the folder of others"
+            f"no {path}: ./run makes data/clips and data/sequences; "
+            f"wanted a folder with {path.name}, or a Parquet file"
         )
     return path
 

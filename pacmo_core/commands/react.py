@@ -356,9 +356,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         file, out = _check_files(partner, out)
         _check_finish(rig, finish)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
-        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)))
         model, source = load_reaction_model(chosen), Source(file, person or "a", person)
         people = _read(source, rig, model.skeleton, options, clip)
+        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)))
         capture, name = people.partner, clip or file.stem
         if to_fps is not None and len(capture.times) > 1:
             capture = replace(capture, times=meant_times(capture.times))

@@ -111,9 +111,11 @@ class ReadOptions:
 
         Raises
         ------
-        ValueError, KeyError
-            If there is none of that name or suffix.
+        ValueError, KeyError, CommandError
+            If there is none of that name or suffix, or the file is a folder.
         """
+        if file.is_dir():
+            raise CommandError(f"{file}: wanted a file; got a folder: name a capture in it")
         form = self.form or format_of(file)
         if form not in DEFAULT_SETTINGS:
             raise KeyError(f"no format {form!r}; there are {', '.join(DEFAULT_SETTINGS)}")

@@ -110,13 +110,15 @@ def read_named_clip(word: str, options: ReadOptions) -> NamedClip:
     files = [Path(part) for part in word.split("+")]
     if all(file.is_file() for file in files):
         return _read_captures(files, options)
+    if any(file.is_dir() for file in files):
+        raise CommandError(f"{word}: wanted a file or a clip; got a folder: FOLDER:NAME is a clip")
     if len(files) == 1 and (dataset := _dataset_of(word)):
         return NamedClip(_read_stored(dataset, word))
     if (CLIPS_FOLDER / MOTIONS).exists() and len(files) == 1:
         return NamedClip(_read_stored(CLIPS_FOLDER, word))
     raise CommandError(
         f"{word}: no such file, and no {CLIPS_FOLDER / MOTIONS} with a clip of that name; "
-        "a clip of another folder is FOLDER:NAME"
+        "./run makes it; a clip of another folder is FOLDER:NAME"
     )
 
 
