@@ -32,12 +32,12 @@ MAX_PRIOR_BYTES = 1_000_000
 LICENCE = "Apache-2.0"
 LIMITS = (
     "Trained on synthetic motion of eleven scripted actions alone: the scores are those of new "
-    "synthetic people. On recorded partners (docs/results.md, Recorded partners) hands meet in two "
-    "of three reactions in which they should, fewer than half of the contacts are met, and people "
-    "touch where the captured ones do not.",
+    "synthetic people. On recorded partners (docs/results.md, Recorded partners) hands meet in "
+    "three of five reactions in which they should and in a fifth of the others, and two fifths of "
+    "the contacts are met.",
     "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
-    "Kicks may stop short, and blows come late or early; in turns and long strides knees buckle, "
-    "and a foot may slide while it carries the body.",
+    "Kicks and punches may stop short, blows come late or early, and who is struck may not recoil; "
+    "on the way to somebody knees bend and feet come together, and a foot may slide.",
 )
 
 _CLIPS = "clips.parquet"  # beside stored motions
