@@ -6,7 +6,7 @@ from pathlib import Path
 import pacmo_core
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
-clips = pacmo_core.synthesise(10)
+clips = pacmo_core.synthesise(11)
 # Captures of yours: pacmo_core.load_clips("data/captures/sbu", "sbu", fps=15.0)
 
 for name, clip in clips.items():

@@ -88,7 +88,11 @@ def test_both_people_are_lowered_alike(handshake: Interaction) -> None:
 def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     real_folder("sbu")
     sets = recorded(JOINTS)
-    assert len(sets["sbu"]) == 8 and sum(map(len, sets["sbu"])) == 564
+    acts, handshakes = sets["sbu"]
+    assert len(acts) == 8 and sum(map(len, acts)) == 564 and len(handshakes) == 36
     real_folder("cmu_18_19")
     real_folder("handover")
-    assert len(sets["cmu"][0]) == 18 and len(sets["handover"][0]) == 200
+    (takes,), handshakes = sets["cmu"]
+    assert len(takes) == 18 and len(handshakes) == 2
+    (handovers,), handshakes = sets["handover"]
+    assert len(handovers) == 200 and not handshakes
