@@ -33,8 +33,10 @@ from pacmo_core.metrics.catalogue import (
     improvement_sign,
 )
 
-# The metrics by which models are compared: those of the first tables that have a better direction.
-COMPARED = tuple(name for name in (*MAIN_COLUMNS, *PARTNER_COLUMNS) if improvement_sign(name))
+# The metrics by which models are compared: those of the first tables that have a better direction,
+# and of plausibility those that tell finished models apart.
+_COLUMNS = (*MAIN_COLUMNS, *PARTNER_COLUMNS, "foot_skate", "lurches")
+COMPARED = tuple(name for name in _COLUMNS if improvement_sign(name))
 MATCHING = "matching"
 CLOSENESS = "f2id"
 FLOOR = "f2id_floor"
