@@ -82,6 +82,23 @@ def feet(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
     )
 
 
+def shoulders(skeleton: Skeleton) -> tuple[int, ...]:
+    """List the joints at which upper arms begin; none if no arm has a name."""
+    return _first_joints(skeleton, "upper_arm")
+
+
+def trunk_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
+    """List the left and right joints at which limbs begin, hips and shoulders."""
+    limbs = {*_first_joints(skeleton, "thigh"), *shoulders(skeleton)}
+    return [pair for pair in skeleton.left_right if set(pair) <= limbs]
+
+
+def _first_joints(skeleton: Skeleton, kind: str) -> tuple[int, ...]:
+    """List the joints at which segments of a kind begin."""
+    children = zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True)
+    return tuple(skeleton.parents[child] for child, segment in children if segment.kind == kind)
+
+
 def snake_case(joint: str) -> str:
     """Convert a joint's name to snake case, such as ``left_hand_thumb1``."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", joint)

@@ -129,10 +129,11 @@ def finish(
     shaped = shape_trunk(turned, skeleton, learnt.trunk)
     own = median_lengths(shaped.astype(np.float32), skeleton)
     calm = spread_bursts(shaped, fps, skeleton, learnt.max_speeds)
+    # Before the body is moved to its height: a fist that just reaches would no longer.
+    contacts = predict_contacts(calm.astype(np.float32), partner, fps, skeleton, learnt.contacts)
     standing = set_down(calm, partner, fps, skeleton)
     upright = straighten(standing, own, fps, skeleton, learnt.heights)
     stepping = take_steps(upright, own, fps, skeleton).astype(np.float32)
-    contacts = predict_contacts(stepping, partner, fps, skeleton, learnt.contacts)
     if lengths is not None:
         ground = _ground(stepping, fps, skeleton)
         resized_body = with_lengths(stepping.astype(np.float64), lengths, ground, skeleton)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from pacmo_core.data.segments import segments
+from pacmo_core.data.segments import trunk_pairs
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.stance import frame_runs
 
@@ -22,14 +22,6 @@ SMOOTHING = 0.08  # seconds, standard deviation of the filter on the trunk's joi
 # second. Captured turns stay above 0.8.
 COLLAPSED, WHOLE = 0.6, 0.85
 TURN_SPEED = 3.5  # radians per second, where there is time: the peak of captured turns
-
-
-def trunk_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
-    """List the left and right joints at which limbs begin, hips and shoulders."""
-    children = skeleton.bones[:, 1].tolist()
-    kinds = {j: s.kind for j, s in zip(children, segments(skeleton), strict=True)}
-    limbs = {skeleton.parents[j] for j in children if kinds[j] in ("upper_arm", "thigh")}
-    return [pair for pair in skeleton.left_right if set(pair) <= limbs]
 
 
 def find_headings(motion: Array, fps: float | None, skeleton: Skeleton) -> Array:

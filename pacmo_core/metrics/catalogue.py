@@ -164,6 +164,13 @@ METRICS = {
         "speed of the slower ankle, smoothed",
         partner_independent=True,
     ),
+    "step_length": Metric(
+        "Step length",
+        CLOSER_TO_REAL,
+        "m",
+        "mean distance between the ankles along the way, where the body walks",
+        partner_independent=True,
+    ),
     "ground_penetration": Metric(
         "Below ground",
         LOWER,
@@ -250,7 +257,7 @@ PARTNER_COLUMNS = (
 )
 CONTACT_COLUMNS = ("contacts_met", "contacts_met_near", "false_contacts", "contact_f1")
 PLAUSIBILITY_COLUMNS = (
-    *("foot_skate", "ground_penetration", "bone_variation"),
+    *("foot_skate", "step_length", "ground_penetration", "bone_variation"),
     *("jerk", "jolts", "lurches", "penetration"),
 )
 FURTHER_COLUMNS = ("multimodality", "f2id_infinity", "ave")

@@ -24,8 +24,8 @@ metrics it is the tested real pairs, as in row ``real_pairs``.
 ``contacts_met``       share of captured frames of contact that are met; ``contacts_met.ACTION`` of
                        one action, ``contacts_met_near`` with 0.1 s to spare; ``false_contacts``,
                        ``contact_f1``, ``penetration``: see ``contact``
-``foot_skate``         and ``ground_penetration``, ``bone_variation``, ``jerk``, ``jolts``,
-                       ``lurches``: see ``plausibility``
+``foot_skate``         and ``step_length``, ``ground_penetration``, ``bone_variation``, ``jerk``,
+                       ``jolts``, ``lurches``: see ``plausibility``
 ``energy_score``       of the reactions to one partner; ``dispersion``, ``multimodality``: their
                        distance from each other, relative to the real reaction, and in features
 ``…_published``        by the paper's protocol: n samples with replacement, the mean of the repeats;

@@ -1,4 +1,4 @@
-"""Plausibility of reactions: feet, ground, bones, jerk, jolts, lurches; distances over time.
+"""Plausibility of reactions: feet, steps, ground, bones, jerk, jolts, lurches; distances over time.
 
 The joints that these metrics use (root, feet, hands, head, shoulders) are found by name in any
 skeleton.
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.segments import segments
+from pacmo_core.data.segments import shoulders
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.metrics.bootstrap import Array
 from pacmo_core.metrics.reactions import Reactions, to_length
@@ -55,13 +55,7 @@ def find_body_joints(skeleton: Skeleton) -> BodyJoints:
         feet=feet,
         ankles=_left_and_right(skeleton, _ANKLES),
         bones=skeleton.bones,
-        shoulders=tuple(
-            skeleton.parents[child]
-            for child, segment in zip(
-                skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True
-            )
-            if segment.kind == "upper_arm"
-        ),
+        shoulders=shoulders(skeleton),
     )
 
 
@@ -75,6 +69,7 @@ def _left_and_right(skeleton: Skeleton, words: tuple[str, ...]) -> tuple[int, ..
     return ()
 
 
+WALKING_SPEED = 0.5  # metres per second, of the root over the ground
 # A lurch is there and back within twice this, seconds; real ones are small but for this share.
 LURCH_SECONDS, REAL_LURCHES = 1 / 6, 0.05
 # Quantile of the foot heights of a real clip that is its ground; lower ones are noise.
@@ -98,6 +93,23 @@ def foot_skate(row: Reactions, body: BodyJoints, *, smoothing: float) -> Array:
         path = smooth(motion[:, ankles][..., [0, 2]], times, smoothing)
         speed = np.linalg.norm(np.gradient(path, times, axis=0), axis=-1).min(axis=1)
         sums.append((speed.sum(), len(speed)))
+    return np.array(sums, dtype=np.float64).T
+
+
+def step_length(row: Reactions, body: BodyJoints, *, smoothing: float) -> Array:
+    """Return the summed distances of the ankles along the way, and the frames of walks, (2, n).
+
+    Where a body walks, one foot is ahead and the other behind. In the mean of many gaits both are
+    beneath the body, and its legs shuffle. Positions are smoothed as for ``foot_skate``.
+    """
+    sums = []
+    for motion, times in zip(row.motions, row.times, strict=True):
+        path = smooth(motion[:, [body.root, *body.ankles]][..., [0, 2]], times, smoothing)
+        velocity = np.gradient(path[:, 0], times, axis=0)
+        speed = np.linalg.norm(velocity, axis=-1)
+        walks = speed > WALKING_SPEED
+        along = (path[walks, 1:] * velocity[walks, None] / speed[walks, None, None]).sum(axis=-1)
+        sums.append(((along.max(axis=1) - along.min(axis=1)).sum(), walks.sum()))
     return np.array(sums, dtype=np.float64).T
 
 

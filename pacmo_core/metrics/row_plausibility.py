@@ -27,6 +27,7 @@ from pacmo_core.metrics.plausibility import (
     jerk,
     jolts,
     lurches,
+    step_length,
 )
 from pacmo_core.metrics.reactions import Reactions
 from pacmo_core.metrics.row_metrics import Estimates, Reasons, as_estimate
@@ -48,10 +49,13 @@ def measure_plausibility(row: Reactions, context: EvaluationContext) -> tuple[Es
         missing["lurches"] = "the skeleton names no arms"
     if settings.body.feet:
         sums["foot_skate"] = foot_skate(row, settings.body, smoothing=settings.smoothing)
+        sums["step_length"] = step_length(row, settings.body, smoothing=settings.smoothing)
         sums["ground_penetration"] = ground_penetration(row, context.real, settings.body)
     else:
-        missing |= dict.fromkeys(["foot_skate", "ground_penetration"], "the skeleton names no feet")
-    return ratios(sums, context), missing
+        of_feet = ["foot_skate", "step_length", "ground_penetration"]
+        missing |= dict.fromkeys(of_feet, "the skeleton names no feet")
+    result = ratios(sums, context)
+    return result, missing | dict.fromkeys(sums.keys() - result.keys(), "nobody walks")
 
 
 def measure_contact(row: Reactions, context: EvaluationContext) -> tuple[Estimates, Reasons]:

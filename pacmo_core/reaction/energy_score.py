@@ -20,9 +20,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from pacmo_core.data.segments import feet
+from pacmo_core.data.segments import feet, trunk_pairs
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.turns import trunk_pairs
 from pacmo_core.operators.quadrature import trapezoid_weights
 from pacmo_core.reaction.data import MotionPairs
 from pacmo_core.reaction.generator import Generator
@@ -47,14 +46,15 @@ class EnergyScore:
     hands, feet and head relative to the root, and their velocities, are scored each alone, and the
     scores averaged. The score of each view is proper, that of the whole motion strictly proper.
 
-    In a norm over a whole motion the mean of many gaits, both feet gliding, or of turns to the left
-    and to the right, a trunk without width, is hardly worse than one of them. At an instant it is
-    far from all: a foot stands or swings, one hand or the other is up. So the velocities of both
-    feet together, the places of both hands and of both feet, and the vectors from right to left hip
-    and shoulder are scored at each instant, and the scores averaged. So are the height of the root,
-    the vectors along the trunk, and the accelerations of root and shoulders: people walk metres and
-    rise and sink by centimetres, so that in the other views a body that folds for a fifth of a
-    second scores nearly as well as one that is upright.
+    In a norm over a whole motion the mean of many gaits, both feet gliding close together, or of
+    turns to the left and to the right, a trunk without width, is hardly worse than one of them. At
+    an instant it is far from all: a foot stands or swings, is ahead or behind, one hand or the
+    other is up. So the velocities of both feet together, the places of both hands and of both feet,
+    and the vectors from right to left foot, hip and shoulder are scored at each instant, and the
+    scores averaged. So are the height of the root, the vectors along the trunk, and the
+    accelerations of root, hips and shoulders: people walk metres and rise and sink by centimetres,
+    so that in the other views a body that folds for a fifth of a second scores nearly as well as
+    one that is upright.
 
     Parameters
     ----------
@@ -119,8 +119,9 @@ class EnergyScore:
         views = [SPEED_SCALE * velocity[..., pair, :].flatten(-2) for pair in self.feet]
         places = joints - joints[..., [self.root], :]
         views += [places[..., pair, :].flatten(-2) for pair in self.end_pairs]
-        across = (joints[..., left, :] - joints[..., right, :] for left, right in self.trunk_pairs)
-        views += [BONE_SCALE * vector for vector in across]
+        for pair in (*(joint for joint in self.feet if len(joint) > 1), *self.trunk_pairs):
+            across = joints[..., list(pair[1:]), :] - joints[..., list(pair[:-1]), :]
+            views.append(BONE_SCALE * across.flatten(-2))
         views += self._trunk_views(joints, step)
         return [view[..., None, :] for view in views]
 

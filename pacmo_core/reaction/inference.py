@@ -182,7 +182,7 @@ def _examples(
 
 
 def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -> Learnt:
-    """Learn in the order in which a finish applies it: contacts and heights of shaped trunks."""
+    """Learn in the order in which a finish applies it: contacts, heights of who stands."""
     rates = [float(1 / np.median(np.diff(clip.times))) for clip, _ in examples]
     generated = [
         resolve_turns(reaction.astype(np.float64), fps, skeleton)
@@ -198,12 +198,12 @@ def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -
     for motion, (clip, _), fps in zip(generated, examples, rates, strict=True):
         partner, real = clip.person_a, clip.person_b
         calm = spread_bursts(shape_trunk(motion, skeleton, trunk), fps, skeleton, max_speeds)
-        shaped = set_down(calm, partner, fps, skeleton).astype(np.float32)
         generated_pairs, real_pairs = (
-            find_pairs(body, partner, fps, skeleton) for body in (shaped, real)
+            find_pairs(body, partner, fps, skeleton) for body in (calm.astype(np.float32), real)
         )
         pairs.append((generated_pairs, real_pairs))
-        heights.append((_heights(shaped, skeleton), _heights(real, skeleton)))
+        standing = set_down(calm, partner, fps, skeleton).astype(np.float32)
+        heights.append((_heights(standing, skeleton), _heights(real, skeleton)))
     return Learnt(
         contacts=learn_contacts(pairs, skeleton),
         heights=learn_heights(heights),

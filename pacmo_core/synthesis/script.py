@@ -197,27 +197,20 @@ def _place_strike(
     random: np.random.Generator, action: str, actor: Body, other: Body, hands: tuple[int, int]
 ) -> Placement:
     """Sample the height of a strike, and positions in which it lands."""
-    level, gap = _sample_strike(random, action, actor, other)
-    aside = float(random.normal(0.0, 0.015))
-    return Placement((0.5 * gap, 0.5 * gap), hands, aside, level, 0.0)
-
-
-def _sample_strike(
-    random: np.random.Generator, action: str, actor: Body, other: Body
-) -> tuple[float, float]:
-    """Sample the height of a strike, and the distance between the pelvises."""
     if action == "kick":
         level = float(random.uniform(0.40, 0.54)) * other.stature
         hip = actor.leg + actor.ankle_height - 0.04
-        reach = float(np.sqrt((0.93 * actor.leg) ** 2 - (hip - level) ** 2))
-        return level, reach + CHEST_DEPTH + 0.06
-    if action == "push":
-        level = other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16))
-        level = _clip_to_reach(level, [actor])
-        return level, _reach_distance(actor, level, 0.74, actor.shoulder_half) + CHEST_DEPTH + 0.08
-    level = other.head_height - 0.03 - float(random.uniform(0.0, 0.06))
-    level = _clip_to_reach(level, [actor])
-    return level, _reach_distance(actor, level, 0.84, actor.shoulder_half) + CHEST_DEPTH + 0.24
+        reach, depth = float(np.sqrt((0.93 * actor.leg) ** 2 - (hip - level) ** 2)), 0.06
+    else:
+        wanted, stretch, depth = (
+            (other.shoulder_height - 0.03 - float(random.uniform(0.08, 0.16)), 0.74, 0.08)
+            if action == "push"
+            else (other.head_height - 0.03 - float(random.uniform(0.0, 0.06)), 0.84, 0.24)
+        )
+        level = _clip_to_reach(wanted, [actor])
+        reach = _reach_distance(actor, level, stretch, actor.shoulder_half)
+    near = 0.5 * (reach + CHEST_DEPTH + depth)
+    return Placement((near, near), hands, float(random.normal(0.0, 0.015)), level, 0.0)
 
 
 def sample_view(

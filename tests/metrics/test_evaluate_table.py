@@ -50,7 +50,7 @@ METRICS = {
     *("f2id_distances", "mmd_pair", "matching"),
     *("contacts_met", "contacts_met_near", "false_contacts", "contact_f1"),
     *("contacts_met.wave", "contacts_met.bow", "energy_score"),
-    *("foot_skate", "ground_penetration", "bone_variation"),
+    *("foot_skate", "step_length", "ground_penetration", "bone_variation"),
     *("jerk", "jolts", "lurches", "penetration"),
 }
 

@@ -17,6 +17,7 @@ from pacmo_core.metrics.plausibility import (
     lurches,
     peak_acceleration,
     smooth,
+    step_length,
 )
 from pacmo_core.metrics.row_plausibility import measure_multimodality, measure_plausibility
 from tests.metrics.problems import reactions
@@ -50,7 +51,8 @@ def test_without_names_every_joint_is_a_key_and_no_foot_slides():
     found, reasons = measure_plausibility(real, table.context)
     no_feet = "the skeleton names no feet"
     no_arms = "the skeleton names no arms"
-    assert reasons == {"foot_skate": no_feet, "ground_penetration": no_feet, "lurches": no_arms}
+    without_feet = ("foot_skate", "step_length", "ground_penetration")
+    assert reasons == {**dict.fromkeys(without_feet, no_feet), "lurches": no_arms}
     assert set(found) == {"penetration", "bone_variation", "jerk", "jolts"}
 
 
@@ -144,6 +146,28 @@ def test_one_joint_that_jumps_in_one_frame_is_a_jolt_and_real_motion_has_none():
     motions = [m.copy() for m in real.motions]
     motions[2][5:, 1, 0] += 0.1
     assert ratio(jolts(replace(real, motions=motions), real)) == 1 / 4
+
+
+def test_step_length_is_how_far_the_ankles_are_apart_along_the_way_of_a_walk():
+    times = np.arange(121) / 30
+    swing = np.sin(2 * np.pi * times)
+    body = replace(BODY, ankles=(0, 2))
+    walk = np.zeros((121, 3, 3), dtype=np.float32)
+    walk[:, 0, 2], walk[:, 2, 2] = 0.2 * swing, -0.2 * swing
+    walk[:, 0, 0] = 0.3  # to the side of the way, which does not count
+    stands, shuffles = walk.copy(), walk.copy()
+    shuffles[:, [0, 2], 2] *= 0.5
+    for motion in (walk, shuffles):
+        motion[:, :, 2] += 1.2 * times[:, None]
+    row = replace(
+        standing_row(1.0, 0.0),
+        motions=[walk, shuffles, stands, stands],
+        partners=[walk] * 4,
+        times=[times] * 4,
+    )
+    along, frames = step_length(row, body, smoothing=0.01)
+    np.testing.assert_allclose(along[:2] / frames[:2], [0.8 / np.pi, 0.4 / np.pi], rtol=0.02)
+    assert not frames[2:].any()
 
 
 def test_a_trunk_that_folds_and_a_pelvis_that_sinks_for_an_instant_lurch():

@@ -223,7 +223,7 @@ def test_bodies_in_one_place_have_a_finite_gradient():
     assert torch.isfinite(gradient).all()
 
 
-def test_feet_hands_and_the_width_of_the_trunk_are_scored_at_each_instant():
+def test_feet_hands_and_vectors_across_the_body_are_scored_at_each_instant():
     # A foot that moves evenly by d over the clip in both samples, where the captured one stands.
     d = 0.3
     truth = torch.from_numpy(REST).float().flatten().expand(1, 5, 45)
@@ -238,9 +238,9 @@ def test_feet_hands_and_the_width_of_the_trunk_are_scored_at_each_instant():
     speed = SPEED_SCALE * d / 6**0.5  # six channels, three of each foot
     place = d / 6**0.5 / 2  # a half of d on average
     width = BONE_SCALE * d / 3**0.5 / 2
-    # Velocities of feet; places of hands and of feet; shoulders and hips.
-    assert scores[0][:5] == pytest.approx([speed, 0, place, 0, 0], abs=1e-6)
-    assert scores[1][:5] == pytest.approx([0, 0, 0, 0, width], abs=1e-6)
+    # Velocities of feet; places of hands and of feet; from foot to foot; shoulders and hips.
+    assert scores[0][:6] == pytest.approx([speed, 0, place, width, 0, 0], abs=1e-6)
+    assert scores[1][:6] == pytest.approx([0, 0, 0, 0, 0, width], abs=1e-6)
 
 
 def test_a_body_that_sinks_and_folds_for_an_instant_is_seen_in_height_trunk_and_acceleration():
@@ -259,7 +259,7 @@ def test_a_body_that_sinks_and_folds_for_an_instant_is_seen_in_height_trunk_and_
             strict=True,
         )
         errors = [(a - b).square().mean(dim=(-1, -2)).sqrt()[0] for a, b in views]
-        norms.append([error.tolist() for error in errors[5:]])
+        norms.append([error.tolist() for error in errors[6:]])
     height, *trunk, acceleration = norms[0]
     assert height == pytest.approx([0, 0, HEIGHT_SCALE * d, 0, 0], abs=1e-5)
     assert max(map(max, trunk)) < 1e-5
