@@ -8,8 +8,9 @@ width 64, batch 16, 150 to 69 channels, the same seven grids and modes, one thre
 the shape that the pipeline trains (``params.yaml``, ``train_pacmo``); ``reaction_wide_ms``: by one
 of width 64; ``finish_ms``, ``finish_ms_t256``: the finish of a reaction of 64 and of 256 frames,
 included in none of the others; ``stream_ms_per_frame``: one frame of a live partner, with exact
-bones; ``long_s``, ``long_mb``: one partner of 48,000 frames in one call, in a process of its own:
-seconds, and peak resident memory above that before the call. These two, too, are of width 64.
+bones, by the shape that is trained; ``stream_wide_ms_per_frame``: by one of width 64; ``long_s``,
+``long_mb``: one partner of 48,000 frames in one call, in a process of its own: seconds, and peak
+resident memory above that before the call. These two are of width 64.
 The weights are fresh ones: time does not depend on them. On one thread
 times are process times, which other work on the machine disturbs least. Without the peer
 (``pip install neuraloperator==2.0.0``, or the extra ``peers``) its two figures are left out.
@@ -123,14 +124,21 @@ def finishing() -> dict[str, float]:
 def stream() -> dict[str, float]:
     """Time the frames of a live partner, once the window is full."""
     motion, times = partner(round(3 * SECONDS * FPS))
-    random = torch.Generator().manual_seed(0)
-    live = ReactionStream(generator(WIDE), n_samples=1, random=random, finish=True)
-    taken = []
-    for pose, instant in zip(motion, times, strict=True):
-        start = time.process_time()
-        live.react(pose, float(instant))
-        taken.append(1e3 * (time.process_time() - start))
-    return {"stream_ms_per_frame": statistics.median(taken[len(taken) // 2 :])}
+
+    def by(model: Generator) -> float:
+        random = torch.Generator().manual_seed(0)
+        live = ReactionStream(model, n_samples=1, random=random, finish=True)
+        taken = []
+        for pose, instant in zip(motion, times, strict=True):
+            start = time.process_time()
+            live.react(pose, float(instant))
+            taken.append(1e3 * (time.process_time() - start))
+        return statistics.median(taken[len(taken) // 2 :])
+
+    return {
+        "stream_ms_per_frame": by(generator(trained_shape())),
+        "stream_wide_ms_per_frame": by(generator(WIDE)),
+    }
 
 
 def in_new_process() -> dict[str, float]:
