@@ -27,7 +27,7 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import work_fault
 from pacmo_core.figures.body_mesh import make_skin
 from pacmo_core.figures.body_shape import make_body_shape
-from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film
+from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film, write_strip
 from pacmo_core.figures.viewer import Scene
 from pacmo_core.formats.base import FormatError, check_up, to_y_up
 from pacmo_core.formats.bvh import Bvh
@@ -51,9 +51,10 @@ from pacmo_core.store.files import atomic_file, write_text
 FILM_FPS = 25.0
 COLOURS = ((0.0, 0.168, 0.445), (0.665, 0.112, 0.0))  # the viewer's blue and vermilion, linear
 FILMS = (".mp4", ".gif")
+PICTURE = ".png"
 OF_A_PERSON = (".bvh", ".glb", ".gltf")  # with a skeleton for each person
-# The glTF standard prescribes metres and y up; a film shows no axis.
-FIXED_UNIT_SUFFIXES = (".glb", ".gltf", *FILMS)
+# The glTF standard prescribes metres and y up; films and pictures show no axis.
+FIXED_UNIT_SUFFIXES = (".glb", ".gltf", *FILMS, PICTURE)
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,11 @@ class ExportOptions:
             raise CommandError(
                 f"{out}: {suffix} is always metres, y up; leave out --to-up and --to-unit"
             )
-        if suffix in FILMS and (self.ground or self.centre):
-            raise CommandError(f"{out}: a film has no origin; leave out --ground and --centre")
+        if suffix in (*FILMS, PICTURE) and (self.ground or self.centre):
+            kind = "picture" if suffix == PICTURE else "film"
+            raise CommandError(f"{out}: a {kind} has no origin; leave out --ground and --centre")
+        if suffix == PICTURE and self.fps is not None:
+            raise CommandError(f"{out}: a picture has no frame rate; leave out --to-fps")
         if suffix == ".gif":
             check_gif_rate(self.fps or FILM_FPS)
         if suffix == ".mp4":
@@ -138,7 +142,11 @@ def export_scene(
         else resample_scene(scene, fps)
     )
     files, errors = WRITERS[suffix](out, written, form)
-    summary = _rate_line(len(written.times), _fps(written))
+    summary = (
+        f"sixteen instants of {len(written.times)} frames"
+        if suffix == PICTURE
+        else _rate_line(len(written.times), _fps(written))
+    )
     if suffix in OF_A_PERSON:
         summary += f", in {form.space}, with the rest pose of a body fitted to the joints{fault}"
     return files, "; ".join(filter(None, (summary, errors)))
@@ -312,10 +320,13 @@ def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], st
 def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
     clip = Interaction(scene.skeleton, scene.times, scene.people[0], scene.people[-1])
     with atomic_file(out) as partial:
-        # The film writers choose the format by the suffix.
+        # The writers choose the format by the suffix.
         named = partial.with_name(partial.name + out.suffix.lower())
         try:
-            write_film(named, clip, form.fps or FILM_FPS)
+            if named.suffix == PICTURE:
+                write_strip(named, clip)
+            else:
+                write_film(named, clip, form.fps or FILM_FPS)
             named.replace(partial)
         finally:
             named.unlink(missing_ok=True)
@@ -334,12 +345,13 @@ WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]
     **dict.fromkeys(TABLE_WRITERS, _table),
     ".mp4": _film,
     ".gif": _film,
+    PICTURE: _film,
 }
 
 
 Clip = Annotated[str, typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FILE or FILE+FILE")]
 Out = Annotated[
-    Path, typer.Option(help="FILE.bvh, .glb, .gltf, .npz, .csv, .parquet, .mp4 or .gif")
+    Path, typer.Option(help="FILE.bvh, .glb, .gltf, .npz, .csv, .parquet, .mp4, .gif or .png")
 ]
 ToFps = Annotated[
     float | None,
@@ -387,8 +399,8 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     itself, with its rest pose and rotations. These formats hold rotations of bones of
     constant length; the command prints how far that moved joints. .npz, .csv, .parquet: a table of
     joints, which every command reads as a capture. .mp4, .gif: a film; MP4 needs ffmpeg (pip
-    install imageio-ffmpeg). A CLIP is named as for ``pacmo view``. --ground and --centre move both
-    people alike, so that the interaction stays as it is.
+    install imageio-ffmpeg). .png: a picture of sixteen instants. A CLIP is named as for ``pacmo
+    view``. --ground and --centre move both people alike, so that the interaction stays as it is.
     """
     options = ReadOptions(form, preset, from_unit, from_up, from_fps)
     with reading_errors_in_one_line():

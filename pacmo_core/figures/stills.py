@@ -235,6 +235,8 @@ def film_strip(
 
 
 _INCHES, _DPI = 6.4, 100  # 640 pixels wide
+_STRIP_ROWS, _STRIP_COLUMNS = 2, 8
+_STRIP_INCHES = 2.4  # of a picture in a strip
 _MIN_VIEW = 1.9  # metres
 _GIF_TICKS = 100  # per second; a frame lasts a whole number of them
 
@@ -292,6 +294,21 @@ def write_film(path: Path, clip: Interaction, fps: float) -> None:
     with mpl.rc_context({"animation.ffmpeg_path": find_ffmpeg()}):
         writer = FFMpegWriter(fps=fps, codec="h264", extra_args=options)  # type: ignore[arg-type]
         _draw_frames(path, clip, writer)
+
+
+def write_strip(path: Path, clip: Interaction) -> None:
+    """Write a picture of a clip at instants that are evenly spaced, the first and the last too.
+
+    Parameters
+    ----------
+    path : its suffix is the format, such as .png
+    clip : of one frame or more
+    """
+    last = len(clip.times) - 1
+    frames = np.linspace(0, last, _STRIP_ROWS * _STRIP_COLUMNS).round().astype(int)
+    rows = [("", clip, row.tolist()) for row in frames.reshape(_STRIP_ROWS, _STRIP_COLUMNS)]
+    figure = film_strip(rows, min_width=_MIN_VIEW, inches=_STRIP_INCHES)
+    figure.savefig(path, dpi=_DPI)
 
 
 def _draw_frames(path: Path, clip: Interaction, writer: AbstractMovieWriter) -> None:

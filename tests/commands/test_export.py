@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from PIL import Image
 from typer.testing import CliRunner, Result
 
@@ -160,6 +161,20 @@ def test_a_person_alone_stays_alone_in_a_table(tmp_path: Path, ending: str) -> N
 
 
 @pytest.mark.slow
+def test_a_picture_shows_sixteen_instants_of_both_people(tmp_path: Path) -> None:
+    result = export("one", "--out", "x.png")
+    assert result.exit_code == 0 and "x.png: sixteen instants" in result.output
+    with Image.open(tmp_path / "x.png") as found:
+        pixels = np.asarray(found.convert("RGB"), float) / 255
+    blue, vermilion = (np.array(to_rgb(colour)) for colour in COLOURS)
+    height, width = (size // n for size, n in zip(pixels.shape, (2, 8), strict=False))
+    for row in range(2):
+        for column in range(8):
+            part = pixels[row * height :, column * width :][:height, :width]
+            for colour in (blue, vermilion):
+                assert (np.abs(part / part.max() - colour).max(axis=-1) < 0.15).sum() > 50
+
+
 def test_a_gif_has_25_frames_a_second_if_nothing_else_is_asked(tmp_path: Path) -> None:
     assert export("one", "--out", "x.gif").exit_code == 0
     with Image.open(tmp_path / "x.gif") as found:
@@ -226,6 +241,8 @@ def test_what_a_format_cannot_hold_is_refused_before_any_work(tmp_path: Path) ->
     refused(export("one", "--out", "x.glb", "--to-up", "z"), "always metres, y up")
     refused(export("one", "--out", "x.gif", "--to-unit", 0.01), "always metres, y up")
     refused(export("one", "--out", "x.gif", "--ground"), "a film has no origin", "--ground")
+    refused(export("one", "--out", "x.png", "--centre"), "a picture has no origin", "--centre")
+    refused(export("one", "--out", "x.png", "--to-fps", 5), "a picture has no frame rate")
     refused(export("one", "--out", "x.gif", "--to-fps", 30), "33.333")
     refused(export("one", "--out", "x.bvh", "--to-up", "x"), "up must be")
     refused(export("one", "--out", "x.csv", "--to-unit", 0), "unit must be")
