@@ -43,7 +43,7 @@ from pacmo_core.finish.contacts import Contacts, predict_contacts
 from pacmo_core.finish.floor import MAX_ROLL, find_floor, rest_heights, set_down
 from pacmo_core.finish.heights import straighten
 from pacmo_core.finish.learnt import Learnt
-from pacmo_core.finish.stance import find_stance, footholds, frame_runs
+from pacmo_core.finish.stance import Mask, find_stance, footholds, frame_runs
 from pacmo_core.finish.steps import take_steps
 from pacmo_core.finish.travel import spread_bursts
 from pacmo_core.finish.trunk import shape_trunk, trunk_joints, trunk_size
@@ -131,17 +131,21 @@ def finish(
     calm = spread_bursts(shaped, fps, skeleton, learnt.max_speeds)
     # Before the body is moved to its height: a fist that just reaches would no longer.
     contacts = predict_contacts(calm.astype(np.float32), partner, fps, skeleton, learnt.contacts)
-    standing = set_down(calm, partner, fps, skeleton)
+    tolerance = float(learnt.floor_tolerance)
+    standing = set_down(calm, partner, fps, skeleton, tolerance)
     upright = straighten(standing, own, fps, skeleton, learnt.heights)
     stepping = take_steps(upright, own, fps, skeleton).astype(np.float32)
     if lengths is not None:
         ground = _ground(stepping, fps, skeleton)
         resized_body = with_lengths(stepping.astype(np.float64), lengths, ground, skeleton)
         stepping = resized_body.astype(np.float32)
-    targets = find_targets(
-        stepping, own if lengths is None else lengths, partner, fps, skeleton, contacts
-    )
+    wanted = own if lengths is None else lengths
+    stance = find_stance(stepping, fps, skeleton)
+    floor = rest_heights(stepping, partner, stance, fps, skeleton, tolerance)
     motion = stepping.astype(np.float64)
+    targets = Targets(
+        wanted, *find_footing(motion, wanted, stance, floor, fps, skeleton), floor, contacts
+    )
     result = np.zeros_like(motion)
     for first, end, share in _parts(len(motion)):
         part = Solver(motion[first:end], targets.frames(first, end), fps, skeleton).solve()
@@ -151,19 +155,20 @@ def finish(
     return exact.astype(np.float32)
 
 
-def find_targets(
-    reaction: Motion,
-    lengths: Array,
-    partner: Motion,
-    fps: float,
-    skeleton: Skeleton,
-    contacts: Contacts,
-) -> Targets:
-    """Find stances and the floor of a reaction whose bones get ``lengths``, (E,)."""
-    motion = reaction.astype(np.float64)
+def find_footing(
+    motion: Array, lengths: Array, stance: Mask, floor: Array, fps: float, skeleton: Skeleton
+) -> tuple[Array, Array, Array]:
+    """Find where feet stand: ``anchor``, ``stands`` and ``rests`` of ``Targets``.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, of a body whose bones get ``lengths``, (E,)
+    stance : (F, T) of ``stance.find_stance``
+    floor : (T, J) metres, of ``floor.rest_heights``
+    fps : frames per second
+    skeleton : of the motion
+    """
     anchor, stands = np.zeros_like(motion), np.zeros(motion.shape[:2])
-    stance = find_stance(reaction, fps, skeleton)
-    floor = rest_heights(reaction, partner, stance, fps, skeleton)
     length_of = lengths_by_joint(lengths, skeleton)
     for number, (foot, standing) in enumerate(zip(feet(skeleton), stance, strict=True)):
         joints, share = list(foot), 1 / (1 + number % 2)
@@ -182,8 +187,7 @@ def find_targets(
             for joint in joints[1:]:
                 parent = skeleton.parents[joint]
                 _set_length(anchor[phase], parent, joint, length_of[joint])
-    rests = _support(motion, anchor, stands, floor, skeleton)
-    return Targets(lengths, anchor, stands, rests, floor, contacts)
+    return anchor, stands, _support(motion, anchor, stands, floor, skeleton)
 
 
 def _ground(motion: Motion, fps: float, skeleton: Skeleton) -> Array:
@@ -236,22 +240,21 @@ class FrameFinish:
     first : (S, T, J, 3) metres, of S reactions
     partner : (J, 3) metres, a pose that stands on the floor
     skeleton : of both
-    trunk_model : of ``trunk.learn_trunk``
+    learnt : Learnt
     """
 
-    def __init__(
-        self, first: Motion, partner: Motion, skeleton: Skeleton, trunk_model: Array
-    ) -> None:
-        self.skeleton, self.trunk_model = skeleton, trunk_model
+    def __init__(self, first: Motion, partner: Motion, skeleton: Skeleton, learnt: Learnt) -> None:
+        self.skeleton, self.trunk_model = skeleton, learnt.trunk
         self.sizes = [trunk_size(motion.astype(np.float64), skeleton) for motion in first]
         shaped = [
             self._shape(motion.astype(np.float64), size).astype(np.float32)
             for motion, size in zip(first, self.sizes, strict=True)
         ]
         self.lengths = [median_lengths(motion, skeleton) for motion in shaped]
+        tolerance = float(learnt.floor_tolerance)
         both_stand = np.ones((len(feet(skeleton)), 1), bool)
         floors = [
-            rest_heights(motion[-1:], partner[None], both_stand, 1.0, skeleton)[0]
+            rest_heights(motion[-1:], partner[None], both_stand, 1.0, skeleton, tolerance)[0]
             for motion in shaped
         ]
         self.floor = np.array(floors)

@@ -29,6 +29,7 @@ LOW_QUANTILE = 0.05  # of a foot's heights, below which it stands if it never st
 # Metres between the heights at which the two stand, beyond which they are not on one floor: more
 # than a generator errs, and less than a chair.
 FLOOR_TOLERANCE = 0.25
+MIN_FLOORS = 4  # pairs of people's clips, of fewer floors nothing is learnt
 MAX_FLOAT = 0.15  # metres over the lowest heights of the feet, above which a foot does not stand
 MAX_ROLL = 0.04  # metres over the floor, up to which a joint of a foot that stands may rise
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on the times at which a foot stands
@@ -103,8 +104,40 @@ def _standing_joints(motion: Array, stance: Mask, skeleton: Skeleton) -> tuple[A
     return np.array(places), np.array(levels)
 
 
+def floor_errors(
+    generated: Motion, captured: Motion, partner: Motion, fps: float, skeleton: Skeleton
+) -> Array:
+    """``(2,)`` metres: the floors of a generated body and of the partner, over the captured one."""
+    floors = [find_floor(m, find_stance(m, fps, skeleton), skeleton) for m in (generated, partner)]
+    real = find_floor(captured, find_stance(captured, fps, skeleton), skeleton)
+    place = np.array([real.origin[0], 0, real.origin[1]])
+    return np.array([floor.at(place) - real.height for floor in floors])
+
+
+def learn_floor_tolerance(errors: Array) -> float:
+    """Learn how far the floors of two people may be apart to be one, metres.
+
+    In most captures the two stand on one floor, and the partner's is better known than that of a
+    generated body. A capture that places each person's floor by itself, wrongly, teaches that they
+    do not: then each stands on its own.
+
+    Parameters
+    ----------
+    errors : (N, 2) of ``floor_errors``, of reactions to held-out partners
+    """
+    if len(errors) < MIN_FLOORS:
+        return FLOOR_TOLERANCE
+    of_generated, of_partner = np.median(np.abs(errors), axis=0)
+    return FLOOR_TOLERANCE if of_partner <= of_generated + HEIGHT_SPREAD else 0.0
+
+
 def rest_heights(
-    reaction: Motion, partner: Motion, stance: Mask, fps: float, skeleton: Skeleton
+    reaction: Motion,
+    partner: Motion,
+    stance: Mask,
+    fps: float,
+    skeleton: Skeleton,
+    tolerance: float = FLOOR_TOLERANCE,
 ) -> Array:
     """``(T, J)`` metres: the heights at which the joints of the feet rest; -inf for all others.
 
@@ -116,19 +149,26 @@ def rest_heights(
     stance : (F, T) of the reaction
     fps : frames per second
     skeleton : of both
+    tolerance : metres, of ``learn_floor_tolerance``
     """
     heights = np.full(reaction.shape[:2], -np.inf)
     if not feet(skeleton):
         return heights
     own = find_floor(reaction, stance, skeleton)
-    floor = _shared_floor(own, partner, fps, skeleton)
+    floor = _shared_floor(own, partner, fps, skeleton, tolerance)
     for foot in feet(skeleton):
         for joint, rest in zip(foot, floor.of(own.leg), strict=False):
             heights[:, joint] = floor.at(reaction[:, joint].astype(np.float64)) + rest
     return heights
 
 
-def set_down(motion: Array, partner: Motion, fps: float, skeleton: Skeleton) -> Array:
+def set_down(
+    motion: Array,
+    partner: Motion,
+    fps: float,
+    skeleton: Skeleton,
+    tolerance: float = FLOOR_TOLERANCE,
+) -> Array:
     """Set a body on the floor of its partner, and on it each foot that stands.
 
     A body that is too low as a whole would be raised by its feet alone later, and squat. A foot
@@ -141,6 +181,7 @@ def set_down(motion: Array, partner: Motion, fps: float, skeleton: Skeleton) -> 
     partner : (T, J, 3) metres
     fps : frames per second
     skeleton : of both
+    tolerance : metres, of ``learn_floor_tolerance``
 
     Returns
     -------
@@ -151,10 +192,10 @@ def set_down(motion: Array, partner: Motion, fps: float, skeleton: Skeleton) -> 
     result, body = motion.copy(), motion.astype(np.float32)
     stance = find_stance(body, fps, skeleton)
     own = find_floor(body, stance, skeleton)
-    floor = _shared_floor(own, partner, fps, skeleton)
+    floor = _shared_floor(own, partner, fps, skeleton, tolerance)
     root = motion[:, skeleton.root]
     result[..., 1] += (floor.at(root) - own.at(root))[:, None]
-    rests = rest_heights(result.astype(np.float32), partner, stance, fps, skeleton)
+    rests = rest_heights(result.astype(np.float32), partner, stance, fps, skeleton, tolerance)
     ankles = result[:, [foot[0] for foot in feet(skeleton)], 1].T
     lower = (ankles == ankles.min(axis=0)) & ~stance.any(axis=0)
     for foot, carries in zip(feet(skeleton), stance | lower, strict=True):
@@ -164,8 +205,10 @@ def set_down(motion: Array, partner: Motion, fps: float, skeleton: Skeleton) -> 
     return result
 
 
-def _shared_floor(own: Floor, partner: Motion, fps: float, skeleton: Skeleton) -> Floor:
+def _shared_floor(
+    own: Floor, partner: Motion, fps: float, skeleton: Skeleton, tolerance: float
+) -> Floor:
     """Return the floor of the partner, or a person's own where the two are far apart."""
     floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton)
     place = np.array([own.origin[0], 0, own.origin[1]])
-    return own if abs(floor.at(place) - own.height) > FLOOR_TOLERANCE else floor
+    return own if abs(floor.at(place) - own.height) > tolerance else floor

@@ -9,6 +9,7 @@ from torch import nn
 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.contacts import no_contacts
+from pacmo_core.finish.floor import FLOOR_TOLERANCE
 from pacmo_core.finish.heights import no_change
 from pacmo_core.finish.travel import NO_LIMIT
 from pacmo_core.finish.trunk import unshaped
@@ -26,12 +27,14 @@ class Learnt:
     heights : (2, K) of ``heights.learn_heights``
     trunk : (D + 2, D) of ``trunk.learn_trunk``
     max_speeds : (2,) of ``travel.peak_speeds``, the largest of captured motion
+    floor_tolerance : () metres, of ``floor.learn_floor_tolerance``
     """
 
     contacts: Array
     heights: Array = field(default_factory=no_change)
     trunk: Array = field(default_factory=lambda: np.zeros((0, 0)))
     max_speeds: Array = field(default_factory=lambda: np.array([NO_LIMIT, NO_LIMIT]))
+    floor_tolerance: Array = field(default_factory=lambda: np.array(FLOOR_TOLERANCE))
 
 
 class LearntModule(nn.Module):

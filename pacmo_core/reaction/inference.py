@@ -16,7 +16,7 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.bones import median_lengths
 from pacmo_core.finish.contacts import find_pairs, learn_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.floor import set_down
+from pacmo_core.finish.floor import floor_errors, learn_floor_tolerance, set_down
 from pacmo_core.finish.heights import learn_heights, pelvis_heights
 from pacmo_core.finish.learnt import Learnt
 from pacmo_core.finish.travel import NO_LIMIT, peak_speeds, spread_bursts
@@ -194,21 +194,29 @@ def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -
         peak_speeds(motion, fps, skeleton) for motion, fps in zip(captured, rates, strict=True)
     ]
     max_speeds = np.max(speeds, axis=0) if speeds else np.array([NO_LIMIT, NO_LIMIT])
-    pairs, heights = [], []
-    for motion, (clip, _), fps in zip(generated, examples, rates, strict=True):
-        partner, real = clip.person_a, clip.person_b
-        calm = spread_bursts(shape_trunk(motion, skeleton, trunk), fps, skeleton, max_speeds)
+    pairs, errors, heights = [], [], []
+    calm = [
+        spread_bursts(shape_trunk(motion, skeleton, trunk), fps, skeleton, max_speeds)
+        for motion, fps in zip(generated, rates, strict=True)
+    ]
+    for motion, (clip, _), fps in zip(calm, examples, rates, strict=True):
+        body, partner, real = motion.astype(np.float32), clip.person_a, clip.person_b
         generated_pairs, real_pairs = (
-            find_pairs(body, partner, fps, skeleton) for body in (calm.astype(np.float32), real)
+            find_pairs(person, partner, fps, skeleton) for person in (body, real)
         )
         pairs.append((generated_pairs, real_pairs))
-        standing = set_down(calm, partner, fps, skeleton).astype(np.float32)
-        heights.append((_heights(standing, skeleton), _heights(real, skeleton)))
+        if feet(skeleton):
+            errors.append(floor_errors(body, real, partner, fps, skeleton))
+    tolerance = learn_floor_tolerance(np.array(errors))
+    for motion, (clip, _), fps in zip(calm, examples, rates, strict=True):
+        standing = set_down(motion, clip.person_a, fps, skeleton, tolerance).astype(np.float32)
+        heights.append((_heights(standing, skeleton), _heights(clip.person_b, skeleton)))
     return Learnt(
         contacts=learn_contacts(pairs, skeleton),
         heights=learn_heights(heights),
         trunk=trunk,
         max_speeds=max_speeds,
+        floor_tolerance=np.array(tolerance),
     )
 
 

@@ -94,7 +94,7 @@ class ReactionStream:
             window = np.linspace(query.window.start, time, N_PADDING_POSES)
             first = self._evaluate(self._query(time, window))
             learnt = self._model.learnt.read()
-            self._finish = FrameFinish(first, pose, self._model.skeleton, learnt.trunk)
+            self._finish = FrameFinish(first, pose, self._model.skeleton, learnt)
         return self._finish(self._evaluate(query)[:, 0])
 
     def _evaluate(self, query: WindowQuery) -> Motion:

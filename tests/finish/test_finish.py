@@ -12,7 +12,6 @@ from pacmo_core.finish import finish as finish_module
 from pacmo_core.finish.contacts import end_effector_groups, no_contacts
 from pacmo_core.finish.finish import FrameFinish, finish
 from pacmo_core.finish.learnt import Learnt
-from pacmo_core.finish.trunk import unshaped
 from tests.reaction.problems import REST, delayed_mirror
 from tests.strategies import make_interaction
 
@@ -196,7 +195,7 @@ def test_a_skeleton_without_named_limbs_is_finished_too():
 
 def test_a_frame_is_finished_with_the_lengths_of_the_first_and_above_the_floor():
     partner, reaction, _ = standing()
-    live = FrameFinish(reaction[None, :10], partner[0], SBU15, unshaped(SBU15))
+    live = FrameFinish(reaction[None, :10], partner[0], SBU15, NONE)
     pose = reaction[30].copy()
     pose[HAND] += 0.1
     pose[:, 1] -= 0.07

@@ -7,7 +7,15 @@ from pacmo_core.data.skeleton import NTU25
 from pacmo_core.finish.bones import leg_length, median_lengths, set_legs
 from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.floor import ANKLE_SHARE, find_floor, set_down
+from pacmo_core.finish.floor import (
+    ANKLE_SHARE,
+    FLOOR_TOLERANCE,
+    MIN_FLOORS,
+    find_floor,
+    floor_errors,
+    learn_floor_tolerance,
+    set_down,
+)
 from pacmo_core.finish.learnt import Learnt
 from tests.strategies import make_interaction
 
@@ -83,6 +91,23 @@ def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(low: float, rise: fl
     there = finish(given, partner, times, NTU25, Learnt(no_contacts(NTU25)))
     # Beyond a chair's height the two stand on floors of their own.
     np.testing.assert_allclose(there[..., 1], given[..., 1] + rise, atol=2e-3)
+
+
+def test_where_captures_place_each_persons_floor_by_itself_people_stand_on_their_own():
+    partner, captured, given = standing(LEG), standing(LEG, (0.0, 2.0)), standing(LEG, (0.0, 2.0))
+    given[..., 1] += 0.03
+    shared = floor_errors(given, captured, partner, 30.0, NTU25)
+    lower = (partner - np.float32([0, 0.2, 0])).astype(np.float32)
+    apart = floor_errors(given, captured, lower, 30.0, NTU25)
+    np.testing.assert_allclose([shared, apart], [[0.03, 0], [0.03, -0.2]], atol=1e-4)
+    assert learn_floor_tolerance(np.tile(shared, (MIN_FLOORS, 1))) == FLOOR_TOLERANCE
+    assert learn_floor_tolerance(np.tile(apart, (MIN_FLOORS, 1))) == 0
+    assert learn_floor_tolerance(np.tile(apart, (MIN_FLOORS - 1, 1))) == FLOOR_TOLERANCE
+    times = np.arange(len(given)) / 30.0
+    for tolerance, height in ((FLOOR_TOLERANCE, -0.2), (0.0, 0.03)):
+        learnt = Learnt(no_contacts(NTU25), floor_tolerance=np.array(tolerance))
+        there = finish(given, lower, times, NTU25, learnt)
+        np.testing.assert_allclose(there[..., 1], captured[..., 1] + height, atol=2e-3)
 
 
 def raised_feet(left: float, right: float, seconds: float = 0.6) -> np.ndarray:
