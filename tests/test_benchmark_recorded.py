@@ -1,15 +1,19 @@
 """Truth: the captured reaction itself, and bodies whose joints are known."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.handover import measure
 from benchmarks.recorded import in_joints, on_floor, permuted, pooled, recorded
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25, SBU15
 from pacmo_core.finish.turns import turned
+from pacmo_core.formats.table import Table
+from pacmo_core.store.motions import write_motions
 from tests.formats.real_files import real_folder
 
 JOINTS = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
@@ -96,3 +100,19 @@ def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     assert len(takes) == 18 and len(handshakes) == 2
     (handovers,), handshakes = sets["handover"]
     assert len(handovers) == 200 and not handshakes
+
+
+def test_a_receiver_who_is_moved_aside_misses_the_object_by_as_much(tmp_path: Path) -> None:
+    folder = real_folder("handover")
+    sequence = next(s for s in Table().find(folder) if s.name == "variation_0")
+    clip = Table().read(sequence).interaction
+    file, way = tmp_path / "motions.parquet", np.array([0, 0, 2.0], np.float32)
+    with write_motions(file, clip.skeleton) as writer:
+        writer.add("variation_0#a#0", replace(clip, person_b=clip.person_a))
+        writer.add("variation_0#b#0", clip)
+        writer.add("variation_0#b#1", replace(clip, person_b=clip.person_b + way))
+    itself, aside = (np.array(row).reshape(2, 3) for row in measure(file))
+    np.testing.assert_allclose(itself[1], itself[0], atol=1e-5)
+    assert itself[0, 0] < 0.15 and itself[0, 2] == 0
+    assert aside[1, 2] == pytest.approx(2, abs=1e-5)
+    assert 2 - itself[0, 0] - 0.7 < aside[1, 0] < 2 + itself[0, 0], "hands are 0.7 m apart at most"
