@@ -31,7 +31,7 @@ FLOOR_SECONDS = 0.3
 MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher one is lifted
 # Of one step, at most: how far a foot stands before or behind where it would be beneath the body,
 # in metres and radians of the body's turn; and its time.
-MAX_REACH, MAX_TURN = 0.4, np.pi / 4
+MAX_REACH, MAX_TURN = 0.35, np.pi / 4
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
