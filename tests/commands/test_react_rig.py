@@ -147,7 +147,7 @@ def test_knees_and_elbows_bend_about_the_axes_of_the_rig(
             bent.append(angles[:, axis].max())
             # Of a bend by about 90 degrees the first and the last angle are not determined.
             others = np.delete(angles[angles[:, axis] < 75], axis, axis=1)
-            assert np.quantile(others, 0.95) < 10
+            assert np.quantile(others, 0.95) < 15
     assert max(bent[:2]) > 40
     assert max(bent[2:]) > 20
 

@@ -74,7 +74,7 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
             np.linalg.norm((found[s.stop, foot] - found[s.start, foot])[[0, 2]]) for s in swings
         ]
         assert 1 <= len(swings) <= 4
-        assert 0.1 < max(lengths) < 0.9
+        assert 0.1 < max(lengths) < 1.0
         # A foot that swings is lifted, one that stands is not.
         height = found[:-1, foot, 1] - given[:-1, foot, 1]
         assert all(height[s].max() > 0.06 for s in swings)
