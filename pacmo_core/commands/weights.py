@@ -33,11 +33,11 @@ LICENCE = "Apache-2.0"
 LIMITS = (
     "Trained on synthetic motion of eleven scripted actions alone: the scores are those of new "
     "synthetic people. On recorded partners (docs/results.md, Recorded partners) hands meet in "
-    "three of five reactions in which they should and in a fifth of the others, and two fifths of "
-    "the contacts are met.",
+    "three of five reactions in which they should and in a quarter of the others, and nearly half "
+    "of the contacts are met.",
     "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
     "Kicks and punches may stop short, blows come late or early, and who is struck may not recoil; "
-    "on the way to somebody knees bend and feet come together, and a foot may slide.",
+    "feet may stand crossed or close while the body turns, and a foot may slide.",
 )
 
 _CLIPS = "clips.parquet"  # beside stored motions
