@@ -11,10 +11,11 @@ For each model and set, pooled over its clips: ``met`` the captured frames of co
 generated two are within 15 cm; ``false`` those with the captured two farther apart than 25 cm in
 which they are; ``f1`` of frames within 10 cm; ``hands``, of the partners whose hands the captured
 hands come within 10 cm of, the share of reactions in which hands do so too, and ``false_hands`` of
-the others; ``energy_score`` and ``ape`` in metres, of the mean distance of joints. One reaction has
-no spread: its energy score is its ape. ``SET_permuted_...`` are the same of the captured reaction
-of the next clip of the same act (one act each: CMU's takes, and handover's), in its place beside
-that partner, not finished: somebody who does what the act wants and does not see whom with.
+the others; ``energy_score`` and ``ape`` in metres, of the mean distance of joints. One reaction, as
+of a regression, has no spread: its energy score is its ape. ``SET_permuted_...`` are the same of
+the captured reaction of the next clip of the same act (one act each: CMU's takes, and handover's),
+in its place beside that partner, not finished: somebody who does what the act wants and does not
+see whom with.
 ``SET_handshake_to_a`` and ``..._b`` are, of eight reactions to one person of each handshake (CMU's
 is 18_01), the share in which right hands come within 10 cm.
 
@@ -43,7 +44,7 @@ from pacmo_core.metrics.contact import contact_f1, contacts_met, false_contacts
 from pacmo_core.reaction.data import expand_directions, replace_reaction, to_partner_frame
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import finish_reactions, react
-from pacmo_core.reaction.windows import PartnerMotion
+from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 
 CONTACT, MET, APART = 0.1, 0.15, 0.25  # metres
 MAX_SECONDS = 14.0
@@ -135,6 +136,7 @@ def react_to(
 ) -> list[tuple[Interaction, Motion]]:
     """Return each captured interaction with reactions to its ``person_a``, (S, T, J, 3)."""
     random, pairs = torch.Generator().manual_seed(1), []
+    n_samples = 1 if is_deterministic(model) else n_samples
     for clip in partners:
         times = clip.times - clip.times[0]
         reactions = react(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.blows import blows
 from benchmarks.handover import measure
 from benchmarks.recorded import in_joints, on_floor, permuted, pooled, recorded
 from pacmo_core.api import synthesise
@@ -116,3 +117,15 @@ def test_a_receiver_who_is_moved_aside_misses_the_object_by_as_much(tmp_path: Pa
     assert itself[0, 0] < 0.15 and itself[0, 2] == 0
     assert aside[1, 2] == pytest.approx(2, abs=1e-5)
     assert 2 - itself[0, 0] - 0.7 < aside[1, 0] < 2 + itself[0, 0], "hands are 0.7 m apart at most"
+
+
+def test_a_blow_that_lands_a_tenth_of_a_second_late_is_met_and_a_later_one_is_not() -> None:
+    push = synthesise(10)["push-1"]
+    times = np.arange(len(push.times)) / 30
+    push = replace(push, times=times)
+    n_met, n_frames = blows(push, push)
+    assert n_met == n_frames > 0
+    late = [replace(push, person_a=np.roll(push.person_a, lag, 0),
+                    person_b=np.roll(push.person_b, lag, 0)) for lag in (3, 12)]  # fmt: skip
+    assert blows(push, late[0]) == (n_frames, n_frames)
+    assert blows(push, late[1])[0] < n_frames
