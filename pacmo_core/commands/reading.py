@@ -10,11 +10,13 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import nearest_first, nearest_names
 from pacmo_core.data.posture import UNIT_WORDS
+from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import MAX_DISTANCE
 from pacmo_core.formats.bvh_pairs import PRESETS
@@ -68,6 +70,8 @@ Joints = Annotated[
         "preset that fits"
     ),
 ]
+
+MIN_LEG_RATIO = 0.5  # of thigh and shin, either by the other; of people 0.8 and more
 
 
 @dataclass(frozen=True)
@@ -433,10 +437,35 @@ def to_model_joints(
         for person, source in zip(people, sources, strict=True)
     ]
     say_names([(source.file, of.description) for source, of in zip(sources, names, strict=True)])
-    return [
+    named = [
         replace(person, skeleton=skeleton, motion=of.apply(person.motion))
         for person, of in zip(people, names, strict=True)
     ]
+    for source, person in zip(sources, named, strict=True):
+        _check_legs(source.file, person)
+    return named
+
+
+def _check_legs(file: Path, person: PersonMotion) -> None:
+    """Refuse legs of which a thigh and a shin have no human proportion.
+
+    Of rigs of equal names some name a joint by the bone that ends there, some by the one that
+    begins.
+    """
+    bones = zip(segments(person.skeleton), person.skeleton.bones.tolist(), strict=True)
+    bone_of = {segment.name: bone for segment, bone in bones}
+    for side in ("left", "right"):
+        leg = [bone_of.get(f"{side}_{name}") for name in ("thigh", "shin")]
+        ends = [(person.motion[:, bone[0]], person.motion[:, bone[1]]) for bone in leg if bone]
+        if len(ends) < len(leg):
+            continue
+        thigh, shin = (float(np.median(np.linalg.norm(b - a, axis=-1))) for a, b in ends)
+        if not MIN_LEG_RATIO < thigh / max(shin, 1e-9) < 1 / MIN_LEG_RATIO:
+            raise CommandError(
+                f"{file}: a {side} thigh of {thigh:.2f} m and shin of {shin:.2f} m: its joints are "
+                "not where their names say, as where they name bones that begin there; name hips, "
+                "knees and ankles by --joints, such as --joints left_knee=ltibia"
+            )
 
 
 def name_model_joints(

@@ -133,6 +133,18 @@ def test_a_reaction_is_on_the_rig_that_is_named(
         assert np.abs(np.diff(angles, axis=0)).max() < 90  # no angle goes round
 
 
+def test_legs_whose_joints_are_named_a_bone_too_high_are_refused(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    high = [("hip", "Hips"), ("knee", "LeftUpLeg"), ("ankle", "LeftLeg")]
+    named = [
+        word for joint, name in high for word in ("--joints", f"left_{joint}=mixamorig:{name}")
+    ]
+    said = pacmo(captures[0], *named, "--out", tmp_path / "x.parquet")
+    refused(said, str(captures[0]), "a left thigh of 0.", "--joints left_knee=")
+    assert not (tmp_path / "x.parquet").exists()
+
+
 def test_knees_and_elbows_bend_about_the_axes_of_the_rig(
     captures: list[Path], tmp_path: Path
 ) -> None:
