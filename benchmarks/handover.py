@@ -45,13 +45,11 @@ def main() -> None:
         found = np.array(list(measure(file)))
         if not len(found):
             raise SystemExit(f"{file}: no reaction to a giver of {real_data() / 'handover'}")
-        for name, (at, near, root) in (("captured", found[:, :3].T), ("", found[:, 3:].T)):
-            prefix = name or f"{number}"
-            figures[f"{prefix}_hand_m"] = statistics.median(at)
+        for row, (at, near, root) in (("captured", found[:, :3].T), (f"{number}", found[:, 3:].T)):
+            figures[f"{row}_hand_m"] = statistics.median(at)
+            figures[f"{row}_root_m"] = statistics.median(root)
             for reach, metres in REACHES.items():
-                figures[f"{prefix}_within_{reach}"] = float((near < metres).mean())
-            if not name:
-                figures[f"{prefix}_root_m"] = statistics.median(root)
+                figures[f"{row}_within_{reach}"] = float((near < metres).mean())
     show(figures, as_json=options.json)
 
 

@@ -317,7 +317,7 @@ def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], st
     return [out], ""
 
 
-def _film(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
+def _drawing(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
     clip = Interaction(scene.skeleton, scene.times, scene.people[0], scene.people[-1])
     with atomic_file(out) as partial:
         # The writers choose the format by the suffix.
@@ -343,9 +343,9 @@ WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]
     ".glb": _gltf,
     ".gltf": _gltf,
     **dict.fromkeys(TABLE_WRITERS, _table),
-    ".mp4": _film,
-    ".gif": _film,
-    PICTURE: _film,
+    ".mp4": _drawing,
+    ".gif": _drawing,
+    PICTURE: _drawing,
 }
 
 

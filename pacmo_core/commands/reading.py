@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from pacmo_core.data.limits import printable
@@ -18,6 +17,7 @@ from pacmo_core.data.names import nearest_first, nearest_names
 from pacmo_core.data.posture import UNIT_WORDS
 from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.bones import median_lengths
 from pacmo_core.formats.base import MAX_DISTANCE
 from pacmo_core.formats.bvh_pairs import PRESETS
 from pacmo_core.formats.inference import (
@@ -452,15 +452,13 @@ def _check_legs(file: Path, person: PersonMotion) -> None:
     Of rigs of equal names some name a joint by the bone that ends there, some by the one that
     begins.
     """
-    bones = zip(segments(person.skeleton), person.skeleton.bones.tolist(), strict=True)
-    bone_of = {segment.name: bone for segment, bone in bones}
+    names = [segment.name for segment in segments(person.skeleton)]
+    lengths = dict(zip(names, median_lengths(person.motion, person.skeleton), strict=True))
     for side in ("left", "right"):
-        leg = [bone_of.get(f"{side}_{name}") for name in ("thigh", "shin")]
-        ends = [(person.motion[:, bone[0]], person.motion[:, bone[1]]) for bone in leg if bone]
-        if len(ends) < len(leg):
+        thigh, shin = (lengths.get(f"{side}_{name}") for name in ("thigh", "shin"))
+        if thigh is None or shin is None:
             continue
-        thigh, shin = (float(np.median(np.linalg.norm(b - a, axis=-1))) for a, b in ends)
-        if not MIN_LEG_RATIO < thigh / max(shin, 1e-9) < 1 / MIN_LEG_RATIO:
+        if min(thigh, shin) < MIN_LEG_RATIO * max(thigh, shin):
             raise CommandError(
                 f"{file}: a {side} thigh of {thigh:.2f} m and shin of {shin:.2f} m: its joints are "
                 "not where their names say, as where they name bones that begin there; name hips, "
