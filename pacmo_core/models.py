@@ -130,6 +130,7 @@ def _skeleton_prior(name: str, label: str, module: str) -> Model:
 _ROWS = (
     _wgan("pacmo", "PaCMO"),
     _variant("no_critic", "PaCMO without critic"),
+    _variant("no_noise", "PaCMO without noise"),
     _variant("no_energy_score", "PaCMO without energy score"),
     _variant("no_body_distances", "PaCMO without distances"),
     _variant("no_contact_score", "PaCMO without contact score"),

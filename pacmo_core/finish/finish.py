@@ -40,7 +40,7 @@ from pacmo_core.finish.bones import (
     with_lengths,
 )
 from pacmo_core.finish.contacts import Contacts, predict_contacts
-from pacmo_core.finish.floor import MAX_ROLL, find_floor, rest_heights, set_down
+from pacmo_core.finish.floor import MAX_ROLL, find_aloft, find_floor, rest_heights, set_down
 from pacmo_core.finish.heights import straighten
 from pacmo_core.finish.learnt import Learnt
 from pacmo_core.finish.stance import Mask, find_stance, footholds, frame_runs
@@ -132,7 +132,8 @@ def finish(
     # Before the body is moved to its height: a fist that just reaches would no longer.
     contacts = predict_contacts(calm.astype(np.float32), partner, fps, skeleton, learnt.contacts)
     tolerance = float(learnt.floor_tolerance)
-    standing = set_down(calm, partner, fps, skeleton, tolerance)
+    aloft = find_aloft(calm.astype(np.float32), fps, skeleton) & bool(learnt.leaves_floor)
+    standing = set_down(calm, partner, fps, skeleton, tolerance, aloft)
     upright = straighten(standing, own, fps, skeleton, learnt.heights)
     stepping = take_steps(upright, own, fps, skeleton).astype(np.float32)
     if lengths is not None:
@@ -140,12 +141,12 @@ def finish(
         resized_body = with_lengths(stepping.astype(np.float64), lengths, ground, skeleton)
         stepping = resized_body.astype(np.float32)
     wanted = own if lengths is None else lengths
-    stance = find_stance(stepping, fps, skeleton)
+    stance = find_stance(stepping, fps, skeleton) & ~aloft
     floor = rest_heights(stepping, partner, stance, fps, skeleton, tolerance)
     motion = stepping.astype(np.float64)
-    targets = Targets(
-        wanted, *find_footing(motion, wanted, stance, floor, fps, skeleton), floor, contacts
-    )
+    anchor, stands = find_footholds(motion, wanted, stance, floor, fps, skeleton)
+    rests = _support(motion, anchor, stands, floor, skeleton, aloft)
+    targets = Targets(wanted, anchor, stands, rests, floor, contacts)
     result = np.zeros_like(motion)
     for first, end, share in _parts(len(motion)):
         part = Solver(motion[first:end], targets.frames(first, end), fps, skeleton).solve()
@@ -155,10 +156,10 @@ def finish(
     return exact.astype(np.float32)
 
 
-def find_footing(
+def find_footholds(
     motion: Array, lengths: Array, stance: Mask, floor: Array, fps: float, skeleton: Skeleton
-) -> tuple[Array, Array, Array]:
-    """Find where feet stand: ``anchor``, ``stands`` and ``rests`` of ``Targets``.
+) -> tuple[Array, Array]:
+    """Find where feet stand: ``anchor`` and ``stands`` of ``Targets``.
 
     Parameters
     ----------
@@ -187,7 +188,7 @@ def find_footing(
             for joint in joints[1:]:
                 parent = skeleton.parents[joint]
                 _set_length(anchor[phase], parent, joint, length_of[joint])
-    return anchor, stands, _support(motion, anchor, stands, floor, skeleton)
+    return anchor, stands
 
 
 def _ground(motion: Motion, fps: float, skeleton: Skeleton) -> Array:
@@ -199,9 +200,9 @@ def _ground(motion: Motion, fps: float, skeleton: Skeleton) -> Array:
 
 
 def _support(
-    motion: Array, anchor: Array, stands: Array, floor: Array, skeleton: Skeleton
+    motion: Array, anchor: Array, stands: Array, floor: Array, skeleton: Skeleton, aloft: Mask
 ) -> Array:
-    """Let the lower foot carry a body that stands on none and does not jump; ``rests``, (T, J).
+    """Let the lower foot carry a body that stands on none and is not aloft; ``rests``, (T, J).
 
     Sets the heights of ``anchor`` in place.
     """
@@ -210,7 +211,7 @@ def _support(
         return rests
     ankles = np.array([foot[0] for foot in feet(skeleton)])
     above = motion[:, ankles, 1] - floor[:, ankles]
-    floats = ~stands[:, ankles].any(axis=1) & (above.min(axis=1) < MAX_FLOAT)
+    floats = ~stands[:, ankles].any(axis=1) & (above.min(axis=1) < MAX_FLOAT) & ~aloft
     for number, foot in enumerate(feet(skeleton)):
         frames = np.ix_(floats & (above.argmin(axis=1) == number), list(foot))
         rests[frames] = 1

@@ -26,10 +26,16 @@ ANKLE_SHARE = 0.08
 HEIGHT_SPREAD = 0.01  # metres, standard deviation of the height at which a foot is seen to stand
 SLOPE_SPREAD = 0.025  # standard deviation of the floor's slope, that of a camera's tilt
 LOW_QUANTILE = 0.05  # of a foot's heights, below which it stands if it never stays in a place
-# Metres between the heights at which the two stand, beyond which they are not on one floor: more
-# than a generator errs, and less than a chair.
+# Metres between the heights at which two captured people stand, beyond which they are not on one
+# floor: more than captures err, and less than a chair.
 FLOOR_TOLERANCE = 0.25
-MIN_FLOORS = 4  # pairs of people's clips, of fewer floors nothing is learnt
+ONE_FLOOR = 100.0  # tolerance where no two captured people stand apart
+MAX_APART = 0.02  # share of captures whose two people seem to stand apart that may be errors
+MIN_FLOORS = 4  # reactions, of fewer nothing is learnt
+# Metres over the floor that the lower foot reaches in a flight; and the share of captured frames in
+# flights from which on generated bodies may leave the floor too: more than a depth sensor errs (3 %
+# of the frames of SBU, where nobody jumps).
+ALOFT_HEIGHT, MIN_ALOFT = 0.15, 0.04
 MAX_FLOAT = 0.15  # metres over the lowest heights of the feet, above which a foot does not stand
 MAX_ROLL = 0.04  # metres over the floor, up to which a joint of a foot that stands may rise
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on the times at which a foot stands
@@ -118,17 +124,43 @@ def learn_floor_tolerance(errors: Array) -> float:
     """Learn how far the floors of two people may be apart to be one, metres.
 
     In most captures the two stand on one floor, and the partner's is better known than that of a
-    generated body. A capture that places each person's floor by itself, wrongly, teaches that they
-    do not: then each stands on its own.
+    generated body, however far that is from it: a body that is generated too low beside a partner
+    who lies is raised. Where some captured people stand on a chair, a body that is generated on one
+    stays there. A capture that places each person's floor by itself, wrongly, teaches that each
+    stands on its own.
 
     Parameters
     ----------
     errors : (N, 2) of ``floor_errors``, of reactions to held-out partners
     """
     if len(errors) < MIN_FLOORS:
-        return FLOOR_TOLERANCE
-    of_generated, of_partner = np.median(np.abs(errors), axis=0)
-    return FLOOR_TOLERANCE if of_partner <= of_generated + HEIGHT_SPREAD else 0.0
+        return ONE_FLOOR
+    distances = np.abs(errors)
+    of_generated, of_partner = np.median(distances, axis=0)
+    if of_partner > of_generated + HEIGHT_SPREAD:
+        return 0.0
+    apart = (distances[:, 1] > FLOOR_TOLERANCE).mean()
+    return FLOOR_TOLERANCE if apart > MAX_APART else ONE_FLOOR
+
+
+def find_aloft(motion: Motion, fps: float, skeleton: Skeleton) -> Mask:
+    """``(T,)``: in which frames both feet are off the floor, as in a jump or carried by the other.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres, y up
+    fps : frames per second
+    skeleton : of the motion; without feet no frame is
+    """
+    if not feet(skeleton):
+        return np.zeros(len(motion), dtype=np.bool_)
+    floor = find_floor(motion, find_stance(motion, fps, skeleton), skeleton)
+    ankles = motion[:, [foot[0] for foot in feet(skeleton)]].astype(np.float64)
+    lift = ankles[..., 1] - floor.at(ankles) - floor.rest[0]
+    lower, aloft = lift.min(axis=1), np.zeros(len(motion), dtype=np.bool_)
+    for flight in frame_runs(lower > MAX_ROLL):
+        aloft[flight] = lower[flight].max() > ALOFT_HEIGHT
+    return aloft
 
 
 def rest_heights(
@@ -137,7 +169,7 @@ def rest_heights(
     stance: Mask,
     fps: float,
     skeleton: Skeleton,
-    tolerance: float = FLOOR_TOLERANCE,
+    tolerance: float,
 ) -> Array:
     """``(T, J)`` metres: the heights at which the joints of the feet rest; -inf for all others.
 
@@ -167,7 +199,8 @@ def set_down(
     partner: Motion,
     fps: float,
     skeleton: Skeleton,
-    tolerance: float = FLOOR_TOLERANCE,
+    tolerance: float,
+    aloft: Mask,
 ) -> Array:
     """Set a body on the floor of its partner, and on it each foot that stands.
 
@@ -182,6 +215,7 @@ def set_down(
     fps : frames per second
     skeleton : of both
     tolerance : metres, of ``learn_floor_tolerance``
+    aloft : (T,) frames in which no foot is set down
 
     Returns
     -------
@@ -190,14 +224,14 @@ def set_down(
     if not feet(skeleton):
         return motion
     result, body = motion.copy(), motion.astype(np.float32)
-    stance = find_stance(body, fps, skeleton)
+    stance = find_stance(body, fps, skeleton) & ~aloft
     own = find_floor(body, stance, skeleton)
     floor = _shared_floor(own, partner, fps, skeleton, tolerance)
     root = motion[:, skeleton.root]
     result[..., 1] += (floor.at(root) - own.at(root))[:, None]
     rests = rest_heights(result.astype(np.float32), partner, stance, fps, skeleton, tolerance)
     ankles = result[:, [foot[0] for foot in feet(skeleton)], 1].T
-    lower = (ankles == ankles.min(axis=0)) & ~stance.any(axis=0)
+    lower = (ankles == ankles.min(axis=0)) & ~stance.any(axis=0) & ~aloft
     for foot, carries in zip(feet(skeleton), stance | lower, strict=True):
         share = gaussian_filter1d(carries.astype(np.float64), SMOOTHING * fps, mode="nearest")
         over = np.maximum(result[:, foot[0], 1] - rests[:, foot[0]] - MAX_ROLL, 0)

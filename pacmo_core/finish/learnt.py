@@ -9,7 +9,7 @@ from torch import nn
 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.contacts import no_contacts
-from pacmo_core.finish.floor import FLOOR_TOLERANCE
+from pacmo_core.finish.floor import ONE_FLOOR
 from pacmo_core.finish.heights import no_change
 from pacmo_core.finish.travel import NO_LIMIT
 from pacmo_core.finish.trunk import unshaped
@@ -28,13 +28,15 @@ class Learnt:
     trunk : (D + 2, D) of ``trunk.learn_trunk``
     max_speeds : (2,) of ``travel.peak_speeds``, the largest of captured motion
     floor_tolerance : () metres, of ``floor.learn_floor_tolerance``
+    leaves_floor : () 1 where captured bodies are off the floor at times (``floor.MIN_ALOFT``), or 0
     """
 
     contacts: Array
     heights: Array = field(default_factory=no_change)
     trunk: Array = field(default_factory=lambda: np.zeros((0, 0)))
     max_speeds: Array = field(default_factory=lambda: np.array([NO_LIMIT, NO_LIMIT]))
-    floor_tolerance: Array = field(default_factory=lambda: np.array(FLOOR_TOLERANCE))
+    floor_tolerance: Array = field(default_factory=lambda: np.array(ONE_FLOOR))
+    leaves_floor: Array = field(default_factory=lambda: np.array(0.0))
 
 
 class LearntModule(nn.Module):

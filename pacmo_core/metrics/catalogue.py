@@ -280,6 +280,7 @@ ROWS = {
     "pacmo": ("PaCMO", ""),
     "pacmo_without_finish": ("PaCMO without finish", "as the model generates them"),
     "no_critic": ("PaCMO without critic", "trained on the energy score alone"),
+    "no_noise": ("PaCMO without noise", "its loss without critic, on one reaction to a partner"),
     "no_energy_score": ("PaCMO without energy score", "trained by the critic alone"),
     "no_body_distances": ("PaCMO without distances", "its critic is given no distances of bodies"),
     "no_contact_score": ("PaCMO without contact score", "trained on the score of the motion alone"),
@@ -308,7 +309,7 @@ ROWS = {
     ),
 }
 VARIANTS = (
-    *("no_critic", "no_energy_score", "no_body_distances", "no_contact_score"),
+    *("no_critic", "no_noise", "no_energy_score", "no_body_distances", "no_contact_score"),
     "no_augmentation",
 )
 UNTRAINED = ("mean", "nearest_neighbour")

@@ -16,7 +16,13 @@ from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.bones import median_lengths
 from pacmo_core.finish.contacts import find_pairs, learn_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.floor import floor_errors, learn_floor_tolerance, set_down
+from pacmo_core.finish.floor import (
+    MIN_ALOFT,
+    find_aloft,
+    floor_errors,
+    learn_floor_tolerance,
+    set_down,
+)
 from pacmo_core.finish.heights import learn_heights, pelvis_heights
 from pacmo_core.finish.learnt import Learnt
 from pacmo_core.finish.travel import NO_LIMIT, peak_speeds, spread_bursts
@@ -208,8 +214,15 @@ def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -
         if feet(skeleton):
             errors.append(floor_errors(body, real, partner, fps, skeleton))
     tolerance = learn_floor_tolerance(np.array(errors))
+    in_air = [
+        find_aloft(clip.person_b, fps, skeleton)
+        for (clip, _), fps in zip(examples, rates, strict=True)
+    ]
+    leaves_floor = bool(in_air) and bool(np.concatenate(in_air).mean() > MIN_ALOFT)
     for motion, (clip, _), fps in zip(calm, examples, rates, strict=True):
-        standing = set_down(motion, clip.person_a, fps, skeleton, tolerance).astype(np.float32)
+        aloft = find_aloft(motion.astype(np.float32), fps, skeleton) & leaves_floor
+        down = set_down(motion, clip.person_a, fps, skeleton, tolerance, aloft)
+        standing = down.astype(np.float32)
         heights.append((_heights(standing, skeleton), _heights(clip.person_b, skeleton)))
     return Learnt(
         contacts=learn_contacts(pairs, skeleton),
@@ -217,6 +230,7 @@ def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -
         trunk=trunk,
         max_speeds=max_speeds,
         floor_tolerance=np.array(tolerance),
+        leaves_floor=np.array(float(leaves_floor)),
     )
 
 

@@ -219,10 +219,22 @@ def test_feet_that_glide_far_step_in_turn_beneath_the_body():
 def test_a_body_that_floats_along_is_set_on_the_floor():
     partner, reaction, times = standing()
     reaction[:, :, 0] += 4.0 * times[:, None].astype(np.float32)  # too fast for feet that stand
-    reaction[:, :, 1] += 0.1
-    found = finish(reaction, partner, times, SBU15, NONE)
-    above = found[:, FEET, 1].min(axis=1) - partner[0, FEET, 1].min()
-    assert np.abs(above).max() < 0.02
-    reaction[:, :, 1] += 0.4  # a jump is left
-    found = finish(reaction, partner, times, SBU15, NONE)
-    assert (found[:, FEET, 1].min(axis=1) > partner[0, FEET, 1].min() + 0.3).all()
+    for height in (0.1, 0.5):
+        floating = (reaction + np.float32([0, height, 0])).astype(np.float32)
+        found = finish(floating, partner, times, SBU15, NONE)
+        above = found[:, FEET, 1].min(axis=1) - partner[0, FEET, 1].min()
+        assert np.abs(above).max() < 0.02
+
+
+@pytest.mark.parametrize("height", [0.2, 0.5])
+def test_a_jump_stays_where_captured_bodies_jump_and_is_none_elsewhere(height: float) -> None:
+    partner, reaction, times = standing(90)
+    flight = np.linspace(0, 1, 20)
+    reaction[30:50, :, 1] += (height * 4 * flight * (1 - flight))[:, None].astype(np.float32)
+    ground = partner[0, FEET, 1].min()
+    jumping = Learnt(no_contacts(SBU15), leaves_floor=np.array(1.0))
+    found = [finish(reaction, partner, times, SBU15, learnt) for learnt in (jumping, NONE)]
+    above, grounded = (motion[:, FEET, 1].min(axis=1) - ground for motion in found)
+    np.testing.assert_allclose(above[40], reaction[40, FEET, 1].min() - ground, atol=0.02)
+    assert np.abs(above[[*range(25), *range(55, 90)]]).max() < 0.02
+    assert grounded.max() < 0.06

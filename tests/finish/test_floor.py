@@ -11,6 +11,7 @@ from pacmo_core.finish.floor import (
     ANKLE_SHARE,
     FLOOR_TOLERANCE,
     MIN_FLOORS,
+    ONE_FLOOR,
     find_floor,
     floor_errors,
     learn_floor_tolerance,
@@ -83,13 +84,24 @@ def test_feet_that_never_stand_are_on_the_floor_where_they_are_lowest():
     assert floor.height == pytest.approx(0.053, abs=0.01)
 
 
-@pytest.mark.parametrize(("low", "rise"), [(0.1, 0.1), (-0.15, -0.15), (0.6, 0.0)])
-def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(low: float, rise: float) -> None:
+@pytest.mark.parametrize(
+    ("low", "tolerance", "rise"),
+    [
+        (0.1, ONE_FLOOR, 0.1),
+        (-0.15, ONE_FLOOR, -0.15),
+        (0.6, ONE_FLOOR, 0.6),
+        (0.1, FLOOR_TOLERANCE, 0.1),
+        (0.6, FLOOR_TOLERANCE, 0.0),  # beyond a chair's height the two stand on floors of their own
+    ],
+)
+def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(
+    low: float, tolerance: float, rise: float
+) -> None:
     partner, given = standing(LEG), standing(LEG, (0.0, 2.0))
     given[..., 1] -= low
     times = np.arange(len(given)) / 30.0
-    there = finish(given, partner, times, NTU25, Learnt(no_contacts(NTU25)))
-    # Beyond a chair's height the two stand on floors of their own.
+    learnt = Learnt(no_contacts(NTU25), floor_tolerance=np.array(tolerance))
+    there = finish(given, partner, times, NTU25, learnt)
     np.testing.assert_allclose(there[..., 1], given[..., 1] + rise, atol=2e-3)
 
 
@@ -100,14 +112,21 @@ def test_where_captures_place_each_persons_floor_by_itself_people_stand_on_their
     lower = (partner - np.float32([0, 0.2, 0])).astype(np.float32)
     apart = floor_errors(given, captured, lower, 30.0, NTU25)
     np.testing.assert_allclose([shared, apart], [[0.03, 0], [0.03, -0.2]], atol=1e-4)
-    assert learn_floor_tolerance(np.tile(shared, (MIN_FLOORS, 1))) == FLOOR_TOLERANCE
+    assert learn_floor_tolerance(np.tile(shared, (MIN_FLOORS, 1))) == ONE_FLOOR
     assert learn_floor_tolerance(np.tile(apart, (MIN_FLOORS, 1))) == 0
-    assert learn_floor_tolerance(np.tile(apart, (MIN_FLOORS - 1, 1))) == FLOOR_TOLERANCE
+    assert learn_floor_tolerance(np.tile(apart, (MIN_FLOORS - 1, 1))) == ONE_FLOOR
     times = np.arange(len(given)) / 30.0
     for tolerance, height in ((FLOOR_TOLERANCE, -0.2), (0.0, 0.03)):
         learnt = Learnt(no_contacts(NTU25), floor_tolerance=np.array(tolerance))
         there = finish(given, lower, times, NTU25, learnt)
         np.testing.assert_allclose(there[..., 1], captured[..., 1] + height, atol=2e-3)
+
+
+def test_where_some_captured_people_stand_on_a_chair_a_body_may_stay_on_one():
+    on_one, on_chair = [0.03, 0.0], [0.03, 0.45]
+    assert learn_floor_tolerance(np.array([on_one] * 19 + [on_chair])) == FLOOR_TOLERANCE
+    # One capture of a hundred may be wrong.
+    assert learn_floor_tolerance(np.array([on_one] * 99 + [on_chair])) == ONE_FLOOR
 
 
 def raised_feet(left: float, right: float, seconds: float = 0.6) -> np.ndarray:
@@ -125,7 +144,7 @@ def raised_feet(left: float, right: float, seconds: float = 0.6) -> np.ndarray:
 
 def test_the_lower_of_two_feet_in_the_air_is_set_down_and_the_other_stays() -> None:
     given, partner = raised_feet(0.3, 0.6), np.tile(standing(LEG, (0.0, 2.0))[:1], (78, 1, 1))
-    found = set_down(given, partner, 30.0, NTU25)
+    found = set_down(given, partner, 30.0, NTU25, ONE_FLOOR, np.zeros(78, bool))
     peak = int(given[:, ANKLES[1], 1].argmax())
     ground = given[0, ANKLES, 1]
     assert (given[peak, ANKLES, 1] - ground > 0.29).all()

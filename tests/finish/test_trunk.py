@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from pacmo_core.data.skeleton import NTU25, SBU15
 from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.floor import set_down
+from pacmo_core.finish.floor import ONE_FLOOR, set_down
 from pacmo_core.finish.learnt import Learnt
 from pacmo_core.finish.trunk import (
     learn_trunk,
@@ -126,7 +126,9 @@ def test_the_finish_keeps_a_pelvis_whole_while_a_foot_is_pulled() -> None:
     given[:, [ankle, ankle + 1], 2] += 0.9 * share[:, None]
     partner = np.tile(pose[None] + np.array([0, 0, 2.5]), (n_frames, 1, 1)).astype(np.float32)
     found = finish(
-        set_down(given, partner, 30.0, NTU25).astype(np.float32),
+        set_down(given, partner, 30.0, NTU25, ONE_FLOOR, np.zeros(n_frames, bool)).astype(
+            np.float32
+        ),
         partner,
         np.arange(n_frames) / 30,
         NTU25,
