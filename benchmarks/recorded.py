@@ -4,8 +4,8 @@ Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--witho
 
 Under PACMO_REAL_DATA: SBU, the couple of CMU's subjects 18 and 19, and the variations of handover,
 in the joints of a model, clips of at most 14 seconds, reactions of either person. SBU has no
-wrists, toes and spine: they are put where the rule of ``_sbu_joints`` says, in both people. The
-captured motion counts as contact where any two joints are within 10 cm.
+wrists, toes and spine: they are estimated (``rigs.ESTIMATES``) in both people. The captured motion
+counts as contact where any two joints are within 10 cm.
 
 For each model and set, pooled over its clips: ``met`` the captured frames of contact in which the
 generated two are within 15 cm; ``false`` those with the captured two farther apart than 25 cm in
@@ -49,9 +49,6 @@ from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 CONTACT, MET, APART = 0.1, 0.15, 0.25  # metres
 MAX_SECONDS = 14.0
 CMU_HANDSHAKE = "18_19/18_01"
-# Of SBU's limbs, which end in a hand and a foot: how far along the forearm its wrist is put, and
-# the toes ahead of the foot and below it, in metres.
-WRIST, TOES, BELOW = 0.82, 0.12, 0.04
 
 
 def main() -> None:
@@ -115,12 +112,9 @@ def recorded(skeleton: Skeleton) -> dict[str, tuple[list[list[Interaction]], lis
 
 def in_joints(clip: Interaction, skeleton: Skeleton) -> Interaction:
     """Express both people in the joints of a model."""
-    if "torso" in clip.skeleton.joints:
-        people = [_sbu_joints(p, clip.skeleton, skeleton) for p in (clip.person_a, clip.person_b)]
-    else:
-        rig = "zed34" if "naval_spine" in clip.skeleton.joints else ""
-        names = name_joints(clip.skeleton, skeleton, StatedNames(rig))
-        people = [names.apply(clip.person_a), names.apply(clip.person_b)]
+    rig = "zed34" if "naval_spine" in clip.skeleton.joints else ""
+    names = name_joints(clip.skeleton, skeleton, StatedNames(rig), estimates=True)
+    people = [names.apply(clip.person_a), names.apply(clip.person_b)]
     return replace(clip, skeleton=skeleton, person_a=people[0], person_b=people[1])
 
 
@@ -210,33 +204,6 @@ def _energy_score(captured: Motion, reactions: Motion) -> float:
 
 def _distance(first: Motion, second: Motion) -> float:
     return float(np.linalg.norm(first - second, axis=-1).mean())
-
-
-def _sbu_joints(motion: Motion, sbu: Skeleton, model: Skeleton) -> Motion:
-    """Put SBU's 15 joints, and what lies between and beyond them, at the joints of NTU.
-
-    Raises
-    ------
-    ValueError
-        If the model has others.
-    """
-    if model.joints == sbu.joints or "spine_shoulder" not in model.joints:
-        raise ValueError(f"wanted a model of NTU's joints; got one of {model.name}")
-    place = {joint: motion[:, i].astype(np.float64) for i, joint in enumerate(sbu.joints)}
-    hips, shoulders = (
-        (place[f"left_{joint}"] + place[f"right_{joint}"]) / 2 for joint in ("hip", "shoulder")
-    )
-    place["spine_base"], place["spine_shoulder"] = hips, shoulders
-    place["spine_mid"] = hips + 0.6 * (shoulders - hips)
-    place["neck"] = shoulders + 0.4 * (place["head"] - shoulders)
-    ahead = np.cross(place["left_hip"] - place["right_hip"], [0, 1, 0])
-    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
-    for side in ("left", "right"):
-        elbow, hand = place[f"{side}_elbow"], place[f"{side}_hand"]
-        place[f"{side}_wrist"] = elbow + WRIST * (hand - elbow)
-        place[f"{side}_ankle"] = place[f"{side}_foot"]
-        place[f"{side}_foot"] = place[f"{side}_ankle"] + TOES * ahead - np.array([0, BELOW, 0])
-    return np.stack([place[joint] for joint in model.joints], axis=1).astype(np.float32)
 
 
 if __name__ == "__main__":

@@ -8,11 +8,10 @@ import pytest
 
 from benchmarks.blows import blows
 from benchmarks.handover import measure
-from benchmarks.recorded import in_joints, on_floor, permuted, pooled, recorded
+from benchmarks.recorded import on_floor, permuted, pooled, recorded
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.skeleton import NTU25, SBU15
-from pacmo_core.finish.turns import turned
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.table import Table
 from pacmo_core.store.motions import write_motions
 from tests.formats.real_files import real_folder
@@ -54,32 +53,6 @@ def test_reactions_are_permuted_within_an_act_and_not_across_people(handshake: I
     assert len(found) == 4
     for clip, motions in found:
         np.testing.assert_allclose(motions[0], clip.person_b, atol=1e-4)
-
-
-def test_joints_that_sbu_lacks_are_put_by_the_body_whichever_way_it_faces() -> None:
-    body = np.zeros((2, 15, 3))
-    rows = {joint: row for row, joint in enumerate(SBU15.joints)}
-    for side, sign in (("left", 1), ("right", -1)):
-        for joint, x, y in (("hip", 0.1, 0.9), ("foot", 0.1, 0.08), ("shoulder", 0.2, 1.4)):
-            body[:, rows[f"{side}_{joint}"]] = sign * x, y, 0
-        body[:, rows[f"{side}_elbow"]] = sign * 0.5, 1.4, 0
-        body[:, rows[f"{side}_hand"]] = sign * 0.8, 1.4, 0
-    body[:, rows["head"]] = 0, 1.7, 0
-    times = np.arange(2.0)
-    for yaw in (0.0, 1.2):
-        motion = turned(body, np.full(2, yaw)).astype(np.float32)
-        clip = Interaction(SBU15, times, motion, motion)
-        found = turned(in_joints(clip, JOINTS).person_a.astype(np.float64), np.full(2, -yaw))[0]
-        joint = dict(zip(JOINTS.joints, found, strict=True))
-        np.testing.assert_allclose(joint["left_foot"], [0.1, 0.04, 0.12], atol=1e-6)
-        np.testing.assert_allclose(joint["right_wrist"], [-0.746, 1.4, 0], atol=1e-6)
-        np.testing.assert_allclose(joint["spine_mid"], [0, 1.2, 0], atol=1e-6)
-
-
-def test_a_model_of_other_joints_than_ntus_is_refused() -> None:
-    motion = np.zeros((2, 15, 3), np.float32)
-    with pytest.raises(ValueError, match="wanted a model of NTU's joints; got one of sbu15"):
-        in_joints(Interaction(SBU15, np.arange(2.0), motion, motion), SBU15)
 
 
 def test_both_people_are_lowered_alike(handshake: Interaction) -> None:

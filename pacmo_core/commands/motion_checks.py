@@ -22,7 +22,7 @@ from pacmo_core.finish.floor import find_floor
 from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.capsules import penetration_depths
-from pacmo_core.interaction_mesh.scene import Scene
+from pacmo_core.interaction_mesh.scene import MIN_LENGTH, Scene
 from pacmo_core.metrics.plausibility import find_body_joints
 
 # Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
@@ -447,6 +447,7 @@ def _depths(
     ValueError
         If a body is none.
     """
+    partner, samples = (_apart(motion, skeleton) for motion in (partner, samples))
     found = [_deepest(skeleton, times, partner, sample) for sample in samples]
     bodies = SampleLimit(
         [100 * depth for depth, _ in found],
@@ -458,6 +459,21 @@ def _depths(
     if len(feet(skeleton)) != 2:
         return [bodies]
     return [bodies, _crossed_legs(skeleton, times, partner, samples)]
+
+
+def _apart(motion: Motion, skeleton: Skeleton) -> Motion:
+    """Raise a joint by millimetres that is where its parent is: depths need bones with lengths.
+
+    Trackers put a neck between the shoulders, where the joint of the spine is too.
+    """
+    motion = motion.copy()
+    for joint in skeleton.order[1:]:
+        parent = motion[..., skeleton.parents[joint], :]
+        bone = motion[..., joint, :] - parent
+        is_none = np.linalg.norm(bone, axis=-1) < 2 * MIN_LENGTH
+        raised = parent + np.array([0, 2 * MIN_LENGTH, 0], np.float32)
+        motion[..., joint, :] = np.where(is_none[..., None], raised, motion[..., joint, :])
+    return motion
 
 
 def _crossed_legs(

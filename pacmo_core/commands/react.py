@@ -393,12 +393,18 @@ def _samples(
 
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
-    """Write the files; say how the motion is, how well they hold it, and what they are."""
+    """Write the files; say what they are and how well they hold the motion; last, how it is."""
     if reactions.rig and not is_parquet(out):
         frames = f"{len(reactions.samples)} x {len(reactions.times)} frames"
         rig = reactions.rig
         typer.echo(f"fitting {frames} to the {len(rig.joints)} joints of {rig.file} ...")
     written = write_reactions(reactions, out, space)
+    typer.echo(_files_line(reactions, written.files, space))
+    if written.fidelity.is_of_files:
+        typer.echo(written.fidelity.line())
+        if not written.fidelity.contacts:
+            typer.echo("a reaction touches where the model predicts it; what to do where you "
+                       "expect a touch: docs/react.md, Where a touch is missing")  # fmt: skip
     sole = 0.0 if is_parquet(out) else reactions.sole
     for line in motion_lines(
         reactions.skeleton,
@@ -409,12 +415,6 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
         sole,
     ):
         typer.echo(line)
-    if written.fidelity.is_of_files:
-        typer.echo(written.fidelity.line())
-        if not written.fidelity.contacts:
-            typer.echo("a reaction touches where the model predicts it; what to do where you "
-                       "expect a touch: docs/react.md, Where a touch is missing")  # fmt: skip
-    typer.echo(_files_line(reactions, written.files, space))
 
 
 def _check_finish(rig: Path | None, finish: bool) -> None:

@@ -433,7 +433,7 @@ def to_model_joints(
 ) -> list[PersonMotion]:
     """Select the joints of a model in captures, as ``name_model_joints`` finds them; say how."""
     names = [
-        name_model_joints(person, skeleton, source, options)
+        name_model_joints(person, skeleton, source, options, estimates=True)
         for person, source in zip(people, sources, strict=True)
     ]
     say_names([(source.file, of.description) for source, of in zip(sources, names, strict=True)])
@@ -467,9 +467,16 @@ def _check_legs(file: Path, person: PersonMotion) -> None:
 
 
 def name_model_joints(
-    person: PersonMotion, skeleton: Skeleton, source: Source, options: ReadOptions
+    person: PersonMotion,
+    skeleton: Skeleton,
+    source: Source,
+    options: ReadOptions,
+    *,
+    estimates: bool = False,
 ) -> JointNames:
     """Find the joints of a model, by name, by a preset or as the options state them.
+
+    A motion may have estimated joints; a rig, which a motion is written on, may not.
 
     Raises
     ------
@@ -478,7 +485,7 @@ def name_model_joints(
     """
     try:
         stated = parse_joints(words_of(options.joints, source.label))
-        return name_joints(person.skeleton, skeleton, stated)
+        return name_joints(person.skeleton, skeleton, stated, estimates=estimates)
     except ValueError as fault:
         raise CommandError(f"{source.file}: {fault}") from fault
 

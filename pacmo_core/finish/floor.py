@@ -103,6 +103,8 @@ def _standing_joints(motion: Array, stance: Mask, skeleton: Skeleton) -> tuple[A
     places: list[Array] = []
     levels: list[int] = []
     for foot, standing, heights, lowest in zip(feet(skeleton), stance, ankles.T, low, strict=True):
+        if lowest > low.min() + MAX_FLOAT:  # held up, or not tracked
+            continue
         grounded = standing & (heights < low.min() + MAX_FLOAT)
         for phase in frame_runs(grounded if grounded.any() else heights <= lowest):
             places += list(motion[phase][:, list(foot)].mean(axis=0))

@@ -30,8 +30,9 @@ MAX_PAUSE = 0.15  # seconds for which a glide may rest
 FLOOR_SECONDS = 0.3
 MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher one is lifted
 # Of one step, at most: how far a foot stands before or behind where it would be beneath the body,
-# in metres and radians of the body's turn; and its time.
-MAX_REACH, MAX_TURN = 0.35, np.pi / 4
+# and aside, in metres; how far the body turns, in radians; and its time.
+MAX_REACH, MAX_ASIDE, MAX_TURN = 0.35, 0.2, np.pi / 4
+MIN_APART = 0.1  # metres that the left foot stands to the left of the right one
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
 STEP_HEIGHT = 0.08  # metres
@@ -138,8 +139,9 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
     for first, stop in _joined_runs(slides, round(MAX_PAUSE * fps)):
         if (speed[first:stop].sum(axis=0) / fps).min() < MIN_GLIDE:
             continue
-        headings = find_headings(motion[first:stop], fps, skeleton)
-        n_steps = _count_steps(path[[first, stop - 1]], headings, (stop - first) / fps)
+        part = motion[first:stop]
+        headings = find_headings(part, fps, skeleton)
+        n_steps = _count_steps(_demand(part[:, skeleton.root], headings, fps), fps)
         more = max(0, round((n_steps * MIN_SECONDS * fps - (stop - first)) / 2))
         first, stop = max(end, first - more), min(len(motion), stop + more)
         found.append(slice(first, stop))
@@ -174,35 +176,101 @@ def _joined_runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
     return joined
 
 
-def _count_steps(ankles: Array, headings: Array, seconds: float) -> int:
-    """Count the steps of both feet from the first to the last places ``(2, 2, 3)`` of ankles."""
-    travel = float(np.linalg.norm((ankles[1] - ankles[0])[:, [0, 2]], axis=-1).max())
-    turn = abs(float(headings[-1] - headings[0]))
-    shares = travel / MAX_REACH, turn / MAX_TURN, seconds / MAX_SECONDS
-    return max(2, *(round(share) for share in shares))
+def _demand(root: Array, headings: Array, fps: float) -> Array:
+    """``(T - 1,)``: how many steps of the longest reach and widest turn each frame's way takes.
+
+    Parameters
+    ----------
+    root : (T, 3) metres
+    headings : (T,) radians
+    fps : frames per second
+    """
+    path = gaussian_filter1d(root[:, [0, 2]], EVEN_SECONDS * fps, axis=0, mode="nearest")
+    way, angle = np.diff(path, axis=0), (headings[1:] + headings[:-1]) / 2
+    aside = way[:, 0] * np.sin(angle) + way[:, 1] * np.cos(angle)
+    ahead = way[:, 0] * np.cos(angle) - way[:, 1] * np.sin(angle)
+    shares = ahead / MAX_REACH, aside / MAX_ASIDE, np.diff(headings) / MAX_TURN
+    return np.asarray(np.linalg.norm(shares, axis=0))
+
+
+def _count_steps(demand: Array, fps: float) -> int:
+    """Count the steps of both feet, of ``_demand``."""
+    return max(2, round(float(demand.sum())), round(len(demand) / fps / MAX_SECONDS))
 
 
 def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) -> Array:
     """Return a motion ``(T, J, 3)`` of which the feet step; its other joints are as they were."""
     result, root = motion.copy(), motion[:, skeleton.root]
     ankles = [foot[0] for foot in feet(skeleton)]
-    n_steps = _count_steps(motion[[0, -1]][:, ankles], headings, len(motion) / fps)
+    demand = _demand(root, headings, fps)
+    n_steps = _count_steps(demand, fps)
     paths = [_beneath(motion[:, list(foot)], root, headings) for foot in feet(skeleton)]
-    progress = _progress(np.stack([path[:, 0] for path in paths], axis=1))
-    # The foot that is behind goes first.
-    ahead = (root[-1] - root[0])[[0, 2]]
-    behind = [float((motion[0, ankle] - root[0])[[0, 2]] @ ahead) for ankle in ankles]
-    for turn, number in enumerate(np.argsort(behind, kind="stable").tolist()):
-        path, joints = paths[number], list(feet(skeleton)[number])
-        starts = np.arange(turn, n_steps, 2) / n_steps
-        middles = (starts[:-1] + 1 / n_steps + starts[1:]) / 2
-        stops = [0, *np.searchsorted(progress, middles).tolist(), len(motion) - 1]
-        result[:, joints] = path[0]
-        for start, here, there in zip(starts, stops[:-1], stops[1:], strict=True):
+    progress = _progress(demand)
+    order = _order(motion[0, ankles] - root[0], root[-1] - root[0], headings[0])
+    starts = [np.arange(turn, n_steps, 2) / n_steps for turn in (0, 1)]
+    stops = [_stops(progress, own, 1 / n_steps) for own in starts]
+    places = [paths[number][at] for number, at in zip(order, stops, strict=True)]
+    lefts = {left for left, _ in skeleton.left_right}
+    sides = [1 if ankles[number] in lefts else -1 for number in order]
+    _keep_apart(places, [headings[at] for at in stops], sides)
+    for own, of_foot, number in zip(starts, places, order, strict=True):
+        joints = list(feet(skeleton)[number])
+        result[:, joints] = of_foot[0]
+        for start, here, there in zip(own, of_foot[:-1], of_foot[1:], strict=True):
             done = ((progress - start) * n_steps).clip(0, 1)[:, None, None]
-            result[:, joints] += smooth_step(done) * (path[there] - path[here])
+            result[:, joints] += smooth_step(done) * (there - here)
             result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]).clip(0) ** 1.5
     return result
+
+
+def _order(feet_at: Array, travel: Array, heading: float) -> list[int]:
+    """Return which foot steps first: the one behind, of a body that goes aside the one that leads.
+
+    Parameters
+    ----------
+    feet_at : (2, 3) metres, of the ankles from the root
+    travel : (3,) metres
+    heading : radians
+    """
+    left = _left(heading)
+    aside = travel @ left * left
+    ahead = (travel - aside) * [1, 0, 1]
+    order: list[int] = np.argsort(feet_at @ (ahead - aside), kind="stable").tolist()
+    return order
+
+
+def _left(heading: float) -> Array:
+    """``(3,)``: the direction to the left of a body."""
+    return np.array([np.sin(heading), 0, np.cos(heading)])
+
+
+def _stops(progress: Array, starts: Array, step: float) -> list[int]:
+    """List the frames whose places a foot stands at: the first, middles of stances, the last."""
+    middles = (starts[:-1] + step + starts[1:]) / 2
+    return [0, *np.searchsorted(progress, middles).tolist(), len(progress) - 1]
+
+
+def _keep_apart(places: list[Array], headings: list[Array], sides: list[int]) -> None:
+    """Move places at which a foot would cross the other, which stands, to its own side; in place.
+
+    A body that goes sideways by a step puts the foot that follows beyond the one that leads.
+
+    Parameters
+    ----------
+    places : (N, K, 3) metres of each foot's joints, the foot that steps first before the other
+    headings : (N,) radians, of the body at these places
+    sides : 1 for a left foot, -1 for a right one
+    """
+    for step in range(sum(map(len, places)) - 2):
+        turn, number = step % 2, step // 2 + 1
+        if number == len(places[turn]) - 1:  # where the generated foot goes on
+            continue
+        aside = sides[turn] * _left(headings[turn][number])
+        others = places[1 - turn][(step + 1) // 2 :][:2]
+        if len(others) > 1 and (step + 1) // 2 + 2 < len(places[1 - turn]):
+            others = others[:1]  # the next one is moved in its turn, its last one is not
+        apart = min((places[turn][number, 0] - other[0]) @ aside for other in others)
+        places[turn][number] += max(MIN_APART - apart, 0) * aside
 
 
 def _evening(path: Array, fps: float) -> Array:
@@ -259,9 +327,8 @@ def _beneath(foot: Array, root: Array, headings: Array) -> Array:
     return path
 
 
-def _progress(paths: Array) -> Array:
-    """``(T,)`` from 0 to 1: how far paths ``(T, 2, 3)`` have come; it goes on while they rest."""
-    speed = np.linalg.norm(np.diff(paths, axis=0), axis=-1).mean(axis=1)
-    speed += MIN_PROGRESS * max(float(speed.mean()), 1e-9)
+def _progress(demand: Array) -> Array:
+    """``(T,)`` from 0 to 1: how many of the steps are done; they go on while the body rests."""
+    speed = demand + MIN_PROGRESS * max(float(demand.mean()), 1e-9)
     progress = np.concatenate([[0], np.cumsum(speed)])
     return np.asarray(progress / progress[-1])

@@ -1,7 +1,8 @@
 """The joints of a model by their names in a capture of another skeleton.
 
 A joint of the model is one joint of the capture, or the mean of several: by equal names, by the
-rigs of ``formats.rigs``, or as the user states it in a word or a file.
+rigs of ``formats.rigs``, or as the user states it in a word or a file. What a capture of few joints
+lacks, such as wrists and toes, is estimated from the joints around it.
 """
 
 import csv
@@ -21,7 +22,9 @@ from pacmo_core.data.limits import MAX_JOINTS, printable
 from pacmo_core.data.skeleton import Skeleton, bare_names
 from pacmo_core.formats.base import read_content
 from pacmo_core.formats.rigs import (
+    ESTIMATES,
     RIGS,
+    SIDES,
     Rig,
     contained_rigs,
     fitting_rigs,
@@ -33,6 +36,8 @@ from pacmo_core.formats.rigs import (
 FILE_SUFFIXES = (".json", ".toml", ".csv")
 # A hand that a rig lacks, beyond the wrist along the forearm, in lengths of the forearm.
 HAND_REACH = 1 / 3
+# Metres ahead of the ankle and below it at which toes are put that a capture lacks.
+TOES_AHEAD, TOES_BELOW = 0.12, 0.04
 _MIN_SIMILARITY = 0.65  # of names, as difflib measures it
 _MAX_LISTED = 6  # joints in a message
 
@@ -60,15 +65,27 @@ class JointNames:
     weights : (J, C) float64, of the capture's C joints in each of the model's; rows sum to 1. A
         joint beyond the capture's last one has a negative weight
     description : of what was matched, in words; empty where all names are equal
+    toes : rows that are those of the ankles, and are put ahead of them
+    hips : rows of the left and the right hip, which say where ahead is
     """
 
     weights: NDArray[np.float64]
     description: str
+    toes: Sequence[int] = ()
+    hips: Sequence[int] = ()
 
     def apply(self, motion: Motion) -> Motion:
         """Return the positions (T, J, 3) of the model's joints in a motion (T, C, 3)."""
-        selected: Motion = np.einsum("jc,tcx->tjx", self.weights, motion).astype(np.float32)
-        return selected
+        selected: NDArray[np.float64] = np.einsum(
+            "jc,tcx->tjx", self.weights, motion.astype(np.float64)
+        )
+        if self.toes:
+            left, right = (selected[:, row] for row in self.hips)
+            ahead = np.cross(left - right, [0, 1, 0])
+            ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+            beyond = TOES_AHEAD * ahead - [0, TOES_BELOW, 0]
+            selected[:, list(self.toes)] += beyond[:, None]
+        return selected.astype(np.float32)
 
 
 def parse_joints(words: Sequence[str]) -> StatedNames:
@@ -137,8 +154,17 @@ def _listed(file: Path, name: object, joints: object) -> tuple[str, ...]:
     return tuple(listed)
 
 
-def name_joints(capture: Skeleton, model: Skeleton, stated: StatedNames) -> JointNames:
+def name_joints(
+    capture: Skeleton, model: Skeleton, stated: StatedNames, *, estimates: bool = False
+) -> JointNames:
     """Find the model's joints in a capture.
+
+    Parameters
+    ----------
+    capture, model : skeletons
+    stated : by the user
+    estimates : whether joints that the capture lacks are put where the joints around them say, by
+        ``rigs.ESTIMATES``, and toes ahead of the ankles
 
     Raises
     ------
@@ -148,19 +174,55 @@ def name_joints(capture: Skeleton, model: Skeleton, stated: StatedNames) -> Join
     """
     explicit = _check_stated(capture, model, stated)
     wanted = [joint for joint in model.joints if joint not in explicit]
-    found, description = _match(capture, model, wanted, stated.rig)
+    found, description, rig = _match(capture, model, wanted, stated.rig)
+    shares = {
+        joint: dict.fromkeys(parts, 1 / len(set(parts)))
+        for joint, parts in {**found, **explicit}.items()
+    }
     missing = [joint for joint in wanted if joint not in found]
-    if missing:
-        raise ValueError(_missing_text(capture, model, missing, {**found, **explicit}))
+    guessed = _estimate(capture, model, missing, rig) if estimates and rig else {}
+    if len(guessed) < len(missing):
+        lacking = [joint for joint in missing if joint not in guessed]
+        raise ValueError(_missing_text(capture, model, lacking, {**found, **explicit}))
     weights = np.zeros((len(model.joints), len(capture.joints)))
-    for row, joint in enumerate(model.joints):
-        parts = explicit.get(joint) or found[joint]
-        for part in parts:
-            weights[row, capture.joints.index(part)] += 1 / len(parts)
-    return JointNames(_extend(weights, model), description)
+    for joint, parts in {**shares, **guessed}.items():
+        for part, share in parts.items():
+            weights[model.joints.index(joint), capture.joints.index(part)] = share
+    toes = [row for row in _rows_of("toe", model) if model.joints[row] in guessed]
+    if guessed:
+        description += f"; estimated from the joints around them: {', '.join(guessed)}"
+    return JointNames(
+        _extend(weights, model, toes), description, toes, _rows_of("hip", model) if toes else []
+    )
 
 
-def _extend(weights: NDArray[np.float64], model: Skeleton) -> NDArray[np.float64]:
+def _estimate(
+    capture: Skeleton, model: Skeleton, missing: Sequence[str], rig: Rig
+) -> dict[str, dict[str, float]]:
+    """Return the shares of the capture's joints in those missing joints that they tell."""
+    of_model, plain = rig_of_model(plain_names(model.joints)), _by_plain_name(capture)
+    # Without hips it is not known where ahead is.
+    known = set(ESTIMATES) - (set() if _rows_of("hip", model) else {f"{s}_toe" for s in SIDES})
+    found: dict[str, dict[str, float]] = {}
+    for joint, name in zip(model.joints, plain_names(model.joints), strict=True):
+        points = of_model.points_of(name) if of_model and joint in missing else []
+        shares = next((s for p in points if p in known and (s := rig.estimate_of(p, plain))), {})
+        if shares:
+            found[joint] = {plain[part]: share for part, share in shares.items()}
+    return found
+
+
+def _rows_of(point: str, model: Skeleton) -> list[int]:
+    """List the model's joints that are a point of the left and of the right side."""
+    of_model, names = rig_of_model(plain_names(model.joints)), plain_names(model.joints)
+    sided = [f"{side}_{point}" for side in SIDES]
+    rows = [of_model.points_of(name) if of_model else [] for name in names]
+    return [row for wanted in sided for row, points in enumerate(rows) if wanted in points]
+
+
+def _extend(
+    weights: NDArray[np.float64], model: Skeleton, toes: Sequence[int]
+) -> NDArray[np.float64]:
     """Put a joint that was matched as its parent is beyond it, along the parent's own bone.
 
     A bone without length has no direction, and neither a hand at the wrist a touch.
@@ -169,7 +231,8 @@ def _extend(weights: NDArray[np.float64], model: Skeleton) -> NDArray[np.float64
     for joint in model.order[1:]:
         parent = model.parents[joint]
         above = model.parents[parent]
-        if above >= 0 and np.array_equal(weights[joint], weights[parent]):
+        is_at_parent = joint not in toes and np.array_equal(weights[joint], weights[parent])
+        if above >= 0 and is_at_parent:
             bone = extended[parent] - extended[above]
             extended[joint] = extended[parent] + HAND_REACH * bone
     return extended
@@ -191,18 +254,22 @@ def _check_stated(
 
 def _match(
     capture: Skeleton, model: Skeleton, wanted: Sequence[str], rig: str
-) -> tuple[dict[str, tuple[str, ...]], str]:
-    """Return the capture's joints of each joint that could be named, and the description."""
+) -> tuple[dict[str, tuple[str, ...]], str, Rig | None]:
+    """Return the capture's joints of each joint that could be named, a description, and the rig."""
     if not rig and set(wanted) <= set(capture.joints):
-        return {joint: (joint,) for joint in wanted}, ""
+        return {joint: (joint,) for joint in wanted}, "", None
     plain = _by_plain_name(capture)
     if not rig:
         bare = dict(zip(bare_names(capture.joints), capture.joints, strict=True))
         if set(wanted) <= set(bare):
-            return {joint: (bare[joint],) for joint in wanted}, "joints named without their prefix"
+            return (
+                {joint: (bare[joint],) for joint in wanted},
+                "joints named without their prefix",
+                None,
+            )
     of_model = rig_of_model(plain_names(model.joints))
     if of_model is None:
-        return {joint: (joint,) for joint in wanted if joint in capture.joints}, ""
+        return {joint: (joint,) for joint in wanted if joint in capture.joints}, "", None
     # Where no rig fits as a whole, one that names what the model needs will do.
     rigs = [RIGS[rig]] if rig else fitting_rigs(plain) or list(RIGS.values())
     matches = {r.name: _by_rig(r, of_model, plain, model, wanted) for r in rigs}
@@ -212,7 +279,7 @@ def _match(
     if len(found) == len(wanted) and any(matches[name][0] != found for name in best):
         names = ", ".join(best)
         raise ValueError(f"the presets {names} all fit the capture's joints; name one by --joints")
-    return found, description
+    return found, description, RIGS[best[0]]
 
 
 def _by_rig(
@@ -249,7 +316,14 @@ def _missing_text(
     found: Mapping[str, tuple[str, ...]],
 ) -> str:
     near = {joint: _nearest(joint, capture) or _neighbour(joint, model, found) for joint in missing}
-    listed = [f"{joint} (nearest: {near[joint] or 'none'})" for joint in missing[:_MAX_LISTED]]
+    # Of the same name a joint may be another point: the foot of the first Kinect is an ankle.
+    owners = {parts: joint for joint, parts in found.items()}
+    listed = [
+        f"{joint} (its {near[joint]} is the {owners[(near[joint],)]})"
+        if plain_name(near[joint]) == plain_name(joint) and (near[joint],) in owners
+        else f"{joint} (nearest: {near[joint] or 'none'})"
+        for joint in missing[:_MAX_LISTED]
+    ]
     more = f" and {len(missing) - _MAX_LISTED} more" if len(missing) > _MAX_LISTED else ""
     example = next((f"{joint}={name}" for joint, name in near.items() if name), "MODEL_JOINT=JOINT")
     return (

@@ -21,12 +21,27 @@ from itertools import groupby
 
 from pacmo_core.data.skeleton import bare_names
 
+SIDES = ("left", "right")
+
 # Points that are defined by others on every body. NITE, which tracks for the first Kinect, computes
 # its neck and torso so; Kinect v2's spine at the shoulders is there by name.
 DEFINITIONS = {
     "shoulder_centre": ("left_shoulder", "right_shoulder"),
     "hip_centre": ("left_hip", "right_hip"),
     "torso_centre": ("left_shoulder", "right_shoulder", "left_hip", "right_hip"),
+}
+# Points that a capture may lack, as weighted means of others on an average body. Toes are put ahead
+# of the ankle by ``JointNames``: no mean is there.
+ESTIMATES = {
+    "pelvis": {"left_hip": 0.5, "right_hip": 0.5},
+    "spine_mid": {"left_hip": 0.2, "right_hip": 0.2, "left_shoulder": 0.3, "right_shoulder": 0.3},
+    "neck": {"left_shoulder": 0.3, "right_shoulder": 0.3, "head": 0.4},
+    **{f"{side}_wrist": {f"{side}_elbow": 0.18, f"{side}_hand": 0.82} for side in SIDES},
+    **{
+        f"{side}_ankle": {f"{side}_heel": 0.75, f"{side}_toe": 0.15, f"{side}_knee": 0.1}
+        for side in SIDES
+    },
+    **{f"{side}_toe": {f"{side}_ankle": 1.0} for side in SIDES},
 }
 
 
@@ -76,6 +91,17 @@ class Rig:
             return None
         return Place(tuple(place.joints[0] for place in places if place))
 
+    def estimate_of(self, point: str, joints: Iterable[str]) -> dict[str, float]:
+        """Return the shares of a file's joints in a point that it lacks; empty if unknown."""
+        present = set(joints)
+        found: dict[str, float] = {}
+        for part, share in ESTIMATES.get(point, {}).items():
+            place = self.place_of(part, present)
+            if place is None:
+                return {}
+            found |= {joint: share / len(place.joints) for joint in place.joints}
+        return found
+
     def points_of(self, joint: str) -> list[str]:
         """List the points that a joint of this plain name is, itself."""
         return [
@@ -103,7 +129,7 @@ def plain_name(joint: str) -> str:
 def _rig(name: str, centre: str, sided: str, left: str = "left_", right: str = "right_") -> Rig:
     """Build a rig: the points of the middle, and those of both sides with their prefixes."""
     places = {point: _places(words, "") for point, words in _by_point(centre)}
-    for side, prefix in (("left", left), ("right", right)):
+    for side, prefix in zip(SIDES, (left, right), strict=True):
         places |= {f"{side}_{point}": _places(ws, prefix) for point, ws in _by_point(sided)}
     return Rig(name, places)
 
@@ -218,6 +244,11 @@ _ROWS = (
         "duetdance",
         "hip_centre=pelvis shoulder_centre=neck head=head",
         "hip=hip knee=knee ankle=ankle shoulder=shoulder elbow=elbow wrist=wrist hand=wrist~",
+    ),
+    _rig(
+        "expi",
+        "head=left_head+right_head",
+        "hip=hip knee=knee heel=heel toe=toe shoulder=shoulder elbow=elbow wrist=wrist hand=wrist~",
     ),
 )
 RIGS = {rig.name: rig for rig in _ROWS}

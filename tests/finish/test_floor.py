@@ -77,6 +77,14 @@ def test_somebody_who_stays_in_one_place_is_on_a_level_floor():
     assert floor.height == pytest.approx(0, abs=1e-6)
 
 
+def test_a_foot_that_is_held_up_throughout_says_nothing_of_the_floor():
+    motion = standing(LEG)
+    motion[:, NTU25.indices(["right_ankle", "right_foot"]), 1] += np.float32(0.6)
+    floor = found(motion)
+    assert np.abs(floor.slope).max() < 1e-6
+    assert floor.height == pytest.approx(0, abs=0.01)
+
+
 def test_feet_that_never_stand_are_on_the_floor_where_they_are_lowest():
     motion = standing(LEG)
     motion[:, :, 1] += np.abs(np.linspace(-1, 1, len(motion)))[:, None].astype(np.float32)

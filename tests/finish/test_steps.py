@@ -211,3 +211,18 @@ def test_captured_dancers_and_greeters_do_not_collapse_and_hardly_glide() -> Non
     # A dancer who spins on the balls of both feet glides.
     assert len(shares) >= 6
     assert np.mean(shares) < 0.01
+
+
+@pytest.mark.parametrize("aside", [-1.2, 1.2])
+@pytest.mark.parametrize("turn", [0.0, -2.5])
+def test_feet_of_a_body_that_goes_aside_do_not_cross(aside: float, turn: float) -> None:
+    given = glide(0.0, turn)
+    share = ((np.arange(len(given)) / FPS - 1) / 2).clip(0, 1)
+    given[..., 0] += aside * share[:, None]
+    found = take_steps(given, LENGTHS, FPS, SBU15)
+    assert np.mean(moves(found).all(axis=0)) < 0.1 < np.mean(moves(given).all(axis=0))
+    left = found[:, HIPS[0]] - found[:, HIPS[1]]
+    left /= np.linalg.norm(left, axis=-1, keepdims=True)
+    apart = ((found[:, FEET[0]] - found[:, FEET[1]]) * left).sum(axis=-1)
+    assert apart.min() > 0.03
+    assert apart.max() < 0.6

@@ -18,7 +18,13 @@ from pacmo_core.data.skeleton import (
     Skeleton,
     mirror_by_name,
 )
-from pacmo_core.formats.joint_names import HAND_REACH, StatedNames, name_joints, parse_joints
+from pacmo_core.finish.turns import turned
+from pacmo_core.formats.joint_names import (
+    HAND_REACH,
+    StatedNames,
+    name_joints,
+    parse_joints,
+)
 from pacmo_core.formats.registry import read_partner
 from pacmo_core.formats.rigs import RIGS, fitting_rigs, plain_name, plain_names, rig_of_model
 from tests.formats.real_files import real_folder
@@ -54,6 +60,7 @@ CAPTURES = {
     "kinect25": NTU25,
     "kinect15": SBU15,
     "duetdance": DUET15,
+    "expi": EXPI18,
 }
 
 
@@ -128,8 +135,53 @@ def test_missing_joints_are_listed_with_the_nearest() -> None:
         name_joints(SBU15, NTU21, StatedNames())
     assert "left_wrist (nearest: left_elbow)" in str(fault.value)
     assert "--joints" in str(fault.value)
-    with pytest.raises(ValueError, match="nearest: left_head"):
-        name_joints(EXPI18, NTU21, StatedNames())
+    assert "left_foot (its left_foot is the left_ankle)" in str(fault.value)
+    with pytest.raises(ValueError, match="6 of the model's 21"):
+        name_joints(EXPI18.without(["left_head"]), NTU21, StatedNames())
+
+
+@pytest.mark.parametrize("capture", [SBU15, DUET15, EXPI18])
+def test_joints_that_a_capture_lacks_are_estimated_within_some_centimetres(
+    capture: Skeleton,
+) -> None:
+    """The default's bodies, seen in the joints of a capture that has fewer."""
+    truth = people().person_a
+    at = {joint: truth[:, i].astype(np.float64) for i, joint in enumerate(NTU25.joints)}
+    seen = {joint: at.get(joint) for joint in capture.joints}
+    seen |= {"neck": at["spine_shoulder"], "torso": at["spine_mid"], "pelvis": at["spine_base"]}
+    seen |= {"back": at["spine_mid"], "head_front": at["head"]}
+    for side in ("left", "right"):
+        toe, ankle = at[f"{side}_foot"], at[f"{side}_ankle"]
+        heel = ankle - 0.3 * (toe - ankle)
+        heel[:, 1] = toe[:, 1]
+        seen |= {f"{side}_head": at["head"], f"{side}_heel": heel, f"{side}_toe": toe}
+        if capture is SBU15:
+            seen[f"{side}_foot"] = ankle
+    motion = np.stack([seen[joint] for joint in capture.joints], axis=1).astype(np.float32)
+    names = name_joints(capture, NTU21, StatedNames(), estimates=True)
+    assert "estimated from the joints around them: spine_base, spine_mid, neck" in names.description
+    off = np.linalg.norm(names.apply(motion) - truth[:, NTU25.indices(NTU21.joints)], axis=-1)
+    assert np.median(off, axis=0).max() < 0.07, off.mean(axis=0)
+    np.testing.assert_allclose(names.weights.sum(axis=1), 1)
+
+
+def test_joints_that_sbu_lacks_are_put_by_the_body_whichever_way_it_faces() -> None:
+    body = np.zeros((2, 15, 3))
+    rows = {joint: row for row, joint in enumerate(SBU15.joints)}
+    for side, sign in (("left", 1), ("right", -1)):
+        for joint, x, y in (("hip", 0.1, 0.9), ("foot", 0.1, 0.08), ("shoulder", 0.2, 1.4)):
+            body[:, rows[f"{side}_{joint}"]] = sign * x, y, 0
+        body[:, rows[f"{side}_elbow"]] = sign * 0.5, 1.4, 0
+        body[:, rows[f"{side}_hand"]] = sign * 0.8, 1.4, 0
+    body[:, rows["head"]] = 0, 1.7, 0
+    names = name_joints(SBU15, NTU21, StatedNames(), estimates=True)
+    for yaw in (0.0, 1.2):
+        seen = names.apply(turned(body, np.full(2, yaw)).astype(np.float32))
+        found = turned(seen.astype(np.float64), np.full(2, -yaw))[0]
+        joint = dict(zip(NTU21.joints, found, strict=True))
+        np.testing.assert_allclose(joint["left_foot"], [0.1, 0.04, 0.12], atol=1e-6)
+        np.testing.assert_allclose(joint["right_wrist"], [-0.746, 1.4, 0], atol=1e-6)
+        np.testing.assert_allclose(joint["spine_mid"], [0, 1.2, 0], atol=1e-6)
 
 
 def test_names_can_be_stated_one_by_one_and_in_files(tmp_path: Path) -> None:
