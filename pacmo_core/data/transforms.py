@@ -78,3 +78,20 @@ def _lateral_pairs(pose: NDArray[np.float64], skeleton: Skeleton) -> list[tuple[
 def _rotation_y(yaw: float) -> NDArray[np.float64]:
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
+
+
+def line_between(first: Motion, second: Motion) -> float:
+    """Return the yaw, about +y, of the line along which two people are apart, from first to second.
+
+    It is the principal direction of their distances on the ground: people who change sides are
+    apart along a line too, and their mean distance is near none.
+
+    Parameters
+    ----------
+    first, second : (T, 3) metres, of their roots
+    """
+    apart = (second.astype(np.float64) - first)[:, [0, 2]]
+    line = np.linalg.eigh(apart.T @ apart)[1][:, -1]
+    if line @ apart.mean(axis=0) < 0:
+        line = -line
+    return float(np.arctan2(-line[1], line[0]))

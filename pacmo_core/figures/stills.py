@@ -22,6 +22,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton, bare_names
+from pacmo_core.data.transforms import line_between
 
 Array = NDArray[np.float64]
 
@@ -72,9 +73,8 @@ def choose_camera(interaction: Interaction) -> Camera:
     """Return a camera that sees the two people side by side, with the floor at the lowest foot."""
     a, b = (np.asarray(m, np.float64) for m in (interaction.person_a, interaction.person_b))
     root = interaction.skeleton.root
-    offset = (b[:, root] - a[:, root]).mean(axis=0) * [1.0, 0.0, 1.0]
     # Rotated a little, so that arms that reach along the line between the two stay visible.
-    angle = np.arctan2(-offset[2], offset[0]) + 0.45
+    angle = line_between(interaction.person_a[:, root], interaction.person_b[:, root]) + 0.45
     both = np.concatenate([a, b], axis=1)
     centre = both.mean(axis=(0, 1))
     centre[1] = np.percentile(both[..., 1].min(axis=1), 20)
@@ -207,6 +207,7 @@ def film_strip(
     *,
     min_width: float,
     inches: float,
+    follow: bool = False,
 ) -> Figure:
     """Return a figure with one row of frames for each interaction.
 
@@ -215,15 +216,23 @@ def film_strip(
     interactions : title, interaction, frames; the same number of frames in each
     min_width : metres that a picture shows at least
     inches : width of a picture
+    follow : whether each picture is about the people in it, over the lines of whole metres, and not
+        about those of the whole row
     """
     rows, columns = len(interactions), len(interactions[0][2])
     figure = Figure(figsize=(columns * inches, rows * ASPECT * inches), facecolor="white")
     for row, (title, interaction, frames) in enumerate(interactions):
         camera = choose_camera(interaction)
-        box = fit_view(interaction, frames, camera, min_width)
-        for column, frame in enumerate(frames):
+        boxes = [fit_view(interaction, frames, camera, min_width)] * columns
+        if follow:
+            boxes = [fit_view(interaction, [frame], camera, min_width) for frame in frames]
+            widest = max(box.width for box in boxes)
+            boxes = [fit_view(interaction, [frame], camera, widest) for frame in frames]
+        for column, (frame, box) in enumerate(zip(frames, boxes, strict=True)):
             corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
             axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
+            if follow:
+                _draw_metres(axes, camera, box)
             draw_interaction(axes, interaction, frame, camera=camera, box=box)
             label = f"{interaction.times[frame]:.2f} s"
             axes.text(
@@ -307,7 +316,7 @@ def write_strip(path: Path, clip: Interaction) -> None:
     last = len(clip.times) - 1
     frames = np.linspace(0, last, _STRIP_ROWS * _STRIP_COLUMNS).round().astype(int)
     rows = [("", clip, row.tolist()) for row in frames.reshape(_STRIP_ROWS, _STRIP_COLUMNS)]
-    figure = film_strip(rows, min_width=_MIN_VIEW, inches=_STRIP_INCHES)
+    figure = film_strip(rows, min_width=_MIN_VIEW, inches=_STRIP_INCHES, follow=True)
     figure.savefig(path, dpi=_DPI)
 
 

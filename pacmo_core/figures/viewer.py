@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.transforms import line_between
 from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.tables import Table
 
@@ -180,9 +181,7 @@ def _yaw(scene: Scene) -> float:
     """Return the yaw of the camera in radians about +y: two people side by side, the first left."""
     if len(scene.people) < 2:
         return 0.0
-    first, second = (motion.mean(axis=(0, 1), dtype=np.float64) for motion in scene.people)
-    offset = second - first
-    return round(float(np.arctan2(-offset[2], offset[0])), 4)
+    return round(line_between(*scene.roots[:2]), 4)
 
 
 def _same_world(first: Scene, second: Scene) -> bool:

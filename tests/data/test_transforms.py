@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15, Skeleton
-from pacmo_core.data.transforms import Frame, body_frame
+from pacmo_core.data.transforms import Frame, body_frame, line_between
 
 SKELETONS = [NTU25, SBU15, DUET15, EXPI18, INTERHUMAN22]
 ANGLES = st.floats(-3.1, 3.1)
@@ -73,3 +73,14 @@ def test_a_body_without_a_heading_is_refused() -> None:
     pose = np.zeros((1, 15, 3), dtype=np.float32)
     with pytest.raises(ValueError, match="heading"):
         body_frame(pose, SBU15)
+
+
+def test_the_line_between_two_who_change_sides_is_where_they_are_apart() -> None:
+    share = np.linspace(-1.0, 1.1, 40)[:, None]
+    first, second = np.zeros((40, 3)), share * [1.2, 0.0, 0.0] + [0.0, 0.3, 0.05]
+    assert line_between(first, second) == pytest.approx(0, abs=0.05)
+    # The mean distance points aside.
+    apart = (second - first).mean(axis=0)
+    assert abs(apart[0]) < 2 * abs(apart[2])
+    turned = second @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])  # x becomes -z
+    assert line_between(first, turned) == pytest.approx(np.pi / 2, abs=0.05)
