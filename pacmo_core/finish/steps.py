@@ -216,9 +216,10 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
     for own, of_foot, number in zip(starts, places, order, strict=True):
         joints = list(feet(skeleton)[number])
         result[:, joints] = of_foot[0]
+        result[:, joints, 1] = _standing_heights(motion, ankles, joints, fps)
         for start, here, there in zip(own, of_foot[:-1], of_foot[1:], strict=True):
             done = ((progress - start) * n_steps).clip(0, 1)[:, None, None]
-            result[:, joints] += smooth_step(done) * (there - here)
+            result[:, joints] += smooth_step(done) * (there - here) * [1, 0, 1]
             result[:, joints, 1] += STEP_HEIGHT * np.sin(np.pi * done[..., 0]).clip(0) ** 1.5
     return result
 
@@ -312,7 +313,7 @@ def _share(legs: Array, change: Array, fps: float) -> Array:
 def _beneath(foot: Array, root: Array, headings: Array) -> Array:
     """``(T, K, 3)``: where a foot would be beneath the body, from its first to its last place.
 
-    In the body's frame it goes evenly from one to the other, and so it does over the floor.
+    In the body's frame it goes evenly from one to the other.
 
     Parameters
     ----------
@@ -322,9 +323,24 @@ def _beneath(foot: Array, root: Array, headings: Array) -> Array:
     """
     share = np.linspace(0, 1, len(foot))[:, None, None]
     local = turned(foot[[0, -1]] - root[[0, -1]][:, None], -headings[[0, -1]])
-    path = root[:, None] + turned(local[0] + share * (local[1] - local[0]), headings)
-    path[..., 1] = foot[0, :, 1] + share[..., 0] * (foot[-1, :, 1] - foot[0, :, 1])
-    return path
+    return root[:, None] + turned(local[0] + share * (local[1] - local[0]), headings)
+
+
+def _standing_heights(motion: Array, ankles: list[int], joints: list[int], fps: float) -> Array:
+    """``(T, K)`` metres: heights of a foot's joints while it stands, from where they are at first.
+
+    The lower ankle of those of the first and last frames is on the floor; a foot that is lifted
+    when a glide begins or ends comes down from there soon, or goes up.
+    """
+    edge = max(1, round(FLOOR_SECONDS * fps))
+    floor = [motion[part][:, ankles, 1].min() for part in (slice(edge), slice(-edge, None))]
+    foot = motion[:, joints, 1]
+    times = np.arange(len(foot))[:, None] / fps
+    level = (
+        np.interp(times, times[[0, -1], 0], floor) + foot[foot[:, 0].argmin()] - foot[:, 0].min()
+    )
+    first, last = (1 - smooth_step((t / FADE_SECONDS).clip(0, 1)) for t in (times, times[::-1]))
+    return np.asarray(level + first * (foot[0] - level[0]) + last * (foot[-1] - level[-1]))
 
 
 def _progress(demand: Array) -> Array:
