@@ -326,6 +326,7 @@ def _drawing(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], 
             if named.suffix == PICTURE:
                 write_strip(named, clip)
             else:
+                typer.echo(f"drawing {len(clip.times)} frames, some ten a second ...")
                 write_film(named, clip, form.fps or FILM_FPS)
             named.replace(partial)
         finally:

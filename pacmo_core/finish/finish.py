@@ -43,11 +43,13 @@ from pacmo_core.finish.contacts import Contacts, predict_contacts
 from pacmo_core.finish.floor import MAX_ROLL, find_aloft, find_floor, rest_heights, set_down
 from pacmo_core.finish.heights import straighten
 from pacmo_core.finish.learnt import Learnt
+from pacmo_core.finish.passing import go_round
 from pacmo_core.finish.stance import Mask, find_stance, footholds, frame_runs
 from pacmo_core.finish.steps import take_steps
 from pacmo_core.finish.travel import spread_bursts
 from pacmo_core.finish.trunk import shape_trunk, trunk_joints, trunk_size
 from pacmo_core.finish.turns import resolve_turns
+from pacmo_core.finish.twitches import damp_twitches
 
 Array = NDArray[np.float64]
 
@@ -125,10 +127,8 @@ def finish(
     (T, J, 3) float32, metres
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
-    turned = resolve_turns(reaction.astype(np.float64), fps, skeleton)
-    shaped = shape_trunk(turned, skeleton, learnt.trunk)
-    own = median_lengths(shaped.astype(np.float32), skeleton)
-    calm = spread_bursts(shaped, fps, skeleton, learnt.max_speeds)
+    calm = calmed(reaction, partner, fps, skeleton, learnt)
+    own = median_lengths(calm.astype(np.float32), skeleton)
     # Before the body is moved to its height: a fist that just reaches would no longer.
     contacts = predict_contacts(calm.astype(np.float32), partner, fps, skeleton, learnt.contacts)
     tolerance = float(learnt.floor_tolerance)
@@ -154,6 +154,32 @@ def finish(
     exact = set_bone_lengths(result, targets.lengths, skeleton)
     set_legs(exact, result, targets.floor, targets.lengths, skeleton)
     return exact.astype(np.float32)
+
+
+def calmed(
+    reaction: Motion, partner: Motion, fps: float, skeleton: Skeleton, learnt: Learnt
+) -> Array:
+    """Mend a body as a whole, before its contacts, feet and bones; the first part of a finish.
+
+    Trunks that collapse turn about and get their shape, the body goes no faster than captured ones,
+    does not twitch, and goes round the partner.
+
+    Parameters
+    ----------
+    reaction, partner : (T, J, 3) float32, metres, y up
+    fps : frames per second
+    skeleton : of both people
+    learnt : of which bones, contacts, heights and floors are not used
+
+    Returns
+    -------
+    (T, J, 3) float64, metres
+    """
+    turned = resolve_turns(reaction.astype(np.float64), fps, skeleton)
+    shaped = shape_trunk(turned, skeleton, learnt.trunk)
+    even = spread_bursts(shaped, fps, skeleton, learnt.max_speeds)
+    smooth = damp_twitches(even, fps, learnt.max_accelerations)
+    return go_round(smooth, partner, fps, skeleton, float(learnt.least_distance))
 
 
 def find_footholds(

@@ -13,6 +13,7 @@ from pacmo_core.finish.floor import ONE_FLOOR
 from pacmo_core.finish.heights import no_change
 from pacmo_core.finish.travel import NO_LIMIT
 from pacmo_core.finish.trunk import unshaped
+from pacmo_core.finish.twitches import NO_ACCELERATION_LIMIT
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ class Learnt:
     heights : (2, K) of ``heights.learn_heights``
     trunk : (D + 2, D) of ``trunk.learn_trunk``
     max_speeds : (2,) of ``travel.peak_speeds``, the largest of captured motion
+    max_accelerations : (J,) of ``twitches.peak_accelerations``, the largest of captured motion
+    least_distance : () metres of the two trunks (``passing.trunk_offset``)
     floor_tolerance : () metres, of ``floor.learn_floor_tolerance``
     leaves_floor : () 1 where captured bodies are off the floor at times (``floor.MIN_ALOFT``), or 0
     """
@@ -35,8 +38,16 @@ class Learnt:
     heights: Array = field(default_factory=no_change)
     trunk: Array = field(default_factory=lambda: np.zeros((0, 0)))
     max_speeds: Array = field(default_factory=lambda: np.array([NO_LIMIT, NO_LIMIT]))
+    max_accelerations: Array = field(default_factory=lambda: np.array([NO_ACCELERATION_LIMIT]))
+    least_distance: Array = field(default_factory=lambda: np.array(0.0))
     floor_tolerance: Array = field(default_factory=lambda: np.array(ONE_FLOOR))
     leaves_floor: Array = field(default_factory=lambda: np.array(0.0))
+
+
+def nothing_learnt(skeleton: Skeleton) -> Learnt:
+    """Return arrays of the shapes of those that are learnt, which change nothing."""
+    no_limit = np.full(len(skeleton.joints), NO_ACCELERATION_LIMIT)
+    return Learnt(no_contacts(skeleton), trunk=unshaped(skeleton), max_accelerations=no_limit)
 
 
 class LearntModule(nn.Module):
@@ -44,7 +55,7 @@ class LearntModule(nn.Module):
 
     def __init__(self, skeleton: Skeleton) -> None:
         super().__init__()
-        for name, array in vars(Learnt(no_contacts(skeleton), trunk=unshaped(skeleton))).items():
+        for name, array in vars(nothing_learnt(skeleton)).items():
             self.register_buffer(name, torch.from_numpy(array).float())
 
     def read(self) -> Learnt:

@@ -9,6 +9,8 @@ people set out goes in jerks, which no steps can follow: so the body goes more e
 A single foot that goes to another place close to the floor is lifted.
 """
 
+from math import ceil
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
@@ -29,9 +31,12 @@ MAX_PAUSE = 0.15  # seconds for which a glide may rest
 # tilted rises along the way, by as much as a foot is lifted.
 FLOOR_SECONDS = 0.3
 MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher one is lifted
-# Of one step, at most: how far a foot stands before or behind where it would be beneath the body,
-# and aside, in metres; how far the body turns, in radians; and its time.
-MAX_REACH, MAX_ASIDE, MAX_TURN = 0.35, 0.2, np.pi / 4
+# Length of a step ahead, metres, by steps a second: people who walk faster take longer steps, and
+# more of them, in proportion: 0.0065 m by steps a minute (Sekiya and Nagasaki 1998,
+# *Reproducibility of the walking patterns of normal young adults*).
+WALK_RATIO = 0.39
+# Of one step, at most: how far the body goes aside, metres, and turns, radians; and its time.
+MAX_ASIDE, MAX_TURN = 0.25, np.pi / 4
 MIN_APART = 0.1  # metres that the left foot stands to the left of the right one
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests
@@ -177,7 +182,9 @@ def _joined_runs(mask: NDArray[np.bool_], pause: int) -> list[tuple[int, int]]:
 
 
 def _demand(root: Array, headings: Array, fps: float) -> Array:
-    """``(T - 1,)``: how many steps of the longest reach and widest turn each frame's way takes.
+    """``(T - 1,)``: how many steps each frame's way takes.
+
+    No step takes less than the shortest time: where the body is too fast, steps are longer.
 
     Parameters
     ----------
@@ -189,13 +196,16 @@ def _demand(root: Array, headings: Array, fps: float) -> Array:
     way, angle = np.diff(path, axis=0), (headings[1:] + headings[:-1]) / 2
     aside = way[:, 0] * np.sin(angle) + way[:, 1] * np.cos(angle)
     ahead = way[:, 0] * np.cos(angle) - way[:, 1] * np.sin(angle)
-    shares = ahead / MAX_REACH, aside / MAX_ASIDE, np.diff(headings) / MAX_TURN
-    return np.asarray(np.linalg.norm(shares, axis=0))
+    walked = np.sqrt(np.abs(ahead) / fps / WALK_RATIO)
+    shares = walked, aside / MAX_ASIDE, np.diff(headings) / MAX_TURN
+    demand: Array = np.minimum(np.linalg.norm(shares, axis=0), 1 / (MIN_SECONDS * fps))
+    return demand
 
 
 def _count_steps(demand: Array, fps: float) -> int:
-    """Count the steps of both feet, of ``_demand``."""
-    return max(2, round(float(demand.sum())), round(len(demand) / fps / MAX_SECONDS))
+    """Count the steps of both feet, of ``_demand``: as many of each, as either goes all the way."""
+    most = max(float(demand.sum()), len(demand) / fps / MAX_SECONDS)
+    return max(2, 2 * ceil(most / 2 - 0.1))
 
 
 def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) -> Array:

@@ -11,23 +11,8 @@ from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS
-from pacmo_core.data.segments import feet
-from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.bones import median_lengths
-from pacmo_core.finish.contacts import find_pairs, learn_contacts
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.floor import (
-    MIN_ALOFT,
-    find_aloft,
-    floor_errors,
-    learn_floor_tolerance,
-    set_down,
-)
-from pacmo_core.finish.heights import learn_heights, pelvis_heights
-from pacmo_core.finish.learnt import Learnt
-from pacmo_core.finish.travel import NO_LIMIT, peak_speeds, spread_bursts
-from pacmo_core.finish.trunk import learn_trunk, shape_trunk
-from pacmo_core.finish.turns import resolve_turns
+from pacmo_core.finish.learning import learn
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
 from pacmo_core.reaction.data import Condition, expand_directions
@@ -170,7 +155,7 @@ def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     usable = [pair for pair in usable if not known or pair[1] in known]
     chosen = np.unique(np.linspace(0, len(usable) - 1, MAX_FITTED_CLIPS).round().astype(int))
     examples = list(_examples(model, [usable[i] for i in chosen if usable]))
-    model.learnt.store(_learn(examples, model.skeleton))
+    model.learnt.store(learn(examples, model.skeleton))
 
 
 def _examples(
@@ -185,60 +170,6 @@ def _examples(
             partner = PartnerMotion(directed.person_a, times, times, label)
             (reactions,) = react_all(model, [partner], n_samples=n_samples, random=random)
             yield from ((directed, reaction) for reaction in reactions)
-
-
-def _learn(examples: Sequence[tuple[Interaction, Motion]], skeleton: Skeleton) -> Learnt:
-    """Learn in the order in which a finish applies it: contacts, heights of who stands."""
-    rates = [float(1 / np.median(np.diff(clip.times))) for clip, _ in examples]
-    generated = [
-        resolve_turns(reaction.astype(np.float64), fps, skeleton)
-        for (_, reaction), fps in zip(examples, rates, strict=True)
-    ]
-    captured = [clip.person_b.astype(np.float64) for clip, _ in examples]
-    trunk = learn_trunk(zip(generated, captured, strict=True), skeleton)
-    speeds = [
-        peak_speeds(motion, fps, skeleton) for motion, fps in zip(captured, rates, strict=True)
-    ]
-    max_speeds = np.max(speeds, axis=0) if speeds else np.array([NO_LIMIT, NO_LIMIT])
-    pairs, errors, heights = [], [], []
-    calm = [
-        spread_bursts(shape_trunk(motion, skeleton, trunk), fps, skeleton, max_speeds)
-        for motion, fps in zip(generated, rates, strict=True)
-    ]
-    for motion, (clip, _), fps in zip(calm, examples, rates, strict=True):
-        body, partner, real = motion.astype(np.float32), clip.person_a, clip.person_b
-        generated_pairs, real_pairs = (
-            find_pairs(person, partner, fps, skeleton) for person in (body, real)
-        )
-        pairs.append((generated_pairs, real_pairs))
-        if feet(skeleton):
-            errors.append(floor_errors(body, real, partner, fps, skeleton))
-    tolerance = learn_floor_tolerance(np.array(errors))
-    in_air = [
-        find_aloft(clip.person_b, fps, skeleton)
-        for (clip, _), fps in zip(examples, rates, strict=True)
-    ]
-    leaves_floor = bool(in_air) and bool(np.concatenate(in_air).mean() > MIN_ALOFT)
-    for motion, (clip, _), fps in zip(calm, examples, rates, strict=True):
-        aloft = find_aloft(motion.astype(np.float32), fps, skeleton) & leaves_floor
-        down = set_down(motion, clip.person_a, fps, skeleton, tolerance, aloft)
-        standing = down.astype(np.float32)
-        heights.append((_heights(standing, skeleton), _heights(clip.person_b, skeleton)))
-    return Learnt(
-        contacts=learn_contacts(pairs, skeleton),
-        heights=learn_heights(heights),
-        trunk=trunk,
-        max_speeds=max_speeds,
-        floor_tolerance=np.array(tolerance),
-        leaves_floor=np.array(float(leaves_floor)),
-    )
-
-
-def _heights(motion: Motion, skeleton: Skeleton) -> NDArray[np.float64]:
-    """``(T,)`` of the pelvis; nothing of a body without feet."""
-    if not feet(skeleton):
-        return np.zeros(0)
-    return pelvis_heights(motion.astype(np.float64), median_lengths(motion, skeleton), skeleton)
 
 
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
