@@ -509,7 +509,8 @@ def _read(
 def _check_files(partner: list[Path], out: Path | None) -> tuple[Path, Path]:
     """Return the partner and the output; refuse a second capture."""
     if not partner or out is None:
-        raise CommandError("give a PARTNER and --out, or --stream")
+        missing = "--out" if partner else "a PARTNER and --out, or --stream"
+        raise CommandError(f"give {missing}")
     parts = [str(file) for file in partner] if len(partner) > 1 else str(partner[0]).split("+")
     if len(partner) > 1 or (len(parts) > 1 and not partner[0].exists()):
         raise CommandError(
