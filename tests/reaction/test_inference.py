@@ -8,9 +8,10 @@ import torch
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.transforms import Frame
+from pacmo_core.finish import learning
 from pacmo_core.finish.contacts import find_pairs, no_contacts
 from pacmo_core.models import MODELS
-from pacmo_core.reaction import baselines, inference, wgan
+from pacmo_core.reaction import baselines, wgan
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import react, react_all
 from pacmo_core.reaction.windows import PartnerMotion
@@ -124,7 +125,7 @@ def test_a_trained_model_learns_its_contacts_on_the_validation_clips(
         seen.extend(captured.distance for _, captured in pairs)
         return marker
 
-    monkeypatch.setattr(inference, "learn_contacts", learn)
+    monkeypatch.setattr(learning, "learn_contacts", learn)
     held_out = clips(2, first_seed=90)
     model = MODELS[name].build_training(TrainingData(clips(4), held_out), settings).finish()
     np.testing.assert_allclose(model.learnt.read().contacts, marker)
