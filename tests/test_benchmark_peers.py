@@ -110,9 +110,9 @@ def test_the_package_runs_in_its_environment_and_its_retargeting_alone_is_timed(
     before = sorted(environment.rglob("*.npz")), Path.cwd(), dict(os.environ)
     figures = holosoma_figures()
     assert (sorted(environment.rglob("*.npz")), Path.cwd(), dict(os.environ)) == before
-    # Ten frames in 0.02 s, after imports of 0.2 s.
+    # Ten frames in 0.02 s, as two clocks have it, after imports of 0.2 s: with these 45 a second.
     assert list(figures) == ["holosoma_frames_per_s"]
-    assert 100 < figures["holosoma_frames_per_s"] <= 500
+    assert 46 < figures["holosoma_frames_per_s"] < 510
 
 
 def test_an_environment_without_the_package_is_refused_in_one_line(
