@@ -145,8 +145,8 @@ def test_joints_that_a_capture_lacks_are_estimated_within_some_centimetres(
     capture: Skeleton,
 ) -> None:
     """The default's bodies, seen in the joints of a capture that has fewer."""
-    truth = people().person_a
-    at = {joint: truth[:, i].astype(np.float64) for i, joint in enumerate(NTU25.joints)}
+    captured = people().person_a
+    at = {joint: captured[:, i].astype(np.float64) for i, joint in enumerate(NTU25.joints)}
     seen = {joint: at.get(joint) for joint in capture.joints}
     seen |= {"neck": at["spine_shoulder"], "torso": at["spine_mid"], "pelvis": at["spine_base"]}
     seen |= {"back": at["spine_mid"], "head_front": at["head"]}
@@ -160,7 +160,7 @@ def test_joints_that_a_capture_lacks_are_estimated_within_some_centimetres(
     motion = np.stack([seen[joint] for joint in capture.joints], axis=1).astype(np.float32)
     names = name_joints(capture, NTU21, StatedNames(), estimates=True)
     assert "estimated from the joints around them: spine_base, spine_mid, neck" in names.description
-    off = np.linalg.norm(names.apply(motion) - truth[:, NTU25.indices(NTU21.joints)], axis=-1)
+    off = np.linalg.norm(names.apply(motion) - captured[:, NTU25.indices(NTU21.joints)], axis=-1)
     assert np.median(off, axis=0).max() < 0.07, off.mean(axis=0)
     np.testing.assert_allclose(names.weights.sum(axis=1), 1)
 
