@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, median_filter
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
@@ -39,6 +39,9 @@ ALOFT_HEIGHT, MIN_ALOFT = 0.15, 0.04
 MAX_FLOAT = 0.15  # metres over the lowest heights of the feet, above which a foot does not stand
 MAX_ROLL = 0.04  # metres over the floor, up to which a joint of a foot that stands may rise
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on the times at which a foot stands
+# Seconds over which the height of the lower foot is a body's own height: longer than feet leave the
+# floor; and standard deviation of the filter on it.
+DRIFT_SECONDS, DRIFT_SMOOTHING = 1.5, 0.2
 
 
 @dataclass(frozen=True)
@@ -206,9 +209,9 @@ def set_down(
 ) -> Array:
     """Set a body on the floor of its partner, and on it each foot that stands.
 
-    A body that is too low as a whole would be raised by its feet alone later, and squat. A foot
-    that stands in the air, as in the mean of kicks with the left and the right, would draw the
-    body, and the foot that kicks, down to the floor.
+    A body that is too low, throughout or for seconds, would be raised by its feet alone later, and
+    squat. A foot that stands in the air, as in the mean of kicks with the left and the right, would
+    draw the body, and the foot that kicks, down to the floor.
 
     Parameters
     ----------
@@ -230,7 +233,8 @@ def set_down(
     own = find_floor(body, stance, skeleton)
     floor = _shared_floor(own, partner, fps, skeleton, tolerance)
     root = motion[:, skeleton.root]
-    result[..., 1] += (floor.at(root) - own.at(root))[:, None]
+    drift = _drift(motion, own, fps, skeleton, aloft)
+    result[..., 1] += (floor.at(root) - own.at(root) - drift)[:, None]
     rests = rest_heights(result.astype(np.float32), partner, stance, fps, skeleton, tolerance)
     ankles = result[:, [foot[0] for foot in feet(skeleton)], 1].T
     lower = (ankles == ankles.min(axis=0)) & ~stance.any(axis=0) & ~aloft
@@ -239,6 +243,18 @@ def set_down(
         over = np.maximum(result[:, foot[0], 1] - rests[:, foot[0]] - MAX_ROLL, 0)
         result[:, list(foot), 1] -= (share * over)[:, None]
     return result
+
+
+def _drift(motion: Array, floor: Floor, fps: float, skeleton: Skeleton, aloft: Mask) -> Array:
+    """``(T,)`` metres: height of the lower foot over its floor, as it is for a second or longer."""
+    if aloft.all():
+        return np.zeros(len(motion))
+    ankles = motion[:, [foot[0] for foot in feet(skeleton)]]
+    lower = (ankles[..., 1] - floor.at(ankles) - floor.rest[0]).min(axis=1)
+    frames = np.arange(len(motion))
+    lower = np.interp(frames, frames[~aloft], lower[~aloft])
+    usual = median_filter(lower, 2 * round(DRIFT_SECONDS / 2 * fps) + 1, mode="nearest")
+    return np.asarray(gaussian_filter1d(usual, DRIFT_SMOOTHING * fps, mode="nearest"))
 
 
 def _shared_floor(
