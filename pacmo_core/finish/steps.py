@@ -214,7 +214,7 @@ def _stepping(motion: Array, headings: Array, fps: float, skeleton: Skeleton) ->
     ankles = [foot[0] for foot in feet(skeleton)]
     demand = _demand(root, headings, fps)
     n_steps = _count_steps(demand, fps)
-    paths = [_beneath(motion[:, list(foot)], root, headings) for foot in feet(skeleton)]
+    paths = [_beneath(motion, foot, headings, skeleton) for foot in feet(skeleton)]
     progress = _progress(demand)
     order = _order(motion[0, ankles] - root[0], root[-1] - root[0], headings[0])
     starts = [np.arange(turn, n_steps, 2) / n_steps for turn in (0, 1)]
@@ -320,20 +320,27 @@ def _share(legs: Array, change: Array, fps: float) -> Array:
     return np.asarray(gaussian_filter1d(lowest, half / 3, mode="nearest", radius=half))
 
 
-def _beneath(foot: Array, root: Array, headings: Array) -> Array:
-    """``(T, K, 3)``: where a foot would be beneath the body, from its first to its last place.
+def _beneath(motion: Array, foot: tuple[int, ...], headings: Array, skeleton: Skeleton) -> Array:
+    """``(T, K, 3)``: where a foot would be beneath its hip; its first and last place are given.
 
-    In the body's frame it goes evenly from one to the other.
+    In the body's frame it turns evenly from its first direction to its last.
 
     Parameters
     ----------
-    foot : (T, K, 3) metres, its joints
-    root : (T, 3) metres
+    motion : (T, J, 3) metres
+    foot : its joints, the ankle first
     headings : (T,) radians
+    skeleton : of the motion
     """
-    share = np.linspace(0, 1, len(foot))[:, None, None]
-    local = turned(foot[[0, -1]] - root[[0, -1]][:, None], -headings[[0, -1]])
-    return root[:, None] + turned(local[0] + share * (local[1] - local[0]), headings)
+    root, joints = motion[:, skeleton.root], motion[:, list(foot)]
+    hip = motion[:, skeleton.parents[skeleton.parents[foot[0]]]]
+    beside = turned((hip - root)[:, None], -headings).mean(axis=0)
+    share = np.linspace(0, 1, len(motion))[:, None, None]
+    ends = joints[[0, -1]]
+    shape = turned(ends - ends[:, :1], -headings[[0, -1]])
+    path = root[:, None] + turned(beside + shape[0] + share * (shape[1] - shape[0]), headings)
+    path[[0, -1]] = ends
+    return np.asarray(path)
 
 
 def _standing_heights(motion: Array, ankles: list[int], joints: list[int], fps: float) -> Array:
