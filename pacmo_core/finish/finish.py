@@ -31,6 +31,8 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.avoidance import avoid_partner
+from pacmo_core.finish.balance import keep_over_feet
 from pacmo_core.finish.bones import (
     lengths_by_joint,
     median_lengths,
@@ -43,7 +45,6 @@ from pacmo_core.finish.contacts import Contacts, predict_contacts
 from pacmo_core.finish.floor import MAX_ROLL, find_aloft, find_floor, rest_heights, set_down
 from pacmo_core.finish.heights import straighten
 from pacmo_core.finish.learnt import Learnt
-from pacmo_core.finish.passing import go_round
 from pacmo_core.finish.stance import Mask, find_stance, footholds, frame_runs
 from pacmo_core.finish.steps import take_steps
 from pacmo_core.finish.travel import spread_bursts
@@ -145,6 +146,7 @@ def finish(
     floor = rest_heights(stepping, partner, stance, fps, skeleton, tolerance)
     motion = stepping.astype(np.float64)
     anchor, stands = find_footholds(motion, wanted, stance, floor, fps, skeleton)
+    motion = keep_over_feet(motion, stance, wanted, fps, skeleton)
     rests = _support(motion, anchor, stands, floor, skeleton, aloft)
     targets = Targets(wanted, anchor, stands, rests, floor, contacts)
     result = np.zeros_like(motion)
@@ -179,7 +181,7 @@ def calmed(
     shaped = shape_trunk(turned, skeleton, learnt.trunk)
     even = spread_bursts(shaped, fps, skeleton, learnt.max_speeds)
     smooth = damp_twitches(even, fps, learnt.max_accelerations)
-    return go_round(smooth, partner, fps, skeleton, float(learnt.least_distance))
+    return avoid_partner(smooth, partner, fps, skeleton, float(learnt.least_distance))
 
 
 def find_footholds(

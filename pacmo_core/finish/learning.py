@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.avoidance import trunk_offset
 from pacmo_core.finish.bones import median_lengths
 from pacmo_core.finish.contacts import find_pairs, learn_contacts
 from pacmo_core.finish.finish import calmed
@@ -21,7 +22,6 @@ from pacmo_core.finish.floor import (
 )
 from pacmo_core.finish.heights import learn_heights, pelvis_heights
 from pacmo_core.finish.learnt import Learnt, nothing_learnt
-from pacmo_core.finish.passing import trunk_offset
 from pacmo_core.finish.travel import peak_speeds
 from pacmo_core.finish.trunk import learn_trunk
 from pacmo_core.finish.turns import resolve_turns

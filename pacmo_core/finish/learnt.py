@@ -29,7 +29,7 @@ class Learnt:
     trunk : (D + 2, D) of ``trunk.learn_trunk``
     max_speeds : (2,) of ``travel.peak_speeds``, the largest of captured motion
     max_accelerations : (J,) of ``twitches.peak_accelerations``, the largest of captured motion
-    least_distance : () metres of the two trunks (``passing.trunk_offset``)
+    least_distance : () metres of the two trunks (``avoidance.trunk_offset``)
     floor_tolerance : () metres, of ``floor.learn_floor_tolerance``
     leaves_floor : () 1 where captured bodies are off the floor at times (``floor.MIN_ALOFT``), or 0
     """

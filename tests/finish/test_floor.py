@@ -113,6 +113,20 @@ def test_a_body_that_is_too_low_as_a_whole_rises_as_a_whole(
     np.testing.assert_allclose(there[..., 1], given[..., 1] + rise, atol=2e-3)
 
 
+def test_a_body_that_sinks_for_seconds_rises_for_these_alone():
+    partner = np.tile(standing(LEG, (0.0, 2.0))[:1], (300, 1, 1))
+    given = np.tile(standing(LEG)[:1], (300, 1, 1))
+    times = np.arange(300) / 30.0
+    sunk = 0.4 * np.clip(3 - np.abs(times - 5), 0, 1)  # as deep from 3 to 7 s
+    given[..., 1] -= sunk[:, None].astype(np.float32)
+    nobody_aloft = np.zeros(300, bool)
+    found = set_down(given.astype(np.float64), partner, 30.0, NTU25, ONE_FLOOR, nobody_aloft)
+    settled = (np.abs(times - 2.5) > 1.5) & (np.abs(times - 7.5) > 1.5)
+    wanted = np.broadcast_to(partner[0, :, 1], found[..., 1].shape)
+    np.testing.assert_allclose(found[settled][..., 1], wanted[settled], atol=0.02)
+    np.testing.assert_allclose(found[..., 1], wanted, atol=0.2)
+
+
 def test_where_captures_place_each_persons_floor_by_itself_people_stand_on_their_own():
     partner, captured, given = standing(LEG), standing(LEG, (0.0, 2.0)), standing(LEG, (0.0, 2.0))
     given[..., 1] += 0.03

@@ -85,6 +85,20 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
     assert np.linalg.norm(reach[:, [0, 2]], axis=-1).max() < 0.4
 
 
+@pytest.mark.parametrize("ahead", [0.25, -0.25])
+def test_steps_are_beneath_a_body_whose_feet_were_not(ahead: float) -> None:
+    given = glide(2.5)
+    given[:, FEET, 2] -= ahead
+    found = take_steps(given, LENGTHS, FPS, SBU15)
+    middle = slice(round(1.6 * FPS), round(2.4 * FPS))
+    before, after = (
+        motion[middle][:, FEET, 2].mean() - motion[middle][:, HIPS, 2].mean()
+        for motion in (given, found)
+    )
+    assert before == pytest.approx(-ahead, abs=0.05)
+    assert abs(after) < 0.08
+
+
 def test_a_body_that_lurches_goes_evenly_and_above_the_legs_keeps_its_pose() -> None:
     given = glide(0.0)
     times = np.arange(len(given)) / FPS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.finish.passing import go_round, trunk_offset
+from pacmo_core.finish.avoidance import avoid_partner, trunk_offset
 from tests.reaction.problems import REST
 
 FPS = 30.0
@@ -23,7 +23,7 @@ def walking(aside: float) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("aside", [0.02, -0.2])
 def test_a_body_that_goes_through_the_partner_goes_round_on_its_side(aside: float) -> None:
     motion, partner = walking(aside)
-    found = go_round(motion, partner, FPS, SBU15, 0.35)
+    found = avoid_partner(motion, partner, FPS, SBU15, 0.35)
     path = trunk_offset(found, partner, SBU15)
     assert np.linalg.norm(path, axis=1).min() > 0.35 - 1e-6
     assert (np.sign(path[:, 0]) == np.sign(aside)).all()
@@ -37,5 +37,5 @@ def test_a_body_that_goes_through_the_partner_goes_round_on_its_side(aside: floa
 
 def test_a_body_that_keeps_the_distance_is_unchanged() -> None:
     motion, partner = walking(0.4)
-    assert go_round(motion, partner, FPS, SBU15, 0.35) is motion
-    assert go_round(motion, partner, FPS, SBU15, 0.0) is motion
+    assert avoid_partner(motion, partner, FPS, SBU15, 0.35) is motion
+    assert avoid_partner(motion, partner, FPS, SBU15, 0.0) is motion

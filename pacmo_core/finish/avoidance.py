@@ -1,4 +1,4 @@
-"""Passing: a body that goes through the partner goes round them.
+"""Collision avoidance: a body that goes through the partner goes round them.
 
 A generator that does not know what the partner does may put a body where they are. Where the
 middles of the trunks are much nearer to each other, over the floor, than those of any captured
@@ -36,7 +36,9 @@ def trunk_offset(motion: Array | Motion, partner: Motion, skeleton: Skeleton) ->
     return np.asarray((middle - other)[:, [0, 2]])
 
 
-def go_round(motion: Array, partner: Motion, fps: float, skeleton: Skeleton, least: float) -> Array:
+def avoid_partner(
+    motion: Array, partner: Motion, fps: float, skeleton: Skeleton, least: float
+) -> Array:
     """Keep a body at a distance from the partner; a motion that keeps it is unchanged.
 
     Parameters
