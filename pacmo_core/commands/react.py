@@ -57,7 +57,7 @@ from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import check_up
 from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
-from pacmo_core.formats.registry import PersonMotion, select_person
+from pacmo_core.formats.registry import ONE_PERSON_FORMATS, PersonMotion, select_person
 from pacmo_core.formats.resample import sample_times
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
@@ -491,6 +491,7 @@ def _read(
 ) -> ReactingPeople:
     """Read the partner, and the rig of the other, each with its own options."""
     of_partner = options.of_person(source.label) if rig else options
+    _check_person(source, of_partner, clip, rig)
     read = _capture(source, of_partner, clip)
     if rig is None:
         (partner,) = to_model_joints([read.motion], skeleton, [source], options)
@@ -504,6 +505,15 @@ def _read(
     own = rig_of(source, read, skeleton, options)
     say_names([(source.file, own.named), (rig, of_rig.named)])
     return ReactingPeople(own.motion, of_rig, own)
+
+
+def _check_person(source: Source, options: ReadOptions, clip: str, rig: Path | None) -> None:
+    """Refuse to select one of two people in a file of one; with a rig they name its role."""
+    one = not names_clips(source.file, clip) and options.format_of(source.file) in (
+        ONE_PERSON_FORMATS
+    )
+    if source.person and one and rig is None:
+        raise CommandError(f"{source.file} holds one person: leave out --person {source.person}")
 
 
 def _check_files(partner: list[Path], out: Path | None) -> tuple[Path, Path]:

@@ -161,7 +161,7 @@ def format_of(file: Path) -> str:
     if file.suffix.lower() not in FORMAT_OF_SUFFIX:
         raise ValueError(
             f"{file.name}: its suffix belongs to no format; "
-            f"wanted a format, one of {', '.join(DEFAULT_SETTINGS)}"
+            f"wanted a format (--format), one of {', '.join(DEFAULT_SETTINGS)}"
         )
     return FORMAT_OF_SUFFIX[file.suffix.lower()]
 
@@ -243,7 +243,8 @@ def select_person(interaction: Interaction, person: str | None, name: str) -> Pe
         If ``person`` is neither.
     """
     if person not in ("a", "b"):
-        raise ValueError(f"{name} holds two people: wanted the partner, a or b; got {person}")
+        got = person or "neither"
+        raise ValueError(f"{name} holds two people: wanted one (--person), a or b; got {got}")
     motion = interaction.person_a if person == "a" else interaction.person_b
     return PersonMotion(interaction.skeleton, interaction.times, motion)
 

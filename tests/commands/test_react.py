@@ -161,8 +161,9 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     assert "metres, y up" in inferred.stdout
     sbu = tmp_path / "skeleton_pos.txt"
     sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
-    refused(pacmo(sbu, *words), "suffix", "sbu")
-    refused(pacmo(sbu, "--format", "sbu", *words), "two people")
+    refused(pacmo(sbu, *words), "suffix", "--format", "sbu")
+    refused(pacmo(sbu, "--format", "sbu", *words), "two people", "--person")
+    refused(pacmo(bvh, "--person", "b", *words), "one person", "leave out --person b")
 
 
 def test_at_twice_a_rounded_rate_the_last_frame_stays(weights: Path, tmp_path: Path) -> None:
