@@ -35,6 +35,10 @@ MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher 
 # more of them, in proportion: 0.0065 m by steps a minute (Sekiya and Nagasaki 1998,
 # *Reproducibility of the walking patterns of normal young adults*).
 WALK_RATIO = 0.39
+# Steps beyond those that the way takes, for the half ones at both ends; feet then part as captured
+# ones do: 0.69 of the legs' length 99 % of the time, and 0.75 at most in 90 % of the clips; those of
+# the default 0.73 and 0.75.
+HALF_STEPS = 0.6
 # Of one step, at most: how far the body goes aside, metres, and turns, radians; and its time.
 MAX_ASIDE, MAX_TURN = 0.25, np.pi / 4
 MIN_APART = 0.1  # metres that the left foot stands to the left of the right one
@@ -203,8 +207,12 @@ def _demand(root: Array, headings: Array, fps: float) -> Array:
 
 
 def _count_steps(demand: Array, fps: float) -> int:
-    """Count the steps of both feet, of ``_demand``: as many of each, as either goes all the way."""
-    most = max(float(demand.sum()), len(demand) / fps / MAX_SECONDS)
+    """Count the steps of both feet, of ``_demand``: as many of each, as either goes all the way.
+
+    A first step from feet that are together, and a last one that puts them together, are half as
+    long as the others: where each foot takes one, the feet would part by the whole way.
+    """
+    most = max(float(demand.sum()) + HALF_STEPS, len(demand) / fps / MAX_SECONDS)
     return max(2, 2 * ceil(most / 2 - 0.1))
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.finish.bones import median_lengths, set_legs
+from pacmo_core.finish.bones import leg_length, median_lengths, set_legs
 from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.learnt import Learnt
@@ -83,6 +83,13 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
     np.testing.assert_allclose(found[[0, -1]], given[[0, -1]], atol=1e-3)
     reach = found[:, FEET].mean(axis=1) - found[:, HIPS].mean(axis=1)
     assert np.linalg.norm(reach[:, [0, 2]], axis=-1).max() < 0.4
+
+
+@pytest.mark.parametrize("metres", [0.8, 1.2, 2.0])
+def test_strides_are_no_splits(metres: float) -> None:
+    found = take_steps(glide(metres), LENGTHS, FPS, SBU15)
+    apart = np.linalg.norm((found[:, FEET[0]] - found[:, FEET[1]])[:, [0, 2]], axis=1)
+    assert apart.max() < 0.95 * leg_length(LENGTHS, SBU15)
 
 
 @pytest.mark.parametrize("ahead", [0.25, -0.25])
