@@ -85,9 +85,10 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
     assert np.linalg.norm(reach[:, [0, 2]], axis=-1).max() < 0.4
 
 
-@pytest.mark.parametrize("metres", [0.8, 1.2, 2.0])
+@pytest.mark.parametrize("metres", [0.8, 1.0, 1.4])
 def test_strides_are_no_splits(metres: float) -> None:
-    found = take_steps(glide(metres), LENGTHS, FPS, SBU15)
+    in_a_second = glide(metres, fps=FPS / 2)
+    found = take_steps(in_a_second, LENGTHS, FPS, SBU15)
     apart = np.linalg.norm((found[:, FEET[0]] - found[:, FEET[1]])[:, [0, 2]], axis=1)
     assert apart.max() < 0.95 * leg_length(LENGTHS, SBU15)
 
