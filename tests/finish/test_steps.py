@@ -85,12 +85,12 @@ def test_a_body_that_glides_takes_steps(metres: float, turn: float) -> None:
     assert np.linalg.norm(reach[:, [0, 2]], axis=-1).max() < 0.4
 
 
-@pytest.mark.parametrize("metres", [0.8, 1.0, 1.4])
+@pytest.mark.parametrize("metres", [0.8, 1.4, 2.0])
 def test_strides_are_no_splits(metres: float) -> None:
     in_a_second = glide(metres, fps=FPS / 2)
     found = take_steps(in_a_second, LENGTHS, FPS, SBU15)
     apart = np.linalg.norm((found[:, FEET[0]] - found[:, FEET[1]])[:, [0, 2]], axis=1)
-    assert apart.max() < 0.95 * leg_length(LENGTHS, SBU15)
+    assert apart.max() < 1.05 * leg_length(LENGTHS, SBU15)
 
 
 @pytest.mark.parametrize("ahead", [0.25, -0.25])
