@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from pacmo_core.commands.captures import TwoPersonCapture, write_two_people
+from pacmo_core.commands.captures import OutputSpace, TwoPersonCapture, write_two_people
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.react import OutputSpace, Reactions, write_reactions
+from pacmo_core.commands.react_files import Reactions, write_reactions
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import SBU15
