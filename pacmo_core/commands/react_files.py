@@ -58,8 +58,8 @@ def check_reactions_output(out: Path, space: OutputSpace) -> None:
         raise CommandError(
             f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files; for others: "
             f"react ... --out {stored}, then pacmo export {stored}:NAME#0000 --out {out.name}, "
-            "with NAME the partner's file without its suffix, or the clip; on rigs: react ... "
-            f"--out {bvh}, then pacmo export {out.stem}_0_A.bvh+{out.stem}_0_B.bvh --out {out.name}"
+            "with NAME the partner's file without its suffix, or the clip; with --rig: react ... "
+            f"--out {bvh}, then pacmo view {out.stem}_0_A.bvh+{out.stem}_0_B.bvh"
         )
     check_up(space.up)
     check_unit(space.unit, "--to-unit")
