@@ -442,11 +442,11 @@ def to_model_joints(
         for person, of in zip(people, names, strict=True)
     ]
     for source, person in zip(sources, named, strict=True):
-        _check_legs(source.file, person)
+        check_legs(source.file, person)
     return named
 
 
-def _check_legs(file: Path, person: PersonMotion) -> None:
+def check_legs(file: Path, person: PersonMotion) -> None:
     """Refuse legs of which a thigh and a shin have no human proportion.
 
     Of rigs of equal names some name a joint by the bone that ends there, some by the one that

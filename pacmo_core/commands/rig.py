@@ -16,6 +16,7 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     ReadPerson,
     Source,
+    check_legs,
     name_model_joints,
     read_people,
 )
@@ -125,13 +126,15 @@ def read_rig(source: Source, model: Skeleton, options: ReadOptions) -> TargetRig
 def rig_of(source: Source, read: ReadPerson, model: Skeleton, options: ReadOptions) -> TargetRig:
     """Return the rig of a person who was read from a BVH file."""
     names = name_model_joints(read.motion, model, source, options)
+    named = replace(read.motion, skeleton=model, motion=names.apply(read.motion.motion))
+    check_legs(source.file, named)
     return TargetRig(
         source.file,
         read_bvh(source.file),
         space_of(source.file, read),
         read.motion.skeleton.joints,
         names.weights,
-        replace(read.motion, skeleton=model, motion=names.apply(read.motion.motion)),
+        named,
         names.description,
     )
 

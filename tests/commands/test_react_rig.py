@@ -141,9 +141,13 @@ def test_legs_whose_joints_are_named_a_bone_too_high_are_refused(
     named = [
         word for joint, name in high for word in ("--joints", f"left_{joint}=mixamorig:{name}")
     ]
-    said = pacmo(captures[0], *named, "--out", tmp_path / "x.parquet")
-    refused(said, str(captures[0]), "a left thigh of 0.", "--joints left_knee=")
-    assert not (tmp_path / "x.parquet").exists()
+    of_rig = [word if word == "--joints" else f"b={word}" for word in named]
+    out = ["--out", tmp_path / "x.bvh"]
+    for words in (named, ["--rig", captures[1], *of_rig]):
+        said = pacmo(captures[0], *words, *out)
+        wrong = captures[0] if words is named else captures[1]
+        refused(said, str(wrong), "a left thigh of 0.", "--joints left_knee=")
+    assert not list(tmp_path.glob("x*"))
 
 
 def test_knees_and_elbows_bend_about_the_axes_of_the_rig(
