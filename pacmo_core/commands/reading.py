@@ -462,7 +462,7 @@ def check_legs(file: Path, person: PersonMotion) -> None:
             raise CommandError(
                 f"{file}: a {side} thigh of {thigh:.2f} m and shin of {shin:.2f} m: its joints are "
                 "not where their names say, as where they name bones that begin there; name hips, "
-                "knees and ankles by --joints, such as --joints left_knee=ltibia"
+                "knees and ankles by --joints, such as --joints left_knee=ltibia (of a rig, b=...)"
             )
 
 
