@@ -1,9 +1,9 @@
 """Collision avoidance: a body that goes through the partner goes round them.
 
 A generator that does not know what the partner does may put a body where they are. Where the
-middles of the trunks are much nearer to each other, over the floor, than those of any captured
-people, the path of the body about the partner is pushed out and smoothed, in turn, like an elastic
-band about a pole. The body moves as a whole; feet that slide then take steps.
+middles of the trunks are nearer to each other, over the floor, than those of any captured people,
+the path of the body about the partner is pushed out and smoothed, in turn, like an elastic band
+about a pole. The body moves as a whole; feet that slide then take steps.
 """
 
 import numpy as np

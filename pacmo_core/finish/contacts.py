@@ -31,7 +31,7 @@ SMOOTHING = 0.08  # seconds, standard deviation of the filter on paths whose spe
 # Probabilities at which a contact begins to be closed, and is closed entirely: a hand that misses
 # looks worse than one that touches early. On validation reactions of other seeds than those learnt
 # from, 0.4 and 0.6 met 0.5 % fewer contacts, with 0.2 % fewer false ones.
-LEAST_PROBABILITY, FULL_PROBABILITY = 0.3, 0.5
+LEAST_PROBABILITY, FULL_PROBABILITY = 0.4, 0.6
 WANTED_SHARE = 0.75  # of captured contacts that are as near as a contact is closed
 MIN_FRAMES = 50  # within MAX_DISTANCE, in contact and not, for a kind of pair to be learnt
 RIDGE = 1e-3  # on the coefficients of the regression

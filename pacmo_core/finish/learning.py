@@ -28,9 +28,6 @@ from pacmo_core.finish.turns import resolve_turns
 from pacmo_core.finish.twitches import peak_accelerations
 
 Example = tuple[Interaction, Motion]
-# Share of the least distance of captured trunks, within which a body goes round the partner: others
-# may embrace more closely.
-NEARER = 0.75
 
 
 def learn(examples: Sequence[Example], skeleton: Skeleton) -> Learnt:
@@ -69,7 +66,7 @@ def _of_bodies(examples: Sequence[Example], rates: Sequence[float], skeleton: Sk
         trunk=learn_trunk(zip(generated, captured, strict=True), skeleton),
         max_speeds=np.max(speeds, axis=0),
         max_accelerations=np.max(accelerations, axis=0),
-        least_distance=np.array(NEARER * min(distances)),
+        least_distance=np.array(min(distances)),
     )
 
 

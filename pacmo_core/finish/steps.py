@@ -35,11 +35,11 @@ MAX_LIFT = 0.1  # metres above that height, up to which a foot slides; a higher 
 # more of them, in proportion: 0.0065 m by steps a minute (Sekiya and Nagasaki 1998,
 # *Reproducibility of the walking patterns of normal young adults*).
 WALK_RATIO = 0.39
-# Of a step ahead, by which feet part at most. They then do as captured ones: by 0.73 of the legs'
-# length or less in 99 % of frames (captured 0.73), and by 0.25 m on average of a walk (0.28).
-MAX_PARTING = 1.6
+# Of a step ahead, by which feet part at most. They then do as captured ones: by 0.8 of the legs'
+# length or less in 99 % of frames (captured 0.73), and by 0.27 m on average of a walk (0.28).
+MAX_PARTING = 1.8
 # Of one step, at most: how far the body goes aside, metres, and turns, radians; and its time.
-MAX_ASIDE, MAX_TURN = 0.25, np.pi / 4
+MAX_ASIDE, MAX_TURN = 0.22, np.pi / 4
 MIN_APART = 0.1  # metres that the left foot stands to the left of the right one
 MIN_SECONDS, MAX_SECONDS = 0.3, 0.7
 MIN_PROGRESS = 0.3  # of the mean speed, at which steps go on while the body rests

@@ -122,6 +122,8 @@ class Cmu:
             If a file is broken (said first), one is missing, or the two do not match.
         """
         motions = [file for file in sequence.files if file.suffix.lower() == ".amc"]
+        if not motions:
+            raise FormatError(sequence.files[0], "no motion: wanted the name of an AMC file")
         people = [self._person(file) for file in motions]
         if len(people) == 1:
             raise FormatError(motions[0], unpaired_text(PAIR_RULES))

@@ -286,7 +286,10 @@ def _trunk(parents: Sequence[int], limbs: Sequence[_Limb]) -> list[int]:
 
 
 def _forward(parents: Sequence[int], offsets: Array, local: Array, limbs: Sequence[_Limb]) -> Array:
-    """``(J, 3)``: the direction in which the body of the mean pose faces, in each joint's frame."""
+    """``(J, 3)``: the direction in which the body of the mean pose faces, in each joint's frame.
+
+    Zero for a body without two arms and two legs, or whose hips lie on a line with its shoulders.
+    """
     positions, frames = forward_kinematics(parents, np.zeros((1, 3)), offsets, local)
     places = {(limb.is_leg, limb.is_left): positions[0, limb.start] for limb in limbs}
     if len(places) < len(("arm", "leg")) * len(("left", "right")):
@@ -294,7 +297,7 @@ def _forward(parents: Sequence[int], offsets: Array, local: Array, limbs: Sequen
     left = places[True, True] - places[True, False]
     shoulders, hips = (places[leg, True] + places[leg, False] for leg in (False, True))
     forward = np.cross(left, shoulders - hips)
-    in_frames: Array = forward @ frames[0] / np.linalg.norm(forward)
+    in_frames: Array = forward @ frames[0] / max(float(np.linalg.norm(forward)), 1e-12)
     return in_frames
 
 
