@@ -37,7 +37,8 @@ class Params:
     """The ``split_variations`` section of ``params.yaml``."""
 
     held_out: tuple[str, ...]  # patterns of the sources that splits across interactions test
-    n_folds: int  # into which sources are divided where splits are named by fold
+    n_folds: int  # into which sources are divided where splits are named by fold, unless
+    folds: tuple[tuple[str, ...], ...]  # has the patterns of those that each fold tests
     test_share: float  # of variations, in the random split
     validation_share: float  # of those left, where scales do not choose them
     random_seed: int
@@ -85,13 +86,19 @@ def assign(facts: Mapping[str, VariationScales], name: str, params: Params) -> d
 
 
 def held_out_sources(sources: Sequence[str], fold: int | None, params: Params) -> frozenset[str]:
-    """Select the sources of a fold, every ``n_folds``-th; without one those that patterns match."""
-    if fold is None:
-        patterns = params.held_out
-        return frozenset(s for s in sources if any(fnmatchcase(s, p) for p in patterns))
-    if not 1 <= fold <= params.n_folds:
-        raise ValueError(f"fold must be 1 to n_folds, {params.n_folds}; got {fold}")
-    return frozenset(sources[fold - 1 :: params.n_folds])
+    """Select the sources of a fold, or without one those that the patterns ``held_out`` match.
+
+    Of a fold that ``folds`` lists, those that its patterns match; without a list every
+    ``n_folds``-th.
+    """
+    n_folds = len(params.folds) or params.n_folds
+    if fold is not None and not 1 <= fold <= n_folds:
+        name = "the number of folds" if params.folds else "n_folds"
+        raise ValueError(f"fold must be 1 to {name}, {n_folds}; got {fold}")
+    if fold is not None and not params.folds:
+        return frozenset(sources[fold - 1 :: n_folds])
+    patterns = params.held_out if fold is None else params.folds[fold - 1]
+    return frozenset(s for s in sources if any(fnmatchcase(s, p) for p in patterns))
 
 
 def arguments() -> argparse.Namespace:

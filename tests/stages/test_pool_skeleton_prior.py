@@ -40,12 +40,22 @@ def test_a_splits_name_says_its_fold_and_how_many_train(name, wanted):
 
 def test_every_source_is_held_out_in_one_fold():
     sources = [f"clip{number}" for number in range(7)]
-    params = split_variations.Params((), 3, 0.2, 0.0, 1)
+    params = split_variations.Params((), 3, (), 0.2, 0.0, 1)
     folds = [split_variations.held_out_sources(sources, fold, params) for fold in (1, 2, 3)]
     assert sorted(name for fold in folds for name in fold) == sources
     assert [len(fold) for fold in folds] == [3, 2, 2]
     with pytest.raises(ValueError, match="fold must be 1 to n_folds, 3; got 4"):
         split_variations.held_out_sources(sources, 4, params)
+
+
+def test_folds_that_are_listed_test_what_their_patterns_match():
+    sources = ["a/01/1", "a/02/1", "b/01/1", "b/03/1"]
+    listed = (("*/01/*",), ("*/02/*", "*/03/*"))
+    params = split_variations.Params(("*/01/*",), 3, listed, 0.2, 0.0, 1)
+    first, second = (split_variations.held_out_sources(sources, f, params) for f in (1, 2))
+    assert first == {"a/01/1", "b/01/1"} and second == {"a/02/1", "b/03/1"}
+    with pytest.raises(ValueError, match="fold must be 1 to the number of folds, 2; got 3"):
+        split_variations.held_out_sources(sources, 3, params)
 
 
 def test_folds_are_pooled_over_their_motions():
@@ -123,7 +133,7 @@ def test_patterns_hold_sources_out_and_numbers_keep_few():
         for source in ("one", "two")
         for k, scale in enumerate([0.95, 1.05, 0.9, 0.8, 1.2])
     }
-    params = split_variations.Params(("tw*",), 3, 0.2, 0.0, 1)
+    params = split_variations.Params(("tw*",), 3, (), 0.2, 0.0, 1)
     sides = split_variations.assign(facts, "cross_scale_interaction_1", params)
     assert {n for n, side in sides.items() if side == "test"} == {"two~3", "two~4"}
     train = [name for name, side in sides.items() if side == "train"]
@@ -136,6 +146,7 @@ def refused(said, dataset, split):
     section = {
         "held_out": ["*A055"],
         "n_folds": 3,
+        "folds": [],
         "test_share": 0.2,
         "validation_share": 0.1,
         "random_seed": 1,
