@@ -15,6 +15,7 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     ReadPerson,
     Source,
+    capture_name,
     check_unit,
     parse_unit,
     read_people,
@@ -216,7 +217,7 @@ def read_two_people(files: tuple[Path, ...], options: ReadOptions, clip: str) ->
     settings = tuple(person.settings for person in read)
     text = " and ".join(str(file) for file in files)
     a, b = on_one_clock(read[0].motion, read[1].motion, text)
-    capture = _make_capture(clip or first.stem, files, settings, [a, b])
+    capture = _make_capture(clip or capture_name(first), files, settings, [a, b])
     resampled = a is not read[0].motion or b is not read[1].motion
     bodies = [
         _at_times(_whole(file, of_file, options.format_of(file)), person.times)

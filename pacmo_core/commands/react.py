@@ -40,6 +40,7 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     ReadPerson,
     Source,
+    capture_name,
     parse_unit,
     read_people,
     say_names,
@@ -221,7 +222,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         model, source = load_reaction_model(chosen), Source(file, person or "a", person)
         people = _read(source, rig, model.skeleton, options, clip)
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)))
-        capture, name = people.partner, clip or file.stem
+        capture, name = people.partner, clip or capture_name(file)
         if to_fps is not None and len(capture.times) > 1:
             capture = replace(capture, times=meant_times(capture.times))
         at = _sample_times(capture, to_fps, name)

@@ -71,6 +71,7 @@ Joints = Annotated[
     ),
 ]
 
+ONE_NAME = "skeleton_pos"  # of every file of SBU, and of DuetDance
 MIN_LEG_RATIO = 0.5  # of thigh and shin, either by the other; of people 0.8 and more
 
 
@@ -446,6 +447,11 @@ def to_model_joints(
     return named
 
 
+def capture_name(file: Path) -> str:
+    """Name a capture by its file, or by its folders where a dataset gives all files one name."""
+    return "_".join(file.absolute().parts[-4:-1]) if file.stem == ONE_NAME else file.stem
+
+
 def check_legs(file: Path, person: PersonMotion) -> None:
     """Refuse legs of which a thigh and a shin have no human proportion.
 
@@ -461,8 +467,9 @@ def check_legs(file: Path, person: PersonMotion) -> None:
         if min(thigh, shin) < MIN_LEG_RATIO * max(thigh, shin):
             raise CommandError(
                 f"{file}: a {side} thigh of {thigh:.2f} m and shin of {shin:.2f} m: its joints are "
-                "not where their names say, as where they name bones that begin there; name hips, "
-                "knees and ankles by --joints, such as --joints left_knee=ltibia (of a rig, b=...)"
+                "not where their names say, as where they name bones that begin there; wanted "
+                "--joints cmu_bones for CMU's bones (of a rig, --joints b=cmu_bones), or hips, "
+                "knees and ankles by name, such as --joints left_knee=ltibia"
             )
 
 

@@ -66,6 +66,7 @@ from pacmo_core.commands.weights import (
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.interaction_mesh.scene import MIN_LENGTH
 from pacmo_core.models import load_skeleton_prior
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.skeleton_prior.inference import generate_skeletons, retarget
@@ -307,10 +308,26 @@ def _select_joints(
     duo: TwoPersonCapture, skeleton: Skeleton, options: ReadOptions
 ) -> TwoPersonCapture:
     """Select the joints of the model of both people, each by the names of their own capture."""
-    a, b = to_model_joints(duo.people, skeleton, two_sources(duo.files), options)
+    sources = two_sources(duo.files)
+    a, b = to_model_joints(duo.people, skeleton, sources, options)
+    for source, person in zip(sources, (a, b), strict=True):
+        _check_bones(source.file, person)
     has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
     keeps = duo.keeps_hierarchy and has_same_names and not options.joints
     return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model", bodies=duo.whole)
+
+
+def _check_bones(file: Path, person: PersonMotion) -> None:
+    """Refuse a bone without length, such as to a neck that a capture has between the shoulders."""
+    parent, child = person.skeleton.bones.T
+    lengths = np.linalg.norm(person.motion[:, child] - person.motion[:, parent], axis=-1)
+    if lengths.min() < MIN_LENGTH:
+        frame, bone = np.argwhere(lengths < MIN_LENGTH)[0]
+        above, below = (person.skeleton.joints[end[bone]] for end in (parent, child))
+        raise CommandError(
+            f"{file}: {above} and {below} coincide in frame {frame}: wanted another joint of the "
+            f"capture for one of them, by --joints {below}=JOINT"
+        )
 
 
 def _bodies(

@@ -27,6 +27,7 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     ReadPerson,
     Source,
+    capture_name,
     read_people,
 )
 from pacmo_core.data.names import ReactionName, is_reaction, is_variation
@@ -110,6 +111,9 @@ def read_named_clip(word: str, options: ReadOptions) -> NamedClip:
     files = [Path(part) for part in word.split("+")]
     if all(file.is_file() for file in files):
         return _read_captures(files, options)
+    missing = [file for file in files if not file.exists()]
+    if len(missing) < len(files) and missing:
+        raise CommandError(f"{missing[0]}: no such file")
     if any(file.is_dir() for file in files):
         raise CommandError(f"{word}: wanted a file or a clip; got a folder: FOLDER:NAME is a clip")
     if len(files) == 1 and (dataset := _dataset_of(word)):
@@ -168,7 +172,7 @@ def _read_captures(files: list[Path], options: ReadOptions) -> NamedClip:
     pairs = all(options.format_of(file) in ONE_PERSON_FORMATS for file in files)
     if len(files) > (2 if pairs else 1):
         raise CommandError(f"{files[0]}: wanted {'at most two files' if pairs else 'one file'}")
-    label = " + ".join(file.stem for file in files)
+    label = " + ".join(map(capture_name, files))
     alone = len(files) == 1 and (pairs or _holds_one_person(files[0], options))
     sources = [Source(files[0], "a", None)] if alone else two_sources(files)
     read = read_people(sources, options, "")

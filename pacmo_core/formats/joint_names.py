@@ -271,7 +271,8 @@ def _match(
     if of_model is None:
         return {joint: (joint,) for joint in wanted if joint in capture.joints}, "", None
     # Where no rig fits as a whole, one that names what the model needs will do.
-    rigs = [RIGS[rig]] if rig else fitting_rigs(plain) or list(RIGS.values())
+    known_by_name = [r for r in RIGS.values() if r.required]
+    rigs = [RIGS[rig]] if rig else fitting_rigs(plain) or known_by_name
     matches = {r.name: _by_rig(r, of_model, plain, model, wanted) for r in rigs}
     known = {r.name: (len(matches[r.name][0]), len(r.required & set(plain))) for r in rigs}
     best = [name for name in matches if known[name] == max(known.values())]

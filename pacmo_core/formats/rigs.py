@@ -190,6 +190,17 @@ _ROWS = (
         "l",
         "r",
     ),
+    # BVH files that name a joint by the bone of CMU that begins there. By names alone they are not
+    # told from those of ``cmu``: a user says so, and no joint is required.
+    _rig(
+        "cmu_bones",
+        "pelvis=root? pelvis=hip? spine_low=upperback? spine_mid=thorax? spine_high=lowerneck?"
+        " neck=upperneck? head=head?",
+        "hip=femur? knee=tibia? ankle=foot? toe=toes? shoulder=humerus? elbow=radius? wrist=wrist?"
+        " hand=wrist+hand? knuckles=hand? finger_base=fingers?",
+        "l",
+        "r",
+    ),
     _rig(
         "cmu_bvh",
         "pelvis=Hips spine_low=Spine spine_mid=Spine1 spine_high=Neck neck=Neck1 head=Head",
@@ -272,5 +283,9 @@ def contained_rigs(rig: Rig, joints: Iterable[str]) -> list[str]:
 
 def rig_of_model(joints: Sequence[str]) -> Rig | None:
     """Return the smallest rig that has a point for each of a model's joints; None without one."""
-    rigs = [rig for rig in RIGS.values() if all(rig.points_of(joint) for joint in joints)]
+    rigs = [
+        rig
+        for rig in RIGS.values()
+        if rig.required and all(rig.points_of(joint) for joint in joints)
+    ]
     return min(rigs, key=lambda rig: len(rig.required), default=None)

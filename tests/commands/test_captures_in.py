@@ -22,6 +22,7 @@ from pacmo_core.formats.resample import from_y_up, resample
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.project.workspace import CommandError
 from pacmo_core.store.motions import stream_motions, write_motions
+from tests.formats.real_files import real_folder
 from tests.formats.rigged import mixamo, people
 from tests.skeleton_prior.examples import START
 
@@ -363,3 +364,12 @@ def test_a_rig_is_no_preset_of_files(pair: list[Path], preset: str, hint: str) -
 def test_a_stream_takes_no_options_of_files(weights: Path) -> None:
     said = pacmo("react", "--weights", weights, "--stream", "--clip", "x", "--from-unit", "cm")
     refused(said, "--stream reads frames", "leave out --clip, --from-unit")
+
+
+def test_captures_of_sbu_are_named_by_their_folders(weights: Path, tmp_path: Path) -> None:
+    file = min(real_folder("sbu").rglob("skeleton_pos.txt"))
+    out = tmp_path / "o.parquet"
+    words = [file, "--format", "sbu", "--person", "a", "--weights", weights, "--out", out]
+    said = pacmo("react", *words)
+    assert said.exit_code == 0, said.output
+    assert list(dict(stream_motions(out))) == ["_".join(file.parts[-4:-1]) + "#0000"]

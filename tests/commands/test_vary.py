@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.settings import PriorConfig
 from pacmo_core.skeleton_prior.training import build_start
 from pacmo_core.store.files import file_hash
-from pacmo_core.store.motions import stream_motions
+from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import read_weights, write_weights
 from pacmo_core.training.state import model_config, model_state
 from tests.commands.test_augment import CLIP, FOREARM, UNIT, files, played, read, refused, stored
@@ -288,6 +289,19 @@ def test_the_names_of_joints_are_checked_before_the_weights(stored: Path, tmp_pa
     words = ["--clip", "one", "--out", tmp_path / "o.parquet", "--weights", tmp_path / "none"]
     said = pacmo(stored, *words, "--joints", "a=mixmo")
     refused(said, "no preset of joints 'mixmo'; wanted mixamo, ")
+
+
+def test_joints_that_coincide_are_refused_with_what_helps(weights: Path, tmp_path: Path) -> None:
+    neck, head = SBU15.indices(["neck", "head"])
+    moved = CLIP.person_b.copy()
+    moved[3, head] = moved[3, neck]
+    with write_motions(tmp_path / "motions.parquet", SBU15) as writer:
+        writer.add("one", replace(CLIP, person_b=moved))
+    said = pacmo(tmp_path / "motions.parquet", "--clip", "one", "--weights", weights,
+                 "--out", tmp_path / "o.parquet")  # fmt: skip
+    assert said.exit_code == 1
+    wanted = "neck and head coincide in frame 3: wanted another joint of the capture for one of"
+    assert wanted in said.stderr and "--joints head=JOINT" in said.stderr
 
 
 def test_several_profiles_in_a_call_are_refused_in_a_line(

@@ -200,6 +200,8 @@ def test_clips_have_names_of_their_own_and_those_that_are_asked_for(tmp_path: Pa
 def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
     refused(view("two"), "no clip two")
     refused(view("nowhere:one"), "nowhere:one")
+    (tmp_path / "a.bvh").write_text(format_bvh(moving(SBU15, 3), 15, SBU15))
+    refused(view("a.bvh+b.bvh"), "pacmo: b.bvh: no such file")
     refused(view("data/clips:"), "name of a clip")
     refused(view("data/clips/motions.parquet"), "name the clip")
     refused(view(*["one"] * 7), "at most 6")
