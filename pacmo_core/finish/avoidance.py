@@ -1,9 +1,10 @@
 """Collision avoidance: a body that goes through the partner goes round them.
 
 A generator that does not know what the partner does may put a body where they are. Where the
-middles of the trunks are nearer to each other, over the floor, than those of any captured people,
-the path of the body about the partner is pushed out and smoothed, in turn, like an elastic band
-about a pole. The body moves as a whole; feet that slide then take steps.
+middles of the trunks are much nearer to each other, over the floor, than those of any captured
+people, the path of the body about the partner is pushed out to where captured people are at least,
+and smoothed, in turn, like an elastic band about a pole. The body moves as a whole; feet that slide
+then take steps.
 """
 
 import numpy as np
@@ -16,6 +17,9 @@ from pacmo_core.data.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
+# Share of the least distance of captured trunks, within which a body is in the partner: others may
+# embrace a little more closely.
+INSIDE = 0.75
 SMOOTHING = 0.1  # seconds, standard deviation of the filter on the path
 AROUND = 0.6  # seconds before and after a passage in which the body may leave its path
 ROUNDS = 40
@@ -47,28 +51,29 @@ def avoid_partner(
     partner : (T, J, 3) metres
     fps : frames per second
     skeleton : of both
-    least : metres, of ``trunk_offset``
+    least : metres, of ``trunk_offset``, of captured people
 
     Returns
     -------
     (T, J, 3) metres
     """
     offset = trunk_offset(motion, partner, skeleton)
-    inside = np.linalg.norm(offset, axis=1) < least
+    inside = np.linalg.norm(offset, axis=1) < INSIDE * least
     if not inside.any():
         return motion
     near = maximum_filter1d(inside.astype(np.float64), 2 * round(AROUND * fps) + 1)
     share = gaussian_filter1d(near, SMOOTHING * fps, mode="nearest")[:, None]
-    path = _pushed_out(offset, least)
+    radius = least * share
+    path = _pushed_out(offset, radius)
     for _ in range(ROUNDS):
         smooth = gaussian_filter1d(path, SMOOTHING * fps, axis=0, mode="nearest")
-        path = _pushed_out(path + share * (smooth - path), least)
+        path = _pushed_out(path + share * (smooth - path), radius)
     moved = motion.copy()
     moved[..., [0, 2]] += (path - offset)[:, None]
     return moved
 
 
-def _pushed_out(path: Array, least: float) -> Array:
-    """Return a path ``(T, 2)`` that is outside of a circle about the origin, or on it."""
+def _pushed_out(path: Array, radius: Array) -> Array:
+    """Return a path ``(T, 2)`` outside of circles about the origin, of radii (T, 1), or on them."""
     distance = np.linalg.norm(path, axis=1, keepdims=True)
-    return np.asarray(path * np.maximum(least / np.maximum(distance, 1e-6), 1))
+    return np.asarray(path * np.maximum(radius / np.maximum(distance, 1e-6), 1))

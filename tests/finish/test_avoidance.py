@@ -36,6 +36,6 @@ def test_a_body_that_goes_through_the_partner_goes_round_on_its_side(aside: floa
 
 
 def test_a_body_that_keeps_the_distance_is_unchanged() -> None:
-    motion, partner = walking(0.4)
+    motion, partner = walking(0.3)
     assert avoid_partner(motion, partner, FPS, SBU15, 0.35) is motion
     assert avoid_partner(motion, partner, FPS, SBU15, 0.0) is motion
