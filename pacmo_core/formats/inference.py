@@ -34,6 +34,7 @@ from pacmo_core.formats.table import Table
 
 UNIT_NAMES = {value: name for name, value in UNITS.items()} | {CMU_UNIT: "CMU's unit"}
 _FACTS = ("unit", "up")
+MIN_USUAL_STATURE = 0.9  # metres, of people who move as pairs do; smaller ones are in another unit
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,9 @@ def _infer(
     of_cmu = any(rig.name.startswith("cmu") for rig in fitting_rigs(plain_names(skeleton.joints)))
     tallest = max(postures, key=lambda posture: posture.stature)
     unit = infer_unit(tallest, of_cmu=of_cmu)
+    if unit is not None and unit * tallest.stature < MIN_USUAL_STATURE:
+        # As files of other joints that stand beside one of CMU, such as a rig.
+        unit = infer_unit(tallest, of_cmu=True)
     axes = {axis for axis in map(infer_up, postures) if axis}
     known = {"unit": unit, "up": axes.pop() if len(axes) == 1 else None}
     stature = None if unit is None else unit * tallest.stature

@@ -64,6 +64,16 @@ def test_cmu_files_are_in_the_unit_of_cmu() -> None:
     assert found.settings == {"unit": CMU_UNIT, "up": "y"}
 
 
+def test_other_joints_may_be_in_the_unit_of_cmu_too_where_inches_make_a_toddler(
+    tmp_path: Path,
+) -> None:
+    skeleton, (a, _) = mixamo(CLIP)
+    for unit, wanted in ((CMU_UNIT, CMU_UNIT), (0.0254, 0.0254), (0.01, 0.01)):
+        file = tmp_path / "x.bvh"
+        file.write_text(format_bvh((a / unit).astype(np.float32), 30, skeleton))
+        assert infer_settings(file, "bvh", {}).settings == {"unit": wanted, "up": "y"}
+
+
 def test_a_person_whom_a_wrong_unit_makes_is_found_with_a_unit_that_would_not() -> None:
     skeleton, (a, b) = mixamo(CLIP)
     up = ["y", "y"]
