@@ -16,6 +16,7 @@ from pacmo_core.commands.reading import (
     ReadPerson,
     Source,
     capture_name,
+    check_axis,
     check_unit,
     parse_unit,
     read_people,
@@ -24,7 +25,6 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import file_stem, nearest_names
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.base import check_up
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.inference import UNIT_NAMES
@@ -144,7 +144,7 @@ class TwoPersonCapture:
         unit = 1.0 if to_unit is None else parse_unit(to_unit, "--to-unit")
         space = OutputSpace(unit, "y" if to_up is None else to_up)
         check_unit(space.unit, "--to-unit")
-        check_up(space.up)
+        check_axis(space.up, "--to-up")
         if (to_unit or to_up) and is_parquet(out):
             raise CommandError(
                 f"{out}: Parquet is always metres, y up; leave out --to-unit, --to-up"

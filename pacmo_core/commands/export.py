@@ -18,6 +18,7 @@ from pacmo_core.commands.reading import (
     FromUp,
     Preset,
     ReadOptions,
+    check_axis,
     check_unit,
     parse_unit,
 )
@@ -29,7 +30,7 @@ from pacmo_core.figures.body_mesh import make_skin
 from pacmo_core.figures.body_shape import make_body_shape
 from pacmo_core.figures.stills import check_gif_rate, find_ffmpeg, write_film, write_strip
 from pacmo_core.figures.viewer import Scene
-from pacmo_core.formats.base import FormatError, check_up, to_y_up
+from pacmo_core.formats.base import FormatError, to_y_up
 from pacmo_core.formats.bvh import Bvh
 from pacmo_core.formats.bvh_channels import check_channels, format_file
 from pacmo_core.formats.convert_bvh import bone_motion, check_constant_bones, move_root
@@ -89,7 +90,7 @@ class ExportOptions:
         suffix = out.suffix.lower()
         if suffix not in WRITERS:
             raise CommandError(f"{out}: wanted a suffix of {', '.join(WRITERS)}")
-        check_up(self.up)
+        check_axis(self.up, "--to-up")
         check_unit(self.unit, "--to-unit")
         if suffix in FIXED_UNIT_SUFFIXES and (self.up, self.unit) != ("y", 1.0):
             raise CommandError(

@@ -104,7 +104,9 @@ class SampleLimit:
 
     def range_of(self, numbers: Sequence[int]) -> str:
         """Return one value, or the least and the greatest of some samples, with the unit."""
-        values = format_range([self.values[number] for number in numbers], self.decimals)
+        # At least as many as the limit has: 7.63 beyond 7.61 would read 7.6.
+        decimals = max(self.decimals, len(f"{self.limit:.3g}".partition(".")[2]))
+        values = format_range([self.values[number] for number in numbers], decimals)
         return f"{values}{self.unit}"
 
     def lines(self) -> list[str]:

@@ -392,7 +392,7 @@ def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArra
     try:
         at = sample_times(capture.times, fps)
     except ValueError as fault:
-        raise CommandError(f"{name}: {fault}") from fault
+        raise CommandError(f"{name}, --to-fps: {fault}") from fault
     within: NDArray[np.float64] = np.minimum(at, capture.times[-1])
     return within
 

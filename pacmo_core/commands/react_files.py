@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, planted_weights
 from pacmo_core.commands.captures import OutputSpace, bvh_text, is_parquet, read_file
-from pacmo_core.commands.reading import check_unit
+from pacmo_core.commands.reading import check_axis, check_unit
 from pacmo_core.commands.rig import TargetRig
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.names import file_stem
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.base import check_up
 from pacmo_core.formats.inverse_kinematics import contact_targets, proximity_weights
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.project.workspace import CommandError
@@ -61,7 +60,7 @@ def check_reactions_output(out: Path, space: OutputSpace) -> None:
             "with NAME the partner's file without its suffix, or the clip; with --rig: react ... "
             f"--out {bvh}, then pacmo view {out.stem}_0_A.bvh+{out.stem}_0_B.bvh"
         )
-    check_up(space.up)
+    check_axis(space.up, "--to-up")
     check_unit(space.unit, "--to-unit")
     if is_parquet(out) and space != OutputSpace():
         raise CommandError(f"{out}: Parquet is always metres, y up; leave out --to-unit, --to-up")

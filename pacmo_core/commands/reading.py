@@ -18,7 +18,7 @@ from pacmo_core.data.posture import UNIT_WORDS
 from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.bones import median_lengths
-from pacmo_core.formats.base import MAX_DISTANCE
+from pacmo_core.formats.base import MAX_DISTANCE, UP_AXES
 from pacmo_core.formats.bvh_pairs import PRESETS
 from pacmo_core.formats.inference import (
     UNIT_NAMES,
@@ -201,6 +201,8 @@ class ReadOptions:
             "up": _last(self.up, person, "--from-up"),
             "fps": _last(self.fps, person, "--from-fps"),
         }
+        if words["up"] is not None:
+            check_axis(words["up"], "--from-up")
         found: dict[str, Any] = {"preset": self.preset, "up": words["up"]}
         found["unit"] = None if words["unit"] is None else parse_unit(words["unit"], "--from-unit")
         found["fps"] = None if words["fps"] is None else _number(words["fps"], "--from-fps")
@@ -228,6 +230,12 @@ def check_unit(unit: float, option: str) -> None:
     """Refuse metres a unit that no program writes."""
     if not 0 < unit <= MAX_DISTANCE:
         raise CommandError(f"{option} must be > 0 and <= {MAX_DISTANCE:g} metres; got {unit}")
+
+
+def check_axis(up: str, option: str) -> None:
+    """Refuse an upward axis that is neither y nor z."""
+    if up not in UP_AXES:
+        raise CommandError(f"{option}: wanted {' or '.join(UP_AXES)}; got {up!r}")
 
 
 def _number(word: str, option: str) -> float:

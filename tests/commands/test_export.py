@@ -244,7 +244,7 @@ def test_what_a_format_cannot_hold_is_refused_before_any_work(tmp_path: Path) ->
     refused(export("one", "--out", "x.png", "--centre"), "a picture has no origin", "--centre")
     refused(export("one", "--out", "x.png", "--to-fps", 5), "a picture has no frame rate")
     refused(export("one", "--out", "x.gif", "--to-fps", 30), "33.333")
-    refused(export("one", "--out", "x.bvh", "--to-up", "x"), "up must be")
+    refused(export("one", "--out", "x.bvh", "--to-up", "x"), "--to-up: wanted y or z; got 'x'")
     refused(export("one", "--out", "x.csv", "--to-unit", 0), "unit must be")
     refused(export("one", "--out", "x.csv", "--to-fps", 0), "fps must be")
     refused(export("two", "--out", "x.csv"), "no clip two")
