@@ -1,6 +1,8 @@
 """``pacmo augment``: retarget two people's motion to other bodies by InteractionMesh."""
 
-from collections.abc import Iterator, Mapping
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
@@ -180,7 +182,8 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         scales = [requested_scales(duo, factors_of_people, of_pair) for of_pair in profiles]
         typer.echo(_first_line(duo, (a_scale, b_scale), profile))
         bodies = np.stack([np.concatenate(pair) for pair in scales])
-        solution = retarget(prepare(duo.scene, solving.solver), bodies)
+        with saying_that_it_runs(typer.echo):
+            solution = retarget(prepare(duo.scene, solving.solver), bodies)
         words = [f"{p}-{w}" for p, of_person in zip(PEOPLE, (a_scale, b_scale), strict=True)
                  for w in of_person]  # fmt: skip
         for number, (place, of_pair) in enumerate(zip(places, profiles, strict=True)):
@@ -207,6 +210,24 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
                 f"; beside the source in {page}",
             ]
             typer.echo("\n".join(filter(None, lines)))
+
+
+@contextmanager
+def saying_that_it_runs(say: Callable[[str], object], every: float = 30.0) -> Iterator[None]:
+    """Say every so many seconds for how long something has run: close bodies take minutes."""
+    started, ended = time.monotonic(), threading.Event()
+
+    def run() -> None:
+        while not ended.wait(every):
+            say(f"still solving, {time.monotonic() - started:.0f} s ...")
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def _heading(number: int, profiles: list[dict[str, str]]) -> str:

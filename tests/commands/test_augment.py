@@ -2,6 +2,7 @@
 
 import json
 import re
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner, Result
 
 from pacmo_core.augmentation.run import scene_from
-from pacmo_core.commands.augment import read_solver_section
+from pacmo_core.commands.augment import read_solver_section, saying_that_it_runs
 from pacmo_core.commands.captures import read_file, read_two_people
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.reading import ReadOptions
@@ -399,6 +400,21 @@ def test_the_command_says_what_it_does_and_whether_the_limits_hold(
     assert lines[0][-2].startswith("all within the limits of what looks natural")
     assert lines[1][-3].startswith("beyond the limits of what looks natural")
     assert re.match(r"  jumps .* \(worst: person [ab], \w+ in frame \d+ ", lines[1][-2])
+
+
+def test_a_long_solve_is_said_to_run_and_no_more_once_it_ended() -> None:
+    said: list[str] = []
+    heard = threading.Event()
+
+    def say(text: str) -> None:
+        said.append(text)
+        heard.set()
+
+    before = threading.enumerate()
+    with saying_that_it_runs(say, every=0.001):
+        assert heard.wait(60)
+    assert re.fullmatch(r"still solving, \d+ s \.\.\.", said[0])
+    assert threading.enumerate() == before
 
 
 def test_a_folder_of_settings_is_called_a_folder(stored: Path, tmp_path: Path) -> None:
