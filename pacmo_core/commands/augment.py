@@ -184,10 +184,8 @@ def augment(  # noqa: PLR0913  # typer reads the options off the signature
         bodies = np.stack([np.concatenate(pair) for pair in scales])
         with saying_that_it_runs(typer.echo):
             solution = retarget(prepare(duo.scene, solving.solver), bodies)
-        words = [f"{p}-{w}" for p, of_person in zip(PEOPLE, (a_scale, b_scale), strict=True)
-                 for w in of_person]  # fmt: skip
         for number, (place, of_pair) in enumerate(zip(places, profiles, strict=True)):
-            label = "_".join([*words, *map("-".join, of_pair.items())]).replace("=", "-")
+            label = _label((a_scale, b_scale), of_pair)
             moved = duo.moved(_split_people(duo, solution.points[number]))
             if not is_parquet(place):
                 joints = " and ".join(str(len(p.skeleton.joints)) for p in duo.people)
@@ -228,6 +226,12 @@ def saying_that_it_runs(say: Callable[[str], object], every: float = 30.0) -> It
     finally:
         ended.set()
         thread.join()
+
+
+def _label(scales: tuple[list[str], list[str]], profiles: dict[str, str]) -> str:
+    """Name a variation by what was asked for: ``b-left_forearm-1.2_b-child``."""
+    words = [f"{p}-{word}" for p, of_p in zip(PEOPLE, scales, strict=True) for word in of_p]
+    return "_".join([*words, *map("-".join, profiles.items())]).replace("=", "-")
 
 
 def _heading(number: int, profiles: list[dict[str, str]]) -> str:
