@@ -31,14 +31,16 @@ from stages.common.params import (
     run_stage,
 )
 
+ACROSS_INTERACTIONS = ("cross_interaction", "cross_scale_interaction")  # hold out sources
+
 
 @dataclass(frozen=True)
 class Params:
     """The ``split_variations`` section of ``params.yaml``."""
 
     held_out: tuple[str, ...]  # patterns of the sources that splits across interactions test
-    n_folds: int  # into which sources are divided where splits are named by fold, unless
-    folds: tuple[tuple[str, ...], ...]  # has the patterns of those that each fold tests
+    n_folds: int  # into which sources are divided where splits are named by fold
+    folds: tuple[tuple[str, ...], ...]  # instead, patterns of the sources that each fold tests
     test_share: float  # of variations, in the random split
     validation_share: float  # of those left, where scales do not choose them
     random_seed: int
@@ -59,8 +61,8 @@ def main(paths: argparse.Namespace) -> None:
             splits = assign(facts, name, params)
         except ValueError as fault:  # of the section, which the user wrote
             raise StageError(
-                f"{dataset}: {fault}; split_variations.held_out is {', '.join(params.held_out)}, "
-                f"and runs.priors.splits lists the splits"
+                f"{dataset}: {fault}; runs.priors.splits lists the splits, and "
+                f"split_variations says what each tests: held_out is {', '.join(params.held_out)}"
             ) from fault
         rows = [SplitRecord(variation, split) for variation, split in splits.items()]
         write_rows(paths.splits / dataset / f"{name}.parquet", SplitRecord, rows)
@@ -72,6 +74,9 @@ def main(paths: argparse.Namespace) -> None:
 def assign(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
     """Assign a dataset's variations."""
     split = parse_split_name(name)
+    if split.fold is not None and split.kind not in ACROSS_INTERACTIONS:
+        kinds = " and ".join(ACROSS_INTERACTIONS)
+        raise ValueError(f"folds are of the splits {kinds}, which hold out sources")
     sources = sort_clips({fact.source for fact in facts.values()})
     settings = SplitSettings(
         held_out=held_out_sources(sources, split.fold, params),

@@ -256,6 +256,8 @@ def parse_factors(words: list[str]) -> dict[str, float]:
     factors: dict[str, float] = {}
     for word in words:
         name, _, value = word.partition("=")
+        if name in factors:
+            raise CommandError(f"{name}: wanted one scale; got {factors[name]:g} and {value}")
         try:
             factors[name] = float(value)
         except ValueError as fault:
@@ -273,6 +275,8 @@ def parse_profiles(words: list[str]) -> dict[str, str]:
             raise CommandError(f"wanted PERSON=NAME, such as b=child; got {word}")
         if name not in PROFILES:
             raise CommandError(f"no profile {name!r}; there are {nearest_first(name, PROFILES)}")
+    if len(dict(pairs)) < len(pairs):
+        raise CommandError(f"wanted one --profile a person; got {' and '.join(words)}")
     return dict(pairs)
 
 
@@ -282,6 +286,9 @@ def parse_bodies(words: list[str]) -> list[dict[str, str]]:
         [f"{person}={name}" for name in names.split(",")] if equals else [person]
         for person, equals, names in (word.partition("=") for word in words)
     ]
+    for names in several:
+        if len(set(names)) < len(names):
+            raise CommandError(f"--profile: wanted each body once; got {', '.join(names)}")
     return [parse_profiles(list(one_each)) for one_each in product(*several)]
 
 

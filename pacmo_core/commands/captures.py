@@ -1,6 +1,6 @@
 """Captures of two people: read from any format, written in the same format."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -363,9 +363,15 @@ def check_output(duo: TwoPersonCapture, out: Path) -> None:
         raise CommandError(
             f"{out}: Parquet holds two people of one skeleton; name a folder for BVH"
         )
-    inputs = {file.resolve() for file in duo.files}
-    for file in [out] if suffix == ".parquet" else _output_files(duo, out):
-        if file.resolve() in inputs:
+    outputs = [out] if suffix == ".parquet" else _output_files(duo, out)
+    refuse_to_overwrite(out, outputs, duo.files)
+
+
+def refuse_to_overwrite(out: Path, outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Refuse an output ``out`` of which a file is one of those that are read."""
+    read = {file.resolve() for file in inputs}
+    for file in outputs:
+        if file.resolve() in read:
             raise CommandError(f"{out}: this would overwrite {file}; name another output")
 
 

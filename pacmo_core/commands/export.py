@@ -10,7 +10,13 @@ import typer
 from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, planted_weights
-from pacmo_core.commands.captures import OutputSpace, meant_rate, meant_times, rate_text
+from pacmo_core.commands.captures import (
+    OutputSpace,
+    meant_rate,
+    meant_times,
+    rate_text,
+    refuse_to_overwrite,
+)
 from pacmo_core.commands.reading import (
     FormatName,
     FromFps,
@@ -282,10 +288,13 @@ def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]
     return _write_people(out, texts), summary
 
 
+def _person_files(out: Path) -> list[Path]:
+    return [out.with_name(f"{out.stem}_{person}{out.suffix}") for person in "AB"]
+
+
 def _write_people(out: Path, texts: Sequence[str]) -> list[Path]:
     """Write a file for each person; return them."""
-    names = [out.with_name(f"{out.stem}_{person}{out.suffix}") for person in "AB"]
-    files = [out] if len(texts) == 1 else names
+    files = [out] if len(texts) == 1 else _person_files(out)
     for file, text in zip(files, texts, strict=True):
         write_text(file, text)
     return files
@@ -411,6 +420,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
         )
         form_of_file.check(out)
         (named,) = read_named_clips([clip], options)
+        refuse_to_overwrite(out, [out, *_person_files(out)], named.files)
         is_on_rigs = out.suffix.lower() in OF_A_PERSON
         rigs = own_rigs(named.sources, named.read) if is_on_rigs else []
         files, summary = export_scene(named.scene, out, form_of_file, rigs)

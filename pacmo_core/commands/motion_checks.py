@@ -120,7 +120,7 @@ class SampleLimit:
         number_text = f"all {count}" if self.is_beyond_in_all else f"{len(beyond)} of {count}"
         worst = "; ".join(self._sample(number) for number in beyond[:MAX_LINES])
         more = "; ..." if beyond[MAX_LINES:] else ""
-        texts = {format_fixed(self.values[number], self.decimals) for number in beyond}
+        texts = {self.range_of([number]) for number in beyond}
         order = "alike" if len(texts) == 1 else "the worst first"
         return [
             f"{number_text} samples: {self.said(beyond)}, {self.wanted} ({order}: {worst}{more})"
@@ -425,11 +425,11 @@ def _turns(times: Array, people: Sequence[PersonMotion]) -> tuple[SampleLimit, s
         [f"that to {peak.joint} {peak.place}" for peak in peaks],
     )
     number = int(np.argmax(limit.values))
-    peak, texts = peaks[number], [format_fixed(value, 1) for value in limit.values]
+    peak, texts = peaks[number], [limit.range_of([row]) for row in range(len(samples))]
     of_sample = f" of {samples_of(texts, number)}" if len(samples) > 1 else ""
     return limit, (
         f"the bone to {peak.joint} turns most from one frame to the next, by "
-        f"{format_fixed(limit.values[number], 1)}° {peak.place}{of_sample}, {limit.wanted} (the "
+        f"{limit.range_of([number])} {peak.place}{of_sample}, {limit.wanted} (the "
         f"partner's most: {format_fixed(partner.max(), 1)}°)"
     )
 

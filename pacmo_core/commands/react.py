@@ -20,6 +20,7 @@ from pacmo_core.commands.captures import (
     meant_times,
     names_clips,
     read_clip,
+    refuse_to_overwrite,
     some_clips,
 )
 from pacmo_core.commands.motion_checks import motion_lines
@@ -27,6 +28,7 @@ from pacmo_core.commands.react_files import (
     Reactions,
     check_reactions_output,
     files_line,
+    output_files,
     write_reactions,
 )
 from pacmo_core.commands.reading import (
@@ -139,7 +141,10 @@ Action = Annotated[
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
 Finish = Annotated[
     bool,
-    typer.Option(help="exact bones, planted feet, closed contacts; of --stream, exact bones only"),
+    typer.Option(
+        help="exact bones, planted feet, closed contacts; of --stream: exact bones, the shape of "
+        "the trunk, no feet below the floor"
+    ),
 ]
 Rig = Annotated[
     Path | None,
@@ -212,30 +217,31 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         random = torch.Generator().manual_seed(seed)
         if stream:
             given = {"PARTNER": partner, "--out": out, "--clip": clip, "--rig": rig}
-            _check_stream({**given, **options.given()})
+            space_of_files = {"--to-unit": to_unit, "--to-up": to_up, "--to-fps": to_fps}
+            _check_stream({**given, "--person": person, **space_of_files, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(chosen, live)
             return
         file, out = _check_files(partner, out)
+        name = clip or capture_name(file)
         _check_finish(rig, finish)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
+        refuse_to_overwrite(out, output_files(out, name, samples), filter(None, (file, rig)))
         model, source = load_reaction_model(chosen), Source(file, person or "a", person)
         people = _read(source, rig, model.skeleton, options, clip)
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)))
-        capture, name = people.partner, clip or capture_name(file)
-        if to_fps is not None and len(capture.times) > 1:
-            capture = replace(capture, times=meant_times(capture.times))
+        capture = people.partner if to_fps is None else _at_meant_times(people.partner)
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         motions = _samples(model, partner_motion, samples, random)
         if finish:
             motions = finish_reactions(model, partner_motion, motions, people.lengths)
-        partner_poses = sample_poses(Spline(capture.times, capture.motion), at)
         space = _space(to_unit, to_up, people.space)
         reactions = Reactions(
-            name, model.skeleton, at - at[0], partner_poses, motions, people.rig,
-            people.copied_partner(at, space),
+            name, model.skeleton, at - at[0],
+            sample_poses(Spline(capture.times, capture.motion), at), motions,
+            people.rig, people.copied_partner(at, space),
         )  # fmt: skip
         _write(reactions, out, space)
 
@@ -320,7 +326,9 @@ class ReactingPeople:
     def copied_partner(self, at: NDArray[np.float64], space: OutputSpace) -> TargetRig | None:
         """Return the partner's rig if a file at these times can hold the capture itself."""
         own = self.partner_rig
-        has_same_times = np.array_equal(at, self.partner.times)
+        times = self.partner.times
+        # The frame rate of a BVH file is rounded to six digits: --to-fps 30 is its own.
+        has_same_times = len(at) == len(times) and np.allclose(at, times, rtol=1e-4, atol=1e-6)
         return own if own and has_same_times and own.space.up == space.up else None
 
 
@@ -336,17 +344,30 @@ def _read(
         return ReactingPeople(partner)
     label = PEOPLE[source.label == PEOPLE[0]]
     of_rig = read_rig(Source(rig, label, None), skeleton, options.of_person(label))
-    if names_clips(source.file, clip) or of_partner.format_of(source.file) != "bvh":
+    is_bvh = not names_clips(source.file, clip) and of_partner.format_of(source.file) == "bvh"
+    own = _partner_rig(source, read, skeleton, options) if is_bvh else None
+    if own is None:
         say_names([(rig, of_rig.named)])
         (partner,) = to_model_joints([read.motion], skeleton, [source], options)
         return ReactingPeople(partner, of_rig)
-    own = rig_of(source, read, skeleton, options)
     say_names([(source.file, own.named), (rig, of_rig.named)])
     return ReactingPeople(own.motion, of_rig, own)
 
 
+def _partner_rig(
+    source: Source, read: ReadPerson, skeleton: Skeleton, options: ReadOptions
+) -> TargetRig | None:
+    """Return the partner's rig; None if joints must be estimated: then it is not copied."""
+    try:
+        return rig_of(source, read, skeleton, options)
+    except CommandError:
+        return None
+
+
 def _check_person(source: Source, options: ReadOptions, clip: str, rig: Path | None) -> None:
     """Refuse to select one of two people in a file of one; with a rig they name its role."""
+    if source.person not in (None, *PEOPLE):
+        raise CommandError(f"--person: wanted a or b; got {source.person}")
     one = not names_clips(source.file, clip) and options.format_of(source.file) in (
         ONE_PERSON_FORMATS
     )
@@ -381,6 +402,11 @@ def _capture(source: Source, options: ReadOptions, clip: str) -> ReadPerson:
         return ReadPerson(select_person(clip_of_store, source.person, clip), {})
     (person,) = read_people([source], options.of_captures([source.file]), clip)
     return person
+
+
+def _at_meant_times(capture: PersonMotion) -> PersonMotion:
+    several = len(capture.times) > 1
+    return replace(capture, times=meant_times(capture.times)) if several else capture
 
 
 def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArray[np.float64]:

@@ -97,15 +97,22 @@ def write_reactions(reactions: Reactions, out: Path, space: OutputSpace) -> Writ
             for motion in (reactions.partner, *reactions.samples)
         ]
         return Written([out], reactions.samples, Fidelity(), people)
-    folder, stem = (
-        (out, file_stem(reactions.name))
-        if not out.suffix or out.is_dir()
-        else (out.parent, out.stem)
-    )
-    return _write_bvh(reactions, folder, stem, space)
+    return _write_bvh(reactions, out, space)
 
 
-def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace) -> Written:
+def output_files(out: Path, name: str, n_samples: int) -> list[Path]:
+    """Return the files of reactions to a partner of this name: of each sample the partner's first.
+
+    BVH files are in a folder under the partner's name, or beside ``out`` under its own.
+    """
+    if is_parquet(out):
+        return [out]
+    is_folder = not out.suffix or out.is_dir()
+    folder, stem = (out, file_stem(name)) if is_folder else (out.parent, out.stem)
+    return [folder / f"{stem}_{number}_{p}.bvh" for number in range(n_samples) for p in "AB"]
+
+
+def _write_bvh(reactions: Reactions, out: Path, space: OutputSpace) -> Written:
     """Name files so that the preset ``pair`` finds the two people of each sample.
 
     The partner is the same in all samples: its joints are weighted by the nearest of them.
@@ -122,14 +129,14 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace
         else bvh_text(partner, partner.motion, weights, space)
     )
     rigs = of_partner, rig
-    files: list[Path] = []
+    files = output_files(out, reactions.name, len(people))
     samples: list[Motion] = []
     in_files: list[PersonMotion] = []
     fidelity = Fidelity()
     for number, (person, (_, weights)) in enumerate(zip(people, near, strict=True)):
         _, aims = contact_targets(partner.motion, person.motion)
         weights = weights + planted_weights(person)
-        pair = [folder / f"{stem}_{number}_{name}.bvh" for name in "AB"]
+        pair = files[2 * number : 2 * number + 2]
         texts = (partner_text, text_of(person, aims, weights, space))
         for file, of_file in zip(pair, texts, strict=True):
             write_text(file, of_file)
@@ -145,7 +152,6 @@ def _write_bvh(reactions: Reactions, folder: Path, stem: str, space: OutputSpace
         ]
         label = f"sample {number}" if len(people) > 1 else ""
         fidelity += Fidelity.of((partner, person), found, pair, label)
-        files += pair
         samples.append(found[1].motion)
         in_files += read if not in_files else read[1:]
     return Written(files, np.stack(samples), fidelity, in_files)

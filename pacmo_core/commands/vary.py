@@ -79,7 +79,7 @@ from pacmo_core.store.motions import write_motions
 EVALUATION = Path("reports/skeleton_prior.json")
 # Share of the start's errors that training must remove, on average and with an interval above 0.
 MIN_GAIN = 0.2
-ERRORS = {"E_r": "error of joints E_r", "JPD": "error of distances between the two JPD"}
+ERRORS = {"E_r": "error of joints E_r", "JPD": "error of distances between the two people JPD"}
 START_ALONE = "the start alone, a rule without training,"
 
 Weights = Annotated[
@@ -208,10 +208,14 @@ class ErrorGain:
 
     def __str__(self) -> str:
         """Say the change: ``16.8 to 13.0 mm, -19 % (-41 to 4)``."""
-        change = f"{1e3 * self.start:.1f} to {1e3 * self.trained:.1f} mm, {-100 * self.mean:.0f} %"
+        change = f"{1e3 * self.start:.1f} to {1e3 * self.trained:.1f} mm, {_percent(-self.mean)} %"
         if self.low is None or self.high is None:
             return f"{change} (no interval)"
-        return f"{change} ({-100 * self.high:.0f} to {-100 * self.low:.0f})"
+        return f"{change} ({_percent(-self.high)} to {_percent(-self.low)})"
+
+
+def _percent(share: float) -> str:
+    return f"{round(100 * share)}"  # an integer, of which there is no −0
 
 
 @dataclass(frozen=True)

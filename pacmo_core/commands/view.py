@@ -54,10 +54,12 @@ class NamedClip:
     Parameters
     ----------
     scene : the clip
+    files : that were read
     sources, read : where its people are, and how they were read; none of a clip of a store
     """
 
     scene: Scene
+    files: Sequence[Path]
     sources: Sequence[Source] = ()
     read: Sequence[ReadPerson] = ()
 
@@ -77,15 +79,10 @@ def read_named_clips(words: Sequence[str], options: ReadOptions) -> list[NamedCl
     FormatError, StoreError, KeyError, ValueError
         As ``read_named_clip``.
     """
-    files = [Path(part) for word in words for part in word.split("+")]
+    files = [file for word in words for file in _files_of(word)]
     captures = [file for file in files if file.is_file() and not names_clips(file, "")]
     of_captures = options.of_captures(captures)
     return [read_named_clip(word, of_captures) for word in words]
-
-
-def read_scene(word: str, options: ReadOptions) -> Scene:
-    """Read the clip that an argument of the command line names (see ``read_named_clip``)."""
-    return read_named_clip(word, options).scene
 
 
 def read_named_clip(word: str, options: ReadOptions) -> NamedClip:
@@ -107,8 +104,8 @@ def read_named_clip(word: str, options: ReadOptions) -> NamedClip:
     """
     store, colon, name = word.partition(":")
     if colon and Path(store).exists():
-        return NamedClip(_read_stored(Path(store), name))
-    files = [Path(part) for part in word.split("+")]
+        return _read_stored(Path(store), name)
+    files = _files_of(word)
     if all(file.is_file() for file in files):
         return _read_captures(files, options)
     missing = [file for file in files if not file.exists()]
@@ -116,14 +113,19 @@ def read_named_clip(word: str, options: ReadOptions) -> NamedClip:
         raise CommandError(f"{missing[0]}: no such file")
     if any(file.is_dir() for file in files):
         raise CommandError(f"{word}: wanted a file or a clip; got a folder: FOLDER:NAME is a clip")
-    if len(files) == 1 and (dataset := _dataset_of(word)):
-        return NamedClip(_read_stored(dataset, word))
-    if (CLIPS_FOLDER / MOTIONS).exists() and len(files) == 1:
-        return NamedClip(_read_stored(CLIPS_FOLDER, word))
+    if dataset := _dataset_of(word):
+        return _read_stored(dataset, word)
+    if (CLIPS_FOLDER / MOTIONS).exists():
+        return _read_stored(CLIPS_FOLDER, word)
     raise CommandError(
         f"{word}: no such file, and no {CLIPS_FOLDER / MOTIONS} with a clip of that name; "
         "./run makes it; a clip of another folder is FOLDER:NAME"
     )
+
+
+def _files_of(word: str) -> list[Path]:
+    """Return the file of this name, or the two whose names a plus joins."""
+    return [Path(word)] if Path(word).is_file() else [Path(part) for part in word.split("+")]
 
 
 def _dataset_of(name: str) -> Path | None:
@@ -136,17 +138,18 @@ def _dataset_of(name: str) -> Path | None:
     return None
 
 
-def _read_stored(store: Path, name: str) -> Scene:
+def _read_stored(store: Path, name: str) -> NamedClip:
     """Read a clip of the store; the colour of a person does not depend on who reacts."""
     if not name:
         hint = f": {some_clips(store, f'{store}:')}" if store.is_file() else " (pacmo clips)"
         raise CommandError(f"{store}: wanted the name of a clip after the colon{hint}")
-    clip = read_clip(_file_of(store, name) if store.is_dir() else store, name)
+    file = _file_of(store, name) if store.is_dir() else store
+    clip = read_clip(file, name)
     # The folder distinguishes reactions to the same partner, such as pacmo/1.
     folder = "/".join(store.parts[-2:]) if is_reaction(name) and store.is_dir() else ""
     label = f"{folder} · {name}" if folder else name
     swap = is_reaction(name) and ReactionName.parse(name).direction == "a"
-    return Scene.of(label, clip.swapped() if swap else clip)
+    return NamedClip(Scene.of(label, clip.swapped() if swap else clip), [file])
 
 
 def _file_of(folder: Path, name: str) -> Path:
@@ -180,7 +183,7 @@ def _read_captures(files: list[Path], options: ReadOptions) -> NamedClip:
     if len(people) == 2:
         people = list(on_one_clock(people[0], people[1], label))
         check_two_people(people[0], people[1], files)
-    return NamedClip(scene_of_people(label, people), sources, read)
+    return NamedClip(scene_of_people(label, people), files, sources, read)
 
 
 def _holds_one_person(file: Path, options: ReadOptions) -> bool:

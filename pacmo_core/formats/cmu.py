@@ -132,7 +132,8 @@ class Cmu:
     def _person(self, file: Path) -> Person:
         asf_file, subject = skeleton_file(file), _subject(file)
         if subject not in self.fps:
-            raise FormatError(file, f"no fps given for subject {subject!r}; the file states none")
+            reason = f"no fps given for subject {subject!r}; the file states none"
+            raise FormatError(file, f"{reason}: give --from-fps, or the setting fps")
         amc = read_amc(asf_file, file)
         joints = amc.asf.joints
         skeleton = Skeleton("cmu", joints, amc.asf.parents, mirror_by_name(joints))

@@ -97,7 +97,7 @@ def _infer(
     of_cmu = any(rig.name.startswith("cmu") for rig in fitting_rigs(plain_names(skeleton.joints)))
     tallest = max(postures, key=lambda posture: posture.stature)
     unit = infer_unit(tallest, of_cmu=of_cmu)
-    if unit is not None and unit * tallest.stature < MIN_USUAL_STATURE:
+    if unit is None or unit * tallest.stature < MIN_USUAL_STATURE:
         # As files of other joints that stand beside one of CMU, such as a rig.
         unit = infer_unit(tallest, of_cmu=True)
     axes = {axis for axis in map(infer_up, postures) if axis}

@@ -342,6 +342,20 @@ def test_a_scale_of_no_body_is_refused_before_a_file_is_read(tmp_path: Path, sca
     refused(pacmo(*words), f"uniform: wanted a scale of 0.3 to 3.0; got {scale}")
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--profile", "b=child", "--profile", "b=tall_adult"], "wanted one --profile a person"),
+        (["--profile", "b=child,child"], "wanted each body once"),
+        (["--b-scale", "head=1.1", "--b-scale", "head=1.2"], "head: wanted one scale; got 1.1"),
+    ],
+)
+def test_what_is_asked_for_twice_is_refused(
+    files: list[Path], tmp_path: Path, words: list[str], said: str
+) -> None:
+    refused(pacmo(*files, *UNIT, *words, "--out", tmp_path / "o"), said)
+
+
 def test_the_nearest_of_the_known_names_comes_first(files: list[Path], tmp_path: Path) -> None:
     there = [*files, "--out", tmp_path / "out"]
     said = pacmo(*there, *UNIT, "--b-scale", "left_forarm=1.2")

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.reading import ReadOptions
-from pacmo_core.commands.view import read_scene
+from pacmo_core.commands.view import read_named_clip
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.figures.stills import COLOURS
@@ -142,7 +142,7 @@ def test_a_table_is_a_capture_again_within_a_micrometre(
     tmp_path: Path, ending: str, words: list[object]
 ) -> None:
     assert export("one", "--out", f"x{ending}", *words).exit_code == 0
-    scene = read_scene(f"x{ending}", ReadOptions())
+    scene = read_named_clip(f"x{ending}", ReadOptions()).scene
     np.testing.assert_allclose(scene.times, CLIP.times, atol=1e-6)
     for back, was in zip(scene.people, (CLIP.person_a, CLIP.person_b), strict=True):
         np.testing.assert_allclose(back, was, atol=1e-6)
@@ -157,7 +157,7 @@ def test_a_person_alone_stays_alone_in_a_table(tmp_path: Path, ending: str) -> N
     (tmp_path / "x.bvh").write_text(format_bvh(CLIP.person_a, FPS, NTU25))
     words = ["--from-unit", 1, "--from-up", "y"]
     assert export("x.bvh", *words, "--out", f"x{ending}").exit_code == 0
-    assert len(read_scene(f"x{ending}", ReadOptions()).people) == 1
+    assert len(read_named_clip(f"x{ending}", ReadOptions()).scene.people) == 1
 
 
 @pytest.mark.slow
@@ -195,7 +195,7 @@ def test_ground_and_centre_move_both_people_alike(
     assert export("one", "--out", name, "--ground", "--centre", *words).exit_code == 0
     files = "x_A.bvh+x_B.bvh" if name == "x.bvh" else name
     told = ReadOptions(unit=["cm"], up=["y"]) if name == "x.bvh" else ReadOptions()
-    scene = read_scene(files, told)
+    scene = read_named_clip(files, told).scene
     order = [scene.skeleton.joints.index(joint) for joint in NTU25.joints]
     people = np.stack(scene.people)[:, :, order]
     assert people[..., 1].min() == pytest.approx(0, abs=1e-5)
@@ -244,6 +244,7 @@ def test_what_a_format_cannot_hold_is_refused_before_any_work(tmp_path: Path) ->
     refused(export("one", "--out", "x.png", "--centre"), "a picture has no origin", "--centre")
     refused(export("one", "--out", "x.png", "--to-fps", 5), "a picture has no frame rate")
     refused(export("one", "--out", "x.gif", "--to-fps", 30), "33.333")
+    refused(export("data/clips:one", "--out", "data/clips/motions.parquet"), "would overwrite")
     refused(export("one", "--out", "x.bvh", "--to-up", "x"), "--to-up: wanted y or z; got 'x'")
     refused(export("one", "--out", "x.csv", "--to-unit", 0), "unit must be")
     refused(export("one", "--out", "x.csv", "--to-fps", 0), "fps must be")

@@ -209,7 +209,9 @@ def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: 
     refused(pacmo(stored, *clip, "--weights", weights, "--out", tmp_path / "a.gif"), ".parquet")
     refused(pacmo(stored, *clip, "--weights", tmp_path / "none", "--out", out), "none")
     refused(pacmo(tmp_path / "no.bvh", "--from-unit", 1, "--from-up", "y", *there), "no.bvh")
-    refused(pacmo(stored, *clip, *there, "--to-fps", -1), "fps")
+    refused(pacmo(stored, *clip, *there, "--to-fps", -1), "--to-fps")
+    refused(pacmo("--stream", "--weights", weights, "--to-unit", "cm"), "leave out --to-unit")
+    refused(pacmo(stored, "--clip", "one", "--person", "B", *there), "--person: wanted a or b")
     handless = SBU15.without(["left_hand"])
     motion = CLIP.person_a[:, SBU15.indices(handless.joints)]
     (tmp_path / "x.bvh").write_text(format_bvh(motion, 15, handless))
@@ -217,6 +219,19 @@ def test_what_cannot_be_done_is_one_line(weights: Path, stored: Path, tmp_path: 
         pacmo(tmp_path / "x.bvh", *there), "x.bvh", "left_hand (nearest: left_elbow)", "--joints"
     )
     assert not out.exists()
+
+
+def test_a_partner_is_not_overwritten(weights: Path, stored: Path, tmp_path: Path) -> None:
+    before = stored.read_bytes()
+    words = [stored, "--clip", "one", "--person", "a", "--weights", weights, "--out"]
+    refused(pacmo(*words, stored), f"{stored}: this would overwrite {stored}")
+    assert stored.read_bytes() == before
+    captured = tmp_path / "p_0_A.bvh"
+    captured.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    text = captured.read_text()
+    told = ["--from-unit", 1, "--from-up", "y", "--weights", weights, "--out", tmp_path / "p.bvh"]
+    refused(pacmo(captured, *told), f"would overwrite {captured}")
+    assert captured.read_text() == text
 
 
 def test_real_captures_of_sbu_are_answered(weights: Path, tmp_path: Path) -> None:

@@ -181,6 +181,27 @@ def test_the_partner_is_the_capture_itself(captures: list[Path], tmp_path: Path)
     assert found.frame_time == pytest.approx(given.frame_time, rel=1e-6)
 
 
+def test_a_partner_of_few_joints_is_answered_with_a_rig_too(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    few = CLIP.skeleton.without(["left_foot", "right_foot"])
+    motion = CLIP.person_a[:, CLIP.skeleton.indices(few.joints)]
+    partner, out = tmp_path / "few.bvh", tmp_path / "o.bvh"
+    partner.write_text(format_bvh(100 * motion, CLIP.fps, few))
+    words = [partner, "--joints", "a=kinect25", "--from-unit", "a=cm", "--from-up", "a=y"]
+    assert pacmo(*words, "--out", out).exit_code == 0
+    said = pacmo(*words, "--rig", captures[1], "--out", out)
+    assert said.exit_code == 0, said.output
+    assert "on the joints of the model; the reaction in" in said.output
+
+
+def test_the_frame_rate_of_the_partner_by_name_leaves_the_partner_as_captured(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    said = pacmo(captures[0], "--rig", captures[1], "--to-fps", 30, "--out", tmp_path / "o.bvh")
+    assert CLIP.fps == pytest.approx(30) and "o_0_A.bvh, as captured" in said.output
+
+
 def test_a_rig_whose_root_has_an_offset_stands_on_the_same_floor(
     captures: list[Path], tmp_path: Path
 ) -> None:

@@ -197,6 +197,13 @@ def test_clips_have_names_of_their_own_and_those_that_are_asked_for(tmp_path: Pa
     refused(view(*words, "--label", "source"), "a --label for each of 2 clips; got 1")
 
 
+def test_a_file_with_a_plus_in_its_name_is_shown(tmp_path: Path) -> None:
+    (tmp_path / "a+b.bvh").write_text(format_bvh(moving(SBU15, 3), 15, SBU15))
+    assert view("a+b.bvh", "--from-unit", 1, "--from-up", "y").exit_code == 0
+    (shown,) = packed(tmp_path / "view.html")
+    assert shown["label"] == "a+b"
+
+
 def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
     refused(view("two"), "no clip two")
     refused(view("nowhere:one"), "nowhere:one")

@@ -58,6 +58,13 @@ def test_folds_that_are_listed_test_what_their_patterns_match():
         split_variations.held_out_sources(sources, 3, params)
 
 
+def test_folds_of_a_split_that_holds_out_no_source_are_refused():
+    facts = {"one~0": object()}
+    params = split_variations.Params((), 3, (), 0.2, 0.0, 1)
+    with pytest.raises(ValueError, match="folds are of the splits cross_interaction and"):
+        split_variations.assign(facts, "random_fold1", params)
+
+
 def test_folds_are_pooled_over_their_motions():
     def scores(source, error, train):
         task = {source: {"E_r": error}, "all": {"E_r": error}}
