@@ -74,7 +74,8 @@ class Targets:
     Parameters
     ----------
     lengths : (E,) metres, of the bones
-    anchor : (T, J, 3) metres, where feet in stance stand; zeros elsewhere
+    anchor : (T, J, 3) metres, where feet in stance stand, and the heights of others that carry the
+        body (``rests``); zeros elsewhere
     stands : (T, J) 1 for the joints of feet in stance, else 0
     rests : (T, J) 1 for the joints of feet that carry the body, moving or not, else 0
     floor : (T, J) metres, height below which a joint must not be; -inf for all but feet
@@ -171,7 +172,7 @@ def calmed(
     reaction, partner : (T, J, 3) float32, metres, y up
     fps : frames per second
     skeleton : of both people
-    learnt : of which bones, contacts, heights and floors are not used
+    learnt : of which contacts, heights and floors are not used
 
     Returns
     -------
@@ -423,7 +424,7 @@ def _fourth_difference(motion: Array) -> Array:
 
 
 def _parts(n_frames: int) -> Iterator[tuple[int, int, Array]]:
-    """Yield the first and last frame of overlapping parts, and each frame's share in the result."""
+    """Yield the first frame and the end, exclusive, of overlapping parts, and frames' shares."""
     first = 0
     while True:
         end = n_frames if n_frames - first <= PART_FRAMES + OVERLAP_FRAMES else first + PART_FRAMES

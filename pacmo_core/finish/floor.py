@@ -246,7 +246,7 @@ def set_down(
 
 
 def _drift(motion: Array, floor: Floor, fps: float, skeleton: Skeleton, aloft: Mask) -> Array:
-    """``(T,)`` metres: height of the lower foot over its floor, as it is for a second or longer."""
+    """``(T,)`` metres: height of the lower foot over its floor, its median over some time."""
     if aloft.all():
         return np.zeros(len(motion))
     ankles = motion[:, [foot[0] for foot in feet(skeleton)]]

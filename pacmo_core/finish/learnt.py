@@ -24,7 +24,7 @@ class Learnt:
 
     Parameters
     ----------
-    contacts : (K, 4) of ``contacts.learn_contacts``
+    contacts : (P, 4) of ``contacts.learn_contacts``, of P kinds of pairs of joints
     heights : (2, K) of ``heights.learn_heights``
     trunk : (D + 2, D) of ``trunk.learn_trunk``
     max_speeds : (2,) of ``travel.peak_speeds``, the largest of captured motion

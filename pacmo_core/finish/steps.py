@@ -152,8 +152,9 @@ def find_glides(motion: Array, fps: float, skeleton: Skeleton) -> list[slice]:
         n_steps = _count_steps(part[:, skeleton.root], headings, fps)
         more = max(0, round((n_steps * MIN_SECONDS * fps - (stop - first)) / 2))
         first, stop = max(end, first - more), min(len(motion), stop + more)
-        found.append(slice(first, stop))
-        end = stop
+        if stop - first > 1:
+            found.append(slice(first, stop))
+            end = stop
     return found
 
 

@@ -36,7 +36,7 @@ def peak_speeds(motion: Array, fps: float, skeleton: Skeleton) -> Array:
 
 
 def spread_bursts(motion: Array, fps: float, skeleton: Skeleton, max_speeds: Array) -> Array:
-    """Return a motion that hardly travels or turns faster than the limits; else it is unchanged.
+    """Slow a body that travels or turns faster than the limits; one within them is unchanged.
 
     Parameters
     ----------

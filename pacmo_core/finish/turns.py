@@ -66,7 +66,7 @@ def resolve_turns(motion: Array, fps: float, skeleton: Skeleton) -> Array:
     for number, collapse in enumerate(collapses):
         before, after = collapse.start - 1, collapse.stop
         if before < 0 or after == len(motion):
-            whole = min(max(before, 0), len(motion) - 1) if before >= 0 else after
+            whole = before if before >= 0 else after
             wanted[collapse], shape[collapse] = own[whole], shape[whole]
             continue
         share = (np.arange(before, after + 1) - before) / (after - before)

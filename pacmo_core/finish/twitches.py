@@ -31,7 +31,7 @@ def peak_accelerations(motion: Array, fps: float) -> Array:
 
 
 def damp_twitches(motion: Array, fps: float, max_accelerations: Array) -> Array:
-    """Return a motion whose joints hardly accelerate more than the limits; else it is unchanged.
+    """Damp joints that accelerate by more than the limits; a motion within them is unchanged.
 
     Parameters
     ----------

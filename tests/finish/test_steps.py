@@ -235,6 +235,16 @@ def test_captured_dancers_and_greeters_do_not_collapse_and_hardly_glide() -> Non
     assert np.mean(shares) < 0.01
 
 
+def test_a_body_of_few_frames_a_second_is_taken() -> None:
+    for seed in range(100):
+        random = np.random.default_rng(seed)
+        n_frames, fps = int(random.integers(2, 9)), float(random.uniform(0.5, 10))
+        given = np.repeat(glide(0.0, 0.0)[:1], n_frames, axis=0)
+        given[..., [0, 2]] += random.uniform(-0.6, 0.6, (n_frames, 1, 2)).cumsum(axis=0)
+        found = take_steps(given, LENGTHS, fps, SBU15)
+        assert found.shape == given.shape and np.isfinite(found).all()
+
+
 @pytest.mark.parametrize("aside", [-1.2, 1.2])
 @pytest.mark.parametrize("turn", [0.0, -2.5])
 def test_feet_of_a_body_that_goes_aside_do_not_cross(aside: float, turn: float) -> None:
