@@ -1,23 +1,24 @@
 """React to the partner of every test clip without a model: rows that a trained model should beat.
 
-Usage: python -m stages.react_untrained --row={mean,nearest_neighbour}
+Usage: python -m stages.react_untrained --row={mean,nearest_neighbour,nearest_neighbour_finished}
            CLIPS SPLITS.parquet REACTIONS
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.finish import finish
+from pacmo_core.finish.learning import learn
 from pacmo_core.metrics.untrained import TrainingReactions
 from stages.common.clips import stream_split, write_reactions
 from stages.common.params import read_params, run_stage
 
-ROWS: dict[str, Callable[[TrainingReactions, Interaction], Motion]] = {
-    "mean": TrainingReactions.mean,
-    "nearest_neighbour": TrainingReactions.nearest,
-}
+ROWS = ("mean", "nearest_neighbour", "nearest_neighbour_finished")
+React = Callable[[Interaction], Motion]
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,18 @@ def main(row: str, clips: Path, splits: Path, reactions: Path) -> None:
     params = read_params("react_untrained", Params)
     training = [interaction for _, interaction in stream_split(clips, splits, "train")]
     data = TrainingReactions.of(training, params.n_points)
-    react = ROWS[row]
-    write_reactions(clips, splits, reactions, lambda _, __, directed: [react(data, directed)])
+    react: React = data.mean if row == "mean" else data.nearest
+    if row == "nearest_neighbour_finished":
+        validation = [interaction for _, interaction in stream_split(clips, splits, "validation")]
+        react = finished(data.nearest, validation, training[0].skeleton)
+    write_reactions(clips, splits, reactions, lambda _, __, directed: [react(directed)])
+
+
+def finished(react: React, validation: Sequence[Interaction], skeleton: Skeleton) -> React:
+    """Finish reactions as those of a model are, by what reactions to validation partners teach."""
+    directed = [clip for one in validation for clip in (one, one.swapped())]
+    learnt = learn([(clip, react(clip)) for clip in directed], skeleton)
+    return lambda clip: finish(react(clip), clip.person_a, clip.times, skeleton, learnt)
 
 
 def arguments() -> argparse.Namespace:

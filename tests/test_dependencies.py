@@ -154,7 +154,7 @@ EDITED = {
     "pacmo_core/models.py": {*TRAIN_REACTION, *INFERENCE, *PRIORS, "evaluate_pacmo", "report"},
     "pacmo_core/execution.py": {"ingest", "augment"},
     "pacmo_core/ingestion.py": {"ingest", "augment"},
-    "pacmo_core/finish": {*TRAIN_REACTION, *INFERENCE},
+    "pacmo_core/finish": {*TRAIN_REACTION, *INFERENCE, "react_untrained"},
     "pacmo_core/reaction": {*TRAIN_REACTION, *INFERENCE, "evaluate_pacmo"},
     "pacmo_core/interaction_mesh": {"augment", "evaluate_skeleton_prior"},
     "pacmo_core/augmentation": {"augment"},

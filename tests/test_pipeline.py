@@ -76,7 +76,13 @@ def test_the_metrics_hold_every_row(clone):
     assert metrics["data"]["usable"] == 44  # eleven actions of four pairs
     assert metrics["pacmo"]["rows"].keys() >= {
         *("real", "oracle", "pacmo", "pacmo_paper", "gru", "wrong_partner", "pacmo_permuted"),
-        *("mean", "nearest_neighbour", "no_critic", "pacmo_augmented"),
+        *(
+            "mean",
+            "nearest_neighbour",
+            "nearest_neighbour_finished",
+            "no_critic",
+            "pacmo_augmented",
+        ),
     }
     gained = metrics["pacmo"]["augmentation"]
     assert len(gained["each"]["f2id"]) == 1  # a fold

@@ -277,6 +277,10 @@ ROWS = {
         "Nearest neighbour",
         "copy of the training reaction of the nearest training partner, re-timed",
     ),
+    "nearest_neighbour_finished": (
+        "Nearest neighbour, finished",
+        "the same copy, finished as the models' reactions are",
+    ),
     "pacmo": ("PaCMO", ""),
     "pacmo_without_finish": ("PaCMO without finish", "as the model generates them"),
     "no_critic": ("PaCMO without critic", "trained on the energy score alone"),
@@ -312,7 +316,7 @@ VARIANTS = (
     *("no_critic", "no_noise", "no_energy_score", "no_body_distances", "no_contact_score"),
     "no_augmentation",
 )
-UNTRAINED = ("mean", "nearest_neighbour")
+UNTRAINED = ("mean", "nearest_neighbour", "nearest_neighbour_finished")
 MODELS = (
     *(*UNTRAINED, "pacmo", "pacmo_without_finish", *VARIANTS),
     *("pacmo_augmented", "pacmo_paper", "pacmo_paper_without_finish"),
@@ -324,7 +328,10 @@ HEADLINE_MODELS = (
     *("pacmo", "pacmo_augmented", "pacmo_paper", "regression", "gru", "flow_matching"),
 )
 # What a model has to beat, as far as a run has it.
-BASELINES = ("nearest_neighbour", "regression", "no_critic", "gru", "flow_matching")
+BASELINES = (
+    *("nearest_neighbour", "nearest_neighbour_finished"),
+    *("regression", "no_critic", "gru", "flow_matching"),
+)
 MAIN_ROWS = ("real", "oracle", "wrong_partner", *MODELS, "pacmo_permuted")
 SAME_ACTION_ROWS = (
     *("real_pairs_same_action", "wrong_partner_same_action"),

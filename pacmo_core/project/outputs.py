@@ -16,7 +16,7 @@ RUN_FOLDERS = (
     *("models", "reports/curves", "reports/split"),
 )
 AUGMENTED = "pacmo_augmented"
-UNTRAINED = ("oracle", "mean", "nearest_neighbour")
+UNTRAINED = ("oracle", "mean", "nearest_neighbour", "nearest_neighbour_finished")
 UNFINISHED = "_without_finish"  # reactions of a model as it generates them
 # Of skeleton priors, below these: DATASET/SPLIT or DATASET/SPLIT.suffix, for all models of a split.
 SPLIT_FOLDERS = ("data/priors/splits", "data/priors/scores", "data/priors/samples")
