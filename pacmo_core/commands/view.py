@@ -15,6 +15,7 @@ from pacmo_core.commands.captures import (
     on_one_clock,
     rate_text,
     read_clip,
+    refuse_to_overwrite,
     some_clips,
     two_sources,
 )
@@ -45,6 +46,7 @@ from pacmo_core.store.motions import motion_file
 from pacmo_core.store.tables import ACCEPTED, FAILED, SOURCES, VARIATIONS, read_variations
 
 CLIPS_FOLDER = in_project(Path("data/clips"))
+PAGES = (".html", ".htm")
 
 
 @dataclass(frozen=True)
@@ -279,7 +281,11 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
     with reading_errors_in_one_line():
         if len(clips) > MAX_CLIPS:
             raise CommandError(f"wanted at most {MAX_CLIPS} clips side by side; got {len(clips)}")
-        scenes = _with_labels(read_scenes(clips, options), clips, label)
+        named = read_named_clips(clips, options)
+        refuse_to_overwrite(out, [out], [file for clip in named for file in clip.files])
+        if out.suffix.lower() not in PAGES:
+            raise CommandError(f"{out}: wanted a suffix of {', '.join(PAGES)}")
+        scenes = _with_labels([clip.scene for clip in named], clips, label)
         write_text(out, render_viewer(scenes, contact=contact))
     for scene in scenes:
         typer.echo(_described(scene))

@@ -218,6 +218,10 @@ def test_what_cannot_be_shown_is_told_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "x.txt").write_text("")
     refused(view("x.txt"), "suffix")
     refused(view("x.txt", "--format", "mp3"), "no format")
+    before = Path("data/clips/motions.parquet").read_bytes()
+    refused(view("one", "--out", "data/clips/motions.parquet"), "would overwrite")
+    assert Path("data/clips/motions.parquet").read_bytes() == before
+    refused(view("one", "--out", "page.parquet"), "wanted a suffix of .html")
     assert not (tmp_path / "view.html").exists()
 
 
