@@ -191,13 +191,14 @@ _ROWS = (
         "r",
     ),
     # BVH files that name a joint by the bone of CMU that begins there. By names alone they are not
-    # told from those of ``cmu``: a user says so, and no joint is required.
+    # told from those of ``cmu``: a user says so, and no joint is required. Converters lose bones
+    # beside others that begin at the same joint, such as the one to the hand: fingers have a place.
     _rig(
         "cmu_bones",
         "pelvis=root? pelvis=hip? spine_low=upperback? spine_mid=thorax? spine_high=lowerneck?"
         " neck=upperneck? head=head?",
         "hip=femur? knee=tibia? ankle=foot? toe=toes? shoulder=humerus? elbow=radius? wrist=wrist?"
-        " hand=wrist+hand? knuckles=hand? finger_base=fingers?",
+        " hand=wrist+fingers? knuckles=hand? finger_base=fingers?",
         "l",
         "r",
     ),
