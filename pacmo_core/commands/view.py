@@ -66,11 +66,6 @@ class NamedClip:
     read: Sequence[ReadPerson] = ()
 
 
-def read_scenes(words: Sequence[str], options: ReadOptions) -> list[Scene]:
-    """Read the clips that the arguments of the command line name (see ``read_named_clips``)."""
-    return [clip.scene for clip in read_named_clips(words, options)]
-
-
 def read_named_clips(words: Sequence[str], options: ReadOptions) -> list[NamedClip]:
     """Read the clips that the arguments of the command line name (see ``read_named_clip``).
 

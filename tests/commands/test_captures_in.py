@@ -13,7 +13,7 @@ from pacmo_core.api import save, synthesise, train
 from pacmo_core.commands.captures import rate_text
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.reading import ReadOptions, parse_unit, words_of
-from pacmo_core.commands.view import read_scenes
+from pacmo_core.commands.view import read_named_clips
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import INTERHUMAN22, NTU25, Skeleton
 from pacmo_core.formats.bvh import read_bvh
@@ -128,7 +128,8 @@ def test_two_people_of_two_formats_meet_and_each_takes_the_options_of_its_own(
     person_b = name_joints(skeleton, INTERHUMAN22, parse_joints([])).apply(motion)
     other = tmp_path / "b.npy"
     np.save(other, from_y_up(person_b, "z").reshape(len(motion), -1))
-    (scene,) = read_scenes([f"{pair[0]}+{other}"], ReadOptions(unit=["cm"], preset="pair"))
+    (named,) = read_named_clips([f"{pair[0]}+{other}"], ReadOptions(unit=["cm"], preset="pair"))
+    scene = named.scene
     assert scene.other == INTERHUMAN22
     assert np.ptp(scene.people[0][0, :, 1]) == pytest.approx(1.6, abs=0.4)
     np.testing.assert_allclose(scene.people[1], person_b, atol=1e-5)

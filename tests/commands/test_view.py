@@ -70,7 +70,7 @@ def test_a_clip_of_the_store_and_one_of_another_folder_stand_side_by_side(tmp_pa
 
 
 def test_a_variation_is_found_kept_or_not_and_what_was_not_made_says_why(tmp_path: Path) -> None:
-    row = VariationRecord("a/b~kept", "a/b", "random", True, "", 0.5, {"rung": 1.0}, BODY, BODY)
+    row = VariationRecord("a/b~kept", "a/b", "random", True, "", 0.5, {"attempt": 1.0}, BODY, BODY)
     failed = replace(
         row, variation="a/b~far", accepted=False, reason="near_distance_error", limit_ratio=2
     )

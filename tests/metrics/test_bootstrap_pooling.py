@@ -71,7 +71,7 @@ def test_a_metric_sees_when_the_difference_is_clear_of_zero_on_the_good_side():
         "ape": constant(0.0, 300),
         "multimodality": constant(1.0, 300),
     }
-    dealt = {
+    permuted = {
         "matching": constant(0.1, 300),
         "mmd_pair": constant(0.1, 300),  # clear of zero, on the bad side
         "mmd_s": Estimate(0.0, 0.01 * noise),
@@ -79,7 +79,7 @@ def test_a_metric_sees_when_the_difference_is_clear_of_zero_on_the_good_side():
         "ape": constant(1.0, 300),
         "multimodality": constant(1.0, 300),
     }
-    found = sensitivity(true, dealt, 0.95, left_out=EXACT_FOR_REAL)
+    found = sensitivity(true, permuted, 0.95, left_out=EXACT_FOR_REAL)
     sees = {name: seen.sensitive for name, seen in found.items()}
     assert sees == {"matching": True, "mmd_pair": False, "mmd_s": False, "diversity": True}
     assert found["matching"].mean == pytest.approx(0.5)
@@ -88,10 +88,10 @@ def test_a_metric_sees_when_the_difference_is_clear_of_zero_on_the_good_side():
 
 def test_mmd_of_reactions_alone_never_sees_the_partner() -> None:
     draws = np.linspace(1.0, 1.1, 50)
-    true, dealt = (
+    true, permuted = (
         {name: Estimate(value, value * draws) for name in ("mmd_a", "mmd_pair")}
         for value in (1.0, 2.0)
     )
-    found = sensitivity(true, dealt, 0.95)
+    found = sensitivity(true, permuted, 0.95)
     assert found["mmd_pair"].sensitive
     assert not found["mmd_a"].sensitive  # better for certain, and yet by no merit

@@ -274,14 +274,14 @@ def test_the_energy_score_and_the_dispersion_are_those_of_the_samples(sets):
 def test_reactions_permuted_among_partners_are_still_the_same_motions(sets, measured):
     real, train, _ = sets
     chosen = permute_partners(real.clips, None, np.random.default_rng(0))
-    dealt = real.take(chosen)
+    permuted = real.take(chosen)
     on_time = [
         to_length(m, t, len(n)).astype(np.float32)
-        for m, t, n in zip(dealt.motions, dealt.times, real.motions, strict=True)
+        for m, t, n in zip(permuted.motions, permuted.times, real.motions, strict=True)
     ]
-    embedded = np.stack([real.embedded[0], dealt.embedded[1]])
+    embedded = np.stack([real.embedded[0], permuted.embedded[1]])
     row = replace(
-        dealt, motions=on_time, partners=real.partners, times=real.times, embedded=embedded
+        permuted, motions=on_time, partners=real.partners, times=real.times, embedded=embedded
     )
     found = table_of(real, train).measure(row).estimates
     # Resampled to the partner's frames and then to the common ones, motions blur a little.
