@@ -40,6 +40,7 @@ COMPARED = tuple(name for name in _COLUMNS if improvement_sign(name))
 MATCHING = "matching"
 CLOSENESS = "f2id"
 FLOOR = "f2id_floor"
+FINISHED_COPY = "nearest_neighbour_finished"
 WITHOUT_FINISH = "_without_finish"  # ending of the row of a finished model's reactions before it
 FEW_UNITS = "too few units"  # the verdict on a difference without an interval
 

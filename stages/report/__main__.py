@@ -19,6 +19,7 @@ from typing import Any
 
 from pacmo_core.figures.curves import Curve
 from pacmo_core.figures.findings import (
+    FINISHED_COPY,
     Finding,
     comparison_note,
     count,
@@ -90,7 +91,8 @@ def main(paths: argparse.Namespace) -> None:
     params = read_params("report", Params)
     experiment = read_params("experiment", str)
     runs = read_params("runs", Runs)
-    finished = read_params("react.finish", list[str])
+    # One row without a model is finished, whatever the parameters.
+    finished = [*read_params("react.finish", list[str]), FINISHED_COPY]
     limits = read_params("augment.limits", dict[str, float])
     ingest, pooled, priors = map(read_json, (paths.ingest, paths.pooled, paths.prior_pooled))
     augment = read_json(paths.augment)
