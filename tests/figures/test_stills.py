@@ -130,7 +130,8 @@ def test_a_head_is_drawn_where_the_joints_say_or_else_at_the_end_of_the_neck(sce
 def test_people_are_large_enough_to_be_judged(scene: Scene, tmp_path: Path) -> None:
     write_strip(tmp_path / "x.png", scene)
     with Image.open(tmp_path / "x.png") as found:
-        picture = np.asarray(found.convert("RGB"), float)[:384, :480] / 255
+        height, width = found.height // 4, found.width // 4
+        picture = np.asarray(found.convert("RGB"), float)[:height, :width] / 255
     for colour in COLOURS:
         tone = np.array(to_rgb(colour))
         shares = picture / np.maximum(picture.max(axis=-1, keepdims=True), 0.1)
