@@ -10,6 +10,7 @@ import numpy as np
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.figures.stills import film_strip
+from pacmo_core.figures.viewer import Scene
 from pacmo_core.synthesis import (
     ACTIONS,
     Script,
@@ -20,7 +21,7 @@ from pacmo_core.synthesis import (
 from pacmo_core.synthesis.script import Role
 
 POPULATION, RANDOM_SEED, PAIRS = 1, 4, 6
-Row = tuple[str, Interaction, list[int]]
+Row = tuple[Scene, list[int]]
 
 
 def clip(act: str, pair: int) -> tuple[Script, np.random.Generator]:
@@ -46,7 +47,7 @@ def acts(names: list[str]) -> list[Row]:
     rows: list[Row] = []
     for name in names:
         script, random = clip(name, list(ACTIONS).index(name) % PAIRS)
-        rows.append((name, sample_interaction(script, random), instants(script)))
+        rows.append((Scene.of(name, sample_interaction(script, random)), instants(script)))
     return rows
 
 
@@ -57,12 +58,12 @@ def oracle() -> list[Row]:
     role: Role = "b" if script.initiator == "a" else "a"
     event = round(30 * script.event)
     frames = [min(event + late, len(script.frame_times) - 1) for late in (-6, 0, 8, 16, 24)]
-    rows: list[Row] = [("as captured", real, frames)]
+    rows: list[Row] = [(Scene.of("as captured", real), frames)]
     for draw in (1, 2, 3):
         fresh = sample_oracle_reaction(script, role, np.random.default_rng(draw))
         people = (real.person_a, fresh) if role == "b" else (fresh, real.person_b)
         again = Interaction(real.skeleton, real.times, *people)
-        rows.append((f"fresh reaction {draw}", again, frames))
+        rows.append((Scene.of(f"fresh reaction {draw}", again), frames))
     return rows
 
 

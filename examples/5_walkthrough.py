@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pacmo_core
 from pacmo_core.figures.stills import film_strip
+from pacmo_core.figures.viewer import Scene
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/pictures")
 n_epochs = int(sys.argv[2]) if len(sys.argv) > 2 else 40
@@ -23,5 +24,5 @@ retargeted = pacmo_core.retarget(clip, a="tall_adult", b="child")
 # %% Five frames of each
 frames = [round(share * (len(clip.times) - 1)) for share in (0.0, 0.3, 0.45, 0.6, 1.0)]
 rows = {"captured": clip, "reaction to a": reaction, "retargeted": retargeted}
-strip = [(title, interaction, frames) for title, interaction in rows.items()]
+strip = [(Scene.of(title, interaction), frames) for title, interaction in rows.items()]
 film_strip(strip, min_width=1.9, inches=1.8).savefig(folder / "library.png", dpi=90)

@@ -29,6 +29,7 @@ from pacmo_core.formats.inverse_kinematics import (
     proximity_weights,
 )
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion
+from pacmo_core.formats.resample import frame_rate
 
 # Weight of the squared error of the joints of a foot that stands, in addition to that of any joint,
 # 1. It fades in and out, as a step in a weight would cause a jerk.
@@ -47,17 +48,12 @@ BEYOND = (
 def planted_weights(person: PersonMotion) -> NDArray[np.float64]:
     """``(T, J)``: the weight that joints of feet have where they stand, 0 for all others."""
     weights = np.zeros(person.motion.shape[:2])
-    fps = frame_rate(person)
+    fps = frame_rate(person.times)
     stance = find_stance(person.motion, fps, person.skeleton)
     for foot, stands in zip(feet(person.skeleton), stance, strict=True):
         faded = gaussian_filter1d(stands.astype(np.float64), PLANTED_FADE * fps, mode="nearest")
         weights[:, list(foot)] = PLANTED_WEIGHT * faded[:, None]
     return weights
-
-
-def frame_rate(person: PersonMotion) -> float:
-    """Frames per second."""
-    return float(1 / np.median(np.diff(person.times)))
 
 
 def pair_targets(a: PersonMotion, b: PersonMotion) -> list[tuple[Motion, NDArray[np.float64]]]:
@@ -255,7 +251,7 @@ def _when(person: PersonMotion, frame: int) -> str:
 
 def _slides(person: PersonMotion, motions: tuple[Motion, Motion]) -> NDArray[np.float64]:
     """``(2, N)`` metres per second: of ankles that stand, in both motions of one person."""
-    stance = find_stance(person.motion, frame_rate(person), person.skeleton)
+    stance = find_stance(person.motion, frame_rate(person.times), person.skeleton)
     steps = np.diff(person.times)
     found = [np.zeros((2, 0))]
     for foot, stands in zip(feet(person.skeleton), stance, strict=True):

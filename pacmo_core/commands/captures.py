@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from pacmo_core.commands.bvh_fidelity import Fidelity, frame_rate, pair_targets, with_end_sites
+from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, with_end_sites
 from pacmo_core.commands.reading import (
     PEOPLE,
     ReadOptions,
@@ -35,7 +35,7 @@ from pacmo_core.formats.registry import (
     read_partner,
     select_person,
 )
-from pacmo_core.formats.resample import from_y_up, resample
+from pacmo_core.formats.resample import frame_rate, from_y_up, resample
 from pacmo_core.formats.table_parquet import is_clip_file
 from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh
 from pacmo_core.interaction_mesh import Scene
@@ -96,7 +96,7 @@ def bvh_text(
     weights : (T, J), of the squared distances to them
     """
     in_units = (from_y_up(aims, space.up) / space.unit).astype(np.float32)
-    return format_bvh(in_units, frame_rate(person), person.skeleton, weights)
+    return format_bvh(in_units, frame_rate(person.times), person.skeleton, weights)
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class TwoPersonCapture:
     def scene(self) -> Scene:
         """Both people as input of the solver."""
         a, b = self.people
-        return Scene((a.motion, b.motion), (a.skeleton, b.skeleton), frame_rate(a))
+        return Scene((a.motion, b.motion), (a.skeleton, b.skeleton), frame_rate(a.times))
 
     def moved(self, motions: tuple[Motion, Motion]) -> "TwoPersonCapture":
         """Return the capture with other motions of the same people."""
@@ -297,18 +297,18 @@ def on_one_clock(a: PersonMotion, b: PersonMotion, text: str) -> tuple[PersonMot
     CommandError
         If their frames are not at the same times.
     """
-    steps = [float(np.median(np.diff(person.times))) for person in (a, b)]
-    if np.isclose(steps[0], steps[1], rtol=1e-4):
+    rates = [frame_rate(person.times) for person in (a, b)]
+    if np.isclose(rates[0], rates[1], rtol=1e-4):
         _check_same_times(a, b, text)
         return a, b
-    slow, fast = (a, b) if steps[0] > steps[1] else (b, a)
-    at = slow.times[slow.times <= fast.times[-1] + min(steps) / 10]  # rates of files are rounded
+    slow, fast = (a, b) if rates[0] < rates[1] else (b, a)
+    at = slow.times[slow.times <= fast.times[-1] + 0.1 / max(rates)]  # rates of files are rounded
     if len(at) < 2:
         raise CommandError(f"{text}: wanted two frames or more at the same time")
     cut = replace(slow, times=at, motion=slow.motion[: len(at)])
     same = replace(fast, times=at, motion=resample(fast.motion, fast.times, at))
-    rates = f"{rate_text(1 / steps[0])} and {rate_text(1 / steps[1])} frames a second"
-    typer.echo(printable(f"{text}: {rates}: both at {rate_text(1 / max(steps))}"))
+    said = f"{rate_text(rates[0])} and {rate_text(rates[1])} frames a second"
+    typer.echo(printable(f"{text}: {said}: both at {rate_text(min(rates))}"))
     return (cut, same) if slow is a else (same, cut)
 
 
@@ -328,7 +328,7 @@ def meant_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
     A rate that is a multiple of it keeps the frames of a file, whose Frame Time is rounded.
     """
-    fps = float(1 / np.median(np.diff(times)))
+    fps = frame_rate(times)
     meant: NDArray[np.float64] = times[0] + (times - times[0]) * (fps / meant_rate(fps))
     return meant
 
@@ -487,8 +487,7 @@ def _rewritten(file: Path, pairs: BvhPairs, targets: PersonTargets) -> str:
     """Write a motion in the hierarchy, unit and axes of its BVH file."""
     bvh, person = read_bvh(file), targets.person
     metres = pairs.metres(file)
-    x, y, z = np.moveaxis(person.motion.astype(np.float64) / metres, -1, 0)
-    positions = np.stack((x, y, z) if pairs.up_axis == "y" else (x, -z, y), axis=-1)
+    positions = from_y_up(person.motion, pairs.up_axis).astype(np.float64) / metres
     joints = [bvh.joints.index(name) for name in person.skeleton.joints]
     scales = np.ones(len(bvh.joints))
     bones = person.skeleton.bones[:, 1].tolist()

@@ -30,7 +30,7 @@ from pacmo_core.commands.reading import (
 )
 from pacmo_core.commands.rig import OwnRig, own_rigs
 from pacmo_core.commands.view import read_named_clips
-from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import work_fault
 from pacmo_core.figures.body_mesh import make_skin
 from pacmo_core.figures.body_shape import make_body_shape
@@ -42,7 +42,7 @@ from pacmo_core.formats.bvh_channels import check_channels, format_file
 from pacmo_core.formats.convert_bvh import bone_motion, check_constant_bones, move_root
 from pacmo_core.formats.fit_bones import ConstantBoneMotion, fit_bones, reach_targets
 from pacmo_core.formats.registry import PersonMotion
-from pacmo_core.formats.resample import from_y_up, resample, sample_times
+from pacmo_core.formats.resample import frame_rate, from_y_up, resample, sample_times
 from pacmo_core.formats.write_bvh import format_bvh_of_fit
 from pacmo_core.formats.write_gltf import (
     AnimatedPerson,
@@ -123,10 +123,11 @@ def export_scene(
     rigs : of all people, if their files are BVH: BVH and glTF are written on them
     """
     suffix = out.suffix.lower()
-    if scene.other and suffix not in OF_A_PERSON:
+    if scene.other and suffix in TABLE_WRITERS:
+        others = ", ".join(other for other in WRITERS if other not in TABLE_WRITERS)
         raise CommandError(
             f"{scene.label}: the two people have different skeletons; {suffix} holds one: export "
-            f"one person at a time, or to {', '.join(OF_A_PERSON)}, which hold one each"
+            f"one person at a time, or to {others}, which show or hold one each"
         )
     fps = FILM_FPS if form.fps is None and suffix in FILMS else form.fps
     fault = ""
@@ -152,7 +153,7 @@ def export_scene(
     summary = (
         f"sixteen instants of {len(written.times)} frames"
         if suffix == PICTURE
-        else _rate_line(len(written.times), _fps(written))
+        else _rate_line(len(written.times), frame_rate(written.times))
     )
     if suffix in OF_A_PERSON:
         summary += f", in {form.space}, with the rest pose of a body fitted to the joints{fault}"
@@ -203,10 +204,6 @@ def resample_scene(scene: Scene, fps: float) -> Scene:
     _check_work(scene, at, fps)
     people = tuple(resample(motion, times, at) for motion in scene.people)
     return replace(scene, times=at - at[0], people=people)
-
-
-def _fps(scene: Scene) -> float:
-    return float(1 / np.median(np.diff(scene.times)))
 
 
 def _shift(
@@ -280,7 +277,7 @@ def _bvh(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]
     texts = [
         format_bvh_of_fit(
             replace(fit, offsets=fit.offsets / form.unit, root=fit.root / form.unit),
-            _fps(scene),
+            frame_rate(scene.times),
             body,
         )
         for fit, body in zip(fits, scene.skeletons, strict=True)
@@ -328,16 +325,15 @@ def _table(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], st
 
 
 def _drawing(out: Path, scene: Scene, form: ExportOptions) -> tuple[list[Path], str]:
-    clip = Interaction(scene.skeleton, scene.times, scene.people[0], scene.people[-1])
     with atomic_file(out) as partial:
         # The writers choose the format by the suffix.
         named = partial.with_name(partial.name + out.suffix.lower())
         try:
             if named.suffix == PICTURE:
-                write_strip(named, clip)
+                write_strip(named, scene)
             else:
-                typer.echo(f"drawing {len(clip.times)} frames, some ten a second ...")
-                write_film(named, clip, form.fps or FILM_FPS)
+                typer.echo(f"drawing {len(scene.times)} frames, some ten a second ...")
+                write_film(named, scene, form.fps or FILM_FPS)
             named.replace(partial)
         finally:
             named.unlink(missing_ok=True)

@@ -38,6 +38,7 @@ from pacmo_core.figures.variations import (
 )
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.formats.resample import frame_rate
 from pacmo_core.interaction_mesh import Scene as SolvedScene
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.interaction_mesh.mesh import ground_supports
@@ -443,6 +444,5 @@ def _scene(label: str, people: People) -> Scene:
 
 def _shown_frames(person: PersonMotion) -> list[int]:
     """List the frames that the page plays: at most ``MAX_FPS``, from the start ``MAX_FRAMES``."""
-    fps = float(1 / np.median(np.diff(person.times)))
-    step = max(1, round(fps / MAX_FPS))
+    step = max(1, round(frame_rate(person.times) / MAX_FPS))
     return list(range(0, len(person.times), step))[:MAX_FRAMES]

@@ -21,6 +21,7 @@ from pacmo_core.finish.bones import leg_length, median_lengths
 from pacmo_core.finish.floor import find_floor
 from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.registry import PersonMotion
+from pacmo_core.formats.resample import frame_rate
 from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.scene import MIN_LENGTH, Scene
 from pacmo_core.metrics.plausibility import find_body_joints
@@ -46,7 +47,7 @@ MAX_BELOW = 0.01
 MAX_HOVER = 0.06
 # Metres per second: the mean speed of the slower foot, 99 of 100 captured motions are below 28.5
 # cm/s.
-MAX_GLIDE = 0.3
+MAX_GLIDE_SPEED = 0.3
 # Times as fast as the reaction that the partner moves: 1.4 at most in recorded dances, greetings,
 # stretches, push-ups and embraces, 2.7 in the default; whoever receives an object may stand still.
 MAX_SPEED_RATIO = 3.0
@@ -246,7 +247,7 @@ def bone_turns(skeleton: Skeleton, motion: Motion) -> Array:
 
 def max_turn(times: Array) -> float:
     """Return the largest turn from a frame to the next that people make, in degrees."""
-    return MAX_TURN_SPEED * float(times[-1] - times[0]) / (len(times) - 1)
+    return MAX_TURN_SPEED / frame_rate(times)
 
 
 def bone_names(skeleton: Skeleton) -> tuple[str, ...]:
@@ -289,7 +290,7 @@ def motion_lines(
         own = format_fixed(100 * _glide(partner[:, ankles], times), 1)
         glide = SampleLimit(
             [100 * _glide(sample[:, ankles], times) for sample in samples],
-            100 * MAX_GLIDE,
+            100 * MAX_GLIDE_SPEED,
             "the slower foot moves at {} on average",
             " cm/s",
         )
@@ -339,7 +340,7 @@ def _heights(
     smaller person are lower. The floor is level: the slope of one that is fitted to a person in one
     place says nothing of another place.
     """
-    fps = (len(times) - 1) / (times[-1] - times[0])
+    fps = frame_rate(times)
     floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton).height
     own, *heights = (person.motion[..., 1].astype(np.float64) - floor for person in people)
     own_leg, *legs = (
@@ -388,9 +389,9 @@ def _mean_speed(motion: Motion, times: Array) -> float:
 
 def _speeds(paths: Motion, times: Array) -> Array:
     """Return the speeds, ``(T - 1, J)`` metres per second, of smoothed paths ``(T, J, D)``."""
-    step = (times[-1] - times[0]) / (len(times) - 1)
-    smooth = gaussian_filter1d(paths.astype(np.float64), SMOOTHING / step, axis=0)
-    speeds: Array = np.linalg.norm(np.diff(smooth, axis=0), axis=-1) / step
+    fps = frame_rate(times)
+    smooth = gaussian_filter1d(paths.astype(np.float64), SMOOTHING * fps, axis=0)
+    speeds: Array = np.linalg.norm(np.diff(smooth, axis=0), axis=-1) * fps
     return speeds
 
 
@@ -490,7 +491,7 @@ def _crossed_legs(
     rows = {joint: row for row, joint in enumerate(skeleton.bones[:, 1].tolist())}
     pairs = [(shins[0], shins[1]), (shins[0], thighs[1]), (thighs[0], shins[1])]
     columns = [len(rows) * rows[left] + rows[right] for left, right in pairs]
-    fps = (len(times) - 1) / (times[-1] - times[0])
+    fps = frame_rate(times)
     own, *found = (
         penetration_depths(Scene((body, body), (skeleton, skeleton), fps))[:, columns]
         for body in (partner, *samples)
@@ -510,7 +511,7 @@ def _deepest(
     skeleton: Skeleton, times: Array, partner: Motion, sample: Motion
 ) -> tuple[float, str]:
     """Return how deep the bodies are in each other at most, in metres, and where."""
-    fps = (len(times) - 1) / (times[-1] - times[0])
+    fps = frame_rate(times)
     scene = Scene((partner, sample), (skeleton, skeleton), fps)
     depths = penetration_depths(scene)
     frame, pair = (int(i) for i in np.unravel_index(depths.argmax(), depths.shape))

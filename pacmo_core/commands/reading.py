@@ -319,13 +319,13 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
         infer_settings(source.file, form, given)
         for source, form, given in zip(sources, forms, settings, strict=True)
     ]
-    _check_one_axis([source.file for source in sources], settings, inferred)
     found = _complete([source.file for source in sources], inferred)
     used = [{**given, **more} for given, more in zip(settings, found, strict=True)]
     people = [
         read_partner(source.file, form, of_file, person=source.person, clip=clip)
         for source, form, of_file in zip(sources, forms, used, strict=True)
     ]
+    _check_one_axis(sources, people, settings, inferred)
     if any(states_unit_or_axis(FORMATS[form]) for form in forms):
         check_plausible([source.file for source in sources], people, [*map(_stated_up, used)])
     for line in _inference_lines(sources, inferred, found):
@@ -343,7 +343,10 @@ def _check_clip(sources: Sequence[Source], clip: str) -> None:
 
 
 def _check_one_axis(
-    files: Sequence[Path], given: Sequence[Mapping[str, Any]], inferred: Sequence[Inferred]
+    sources: Sequence[Source],
+    people: Sequence[PersonMotion],
+    given: Sequence[Mapping[str, Any]],
+    inferred: Sequence[Inferred],
 ) -> None:
     """Refuse to infer two upward axes for two people of one rig, of whom one lies.
 
@@ -355,9 +358,11 @@ def _check_one_axis(
         for words, of_file in zip(given, inferred, strict=True)
     ]
     is_guessed = any("up" in of_file.settings for of_file in inferred)
-    of_one_rig = len({of_file.joints for of_file in inferred if of_file.joints}) == 1
+    of_one_rig = len({person.skeleton.joints for person in people}) == 1
     if is_guessed and of_one_rig and len({*axes} - {None}) > 1:
-        found = " and ".join(f"{axis} for {file}" for file, axis in zip(files, axes, strict=True))
+        found = " and ".join(
+            f"{axis} for {source.file}" for source, axis in zip(sources, axes, strict=True)
+        )
         raise CommandError(
             f"the spines of the two people are along different axes, {found}, as where one lies: "
             f"give --from-up, such as --from-up {axes[0]}"

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.commands.bvh_fidelity import frame_rate
 from pacmo_core.commands.captures import OutputSpace, meant_times
 from pacmo_core.commands.reading import (
     ReadOptions,
@@ -29,7 +28,7 @@ from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.convert_bvh import change_axes, change_unit, resample_bvh
 from pacmo_core.formats.inverse_kinematics import PointTargets
 from pacmo_core.formats.registry import DEFAULT_SETTINGS, PersonMotion
-from pacmo_core.formats.resample import from_y_up, sample_times
+from pacmo_core.formats.resample import frame_rate, from_y_up, sample_times
 from pacmo_core.formats.write_bvh import write_on_rig
 from pacmo_core.project.workspace import CommandError
 
@@ -90,13 +89,13 @@ class TargetRig:
         targets = PointTargets(shares, positions, weights)
         bvh = self._in_space(space)
         return write_on_rig(
-            self.file, bvh, targets, person.skeleton, space.unit, frame_rate(person)
+            self.file, bvh, targets, person.skeleton, space.unit, frame_rate(person.times)
         )
 
     def copied(self, person: PersonMotion, space: OutputSpace) -> str:
         """Write the motion of the file itself at the times of a person."""
         bvh = self._in_space(space)
-        return format_file(replace(bvh, frame_time=1 / frame_rate(person)), bvh.motion)
+        return format_file(replace(bvh, frame_time=1 / frame_rate(person.times)), bvh.motion)
 
     def on_model(self, person: PersonMotion) -> PersonMotion:
         """Return the joints of the model of a person read from a file on the rig."""

@@ -34,6 +34,7 @@ from pacmo_core.commands.reading import (
 from pacmo_core.data.names import ReactionName, is_reaction, is_variation
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.registry import ONE_PERSON_FORMATS, PersonMotion, holds_one_person
+from pacmo_core.formats.resample import frame_rate
 from pacmo_core.project.workspace import (
     MOTIONS,
     VARIATIONS_FOLDER,
@@ -223,8 +224,7 @@ def _described(scene: Scene) -> str:
     """Say what is played: people, joints of each, frames and rate."""
     joints = " and ".join(str(len(body.joints)) for body in scene.skeletons)
     people = "1 person" if len(scene.people) == 1 else "2 people"
-    seconds = float(scene.times[-1] - scene.times[0])
-    rate = rate_text((len(scene.times) - 1) / seconds) if seconds else "0"
+    rate = rate_text(frame_rate(scene.times)) if len(scene.times) > 1 else "0"
     return (
         f"{scene.label}: {people} of {joints} joints, {len(scene.times):,} frames at {rate} "
         "frames a second"

@@ -22,7 +22,8 @@ _RADII = (
     (r"hip|pelvis|root|spine|torso|back|chest", 0.090),
 )
 _UNNAMED_RADIUS = 0.045
-_HEAD, _ELBOW = _RADII[0][0], _RADII[7][0]
+_HEAD, _HEAD_RADIUS = _RADII[0]
+_ELBOW = _RADII[7][0]
 _KNEE = _RADII[4][0]
 _MIDDLE = re.compile(r"^hips?$|pelvis|root|spine|torso|back|chest|neck")
 _SHOULDER_RADIUS, _HIP_RADIUS = 0.070, 0.092
@@ -34,7 +35,8 @@ class BodyShape:
 
     Parameters
     ----------
-    head : joints whose mean is the centre of the head; empty if no joint has such a name
+    head : joints whose mean is the centre of the head: those of that name, else the ends of the
+        neck; empty if no joint is one
     head_radius : metres
     trunk : (joint, radius) of the spheres whose hull is the trunk; empty if it is unknown
     limbs : (parent, child, radius at the parent, radius at the child)
@@ -52,17 +54,18 @@ def make_body_shape(skeleton: Skeleton) -> BodyShape:
     A skeleton without names of elbows and knees gets one capsule per bone.
     """
     names = [joint.lower() for joint in bare_names(skeleton.joints)]
-    head = tuple(i for i, name in enumerate(names) if re.search(_HEAD, name))
+    named = tuple(i for i, name in enumerate(names) if re.search(_HEAD, name))
+    head = named or tuple(i for i in skeleton.end_effectors if "neck" in names[i])
     trunk = _trunk(skeleton, names)
     inside = {joint for joint, _ in trunk} | {
-        i for i, name in enumerate(names) if trunk and _MIDDLE.search(name)
+        i for i, name in enumerate(names) if trunk and i not in head and _MIDDLE.search(name)
     }
     limbs = tuple(
         (parent, child, *_limb_radii(names[parent], names[child]))
         for parent, child in skeleton.bones.tolist()
         if not (parent in head and child in head) and not {parent, child} <= inside
     )
-    return BodyShape(head, _radius(names[head[0]]) if head else 0.0, trunk, limbs)
+    return BodyShape(head, _HEAD_RADIUS if head else 0.0, trunk, limbs)
 
 
 def _radius(name: str) -> float:

@@ -1,10 +1,10 @@
-"""Still images and films (MP4, GIF) of interactions, drawn by matplotlib."""
+"""Still images and films (MP4, GIF) of one or two people, drawn by matplotlib."""
 
 import importlib
 import importlib.util
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,9 +20,10 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton, bare_names
-from pacmo_core.data.transforms import line_between
+from pacmo_core.figures.body_shape import make_body_shape
+from pacmo_core.figures.viewer import Scene
+from pacmo_core.formats.resample import frame_rate
 
 Array = NDArray[np.float64]
 
@@ -42,9 +43,9 @@ WIDTHS = (
     (("spine", "back", "torso"), 0.20),
     (("neck", "head"), 0.08),
 )
-HEAD = 0.105  # metres, radius
 ASPECT = 0.8  # height of a picture over its width
 MARGIN = np.array([0.22, 0.24])  # metres around the joints, for limbs, heads and the label
+TIME_POINTS, TITLE_POINTS = 3.2, 4.2  # size of texts in a strip, for each inch of a picture's width
 
 
 class Box(NamedTuple):
@@ -69,15 +70,13 @@ class Camera:
     right: Array
 
 
-def choose_camera(interaction: Interaction) -> Camera:
-    """Return a camera that sees the two people side by side, with the floor at the lowest foot."""
-    a, b = (np.asarray(m, np.float64) for m in (interaction.person_a, interaction.person_b))
-    root = interaction.skeleton.root
+def choose_camera(scene: Scene) -> Camera:
+    """Return a camera that sees two people side by side, with the floor at the lowest foot."""
     # Rotated a little, so that arms that reach along the line between the two stay visible.
-    angle = line_between(interaction.person_a[:, root], interaction.person_b[:, root]) + 0.45
-    both = np.concatenate([a, b], axis=1)
-    centre = both.mean(axis=(0, 1))
-    centre[1] = np.percentile(both[..., 1].min(axis=1), 20)
+    angle = scene.yaw + 0.45
+    everyone = scene.positions
+    centre = everyone.mean(axis=(0, 1))
+    centre[1] = np.percentile(everyone[..., 1].min(axis=1), 20)
     return Camera(centre, np.array([np.cos(angle), 0.0, -np.sin(angle)]))
 
 
@@ -101,43 +100,40 @@ def bone_widths(skeleton: Skeleton) -> list[float]:
     ]
 
 
-def fit_view(
-    interaction: Interaction, frames: Sequence[int], camera: Camera, min_width: float
-) -> Box:
-    """Return the smallest rectangle that shows both people completely in every frame.
+def fit_view(scene: Scene, frames: Sequence[int], camera: Camera, min_width: float) -> Box:
+    """Return the smallest rectangle that shows all people completely in every frame.
 
     Parameters
     ----------
     min_width : metres
     """
-    low, high = _extent(interaction, camera)
+    low, high = _extent(scene, camera)
     frames = list(frames)
     return _box(low[frames].min(axis=0), high[frames].max(axis=0), min_width)
 
 
-def follow_people(interaction: Interaction, camera: Camera, min_width: float) -> list[Box]:
-    """Return a rectangle for each frame, which follows both people and shows them completely.
+def follow_people(scene: Scene, camera: Camera, min_width: float) -> list[Box]:
+    """Return a rectangle for each frame, which follows all people and shows them completely.
 
     Its ends are means over ``FOLLOW_SECONDS`` of the outermost ends in as many seconds: smooth, and
-    outside of both people in every frame.
+    outside of all people in every frame.
 
     Parameters
     ----------
     min_width : metres
     """
-    size = 2 * round(FOLLOW_SECONDS / 2 * interaction.fps) + 1
+    size = 2 * round(FOLLOW_SECONDS / 2 * frame_rate(scene.times)) + 1
     outermost = (minimum_filter1d, maximum_filter1d)
     ends = [
         uniform_filter1d(outer(end, size, axis=0, mode="nearest"), size, axis=0, mode="nearest")
-        for end, outer in zip(_extent(interaction, camera), outermost, strict=True)
+        for end, outer in zip(_extent(scene, camera), outermost, strict=True)
     ]
     return [_box(low, high, min_width) for low, high in zip(*ends, strict=True)]
 
 
-def _extent(interaction: Interaction, camera: Camera) -> tuple[Array, Array]:
-    """``(T, 2)`` each, metres: the lowest and highest ends of both people in the picture."""
-    both = np.concatenate([interaction.person_a, interaction.person_b], axis=1)
-    flat = project(both.astype(np.float64), camera)[..., :2]
+def _extent(scene: Scene, camera: Camera) -> tuple[Array, Array]:
+    """``(T, 2)`` each, metres: the lowest and highest ends of all people in the picture."""
+    flat = project(scene.positions, camera)[..., :2]
     return flat.min(axis=1), flat.max(axis=1)
 
 
@@ -148,10 +144,8 @@ def _box(low: Array, high: Array, min_width: float) -> Box:
     return Box(float(left), float(bottom), float(width))
 
 
-def draw_interaction(
-    axes: Axes, interaction: Interaction, frame: int, *, camera: Camera, box: Box
-) -> None:
-    """Draw both people at a frame; use one camera and one box for a whole strip."""
+def draw_people(axes: Axes, scene: Scene, frame: int, *, camera: Camera, box: Box) -> None:
+    """Draw all people at a frame; use one camera for a whole strip."""
     axes.set(
         xlim=(box.left, box.left + box.width),
         ylim=(box.bottom, box.bottom + ASPECT * box.width),
@@ -162,19 +156,15 @@ def draw_interaction(
     for spine in axes.spines.values():
         spine.set_visible(False)
     points = axes.bbox.width / axes.figure.dpi * 72.0 / box.width
-    skeleton = interaction.skeleton
-    widths = np.array(bone_widths(skeleton)) * points
-    people = [
-        np.asarray(m[frame], np.float64) for m in (interaction.person_a, interaction.person_b)
-    ]
-    for pose in people:
+    for motion, body, colour in zip(scene.people, scene.skeletons, COLOURS, strict=False):
+        widths = np.array(bone_widths(body)) * points
+        pose = motion[frame].astype(np.float64)
         flat = project(np.where([False, True, False], camera.centre[1], pose), camera)[:, :2]
-        shadow = [flat[bone] for bone in skeleton.bones]
+        shadow = [flat[bone] for bone in body.bones]
         axes.add_collection(
             LineCollection(shadow, linewidths=widths, colors=SHADOW, capstyle="round", zorder=0)
         )
-    for pose, colour in zip(people, COLOURS, strict=True):
-        _draw_body(axes, skeleton, project(pose, camera), widths, colour)
+        _draw_body(axes, body, project(pose, camera), widths, colour)
 
 
 def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colour: str) -> None:
@@ -192,60 +182,57 @@ def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colou
                 solid_capstyle="round",
                 zorder=10.0 + near - 0.01 * (extra > 0),
             )
-    for joint, name in enumerate(bare_names(skeleton.joints)):
-        if name.lower() == "head":
-            near = pose[joint, 2]
-            disc = Circle(
-                tuple(pose[joint, :2]), HEAD, facecolor=tone, edgecolor="white", linewidth=0.6
-            )
-            disc.set_zorder(10.0 + near + 0.02)
-            axes.add_patch(disc)
+    shape = make_body_shape(skeleton)
+    if shape.head:
+        x, y, near = pose[list(shape.head)].mean(axis=0)
+        disc = Circle((x, y), shape.head_radius, facecolor=tone, edgecolor="white", linewidth=0.6)
+        disc.set_zorder(10.0 + near + 0.02)
+        axes.add_patch(disc)
 
 
 def film_strip(
-    interactions: Sequence[tuple[str, Interaction, Sequence[int]]],
+    scenes: Sequence[tuple[Scene, Sequence[int]]],
     *,
     min_width: float,
     inches: float,
     follow: bool = False,
 ) -> Figure:
-    """Return a figure with one row of frames for each interaction.
+    """Return a figure with one row of frames for each scene, whose label is the row's title.
 
     Parameters
     ----------
-    interactions : title, interaction, frames; the same number of frames in each
+    scenes : with their frames; the same number of frames of each
     min_width : metres that a picture shows at least
     inches : width of a picture
     follow : whether each picture is about the people in it, over the lines of whole metres, and not
         about those of the whole row
     """
-    rows, columns = len(interactions), len(interactions[0][2])
+    rows, columns = len(scenes), len(scenes[0][1])
     figure = Figure(figsize=(columns * inches, rows * ASPECT * inches), facecolor="white")
-    for row, (title, interaction, frames) in enumerate(interactions):
-        camera = choose_camera(interaction)
-        boxes = [fit_view(interaction, frames, camera, min_width)] * columns
+    for row, (scene, frames) in enumerate(scenes):
+        camera = choose_camera(scene)
+        boxes = [fit_view(scene, frames, camera, min_width)] * columns
         if follow:
-            boxes = [fit_view(interaction, [frame], camera, min_width) for frame in frames]
+            boxes = [fit_view(scene, [frame], camera, min_width) for frame in frames]
             widest = max(box.width for box in boxes)
-            boxes = [fit_view(interaction, [frame], camera, widest) for frame in frames]
+            boxes = [fit_view(scene, [frame], camera, widest) for frame in frames]
         for column, (frame, box) in enumerate(zip(frames, boxes, strict=True)):
             corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
             axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))
             if follow:
                 _draw_metres(axes, camera, box)
-            draw_interaction(axes, interaction, frame, camera=camera, box=box)
-            label = f"{interaction.times[frame]:.2f} s"
-            axes.text(
-                0.97, 0.94, label, transform=axes.transAxes, ha="right", fontsize=6, color="#777"
-            )
+            draw_people(axes, scene, frame, camera=camera, box=box)
+            time = f"{scene.times[frame]:.2f} s"
+            where, small, large = axes.transAxes, TIME_POINTS * inches, TITLE_POINTS * inches
+            axes.text(0.97, 0.94, time, transform=where, ha="right", fontsize=small, color="#777")
             if column == 0:
-                axes.text(0.03, 0.93, title, transform=axes.transAxes, fontsize=8, color="#222")
+                axes.text(0.03, 0.93, scene.label, transform=where, fontsize=large, color="#222")
     return figure
 
 
 _INCHES, _DPI = 6.4, 100  # 640 pixels wide
-_STRIP_ROWS, _STRIP_COLUMNS = 2, 8
-_STRIP_INCHES = 2.4  # of a picture in a strip
+_STRIP_ROWS, _STRIP_COLUMNS = 4, 4
+_STRIP_INCHES = 4.8  # of a picture in a strip
 _MIN_VIEW = 1.9  # metres
 _GIF_TICKS = 100  # per second; a frame lasts a whole number of them
 
@@ -281,7 +268,7 @@ def find_ffmpeg() -> str:
     raise ValueError("MP4 needs ffmpeg: pip install imageio-ffmpeg, or put ffmpeg on the path")
 
 
-def write_film(path: Path, clip: Interaction, fps: float) -> None:
+def write_film(path: Path, scene: Scene, fps: float) -> None:
     """Write a film of every frame of a clip.
 
     Parameters
@@ -296,43 +283,44 @@ def write_film(path: Path, clip: Interaction, fps: float) -> None:
     """
     if path.suffix == ".gif":
         check_gif_rate(fps)
-        _draw_frames(path, clip, PillowWriter(fps=fps))  # type: ignore[arg-type]  # accepts any number
+        _draw_frames(path, scene, PillowWriter(fps=fps))  # type: ignore[arg-type]  # accepts any number
         return
     # Players require an even number of pixels and 4:2:0 colour.
     options = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-loglevel", "error"]
     with mpl.rc_context({"animation.ffmpeg_path": find_ffmpeg()}):
         writer = FFMpegWriter(fps=fps, codec="h264", extra_args=options)  # type: ignore[arg-type]
-        _draw_frames(path, clip, writer)
+        _draw_frames(path, scene, writer)
 
 
-def write_strip(path: Path, clip: Interaction) -> None:
-    """Write a picture of a clip at instants that are evenly spaced, the first and the last too.
+def write_strip(path: Path, scene: Scene) -> None:
+    """Write a picture of evenly spaced instants of a scene, the first and the last among them.
 
     Parameters
     ----------
     path : its suffix is the format, such as .png
-    clip : of one frame or more
+    scene : of one frame or more
     """
-    last = len(clip.times) - 1
+    last = len(scene.times) - 1
     frames = np.linspace(0, last, _STRIP_ROWS * _STRIP_COLUMNS).round().astype(int)
-    rows = [("", clip, row.tolist()) for row in frames.reshape(_STRIP_ROWS, _STRIP_COLUMNS)]
+    bare = replace(scene, label="")
+    rows = [(bare, row.tolist()) for row in frames.reshape(_STRIP_ROWS, _STRIP_COLUMNS)]
     figure = film_strip(rows, min_width=_MIN_VIEW, inches=_STRIP_INCHES, follow=True)
     figure.savefig(path, dpi=_DPI)
 
 
-def _draw_frames(path: Path, clip: Interaction, writer: AbstractMovieWriter) -> None:
+def _draw_frames(path: Path, scene: Scene, writer: AbstractMovieWriter) -> None:
     figure = Figure(figsize=(_INCHES, ASPECT * _INCHES), dpi=_DPI, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))
-    camera = choose_camera(clip)
-    boxes = follow_people(clip, camera, _MIN_VIEW)
+    camera = choose_camera(scene)
+    boxes = follow_people(scene, camera, _MIN_VIEW)
     with writer.saving(figure, str(path), _DPI):
         for frame, box in enumerate(boxes):
             axes.clear()
             _draw_metres(axes, camera, box)
-            draw_interaction(axes, clip, frame, camera=camera, box=box)
+            draw_people(axes, scene, frame, camera=camera, box=box)
             axes.text(
-                0.97, 0.95, _time_label(clip.times, frame), transform=axes.transAxes, ha="right"
+                0.97, 0.95, _time_label(scene.times, frame), transform=axes.transAxes, ha="right"
             )
             writer.grab_frame()
 

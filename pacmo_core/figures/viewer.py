@@ -70,6 +70,16 @@ class Scene:
         """(T, 3) metres of each person."""
         return [m[:, body.root] for m, body in zip(self.people, self.skeletons, strict=True)]
 
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """``(T, P J, 3)`` metres: the joints of all people."""
+        return np.concatenate(self.people, axis=1).astype(np.float64)
+
+    @property
+    def yaw(self) -> float:
+        """Radians about +y of a camera that sees two people side by side, the first on the left."""
+        return line_between(*self.roots) if len(self.people) == 2 else 0.0
+
     @staticmethod
     def of(label: str, interaction: Interaction) -> "Scene":
         """Return a scene of both people of an interaction."""
@@ -108,7 +118,7 @@ def packed_scenes(scenes: Sequence[Scene], *, contact: float) -> list[dict[str, 
 
 
 def _pack_scene(scene: Scene, contact: float) -> dict[str, Any]:
-    everyone = _all_positions(scene)
+    everyone = scene.positions
     low, high = everyone.min(axis=(0, 1)), everyone.max(axis=(0, 1))
     origin = (low + high) / 2
     step = max(float((high - low).max()) / 2 / _MAX_STEP, 1e-6)
@@ -133,18 +143,13 @@ def _pack_skeleton(skeleton: Skeleton) -> dict[str, Any]:
     }
 
 
-def _all_positions(scene: Scene) -> NDArray[np.float64]:
-    """Return ``(T, P J, 3)`` metres: the joints of all people."""
-    return np.concatenate(scene.people, axis=1).astype(np.float64)
-
-
 def _camera(world: Sequence[Scene]) -> dict[str, Any]:
     """Return the ground height, the extent of the motion, and the yaw that shows two side by side.
 
     The ground is the median over frames of the lowest joint: a tilted depth camera, or a foot
     that it loses, gives single frames far below the floor.
     """
-    everyone = [_all_positions(scene) for scene in world]
+    everyone = [scene.positions for scene in world]
     flat = [people[..., [0, 2]] for people in everyone]
     low, high = np.percentile(np.concatenate([f.reshape(-1, 2) for f in flat]), [1, 99], axis=0)
     centre = (low + high) / 2
@@ -155,7 +160,7 @@ def _camera(world: Sequence[Scene]) -> dict[str, Any]:
         "top": round(max(map(_top, everyone)) + _HEAD_MARGIN, 4),
         "reach": max(_radius_of_view(f - centre) for f in flat),
         "near": max(map(_radius_of_view, near)),
-        "yaw": _yaw(world[0]),
+        "yaw": round(world[0].yaw, 4),
     }
 
 
@@ -175,13 +180,6 @@ def _camera_path(scene: Scene) -> NDArray[np.float64]:
     last = np.searchsorted(scene.times, scene.times + _SMOOTHING_SECONDS, side="right")
     path: NDArray[np.float64] = (sums[last] - sums[first]) / (last - first)[:, None]
     return path
-
-
-def _yaw(scene: Scene) -> float:
-    """Return the yaw of the camera in radians about +y: two people side by side, the first left."""
-    if len(scene.people) < 2:
-        return 0.0
-    return round(line_between(*scene.roots[:2]), 4)
 
 
 def _same_world(first: Scene, second: Scene) -> bool:

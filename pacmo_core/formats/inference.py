@@ -46,12 +46,10 @@ class Inferred:
     settings : ``unit`` and ``up``, of those that nothing states; None where the motion does not
         show it
     stature : metres, of the tallest person; None where no body was recognised
-    joints : names, of which files of one program have the same
     """
 
     settings: dict[str, Any]
     stature: float | None
-    joints: tuple[str, ...] = ()
 
 
 def infer_settings(file: Path, format_name: str, settings: Mapping[str, Any]) -> Inferred:
@@ -93,7 +91,7 @@ def _infer(
     measured = [measure_posture(motion, skeleton) for motion in people]
     postures = [posture for posture in measured if posture is not None]
     if not postures:
-        return Inferred(dict.fromkeys(unstated), None, skeleton.joints)
+        return Inferred(dict.fromkeys(unstated), None)
     of_cmu = any(rig.name.startswith("cmu") for rig in fitting_rigs(plain_names(skeleton.joints)))
     tallest = max(postures, key=lambda posture: posture.stature)
     unit = infer_unit(tallest, of_cmu=of_cmu)
@@ -103,7 +101,7 @@ def _infer(
     axes = {axis for axis in map(infer_up, postures) if axis}
     known = {"unit": unit, "up": axes.pop() if len(axes) == 1 else None}
     stature = None if unit is None else unit * tallest.stature
-    return Inferred({name: known[name] for name in unstated}, stature, skeleton.joints)
+    return Inferred({name: known[name] for name in unstated}, stature)
 
 
 def states_unit_or_axis(form: Format | type[Any]) -> bool:

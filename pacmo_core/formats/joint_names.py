@@ -88,6 +88,24 @@ class JointNames:
         return selected.astype(np.float32)
 
 
+@dataclass(frozen=True)
+class _Match:
+    """What names say of the joints of a model.
+
+    Parameters
+    ----------
+    found : the capture's joints of each joint of the model that could be named
+    description : in words; empty where all names are equal
+    rig : by which they were named, if by one
+    near : of ``found``, those that a rig lacks and has another joint near
+    """
+
+    found: dict[str, tuple[str, ...]]
+    description: str = ""
+    rig: Rig | None = None
+    near: tuple[str, ...] = ()
+
+
 def parse_joints(words: Sequence[str]) -> StatedNames:
     """Read presets, files, and words ``MODEL_JOINT=JOINT`` or ``MODEL_JOINT=JOINT+JOINT``.
 
@@ -174,7 +192,8 @@ def name_joints(
     """
     explicit = _check_stated(capture, model, stated)
     wanted = [joint for joint in model.joints if joint not in explicit]
-    found, description, rig = _match(capture, model, wanted, stated.rig)
+    match = _match(capture, model, wanted, stated.rig)
+    found, rig = match.found, match.rig
     shares = {
         joint: dict.fromkeys(parts, 1 / len(set(parts)))
         for joint, parts in {**found, **explicit}.items()
@@ -189,11 +208,12 @@ def name_joints(
         for part, share in parts.items():
             weights[model.joints.index(joint), capture.joints.index(part)] = share
     toes = [row for row in _rows_of("toe", model) if model.joints[row] in guessed]
+    extended = _extend(weights, model, toes)
+    beyond = {model.joints[row] for row in np.flatnonzero((extended != weights).any(axis=1))}
+    description = match.description + _near_text(match, beyond)
     if guessed:
         description += f"; estimated from the joints around them: {', '.join(guessed)}"
-    return JointNames(
-        _extend(weights, model, toes), description, toes, _rows_of("hip", model) if toes else []
-    )
+    return JointNames(extended, description, toes, _rows_of("hip", model) if toes else [])
 
 
 def _estimate(
@@ -252,43 +272,39 @@ def _check_stated(
     return joints
 
 
-def _match(
-    capture: Skeleton, model: Skeleton, wanted: Sequence[str], rig: str
-) -> tuple[dict[str, tuple[str, ...]], str, Rig | None]:
-    """Return the capture's joints of each joint that could be named, a description, and the rig."""
+def _match(capture: Skeleton, model: Skeleton, wanted: Sequence[str], rig: str) -> _Match:
     if not rig and set(wanted) <= set(capture.joints):
-        return {joint: (joint,) for joint in wanted}, "", None
+        return _Match({joint: (joint,) for joint in wanted})
     plain = _by_plain_name(capture)
     if not rig:
         bare = dict(zip(bare_names(capture.joints), capture.joints, strict=True))
         if set(wanted) <= set(bare):
-            return (
-                {joint: (bare[joint],) for joint in wanted},
-                "joints named without their prefix",
-                None,
+            return _Match(
+                {joint: (bare[joint],) for joint in wanted}, "joints named without their prefix"
             )
     of_model = rig_of_model(plain_names(model.joints))
     if of_model is None:
-        return {joint: (joint,) for joint in wanted if joint in capture.joints}, "", None
+        return _Match({joint: (joint,) for joint in wanted if joint in capture.joints})
     # Where no rig fits as a whole, one that names what the model needs will do.
     known_by_name = [r for r in RIGS.values() if r.required]
     rigs = [RIGS[rig]] if rig else fitting_rigs(plain) or known_by_name
     matches = {r.name: _by_rig(r, of_model, plain, model, wanted) for r in rigs}
-    known = {r.name: (len(matches[r.name][0]), len(r.required & set(plain))) for r in rigs}
+    known = {r.name: (len(matches[r.name].found), len(r.required & set(plain))) for r in rigs}
     best = [name for name in matches if known[name] == max(known.values())]
-    found, description = matches[best[0]]
-    if len(found) == len(wanted) and any(matches[name][0] != found for name in best):
+    match = matches[best[0]]
+    same = all(matches[name].found == match.found for name in best)
+    if len(match.found) == len(wanted) and not same:
         names = ", ".join(best)
         raise ValueError(f"the presets {names} all fit the capture's joints; name one by --joints")
-    return found, description, RIGS[best[0]]
+    return match
 
 
 def _by_rig(
     rig: Rig, of_model: Rig, plain: dict[str, str], model: Skeleton, wanted: Sequence[str]
-) -> tuple[dict[str, tuple[str, ...]], str]:
+) -> _Match:
     """Match joints that are the same point of the body."""
     found: dict[str, tuple[str, ...]] = {}
-    notes: dict[str, list[str]] = {"mid-point": [], "near": []}
+    near, middles = list[str](), list[str]()
     names = dict(zip(model.joints, plain_names(model.joints), strict=True))
     for joint in wanted:
         places = [rig.place_of(point, plain) for point in of_model.points_of(names[joint])]
@@ -296,18 +312,31 @@ def _by_rig(
         if place is None:
             continue
         found[joint] = tuple(plain[part] for part in place.joints)
-        kind = "near" if place.is_near else "mid-point" if len(place.joints) > 1 else ""
-        if kind:
-            notes[kind].append(f"{joint} = {' + '.join(found[joint])}")
+        if place.is_near:
+            near.append(joint)
+        elif len(place.joints) > 1:
+            middles.append(f"{joint} = {' + '.join(found[joint])}")
     # A rig after which the file names its joints, mixamorig:Hips, and which names some of them.
     part = [r for r in contained_rigs(rig, plain) if all(j.startswith(r) for j in plain.values())]
     more = f" ({part[0]}'s and more)" if part else ""
     text = f"joints named by the preset {rig.name}{more}"
-    if notes["mid-point"]:
-        text += f"; mid-points: {', '.join(notes['mid-point'])}"
-    if notes["near"]:
-        text += f"; put a third of the last bone beyond it: {', '.join(notes['near'])}"
-    return found, text
+    if middles:
+        text += f"; mid-points: {', '.join(middles)}"
+    return _Match(found, text, rig, tuple(near))
+
+
+def _near_text(match: _Match, beyond: set[str]) -> str:
+    """Say where joints are that a rig lacks: beyond one near them, or at it."""
+    text = ""
+    for where, is_beyond in (
+        ("put a third of the last bone beyond it", True),
+        ("at the nearest joint", False),
+    ):
+        joints = [joint for joint in match.near if (joint in beyond) == is_beyond]
+        if joints:
+            listed = (f"{joint} = {' + '.join(match.found[joint])}" for joint in joints)
+            text += f"; {where}: {', '.join(listed)}"
+    return text
 
 
 def _missing_text(

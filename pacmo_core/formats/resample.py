@@ -11,6 +11,11 @@ from pacmo_core.formats.base import check_fps, check_up
 _SPLINE_DEGREE = 3
 
 
+def frame_rate(times: NDArray[np.float64]) -> float:
+    """Return the frames a second: the inverse of the median time between two frames or more."""
+    return float(1 / np.median(np.diff(times)))
+
+
 def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
     """List the sample times of a frame rate from the first frame on, up to the last frame's time.
 

@@ -27,6 +27,7 @@ from pacmo_core.formats.base import (
 )
 from pacmo_core.formats.labels import CAPTURES_CSV
 from pacmo_core.formats.pairing import matching_files
+from pacmo_core.formats.resample import frame_rate
 from pacmo_core.formats.table_columns import csv_arrays, table_arrays
 from pacmo_core.formats.table_parquet import parquet_columns
 from pacmo_core.formats.table_traps import check_layout, parents_hint, unit_hint, unit_of_word
@@ -269,7 +270,7 @@ def _stated_times(
     steps = np.diff(times)
     if not np.isfinite(times).all() or not (steps > 0).all():
         raise FormatError(file, "times: wanted seconds that increase from frame to frame")
-    rate = float(1 / np.median(steps))
+    rate = frame_rate(times)
     try:
         check_fps(rate)
     except ValueError as error:

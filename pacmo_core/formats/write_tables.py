@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.resample import frame_rate
 from pacmo_core.formats.table_columns import AXES, TIME
 from pacmo_core.formats.table_parquet import parquet_bytes
 
@@ -39,7 +40,7 @@ class JointTable:
     @property
     def fps(self) -> float:
         """Frames a second: the inverse of the median time between frames."""
-        return float(1 / np.median(np.diff(self.times)))
+        return frame_rate(self.times)
 
 
 def npz_table(table: JointTable) -> bytes:

@@ -338,6 +338,25 @@ def test_a_person_who_lies_beside_one_who_stands_is_not_stood_up(
     refused(pacmo(command, *words, "--from-up", "a=y"), "different axes", "give --from-up")
 
 
+def test_of_two_rigs_each_has_the_axis_of_its_program(pair: list[Path], tmp_path: Path) -> None:
+    # Which of two rigs has which axis is no question of who lies, whatever is stated of one.
+    kinect = write(tmp_path / "kinect.bvh", CLIP.skeleton, CLIP.person_b, up="z")
+    told = ["--from-unit", "a=cm", "--from-up", "a=y"]
+    said = pacmo("export", f"{pair[0]}+{kinect}", *told, "--out", tmp_path / "o.glb")
+    assert said.exit_code == 0, said.output
+    assert f"inferred for {kinect}" in said.stdout and "z up" in said.stdout
+
+
+def test_of_one_rig_that_is_stated_in_full_a_second_axis_is_still_refused(
+    pair: list[Path], tmp_path: Path
+) -> None:
+    skeleton, (_, motion) = mixamo(CLIP)
+    write(pair[1], skeleton, lying(motion))
+    told = ["--from-unit", "a=cm", "--from-up", "a=y"]
+    said = pacmo("export", f"{pair[0]}+{pair[1]}", *told, "--out", tmp_path / "o.glb")
+    refused(said, "different axes", f"y for {pair[0]}", f"z for {pair[1]}", "give --from-up")
+
+
 def test_a_person_who_lies_is_read_with_the_axis_that_is_told(
     pair: list[Path], tmp_path: Path
 ) -> None:

@@ -15,7 +15,7 @@ from pacmo_core.commands.cli import app
 from pacmo_core.commands.reading import ReadOptions
 from pacmo_core.commands.view import read_named_clip
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.skeleton import NTU25
+from pacmo_core.data.skeleton import INTERHUMAN22, NTU25
 from pacmo_core.figures.stills import COLOURS
 from pacmo_core.figures.viewer import read_asset
 from pacmo_core.formats.bvh_pairs import BvhPairs
@@ -167,9 +167,9 @@ def test_a_picture_shows_sixteen_instants_of_both_people(tmp_path: Path) -> None
     with Image.open(tmp_path / "x.png") as found:
         pixels = np.asarray(found.convert("RGB"), float) / 255
     blue, vermilion = (np.array(to_rgb(colour)) for colour in COLOURS)
-    height, width = (size // n for size, n in zip(pixels.shape, (2, 8), strict=False))
-    for row in range(2):
-        for column in range(8):
+    height, width = (size // n for size, n in zip(pixels.shape, (4, 4), strict=False))
+    for row in range(4):
+        for column in range(4):
             part = pixels[row * height :, column * width :][:height, :width]
             for colour in (blue, vermilion):
                 assert (np.abs(part / part.max() - colour).max(axis=-1) < 0.15).sum() > 50
@@ -219,6 +219,26 @@ def test_a_film_shows_the_people_in_the_colours_of_the_viewer(tmp_path: Path) ->
     blue = picture[..., 2] - picture[..., 0] > 60
     orange = picture[..., 0] - picture[..., 2] > 60
     assert np.nonzero(blue)[1].mean() < np.nonzero(orange)[1].mean()
+
+
+@pytest.mark.parametrize("name", ["x.png", "x.gif"])
+def test_two_people_of_different_skeletons_are_shown_in_pictures_and_films(
+    tmp_path: Path, name: str
+) -> None:
+    other = moving(INTERHUMAN22, 2, 31) + np.array([4, 0, 0], np.float32)
+    (tmp_path / "a.bvh").write_text(format_bvh(CLIP.person_a, FPS, NTU25))
+    (tmp_path / "b.bvh").write_text(format_bvh(other, FPS, INTERHUMAN22))
+    words = ["--from-unit", 1, "--from-up", "y", *(["--to-fps", 5] if name == "x.gif" else [])]
+    said = export("a.bvh+b.bvh", *words, "--out", name)
+    assert said.exit_code == 0, said.output
+    with Image.open(tmp_path / name) as found:
+        picture = np.asarray(found.convert("RGB")).astype(int)
+    if name == "x.png":
+        picture = picture[: picture.shape[0] // 4, : picture.shape[1] // 4]
+    blue = picture[..., 2] - picture[..., 0] > 60
+    orange = picture[..., 0] - picture[..., 2] > 60
+    assert np.nonzero(blue)[1].mean() < np.nonzero(orange)[1].mean()
+    refused(export("a.bvh+b.bvh", *words[:4], "--out", "x.csv"), "a + b", ".csv holds one", ".png")
 
 
 def test_ground_and_centre_are_told_apart(tmp_path: Path) -> None:

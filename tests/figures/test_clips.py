@@ -46,6 +46,22 @@ def test_a_captured_body_has_its_head_on_its_neck_and_its_trunk_between_arms_and
     assert radius["LeftLeg"] == radius["RightLeg"]
 
 
+def test_a_head_without_a_name_is_the_end_of_the_neck_and_on_it() -> None:
+    joints = (
+        "root chest lowerneck upperneck lshoulder lelbow rshoulder relbow lhip lknee rhip rknee"
+    )
+    body = Skeleton(
+        "cmu",
+        tuple(joints.split()),
+        (-1, 0, 1, 2, 1, 4, 1, 6, 0, 8, 0, 10),
+        ((4, 6), (5, 7), (8, 10), (9, 11)),
+    )  # fmt: skip
+    shape = make_body_shape(body)
+    assert (shape.head, shape.head_radius) == ((3,), make_body_shape(MOCAP).head_radius)
+    assert len(shape.trunk) == 4
+    assert (2, 3) in [limb[:2] for limb in shape.limbs]
+
+
 def test_a_body_with_unknown_names_is_all_capsules() -> None:
     chain = Skeleton("chain", ("p", "q", "s"), (-1, 0, 1))
     body = packed_body(chain)

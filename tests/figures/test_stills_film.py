@@ -18,9 +18,10 @@ from pacmo_core.figures.stills import (
     project,
     write_film,
 )
+from pacmo_core.figures.viewer import Scene
 from tests.figures.samples import interaction
 
-CLIP = interaction(1, n_frames=5, fps=25.0)
+CLIP = Scene.of("", interaction(1, n_frames=5, fps=25.0))
 
 
 def test_the_picture_of_a_film_follows_both_people_smoothly_and_shows_them_completely() -> None:
@@ -30,9 +31,10 @@ def test_the_picture_of_a_film_follows_both_people_smoothly_and_shows_them_compl
     apart = np.sin(np.linspace(0, np.pi, 100))[:, None, None] * np.array([0.5, 0, 2.0])
     a, b = (clip.person_a + walk, clip.person_b + walk + apart)
     clip = replace(clip, person_a=a.astype(np.float32), person_b=b.astype(np.float32))
-    camera = choose_camera(clip)
-    boxes = follow_people(clip, camera, 1.9)
-    flat = project(np.concatenate([clip.person_a, clip.person_b], axis=1), camera)[..., :2]
+    scene = Scene.of("", clip)
+    camera = choose_camera(scene)
+    boxes = follow_people(scene, camera, 1.9)
+    flat = project(scene.positions, camera)[..., :2]
     corners = np.array([[[box.left, box.bottom],
                          [box.left + box.width, box.bottom + ASPECT * box.width]]
                         for box in boxes])  # fmt: skip

@@ -124,6 +124,19 @@ def test_what_a_rig_lacks_is_taken_from_near_only_where_a_line_says_so() -> None
     np.testing.assert_allclose(hand - wrist, HAND_REACH * (wrist - elbow))
 
 
+@pytest.mark.parametrize("words", [[], ["left_wrist=LeftForeArm"]], ids=["no wrist", "stated"])
+def test_a_hand_at_the_wrist_is_not_said_to_be_beyond_it(words: list[str]) -> None:
+    # SBU's model has no wrist, or the user names another joint for it.
+    model = NTU21 if words else SBU15
+    names = name_joints(CAPTURES["mixamo"], model, parse_joints(words))
+    at = dict(zip(model.joints, names.weights, strict=True))
+    np.testing.assert_array_equal(np.nonzero(at["left_hand"])[0],
+                                  CAPTURES["mixamo"].indices(["LeftHand"]))  # fmt: skip
+    assert "at the nearest joint: left_hand = LeftHand" in names.description
+    beyond = "put a third of the last bone beyond it: right_hand = RightHand"
+    assert (beyond in names.description) == bool(words)
+
+
 def test_equal_names_need_no_preset_and_say_nothing() -> None:
     names = name_joints(NTU25, NTU21, StatedNames())
     assert names.description == ""

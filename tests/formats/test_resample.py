@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pacmo_core.formats.base import to_y_up
-from pacmo_core.formats.resample import from_y_up, resample, sample_times
+from pacmo_core.formats.resample import frame_rate, from_y_up, resample, sample_times
 
 TIMES = np.sort(np.random.default_rng(0).uniform(0, 2, 30))
 
@@ -66,3 +66,8 @@ def test_turning_to_z_up_undoes_what_reading_does() -> None:
     np.testing.assert_array_equal(from_y_up(np.array([0, 1, 0], np.float32), "z"), [0, 0, 1])
     with pytest.raises(ValueError, match="up must be"):
         from_y_up(motion, "x")
+
+
+def test_the_frame_rate_is_that_of_most_frames() -> None:
+    times = np.delete(np.arange(50) / 25.0, [7, 8, 30])  # frames that a camera lost
+    assert frame_rate(times) == pytest.approx(25)
