@@ -271,9 +271,6 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
     typer.echo(files_line(reactions, written.files, space))
     if written.fidelity.is_of_files:
         typer.echo(written.fidelity.line())
-        if not written.fidelity.contacts:
-            typer.echo("a reaction touches where the model predicts it; what to do where you "
-                       "expect a touch: docs/react.md, Where a touch is missing")  # fmt: skip
     sole = 0.0 if is_parquet(out) else reactions.sole
     for line in motion_lines(
         reactions.skeleton,
