@@ -3,14 +3,18 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pacmo_core.data.quality import floor_gap, lost_bones
+import numpy as np
+
+from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import segments
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
 
 # Metres by which the lowest points of one person stay above those of the other: at most 1 cm in
 # optical captures of two people (dances, acts, embraces, a lift), more in 166 of the 200 of
 # handover, and in 16 of the 282 of SBU, of which each has its Kinect's floor.
 MAX_FLOOR_GAP = 0.08
+MIN_BONE_LENGTH = 1e-3  # metres
 _PLURALS = {"trunk": "trunk", "arm": "arms", "leg": "legs", "foot": "feet"}
 
 
@@ -65,3 +69,49 @@ def _floors_text(files: Sequence[Path], a: PersonMotion, b: PersonMotion) -> str
 
 def _listed(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def lost_bones(skeleton: Skeleton, motion: Motion) -> dict[str, list[str]]:
+    """Find bones that a conversion lost: the joints that are at a joint's own place, by its name.
+
+    A joint that coincides with its parent is a helper where other bones leave the same parent. Lost
+    is the bone of a joint that all its children coincide with, some of which lead on. At the hips,
+    where the body branches first, rigs have several joints in one place.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    """
+    children: dict[int, list[int]] = {joint: [] for joint in skeleton.order}
+    for parent, child in skeleton.bones.tolist():
+        children[parent].append(child)
+    hips = skeleton.root
+    while len(children[hips]) == 1:
+        hips = children[hips][0]
+
+    def coincide(one: int, other: int) -> bool:
+        distances = np.linalg.norm(motion[:, one] - motion[:, other], axis=-1)
+        return bool((distances < MIN_BONE_LENGTH).all())
+
+    return {
+        skeleton.joints[joint]: [skeleton.joints[child] for child in beyond]
+        for joint, beyond in children.items()
+        if len(beyond) > 1
+        and any(children[child] for child in beyond)
+        and all(coincide(joint, child) for child in beyond)
+        and not coincide(joint, hips)
+    }
+
+
+def floor_gap(first: Motion, second: Motion) -> tuple[float, float]:
+    """Compare the lowest points of two people of the same joints, ``(T, J, 3)`` metres, y up.
+
+    Returns
+    -------
+    By how many metres the first's is above the second's, in the median frames, and by how many the
+    higher one stays above the lower one throughout, but for a twentieth of the frames of each.
+    """
+    a, b = (
+        np.quantile(motion[..., 1].min(axis=1), (0.05, 0.5, 0.95)) for motion in (first, second)
+    )
+    return float(a[1] - b[1]), float(max(a[0] - b[2], b[0] - a[2]))

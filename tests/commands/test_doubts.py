@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
+from pacmo_core.commands.doubts import lost_bones
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.quality import lost_bones
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.registry import read_partner
 from pacmo_core.formats.write_bvh import format_bvh
