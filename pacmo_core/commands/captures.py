@@ -109,6 +109,7 @@ class TwoPersonCapture:
     files : one of both people, or those of person a and person b
     settings : with which each person's file was read
     people : person a and person b, without bones of length zero
+    as_read : both with them, whose joints have names too
     keeps_hierarchy : whether a BVH file is written in the hierarchy, unit and axes of the input
     space : of BVH files that are not
     joints_of : what else a BVH file has the joints of
@@ -120,6 +121,7 @@ class TwoPersonCapture:
     files: tuple[Path, ...]
     settings: tuple[Mapping[str, Any], ...]
     people: tuple[PersonMotion, PersonMotion]
+    as_read: tuple[PersonMotion, PersonMotion]
     keeps_hierarchy: bool = True
     space: OutputSpace = OutputSpace()
     joints_of: str = "capture"
@@ -506,7 +508,7 @@ def _make_capture(
 ) -> TwoPersonCapture:
     a, b = (_without_zero_bones(person) for person in people)
     check_two_people(a, b, files)
-    return TwoPersonCapture(name, files, settings, (a, b))
+    return TwoPersonCapture(name, files, settings, (a, b), (people[0], people[1]))
 
 
 def _without_zero_bones(person: PersonMotion) -> PersonMotion:

@@ -5,12 +5,15 @@ import torch. A further command is a function in a module of this package and a 
 """
 
 import sys
+from collections import Counter
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
+from pacmo_core.data.names import nearest_names
 from pacmo_core.project.workspace import enter_project
 
 # Name: module of this package, function or typer application in it, first line of its help.
@@ -76,10 +79,36 @@ class LazyGroup(TyperGroup):
         command.name = cmd_name
         return command
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command; name the nearest of a wrong name, and refuse repeated options."""
+        name = args[0]
+        if name not in COMMANDS and (near := nearest_names(name, COMMANDS)):
+            ctx.fail(f"No such command {name!r}; did you mean {' or '.join(near)}?")
+        found = super().resolve_command(ctx, args)
+        _refuse_repeats(found[1], args[1:], ctx)
+        return found
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
         """Write the list of commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, help_) for name, (_, _, help_) in COMMANDS.items()])
+
+
+def _refuse_repeats(command: Any, words: Sequence[str], parent: Any) -> None:
+    """Refuse an option of one value that is given twice, of which the last would count."""
+    # Resilient: what else is wrong with the words, the command says itself.
+    ctx = command.context_class(
+        command, info_name=command.name, parent=parent, resilient_parsing=True
+    )
+    _, rest, given = command.make_parser(ctx).parse_args(list(words))
+    for option, times in Counter(given).items():
+        if option.param_type_name == "option" and not option.multiple and times > 1:
+            name = "/".join([*option.opts, *option.secondary_opts])
+            ctx.fail(f"{name}: wanted once; got {times} times")
+    if isinstance(command, TyperGroup) and rest:
+        inner = command.get_command(ctx, rest[0])
+        if inner:
+            _refuse_repeats(inner, rest[1:], ctx)
 
 
 app = typer.Typer(

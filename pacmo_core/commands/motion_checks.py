@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.segments import feet
+from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.finish.bones import leg_length, median_lengths
 from pacmo_core.finish.floor import find_floor
 from pacmo_core.finish.stance import find_stance
+from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import frame_rate
 from pacmo_core.interaction_mesh.capsules import penetration_depths
@@ -313,6 +314,7 @@ def motion_lines(
             f"{depth.text.format(f'at most {depth.range_of(every)}')}, {depth.wanted}"
             for depth in depths
         ]
+    lines.append(_nearness(skeleton, times, partner, samples))
     jolt = _jolts(times, people[1:])
     lines.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
     turn, text = _turns(times, people)
@@ -462,6 +464,42 @@ def _depths(
     if len(feet(skeleton)) != 2:
         return [bodies]
     return [bodies, _crossed_legs(skeleton, times, partner, samples)]
+
+
+def _nearness(skeleton: Skeleton, times: Array, partner: Motion, samples: Motion) -> str:
+    """Say how near the two people come, and in how many frames a hand touches the partner.
+
+    There is no limit: whether they should touch, no measurement knows.
+    """
+    found = [_distances(partner, sample) for sample in samples]  # (T, J) each
+    nearest = [100 * float(distances.min()) for distances in found]
+    number = int(np.argmin(nearest))
+    frame, joint = (int(i) for i in np.unravel_index(found[number].argmin(), found[number].shape))
+    other = np.linalg.norm(partner[frame] - samples[number, frame, joint], axis=-1).argmin()
+    of_sample = f" of sample {number}" if len(samples) > 1 else ""
+    text = (
+        f"the nearest joints of the two are {format_range(nearest, 1)} cm apart "
+        f"({skeleton.joints[joint]} and the partner's {skeleton.joints[other]} "
+        f"{when(frame, times[frame] - times[0])}{of_sample})"
+    )
+    ends = zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True)
+    hands = [end for end, of in ends if of.part == "arm" and of.kind != "upper_arm"]
+    if not hands:
+        return text
+    touches = [int((of[:, hands] < CONTACT_DISTANCE).any(axis=1).sum()) for of in found]
+    page = "docs/react.md, Where a touch is missing"
+    hint = "" if max(touches) else f"; where you expect a touch: {page}"
+    return (
+        f"{text}; a hand of the reaction is within {100 * CONTACT_DISTANCE:.0f} cm of a joint of "
+        f"the partner in {format_range(touches, 0)} of {len(times)} frames{hint}"
+    )
+
+
+def _distances(partner: Motion, sample: Motion) -> Array:
+    """Return the distance of each joint of a sample from the partner's nearest, ``(T, J)``."""
+    by_joint = [np.linalg.norm(partner - joint[:, None], axis=-1).min(axis=1)
+                for joint in np.moveaxis(sample, 1, 0)]  # fmt: skip
+    return np.stack(by_joint, axis=1).astype(np.float64)
 
 
 def _apart(motion: Motion, skeleton: Skeleton) -> Motion:

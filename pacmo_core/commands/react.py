@@ -271,9 +271,6 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
     typer.echo(files_line(reactions, written.files, space))
     if written.fidelity.is_of_files:
         typer.echo(written.fidelity.line())
-        if not written.fidelity.contacts:
-            typer.echo("a reaction touches where the model predicts it; what to do where you "
-                       "expect a touch: docs/react.md, Where a touch is missing")  # fmt: skip
     sole = 0.0 if is_parquet(out) else reactions.sole
     for line in motion_lines(
         reactions.skeleton,
@@ -342,16 +339,32 @@ def _read(
     if rig is None:
         (partner,) = to_model_joints([read.motion], skeleton, [source], options)
         return ReactingPeople(partner)
-    label = PEOPLE[source.label == PEOPLE[0]]
-    of_rig = read_rig(Source(rig, label, None), skeleton, options.of_person(label))
     is_bvh = not names_clips(source.file, clip) and of_partner.format_of(source.file) == "bvh"
     own = _partner_rig(source, read, skeleton, options) if is_bvh else None
     if own is None:
-        say_names([(rig, of_rig.named)])
         (partner,) = to_model_joints([read.motion], skeleton, [source], options)
+        of_rig = _read_rig(rig, source, skeleton, options)
+        say_names([(rig, of_rig.named)])
         return ReactingPeople(partner, of_rig)
+    of_rig = _read_rig(rig, source, skeleton, options)
     say_names([(source.file, own.named), (rig, of_rig.named)])
     return ReactingPeople(own.motion, of_rig, own)
+
+
+def _read_rig(file: Path, partner: Source, skeleton: Skeleton, options: ReadOptions) -> TargetRig:
+    """Read the rig; where it cannot be read by words that are for both people, say so."""
+    label = PEOPLE[partner.label == PEOPLE[0]]
+    try:
+        return read_rig(Source(file, label, None), skeleton, options.of_person(label))
+    except CommandError as fault:
+        both = options.for_both()
+        if not both:
+            raise
+        option, word = both[0]
+        raise CommandError(
+            f"{fault}; {', '.join(' '.join(one) for one in both)}: for partner and rig alike; "
+            f"{option} {partner.label}={word} is for the partner alone"
+        ) from fault
 
 
 def _partner_rig(

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from pacmo_core.commands.doubts import doubts
 from pacmo_core.data.limits import printable
 from pacmo_core.data.names import nearest_first, nearest_names
 from pacmo_core.data.posture import UNIT_WORDS
@@ -27,7 +28,14 @@ from pacmo_core.formats.inference import (
     infer_settings,
     states_unit_or_axis,
 )
-from pacmo_core.formats.joint_names import FILE_SUFFIXES, JointNames, name_joints, parse_joints
+from pacmo_core.formats.joint_names import (
+    FILE_SUFFIXES,
+    JointNames,
+    StatedNames,
+    name_joints,
+    parse_joints,
+    stated_body,
+)
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     FORMATS,
@@ -39,6 +47,7 @@ from pacmo_core.formats.rigs import RIGS
 from pacmo_core.project.workspace import CommandError
 
 PEOPLE = ("a", "b")
+_PREFIXES = ("a=", "b=")  # of words that are for one person
 
 FormatName = Annotated[
     str | None, typer.Option("--format", help="format of the capture; default: by its suffix")
@@ -178,6 +187,21 @@ class ReadOptions:
             self, unit=own(self.unit), up=own(self.up), fps=own(self.fps), joints=own(self.joints)
         )
 
+    def for_both(self) -> list[tuple[str, str]]:
+        """List the options and words that are for both people."""
+        words = {
+            "--joints": self.joints,
+            "--from-unit": self.unit,
+            "--from-up": self.up,
+            "--from-fps": self.fps,
+        }
+        return [
+            (option, word)
+            for option, several in words.items()
+            for word in several
+            if word[:2] not in _PREFIXES
+        ]
+
     def names(self, form: str) -> set[str]:
         """Return the names of settings that an option may give captures of a format.
 
@@ -248,7 +272,7 @@ def _number(word: str, option: str) -> float:
 
 def words_of(words: Sequence[str], person: str) -> list[str]:
     """Select the words that are for a person: those for both, and those after ``a=`` or ``b=``."""
-    split = [word.partition("=") if word[:2] in ("a=", "b=") else ("", "", word) for word in words]
+    split = [word.partition("=") if word[:2] in _PREFIXES else ("", "", word) for word in words]
     return [word for who, _, word in split if who in ("", person)]
 
 
@@ -265,7 +289,7 @@ def _check_joints_word(word: str) -> None:
 def _last(words: Sequence[str], person: str, option: str) -> str | None:
     """Return the word of a person: one that names the person before one for both."""
     own = [word[2:] for word in words if word.startswith(f"{person}=")]
-    both = [word for word in words if word[:2] not in ("a=", "b=")]
+    both = [word for word in words if word[:2] not in _PREFIXES]
     if len(own) > 1 or len(both) > 1:
         raise CommandError(f"{option}: wanted one value a person; got {', '.join(words)}")
     return next(iter([*own, *both]), None)
@@ -315,9 +339,10 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     settings = [
         options.settings(form, source.label) for form, source in zip(forms, sources, strict=True)
     ]
+    names = [_stated_names(source, options) for source in sources]
     inferred = [
-        infer_settings(source.file, form, given)
-        for source, form, given in zip(sources, forms, settings, strict=True)
+        infer_settings(source.file, form, given, of_joints)
+        for source, form, given, of_joints in zip(sources, forms, settings, names, strict=True)
     ]
     found = _complete([source.file for source in sources], inferred)
     used = [{**given, **more} for given, more in zip(settings, found, strict=True)]
@@ -327,9 +352,11 @@ def read_people(sources: Sequence[Source], options: ReadOptions, clip: str) -> l
     ]
     _check_one_axis(sources, people, settings, inferred)
     if any(states_unit_or_axis(FORMATS[form]) for form in forms):
-        check_plausible([source.file for source in sources], people, [*map(_stated_up, used)])
+        check_plausible(sources, people, [*map(_stated_up, used)], names)
     for line in _inference_lines(sources, inferred, found):
         typer.echo(printable(line))
+    for line in doubts([source.file for source in sources], people):
+        typer.echo(printable(line), err=True)
     return [ReadPerson(person, of_file) for person, of_file in zip(people, used, strict=True)]
 
 
@@ -420,23 +447,31 @@ def _stated_up(settings: Mapping[str, Any]) -> str | None:
 
 
 def check_plausible(
-    files: Sequence[Path], people: Sequence[PersonMotion], stated: Sequence[str | None]
+    sources: Sequence[Source],
+    people: Sequence[PersonMotion],
+    stated: Sequence[str | None],
+    names: Sequence[StatedNames],
 ) -> None:
     """Refuse a person whom no unit and axis that are right would give.
 
     Parameters
     ----------
     stated : the upward axis of each file; None if it is in the file
+    names : of the joints of each, if the user states them
 
     Raises
     ------
     CommandError
         With the file and the reason.
     """
-    fault = implausible([(person.skeleton, person.motion) for person in people], stated)
+    bodies = [
+        stated_body(person.skeleton, person.motion, of_joints)
+        for person, of_joints in zip(people, names, strict=True)
+    ]
+    fault = implausible(bodies, stated)
     if fault:
         number, reason = fault
-        raise CommandError(f"{files[number]}: {reason} (--from-unit, --from-up)")
+        raise CommandError(f"{sources[number].file}: {reason} (--from-unit, --from-up)")
 
 
 def to_model_joints(
@@ -503,9 +538,17 @@ def name_model_joints(
     CommandError
         If some are not named in the capture: with the nearest.
     """
+    stated = _stated_names(source, options)
     try:
-        stated = parse_joints(words_of(options.joints, source.label))
         return name_joints(person.skeleton, skeleton, stated, estimates=estimates)
+    except ValueError as fault:
+        raise CommandError(f"{source.file}: {fault}") from fault
+
+
+def _stated_names(source: Source, options: ReadOptions) -> StatedNames:
+    """Read what the options state about the names of joints of one person."""
+    try:
+        return parse_joints(words_of(options.joints, source.label))
     except ValueError as fault:
         raise CommandError(f"{source.file}: {fault}") from fault
 

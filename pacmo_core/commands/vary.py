@@ -63,7 +63,8 @@ from pacmo_core.commands.weights import (
     is_synthetic,
     trained_on_line,
 )
-from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.names import MAX_NEAREST
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.interaction_mesh.scene import MIN_LENGTH
@@ -313,25 +314,50 @@ def _select_joints(
 ) -> TwoPersonCapture:
     """Select the joints of the model of both people, each by the names of their own capture."""
     sources = two_sources(duo.files)
-    a, b = to_model_joints(duo.people, skeleton, sources, options)
-    for source, person in zip(sources, (a, b), strict=True):
-        _check_bones(source.file, person)
-    has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.people)
+    a, b = to_model_joints(duo.as_read, skeleton, sources, options)
+    for source, person, captured in zip(sources, (a, b), duo.as_read, strict=True):
+        _check_bones(source.file, person, captured)
+    has_same_names = all(set(skeleton.joints) <= set(p.skeleton.joints) for p in duo.as_read)
     keeps = duo.keeps_hierarchy and has_same_names and not options.joints
     return replace(duo, people=(a, b), keeps_hierarchy=keeps, joints_of="model", bodies=duo.whole)
 
 
-def _check_bones(file: Path, person: PersonMotion) -> None:
+def _check_bones(file: Path, person: PersonMotion, captured: PersonMotion) -> None:
     """Refuse a bone without length, such as to a neck that a capture has between the shoulders."""
     parent, child = person.skeleton.bones.T
     lengths = np.linalg.norm(person.motion[:, child] - person.motion[:, parent], axis=-1)
     if lengths.min() < MIN_LENGTH:
         frame, bone = np.argwhere(lengths < MIN_LENGTH)[0]
         above, below = (person.skeleton.joints[end[bone]] for end in (parent, child))
+        near = _free_joints(person, int(child[bone]), captured)
+        example = f"such as --joints {above}={near[0]}" if near else f"by --joints {below}=JOINT"
+        more = f" (the nearest that no joint of the model is: {', '.join(near)})" if near else ""
         raise CommandError(
             f"{file}: {above} and {below} coincide in frame {frame}: wanted another joint of the "
-            f"capture for one of them, by --joints {below}=JOINT"
+            f"capture for one of them, {example}{more}"
         )
+
+
+def _free_joints(person: PersonMotion, joint: int, captured: PersonMotion) -> list[str]:
+    """Name the joints of a capture nearest to one of the model, where none of the model's is.
+
+    Near a joint without a mirror image these are joints of the trunk too, not of a side.
+    """
+    sided = {row for pair in captured.skeleton.left_right for row in pair}
+    is_sided = any(joint in pair for pair in person.skeleton.left_right)
+    taken = np.moveaxis(person.motion, 1, 0)
+
+    def distance(row: int, place: Motion) -> float:
+        return float(np.linalg.norm(captured.motion[:, row] - place, axis=-1).mean())
+
+    free = [
+        row
+        for row in range(len(captured.skeleton.joints))
+        if (is_sided or row not in sided)
+        and all(distance(row, place) >= MIN_LENGTH for place in taken)
+    ]
+    free.sort(key=lambda row: distance(row, taken[joint]))
+    return [captured.skeleton.joints[row] for row in free[:MAX_NEAREST]]
 
 
 def _bodies(

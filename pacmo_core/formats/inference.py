@@ -28,6 +28,7 @@ from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.base import Format
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import unstated_settings
+from pacmo_core.formats.joint_names import UNSTATED, StatedNames, stated_body
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.rigs import fitting_rigs, plain_names
 from pacmo_core.formats.table import Table
@@ -52,7 +53,9 @@ class Inferred:
     stature: float | None
 
 
-def infer_settings(file: Path, format_name: str, settings: Mapping[str, Any]) -> Inferred:
+def infer_settings(
+    file: Path, format_name: str, settings: Mapping[str, Any], names: StatedNames = UNSTATED
+) -> Inferred:
     """Infer the unit and the upward axis of a file of a format that may lack them.
 
     Parameters
@@ -60,6 +63,7 @@ def infer_settings(file: Path, format_name: str, settings: Mapping[str, Any]) ->
     file : a capture
     format_name : of its format; the files of others than bvh and table state both
     settings : that are given
+    names : of the joints, if the user states them
 
     Raises
     ------
@@ -68,11 +72,11 @@ def infer_settings(file: Path, format_name: str, settings: Mapping[str, Any]) ->
     """
     if format_name == "bvh":
         unstated = unstated_settings(settings.get("preset", "pair"), settings)
-        return _infer(unstated, *_bvh_people(file)) if unstated else Inferred({}, None)
+        return _infer(unstated, *_bvh_people(file), names) if unstated else Inferred({}, None)
     if format_name == "table":
         stated = {name: settings[name] for name in _FACTS if name in settings}
         table = Table(**stated).read_undescribed(file)
-        return _infer(table.unstated, table.skeleton, table.people)
+        return _infer(table.unstated, table.skeleton, table.people, names)
     return Inferred({}, None)
 
 
@@ -84,11 +88,15 @@ def _bvh_people(file: Path) -> tuple[Skeleton, list[NDArray[np.float64]]]:
 
 
 def _infer(
-    unstated: Sequence[str], skeleton: Skeleton, people: Sequence[NDArray[np.float64]]
+    unstated: Sequence[str],
+    skeleton: Skeleton,
+    people: Sequence[NDArray[np.float64]],
+    names: StatedNames,
 ) -> Inferred:
     if not unstated:
         return Inferred({}, None)
-    measured = [measure_posture(motion, skeleton) for motion in people]
+    bodies = [stated_body(skeleton, motion, names) for motion in people]
+    measured = [measure_posture(motion, body) for body, motion in bodies]
     postures = [posture for posture in measured if posture is not None]
     if not postures:
         return Inferred(dict.fromkeys(unstated), None)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_JOINTS, printable
-from pacmo_core.data.skeleton import Skeleton, bare_names
+from pacmo_core.data.skeleton import Skeleton, bare_names, mirror_by_name
 from pacmo_core.formats.base import read_content
 from pacmo_core.formats.rigs import (
     ESTIMATES,
@@ -38,6 +38,14 @@ FILE_SUFFIXES = (".json", ".toml", ".csv")
 HAND_REACH = 1 / 3
 # Metres ahead of the ankle and below it at which toes are put that a capture lacks.
 TOES_AHEAD, TOES_BELOW = 0.12, 0.04
+# Points of a body that show its stature and posture, as most rigs name all of them: its limbs hang
+# on the head, as not all have a pelvis.
+_BODY_POINTS = (
+    *("head", "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle"),
+    *("left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist"),
+)
+_BODY_PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11)
+_BODY = Skeleton("body", _BODY_POINTS, _BODY_PARENTS, mirror_by_name(_BODY_POINTS))
 _MIN_SIMILARITY = 0.65  # of names, as difflib measures it
 _MAX_LISTED = 6  # joints in a message
 
@@ -54,6 +62,9 @@ class StatedNames:
 
     rig: str = ""
     joints: dict[str, tuple[str, ...]] | None = None
+
+
+UNSTATED = StatedNames()
 
 
 @dataclass(frozen=True)
@@ -74,7 +85,7 @@ class JointNames:
     toes: Sequence[int] = ()
     hips: Sequence[int] = ()
 
-    def apply(self, motion: Motion) -> Motion:
+    def apply(self, motion: NDArray[np.floating]) -> Motion:
         """Return the positions (T, J, 3) of the model's joints in a motion (T, C, 3)."""
         selected: NDArray[np.float64] = np.einsum(
             "jc,tcx->tjx", self.weights, motion.astype(np.float64)
@@ -104,6 +115,23 @@ class _Match:
     description: str = ""
     rig: Rig | None = None
     near: tuple[str, ...] = ()
+
+
+def stated_body(
+    capture: Skeleton, motion: NDArray[np.floating], stated: StatedNames
+) -> tuple[Skeleton, NDArray[np.floating]]:
+    """Return the points of a body by the names that the user states, by which it is measured.
+
+    Without them, or where they do not name all of it: the capture as it is.
+    """
+    if not stated.rig and not stated.joints:
+        return capture, motion
+    joints = {name: of for name, of in (stated.joints or {}).items() if name in _BODY_POINTS}
+    try:
+        names = name_joints(capture, _BODY, StatedNames(stated.rig, joints))
+    except ValueError:
+        return capture, motion
+    return _BODY, names.apply(motion)
 
 
 def parse_joints(words: Sequence[str]) -> StatedNames:

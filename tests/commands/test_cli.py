@@ -60,6 +60,45 @@ def test_wrong_usage_ends_with_2_and_names_the_word(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["react", "x.bvh", "--out", "a.bvh", "--samples", "2", "--out=b.bvh"], "--out"),
+        (["react", "x.bvh", "--out", "a.bvh", "--seed", "0", "--seed", "0"], "--seed"),
+        (["react", "x.bvh", "--finish", "--no-finish"], "--finish/--no-finish"),
+        (["vary", "--seed", "1", "x.bvh", "y.bvh", "--seed", "2"], "--seed"),
+        (["study", "make", "x", "--seed", "1", "--seed", "2"], "--seed"),
+        (["fetch", "sbu", "x", "--base-url", "http://a", "--base-url", "http://b"], "--base-url"),
+    ],
+)
+def test_an_option_of_one_value_is_given_once(words: list[str], option: str) -> None:
+    code, _, err = pacmo(*words)
+    assert code == 2
+    assert f"Error: {option}: wanted once; got 2 times\n" in err
+
+
+def test_an_option_of_several_values_is_given_several_times(tmp_path: Path) -> None:
+    words = ["--from-unit", "a=cm", "--from-unit", "b=m", "--joints", "cmu", "--joints", "head=x"]
+    code, _, err = pacmo("react", str(tmp_path / "x.bvh"), "--out", str(tmp_path / "y"), *words)
+    assert code == 1
+    assert err.endswith("x.bvh: cannot be read: No such file or directory\n")
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"), [("reakt", "react"), ("augument", "augment"), ("experiment", "experiments")]
+)
+def test_the_command_that_was_meant_is_named(word: str, meant: str) -> None:
+    code, _, err = pacmo(word, "x.bvh")
+    assert code == 2
+    assert f"No such command '{word}'; did you mean {meant}?" in err
+
+
+def test_a_command_like_no_other_names_none() -> None:
+    code, _, err = pacmo("zzz")
+    assert code == 2
+    assert "No such command 'zzz'.\n" in err
+
+
 def test_a_destination_that_is_a_file_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     code, _, err = pacmo("fetch", "sbu", str(tmp_path / "file"))

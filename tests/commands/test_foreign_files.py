@@ -69,7 +69,7 @@ def test_reactions_to_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, name
 def test_variations_of_a_clip_of_any_name_stay_in_the_folder(tmp_path: Path, name: str) -> None:
     out = tmp_path / "one" / "two" / "out"
     a, b = (select_person(CLIP, person, name) for person in "ab")
-    duo = TwoPersonCapture(name, (tmp_path / "motions.parquet",), ({}, {}), (a, b))
+    duo = TwoPersonCapture(name, (tmp_path / "motions.parquet",), ({}, {}), (a, b), (a, b))
     ones = np.ones(len(SBU15.bones))
     files = write_two_people(duo, (ones, ones), "label", out).files
     assert {file.resolve().parent for file in files} == {out.resolve()}

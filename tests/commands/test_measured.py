@@ -19,7 +19,7 @@ SECTION = read_solver_section(Path("params.yaml"))
 A, B = (
     PersonMotion(CLIP.skeleton, CLIP.times, motion) for motion in (CLIP.person_a, CLIP.person_b)
 )
-DUO = TwoPersonCapture("one", (Path("one.npz"),), ({}, {}), (A, B))
+DUO = TwoPersonCapture("one", (Path("one.npz"),), ({}, {}), (A, B), (A, B))
 SAME = np.ones(len(CLIP.skeleton.bones))
 
 

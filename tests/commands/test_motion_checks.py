@@ -57,6 +57,37 @@ def test_a_still_reaction_has_no_fault() -> None:
     assert "the bodies are at most 0 cm deep in each other" in line
 
 
+def test_it_is_said_how_near_people_come_and_how_long_a_hand_touches() -> None:
+    partner = standing()
+    far = partner + np.float32([2, 0, 0])
+    hand, head = SKELETON.indices(["left_hand", "head"])
+    far[:, hand] = partner[:, head] + np.float32([0, 0.5, 0])
+    near = far.copy()
+    near[20:27, hand] = partner[20:27, head] + np.float32([0, 0.099, 0])
+    near[23, hand] = partner[23, head] + np.float32([0, 0.05, 0])
+    hint = "; where you expect a touch: docs/react.md, Where a touch is missing"
+    line = lines_of(partner, far[None])[0]
+    apart = r"the nearest joints of the two are 50\.0 cm apart \(left_hand and the partner's head "
+    touch = "a hand of the reaction is within 10 cm of a joint of the partner in "
+    assert re.search(rf"{apart}in frame \d+ \([\d.]+ s\)\); {touch}0 of 60 frames{hint}", line)
+    line = lines_of(partner, np.stack([far, near]))[0]
+    assert (
+        "the nearest joints of the two are 5.0 to 50.0 cm apart (left_hand and the partner's head "
+        f"in frame 23 (0.77 s) of sample 1); {touch}0 to 7 of 60 frames"
+    ) in line
+    assert hint not in line
+
+
+def test_a_touch_of_heads_is_none_of_hands() -> None:
+    partner = standing()
+    meets = partner + np.float32([2, 0, 0])
+    head = SKELETON.joints.index("head")
+    meets[:, head] = partner[:, head] + np.float32([0, 0.04, 0])
+    line = lines_of(partner, meets[None])[0]
+    assert "the nearest joints of the two are 4.0 cm apart (head and the partner's head" in line
+    assert "of the partner in 0 of 60 frames" in line
+
+
 def test_the_sample_whose_joint_jumps_is_named() -> None:
     partner = standing()
     still = partner + np.float32([2, 0, 0])

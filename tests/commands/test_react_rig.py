@@ -276,6 +276,32 @@ def test_a_rig_that_does_not_fit_is_one_line(captures: list[Path], tmp_path: Pat
     refused(pacmo(captures[0], "--rig", rig, "--out", out), "wanted three to write")
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "fault"),
+    [
+        ("--joints", "mixamo", "left_wrist"),
+        ("--from-unit", "cm", "a person of 0.01"),
+        ("--from-fps", "soon", "--from-fps: wanted a number"),
+    ],
+)
+def test_words_for_both_that_only_the_rig_refuses_are_said_to_take_a_prefix(
+    captures: list[Path], tmp_path: Path, option: str, value: str, fault: str
+) -> None:
+    rig, words = tmp_path / "rig.bvh", [captures[0], "--out", tmp_path / "out.parquet", "--rig"]
+    rig.write_text(t_pose(0.01).replace("LeftHand\n", "Q7\n").replace("RightHand\n", "Q8\n"))
+    said = pacmo(*words, rig, option, value)
+    hint = f"; {option} {value}: for partner and rig alike; {option} a={value} is for the partner"
+    if value == "soon":  # of the partner too: the rig is not read
+        refused(said, fault)
+        assert hint not in said.stderr
+        return
+    refused(said, f"{rig}: ", fault, hint)
+    assert hint not in pacmo(*words, rig, option, f"b={value}").stderr
+    rig.write_text(t_pose(0.01))
+    said = pacmo(*words, rig, option, f"a={value}")
+    assert said.exit_code == 0, said.output
+
+
 def test_a_sample_on_a_rig_has_the_same_bytes_however_many_there_are(
     captures: list[Path], tmp_path: Path
 ) -> None:

@@ -13,8 +13,8 @@ from typer.testing import CliRunner, Result
 from pacmo_core.augmentation.bodies import measure_body, profile_scales
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.places import FRAME_MEASURES
-from pacmo_core.data.interaction import bone_lengths
-from pacmo_core.data.skeleton import SBU15
+from pacmo_core.data.interaction import Interaction, bone_lengths
+from pacmo_core.data.skeleton import SBU15, Skeleton
 from pacmo_core.figures.variations import PRINTED
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import build_skeleton_prior, load_skeleton_prior
@@ -302,6 +302,41 @@ def test_joints_that_coincide_are_refused_with_what_helps(weights: Path, tmp_pat
     assert said.exit_code == 1
     wanted = "neck and head coincide in frame 3: wanted another joint of the capture for one of"
     assert wanted in said.stderr and "--joints head=JOINT" in said.stderr
+
+
+def test_a_joint_that_is_always_where_its_parent_is_has_its_name(
+    weights: Path, tmp_path: Path
+) -> None:
+    neck, head = SBU15.indices(["neck", "head"])
+    moved = CLIP.person_b.copy()
+    moved[:, head] = moved[:, neck]
+    with write_motions(tmp_path / "motions.parquet", SBU15) as writer:
+        writer.add("one", replace(CLIP, person_b=moved))
+    said = pacmo(tmp_path / "motions.parquet", "--clip", "one", "--weights", weights,
+                 "--out", tmp_path / "o.parquet")  # fmt: skip
+    refused(said, "neck and head coincide in frame 0: wanted another joint")
+
+
+def test_joints_that_coincide_are_refused_with_the_joints_that_are_free(
+    weights: Path, tmp_path: Path
+) -> None:
+    """Truth: a capture of more joints than SBU's, of which one is of the trunk."""
+    neck, torso = SBU15.indices(["neck", "torso"])
+    body = Skeleton("more", (*SBU15.joints, "chest", "left_rib", "right_rib"),
+                    (*SBU15.parents, torso, torso, torso),
+                    (*SBU15.left_right, (16, 17)))  # fmt: skip
+    people = []
+    for motion in (CLIP.person_a, CLIP.person_b):
+        chest = (motion[:, [neck]] + motion[:, [torso]]) / 2
+        ribs = [motion[:, [neck]] + np.float32([x, 0, 0]) for x in (0.02, -0.02)]
+        people.append(np.concatenate([motion, chest, *ribs], axis=1))
+    people[0][3, SBU15.joints.index("head")] = people[0][3, neck]
+    with write_motions(tmp_path / "motions.parquet", body) as writer:
+        writer.add("one", Interaction(body, CLIP.times, *people))
+    said = pacmo(tmp_path / "motions.parquet", "--clip", "one", "--weights", weights,
+                 "--out", tmp_path / "o.parquet")  # fmt: skip
+    text = "such as --joints neck=chest (the nearest that no joint of the model is: chest)"
+    refused(said, "neck and head coincide in frame 3", text)
 
 
 def test_several_profiles_in_a_call_are_refused_in_a_line(

@@ -1,5 +1,6 @@
 """Truth: files of bodies whose unit and axes are known."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from pacmo_core.data.posture import CMU_UNIT
 from pacmo_core.formats.base import to_y_up
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.inference import implausible, infer_settings, states_unit_or_axis
+from pacmo_core.formats.joint_names import UNSTATED, StatedNames
 from pacmo_core.formats.ntu import Ntu
 from pacmo_core.formats.registry import read_partner
 from pacmo_core.formats.resample import from_y_up
@@ -72,6 +74,40 @@ def test_other_joints_may_be_in_the_unit_of_cmu_too_where_inches_make_a_toddler(
         file = tmp_path / "x.bvh"
         file.write_text(format_bvh((a / unit).astype(np.float32), 30, skeleton))
         assert infer_settings(file, "bvh", {}).settings == {"unit": wanted, "up": "y"}
+
+
+# Mixamo's joints by the bones of CMU that begin there; and hips that have the name of a shin.
+BONES = {"Hips": "hip", "Spine1": "thorax", "Neck": "upperneck", "Head": "head"} | {
+    f"{Side}{joint}": f"{side}{bone}"
+    for Side, side in (("Left", "l"), ("Right", "r"))
+    for joint, bone in (
+        *(("UpLeg", "femur"), ("Leg", "tibia"), ("Foot", "foot"), ("ToeBase", "toes")),
+        *(("Arm", "humerus"), ("ForeArm", "radius"), ("Hand", "wrist"), ("HandMiddle1", "fingers")),
+    )
+}
+SHINS = {"LeftUpLeg": "LeftShinTop", "RightUpLeg": "RightShinTop"}
+HIPS = {"left_hip": ("LeftShinTop",), "right_hip": ("RightShinTop",)}
+
+
+@pytest.mark.parametrize(
+    ("renamed", "stated"),
+    [(BONES, StatedNames("cmu_bones")), (SHINS, StatedNames("", HIPS))],
+)
+def test_the_stature_is_that_of_the_joints_by_their_stated_names(
+    tmp_path: Path, renamed: dict[str, str], stated: StatedNames
+) -> None:
+    skeleton, (a, _) = mixamo(CLIP, prefix="")
+    joints = tuple(renamed.get(joint, joint) for joint in skeleton.joints)
+    file = tmp_path / "x.bvh"
+    file.write_text(format_bvh(a, 30, skeleton))
+    right = infer_settings(file, "bvh", {}).stature
+    assert right is not None
+    file.write_text(format_bvh(a, 30, replace(skeleton, joints=joints)))
+    wrong, found = (infer_settings(file, "bvh", {}, names) for names in (UNSTATED, stated))
+    assert wrong.stature is not None and wrong.stature < 0.8 * right
+    assert found.stature == pytest.approx(right, abs=1e-3)
+    unnamed = infer_settings(file, "bvh", {}, StatedNames("kinect25"))
+    assert unnamed.stature == wrong.stature  # names of another rig tell nothing
 
 
 def test_a_person_whom_a_wrong_unit_makes_is_found_with_a_unit_that_would_not() -> None:

@@ -1,0 +1,117 @@
+"""What is wrong with captures that commands use all the same: lost bones, and two floors."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pacmo_core.data.interaction import Motion
+from pacmo_core.data.segments import segments
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.registry import PersonMotion
+
+# Metres by which the lowest points of one person stay above those of the other: at most 1 cm in
+# optical captures of two people (dances, acts, embraces, a lift), more in 166 of the 200 of
+# handover, and in 16 of the 282 of SBU, of which each has its Kinect's floor.
+MAX_FLOOR_GAP = 0.08
+MIN_BONE_LENGTH = 1e-3  # metres
+_PLURALS = {"trunk": "trunk", "arm": "arms", "leg": "legs", "foot": "feet"}
+
+
+def doubts(files: Sequence[Path], people: Sequence[PersonMotion]) -> list[str]:
+    """Return a line for each of them.
+
+    Parameters
+    ----------
+    files : of each person
+    people : of one world, metres, y up
+    """
+    lines = [_lost_text(file, person) for file, person in zip(files, people, strict=True)]
+    if len(people) == 2:
+        lines.append(_floors_text(files, people[0], people[1]))
+    return list(dict.fromkeys(filter(None, lines)))
+
+
+def _lost_text(file: Path, person: PersonMotion) -> str:
+    """Say which bones of a person were lost; nothing if none was."""
+    body = person.skeleton
+    lost = lost_bones(body, person.motion)
+    if not lost:
+        return ""
+    ends = {joint for joints in lost.values() for joint in joints}
+    parts = {
+        _PLURALS[segment.part]: None
+        for child, segment in zip(body.bones[:, 1].tolist(), segments(body), strict=True)
+        if body.joints[child] in ends
+    }
+    places = [f"{_listed(joints)} are at {place}" for place, joints in lost.items()]
+    return (
+        f"{file}: bones of length zero, as a conversion loses them: {'; '.join(places)}: "
+        f"{_listed([*parts])} too short, and touches may be missed; wanted another conversion"
+    )
+
+
+def _floors_text(files: Sequence[Path], a: PersonMotion, b: PersonMotion) -> str:
+    """Say that two people are not on one floor; nothing if they are, or their joints differ."""
+    if a.skeleton.joints != b.skeleton.joints:
+        return ""  # the lowest joints of one rig are toes, of another ankles
+    above, gap = floor_gap(a.motion, b.motion)
+    if gap <= MAX_FLOOR_GAP:
+        return ""
+    low, high = ("b", "a") if above > 0 else ("a", "b")
+    text = " and ".join(dict.fromkeys(map(str, files)))
+    return (
+        f"{text}: the lowest point of person {low} is {100 * abs(above):.0f} cm below that of "
+        f"{high} in the median frame, and by over {100 * MAX_FLOOR_GAP:.0f} cm throughout: two "
+        f"floors or a slanted one, unless {high} is carried or stands on something"
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def lost_bones(skeleton: Skeleton, motion: Motion) -> dict[str, list[str]]:
+    """Find bones that a conversion lost: the joints that are at a joint's own place, by its name.
+
+    A joint that coincides with its parent is a helper where other bones leave the same parent. Lost
+    is the bone of a joint that all its children coincide with, some of which lead on. At the hips,
+    where the body branches first, rigs have several joints in one place.
+
+    Parameters
+    ----------
+    motion : (T, J, 3) metres
+    """
+    children: dict[int, list[int]] = {joint: [] for joint in skeleton.order}
+    for parent, child in skeleton.bones.tolist():
+        children[parent].append(child)
+    hips = skeleton.root
+    while len(children[hips]) == 1:
+        hips = children[hips][0]
+
+    def coincide(one: int, other: int) -> bool:
+        distances = np.linalg.norm(motion[:, one] - motion[:, other], axis=-1)
+        return bool((distances < MIN_BONE_LENGTH).all())
+
+    return {
+        skeleton.joints[joint]: [skeleton.joints[child] for child in beyond]
+        for joint, beyond in children.items()
+        if len(beyond) > 1
+        and any(children[child] for child in beyond)
+        and all(coincide(joint, child) for child in beyond)
+        and not coincide(joint, hips)
+    }
+
+
+def floor_gap(first: Motion, second: Motion) -> tuple[float, float]:
+    """Compare the lowest points of two people of the same joints, ``(T, J, 3)`` metres, y up.
+
+    Returns
+    -------
+    By how many metres the first's is above the second's, in the median frames, and by how many the
+    higher one stays above the lower one throughout, but for a twentieth of the frames of each.
+    """
+    a, b = (
+        np.quantile(motion[..., 1].min(axis=1), (0.05, 0.5, 0.95)) for motion in (first, second)
+    )
+    return float(a[1] - b[1]), float(max(a[0] - b[2], b[0] - a[2]))
