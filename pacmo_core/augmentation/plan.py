@@ -21,7 +21,12 @@ from pacmo_core.augmentation.bodies import (
     sample_scales,
     segment_scales,
 )
-from pacmo_core.augmentation.solutions import Solution, SolutionSettings, draw_solutions
+from pacmo_core.augmentation.solutions import (
+    OWN_WEIGHTS,
+    Solution,
+    SolutionSettings,
+    draw_solutions,
+)
 
 PEOPLE = ("a", "b")
 UPPER_BODY = "upper"  # in place of a pattern: all bones above the hips
@@ -94,7 +99,7 @@ class Variation:
     name: str
     kind: str
     scales: tuple[Scales, Scales]
-    solution: Solution = Solution()
+    solution: Solution = OWN_WEIGHTS
 
     @property
     def is_changed(self) -> bool:

@@ -90,7 +90,7 @@ def source_key(interaction: Interaction) -> str:
     return digest.hexdigest()[:HASH_LENGTH]
 
 
-def body_key(scales: tuple[Scales, Scales], solution: Solution = Solution()) -> str:
+def body_key(scales: tuple[Scales, Scales], solution: Solution) -> str:
     """Hash the bone scales of both bodies, and the factors on the solver's weights."""
     digest = hashlib.sha256(json.dumps(asdict(solution)).encode())
     for person_scales in scales:

@@ -82,9 +82,12 @@ class Solution:
         )
 
 
+OWN_WEIGHTS = Solution()
+
+
 def draw_solutions(settings: SolutionSettings, source: str) -> list[Solution]:
     """Draw the solutions of a source's bodies; the same name gives the same draws."""
-    return [Solution(), *(_draw(settings, source, number) for number in range(1, settings.n))]
+    return [OWN_WEIGHTS, *(_draw(settings, source, number) for number in range(1, settings.n))]
 
 
 def _draw(settings: SolutionSettings, source: str, number: int) -> Solution:

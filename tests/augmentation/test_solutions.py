@@ -43,13 +43,14 @@ def test_who_has_the_smaller_root_weight_gives_way() -> None:
     scales = random_scales(len(source.bones))
     moved = []
     for yielding in (1 / 20, 20.0):
-        solution = Solution(1, yielding=yielding, root=20.0)
+        solution = Solution(1, yielding=yielding)
         points = retarget(prepare(source, solution.apply(SETTINGS)), scales).points
         n_first = source.n_joints[0]
         displacement = np.linalg.norm(points - source.points, axis=-1).mean(axis=(0, 1))
         moved.append(displacement[[0, n_first]])
-    assert moved[0][0] > 2 * moved[1][0]
-    assert moved[0][1] < moved[1][1] / 2
+    # Person a's root must also rise and sink with its legs; b's hardly.
+    assert moved[0][0] > 1.5 * moved[1][0]
+    assert moved[1][1] > 5 * moved[0][1]
 
 
 def test_each_body_of_a_plan_has_all_solutions_each_with_a_key_of_its_own() -> None:
