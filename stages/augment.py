@@ -49,6 +49,7 @@ from pacmo_core.augmentation.run import (
     solver_key,
     source_key,
 )
+from pacmo_core.augmentation.solutions import Solution
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import clip_name
 from pacmo_core.data.quality import QualityLimits
@@ -319,14 +320,15 @@ def _copy(cache: Cache, key: str, folder: Path, clip: str) -> list[VariationReco
 
 
 def _plan_clip(clip: str, dataset: SourceDataset, plan: Plan) -> list[tuple[str, Variation]]:
-    """Plan a clip's variations, each with the hash of its bodies."""
+    """Plan a clip's variations, each with the hash of its bodies and solution."""
     source = dataset.read(clip)
     bodies = (
         measure_body(source.person_a, source.skeleton),
         measure_body(source.person_b, source.skeleton),
     )
     return [
-        (body_key(variation.scales), variation) for variation in plan_variations(plan, bodies, clip)
+        (body_key(variation.scales, variation.solution), variation)
+        for variation in plan_variations(plan, bodies, clip)
     ]
 
 
@@ -374,7 +376,7 @@ def _solve_batches(batches: list[Batch]) -> Iterator[BatchResult]:
 def _make_batches(
     dataset: SourceDataset, pending: Sequence[PendingClip], state: CacheState, settings: Settings
 ) -> Iterator[Batch]:
-    """Yield the missing bodies of each source in batches of the solver."""
+    """Yield the missing bodies of each source and solution in batches of the solver."""
     sources: dict[str, dict[str, Variation]] = {}
     clips: dict[str, str] = {}
     for clip in pending:
@@ -382,12 +384,16 @@ def _make_batches(
             sources.setdefault(clip.source, {}).update(missing_bodies)
             clips.setdefault(clip.source, clip.clip)
     for key, bodies in sources.items():
-        names = list(bodies)
         source = dataset.read(clips[key])
-        for first in range(0, len(names), MAX_BATCH):
-            body_keys = tuple(names[first : first + MAX_BATCH])
-            scales = np.stack([np.concatenate(bodies[name].scales) for name in body_keys])
-            yield Batch(key, solver_key(settings), source, settings, scales, body_keys)
+        by_solution: dict[Solution, list[str]] = {}
+        for name, variation in bodies.items():
+            by_solution.setdefault(variation.solution, []).append(name)
+        for solution, names in by_solution.items():
+            weighted = solution.apply(settings)
+            for first in range(0, len(names), MAX_BATCH):
+                body_keys = tuple(names[first : first + MAX_BATCH])
+                scales = np.stack([np.concatenate(bodies[name].scales) for name in body_keys])
+                yield Batch(key, solver_key(weighted), source, weighted, scales, body_keys)
 
 
 # Folders of the cache.

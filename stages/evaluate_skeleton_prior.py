@@ -240,20 +240,35 @@ def evaluate_retargeting(
     """Evaluate the most likely motions of one source on the test variations' bodies.
 
     ``energy_score`` is that of samples, ``energy_score_mean`` that of the likeliest motion alone.
+    ``spread`` is the mean distance of joints between two samples on a body; ``solver_spread`` that
+    between two solutions of the solver on a body, where it has several.
     """
     likeliest = predict(row, test, None)
-    scales, scores = np.stack([example.scales for example in test]), []
+    scales, scores, spreads = np.stack([example.scales for example in test]), [], []
     drawn = row(test[0].template, scales, samples=SCORED_SAMPLES, random=random)
     for samples, mean, example in zip(drawn, likeliest, test, strict=True):
         truth = oriented(example.variation, example)
         several = np.stack([oriented(sample, example) for sample in samples])
         one = oriented(mean, example)[None]
         scores.append([retargeting.energy_score(motions, truth) for motions in (several, one)])
+        spreads.append(sample_diversity(several))
     several_score, one_score = np.mean(scores, axis=0)
-    return evaluator.retargeted(likeliest, test) | {
-        "energy_score": float(several_score),
-        "energy_score_mean": float(one_score),
-    }
+    return (
+        evaluator.retargeted(likeliest, test)
+        | {"energy_score": float(several_score), "energy_score_mean": float(one_score)}
+        | {"spread": float(np.mean(spreads))}
+        | solver_spread(test)
+    )
+
+
+def solver_spread(test: Sequence[Example]) -> dict[str, float]:
+    """Return the mean distance of joints between two solutions of a body; empty without two."""
+    solutions: dict[bytes, list[Pair]] = {}
+    for example in test:
+        body = solutions.setdefault(example.scales.tobytes(), [])
+        body.append(oriented(example.variation, example))
+    spreads = [sample_diversity(np.stack(body)) for body in solutions.values() if len(body) > 1]
+    return {"solver_spread": float(np.mean(spreads))} if spreads else {}
 
 
 def evaluate_generation(

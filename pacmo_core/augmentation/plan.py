@@ -6,8 +6,8 @@ Unlike there, a plan may also name anthropometric profiles and sample random bod
 """
 
 import hashlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -20,6 +20,12 @@ from pacmo_core.augmentation.bodies import (
     profile_scales,
     sample_scales,
     segment_scales,
+)
+from pacmo_core.augmentation.solutions import (
+    OWN_WEIGHTS,
+    Solution,
+    SolutionSettings,
+    draw_solutions,
 )
 
 PEOPLE = ("a", "b")
@@ -54,6 +60,7 @@ class Plan:
     profiles : names of ``bodies.PROFILES``
     n_random : number of random pairs of bodies, of both people at once
     population : distribution of the random bodies
+    solutions : of each pair of bodies
 
     Raises
     ------
@@ -67,6 +74,7 @@ class Plan:
     profiles: tuple[str, ...]
     n_random: int
     population: Population
+    solutions: SolutionSettings
 
     def __post_init__(self) -> None:
         if not set(self.people) <= set(PEOPLE):
@@ -77,18 +85,21 @@ class Plan:
 
 @dataclass(frozen=True)
 class Variation:
-    """A pair of target bodies.
+    """A pair of target bodies, and how the solver is to treat them.
 
     Parameters
     ----------
-    name : unique in its plan, such as ``b-left_forearm-1.20``
+    name : unique in its plan, such as ``b-left_forearm-1.20``; ``b-left_forearm-1.20-2`` is the
+        second further solution of these bodies
     kind : ``uniform``, ``single``, ``profile`` or ``random``
     scales : two of (E,), bone scales of person a and of person b relative to the source
+    solution : factors on the solver's weights
     """
 
     name: str
     kind: str
     scales: tuple[Scales, Scales]
+    solution: Solution = OWN_WEIGHTS
 
     @property
     def is_changed(self) -> bool:
@@ -114,8 +125,19 @@ def plan_variations(plan: Plan, bodies: tuple[Body, Body], source: str) -> list[
         *_single_bone_variations(plan, bodies, source),
         *_random_variations(plan, bodies),
     ]
-    by_name = {variation.name: variation for variation in variations if variation.is_changed}
+    by_name = {
+        several.name: several
+        for variation in variations
+        if variation.is_changed
+        for several in _solutions_of(variation, draw_solutions(plan.solutions, source))
+    }
     return [by_name[name] for name in sorted(by_name)]
+
+
+def _solutions_of(variation: Variation, solutions: Sequence[Solution]) -> Iterator[Variation]:
+    for solution in solutions:
+        suffix = f"-{solution.number}" if solution.number else ""
+        yield replace(variation, name=variation.name + suffix, solution=solution)
 
 
 def check_scale(what: str, scale: float) -> None:

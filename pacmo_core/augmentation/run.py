@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.augmentation.bodies import Scales
+from pacmo_core.augmentation.solutions import Solution
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.execution import DaskExecutor, ProcessExecutor
 from pacmo_core.interaction_mesh import PreparedSource, Report, Scene, Settings, prepare, retarget
@@ -22,7 +23,7 @@ from pacmo_core.store.cache import code_hash
 # The code that computes a variation; an edit elsewhere keeps the cache valid.
 SOLVER_CODE = (
     *("data/skeleton.py", "interaction_mesh/*.py"),
-    *("augmentation/run.py", "data/segments.py"),
+    *("augmentation/run.py", "augmentation/solutions.py", "data/segments.py"),
 )
 SOLVER_PACKAGES = ("numpy", "scipy")
 HASH_LENGTH = 32  # characters
@@ -89,9 +90,9 @@ def source_key(interaction: Interaction) -> str:
     return digest.hexdigest()[:HASH_LENGTH]
 
 
-def body_key(scales: tuple[Scales, Scales]) -> str:
-    """Hash the bone scales of both bodies."""
-    digest = hashlib.sha256()
+def body_key(scales: tuple[Scales, Scales], solution: Solution) -> str:
+    """Hash the bone scales of both bodies, and the factors on the solver's weights."""
+    digest = hashlib.sha256(json.dumps(asdict(solution)).encode())
     for person_scales in scales:
         digest.update(person_scales.astype("<f8").tobytes())
     return digest.hexdigest()[:HASH_LENGTH]

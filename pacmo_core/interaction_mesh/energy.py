@@ -19,7 +19,8 @@ to the source when each bone is scaled alone along its own direction; d = (dU_e 
 l_e of the two bones of a hinge, and b a length (``HINGE_LENGTH``); q_i is U_i less the displacement
 of the same trunk with its bones scaled along their own directions; g is the height by which the
 root rises if all bones grow along their own directions while the lowest joints keep their height;
-a_t is 1 in stance and ``mesh.AIRBORNE_FRACTION`` in a jump. The terms are built in ``mesh``. All
+a_t is 1 in stance and ``mesh.AIRBORNE_FRACTION`` in a jump, times ``yielding`` for person a and
+divided by it for b. The terms are built in ``mesh``. All
 are quadratic, and all targets are linear in the scales, so that the whole energy is
 
     E(U; s) = 1/2 <U, H U> - <U, G (s - 1)> + 1/2 <s - 1, R (s - 1)>.
@@ -114,7 +115,7 @@ def build_energy(scene: Scene, settings: Settings) -> QuadraticEnergy:
     constant = np.zeros((len(scene.bones), len(scene.bones)))
     for linear in linear_terms(scene, weights):
         _add_linear_term(linear, scene, hessians, targets, constant)
-    root_hessian, root = root_term(scene, weights.root)
+    root_hessian, root = root_term(scene, weights)
     hessians[:, points, points] += root_hessian
     height_targets = np.zeros(targets.shape)
     heights = height_term(scene, weights, supports)

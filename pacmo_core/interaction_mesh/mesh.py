@@ -159,24 +159,26 @@ def contact_hessians(scene: Scene, weights: Weights) -> Array:
     return hessians
 
 
-def root_term(scene: Scene, weight: float) -> tuple[Array, HeightTerm]:
+def root_term(scene: Scene, weights: Weights) -> tuple[Array, HeightTerm]:
     """Return the weight on each root in all directions, (T, N), and the height that it should take.
 
     The height of the root that keeps the person's lowest joints where they are, if all bones grow
     along their own directions.
     """
     ancestors, heights = ancestor_bones(scene), scene.points[..., 1]
-    weights = np.zeros(heights.shape)
+    by_root = np.zeros(heights.shape)
     targets = np.zeros((*heights.shape, len(scene.bones)))
-    for joints, root in _people(scene):
+    shares = (weights.yielding, 1 / weights.yielding)
+    for (joints, root), share_of_person in zip(_people(scene), shares, strict=True):
         lowest = heights[:, joints].min(axis=1)
         share = np.exp(-(heights[:, joints] - lowest[:, None]) / LOWEST_RANGE)
         share /= share.sum(axis=1, keepdims=True)
         targets[:, root] = -(share @ ancestors[joints]) * scene.bone_vectors[..., 1]
         above = (lowest - scene.levels.lowest[root]) / AIRBORNE_HEIGHT
         standing = np.exp(-(above.clip(min=0) ** 4))
-        weights[:, root] = weight * (AIRBORNE_FRACTION + (1 - AIRBORNE_FRACTION) * standing)
-    return weights, HeightTerm(weights, targets)
+        in_contact = AIRBORNE_FRACTION + (1 - AIRBORNE_FRACTION) * standing
+        by_root[:, root] = weights.root * share_of_person * in_contact
+    return by_root, HeightTerm(by_root, targets)
 
 
 def height_term(scene: Scene, weights: Weights, supports: Array) -> HeightTerm:

@@ -42,6 +42,7 @@ class Weights:
     posture : of bones and hinges
     trunk_shape : weight on the deformation of each trunk
     root : weight on the displacement of each root from its place in the source
+    yielding : factor on person a's root weight, of which b's has the inverse: below 1 a gives way
     acceleration : weight on the acceleration of the displacement, at 30 frames per second
     contact : weight of all contacts of one joint together
     contact_range : metres at which a contact weight has fallen to 1/e
@@ -59,6 +60,7 @@ class Weights:
     posture: Posture
     trunk_shape: float
     root: float
+    yielding: float
     acceleration: float
     contact: float
     contact_range: float

@@ -7,6 +7,7 @@ import pytest
 
 from pacmo_core.augmentation.bodies import Population
 from pacmo_core.augmentation.plan import Plan, SingleBones, plan_variations
+from pacmo_core.augmentation.solutions import SolutionSettings
 from tests.augmentation.test_bodies import body
 from tests.data.test_segments import CMU22, DUO27
 
@@ -18,6 +19,7 @@ PAPER = Plan(
     profiles=(),
     n_random=0,
     population=Population(stature=0.05, proportion=0.04, random_seed=1),
+    solutions=SolutionSettings(n=1, yielding=1.5, root=1.0, limbs=0.7, random_seed=2),
 )
 BODIES = (body(DUO27), body(DUO27))
 

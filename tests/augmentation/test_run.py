@@ -20,6 +20,7 @@ from pacmo_core.augmentation.run import (
     solver_key,
     source_key,
 )
+from pacmo_core.augmentation.solutions import OWN_WEIGHTS
 from pacmo_core.interaction_mesh import MAX_BATCH
 from tests.augmentation.real_windows import salsa_window
 from tests.augmentation.sources import SETTINGS, batch, bodies, flat_source, source
@@ -110,7 +111,9 @@ def test_the_hashes_depend_on_source_bodies_and_settings() -> None:
     assert len({source_key(x) for x in (interaction, moved, slower, interaction.swapped())}) == 4
     assert solver_key(SETTINGS) != solver_key(replace(SETTINGS, contact_slack=0.03))
     ones = np.ones(5)
-    assert body_key((ones, ones)) != body_key((ones, np.nextafter(ones, 2)))
+    assert body_key((ones, ones), OWN_WEIGHTS) != body_key(
+        (ones, np.nextafter(ones, 2)), OWN_WEIGHTS
+    )
 
 
 def comparable(outcomes: list[BatchResult]) -> list[tuple]:

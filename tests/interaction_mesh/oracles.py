@@ -96,7 +96,7 @@ def _trunk_energy(scene: Scene, settings: Settings, displacement: Array, growth:
 
 def _place_energy(scene: Scene, settings: Settings, displacement: Array, growth: Array) -> float:
     """Places of the roots, and heights near the floor."""
-    root_weights, root = root_term(scene, settings.weights.root)
+    root_weights, root = root_term(scene, settings.weights)
     heights, total = height_term(scene, settings.weights, _supports(scene, settings)), 0.0
     for t, moved in enumerate(displacement):
         for i, point in enumerate(moved):

@@ -24,6 +24,7 @@ SETTINGS = Settings(
         ),
         trunk_shape=20,
         root=0.3,
+        yielding=1.0,
         acceleration=10,
         contact=10,
         contact_range=0.15,

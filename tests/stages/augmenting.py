@@ -30,6 +30,7 @@ PLAN = {
     "profiles": ["long_arms"],
     "n_random": 2,
     "population": {"stature": 0.05, "proportion": 0.04, "random_seed": 3},
+    "solutions": {"n": 1, "yielding": 1.5, "root": 1.0, "limbs": 0.7, "random_seed": 4},
 }
 SECOND = {
     "dataset": "",

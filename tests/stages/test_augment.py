@@ -19,8 +19,8 @@ from benchmarks._retargeting_tasks import SETTINGS
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.project.experiments import default_params
-from pacmo_core.store.motions import stream_folder
-from pacmo_core.store.tables import read_variations
+from pacmo_core.store.motions import motion_file, stream_folder, stream_motions
+from pacmo_core.store.tables import ACCEPTED, VARIATIONS, read_variations
 from stages.common.params import ParamsError
 from tests.augmentation.sources import flat_source, source
 from tests.stages.augmenting import (
@@ -52,6 +52,26 @@ SMALL = Path("variations") / "small"
 def in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Count the bodies of each lot."""
     return solve_in_process(monkeypatch)
+
+
+def test_further_solutions_are_other_motions_of_the_same_bodies_and_alone_are_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: list[int]
+) -> None:
+    lay_out(tmp_path, {"one": CLIPS["one"]})
+    run(tmp_path, monkeypatch)
+    n_bodies = sum(in_process)
+    del in_process[:]
+    write_params(tmp_path, plan={**PLAN, "solutions": {**PLAN["solutions"], "n": 3}})
+    grown = run(tmp_path, monkeypatch)
+    assert sum(in_process) == 2 * n_bodies
+    folder = tmp_path / SMALL
+    accepted = dict(stream_motions(motion_file(folder / ACCEPTED, "one")))
+    scales = {row.variation: row.scales_a for row in read_variations(folder / VARIATIONS)}
+    first, second, third = (f"one~b-long_arms{end}" for end in ("", "-1", "-2"))
+    assert scales[first] == scales[second] == scales[third]
+    poses = [accepted[name].person_b for name in (first, second, third)]
+    assert len({pose.tobytes() for pose in poses}) == 3
+    assert run(tmp_path, monkeypatch, clean=True) == grown
 
 
 def test_a_plan_that_grows_computes_what_is_new_and_ends_as_a_clean_run(
