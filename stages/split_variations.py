@@ -72,22 +72,29 @@ def main(paths: argparse.Namespace) -> None:
 
 
 def assign(facts: Mapping[str, VariationScales], name: str, params: Params) -> dict[str, str]:
-    """Assign a dataset's variations."""
+    """Assign a dataset's variations; all solutions of one pair of bodies alike."""
+    body_of = {row: (fact.source, fact.scales.tobytes()) for row, fact in facts.items()}
+    bodies = {body: facts[row] for row, body in body_of.items()}
+    split_of = dict(zip(bodies, _assign_bodies(list(bodies.values()), name, params), strict=True))
+    return {row: split_of[body] for row, body in body_of.items()}
+
+
+def _assign_bodies(bodies: list[VariationScales], name: str, params: Params) -> list[str]:
     split = parse_split_name(name)
     if split.fold is not None and split.kind not in ACROSS_INTERACTIONS:
         kinds = " and ".join(ACROSS_INTERACTIONS)
         raise ValueError(f"folds are of the splits {kinds}, which hold out sources")
-    sources = sort_clips({fact.source for fact in facts.values()})
+    sources = sort_clips({body.source for body in bodies})
     settings = SplitSettings(
         held_out=held_out_sources(sources, split.fold, params),
         test_share=params.test_share,
         validation_share=params.validation_share,
         random_seed=params.random_seed,
     )
-    splits = assign_splits(split.kind, list(facts.values()), settings)
+    splits = assign_splits(split.kind, bodies, settings)
     if split.samples is not None:
         splits = limit_training_samples(splits, split.samples, random_seed=params.random_seed)
-    return dict(zip(facts, splits, strict=True))
+    return splits
 
 
 def held_out_sources(sources: Sequence[str], fold: int | None, params: Params) -> frozenset[str]:

@@ -32,11 +32,6 @@ class VariationScales:
     scales: NDArray[np.float64]
 
     @property
-    def bodies(self) -> tuple[str, bytes]:
-        """What all solutions of a pair of bodies have in common."""
-        return self.source, self.scales.tobytes()
-
-    @property
     def max_deviation(self) -> float:
         """Largest deviation of a scale from 1."""
         return float(np.abs(self.scales - 1).max())
@@ -117,13 +112,11 @@ def limit_training_samples(splits: Sequence[str], n: int, *, random_seed: int) -
 
 
 def _random_split(variations: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
-    """Test some pairs of bodies, with all solutions of each."""
-    bodies = list(dict.fromkeys(variation.bodies for variation in variations))
-    order = np.random.default_rng(settings.random_seed).permutation(len(bodies))
-    n_test = max(1, round(settings.test_share * len(bodies)))
-    tested = {bodies[i] for i in order[:n_test]}
-    splits = ["test" if variation.bodies in tested else "train" for variation in variations]
-    return _add_validation(splits, settings)
+    order = np.random.default_rng(settings.random_seed).permutation(len(variations))
+    n_test = max(1, round(settings.test_share * len(variations)))
+    splits = np.full(len(variations), "train", dtype=object)
+    splits[order[:n_test]] = "test"
+    return _add_validation(splits.tolist(), settings)
 
 
 def _cross_scale(variations: Sequence[VariationScales], settings: SplitSettings) -> list[str]:
