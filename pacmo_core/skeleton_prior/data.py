@@ -53,6 +53,10 @@ class ExampleBatch:
     variation: Tensor  # (B, T, 2, J, 3), metres
     scales: Tensor  # (B, 2, J), of the bone into each joint; 1 at the root
 
+    def select(self, rows: Tensor) -> "ExampleBatch":
+        """Select the examples where rows (B,) bool is set."""
+        return ExampleBatch(self.template[rows], self.variation[rows], self.scales[rows])
+
     def swapped(self, rows: Tensor) -> "ExampleBatch":
         """Swap the characters where rows (B,) bool is set."""
         return ExampleBatch(

@@ -57,6 +57,7 @@ class LossWeights:
     contact_distance: float  # of distances between the two people's joints, weighted by proximity
     joint_distance: float  # the same error, unweighted
     acceleration: float  # second difference of the position error over time
+    energy_score: float  # of two samples from the latents' prior; 0 leaves it out
 
 
 @dataclass(frozen=True)

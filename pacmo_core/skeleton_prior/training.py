@@ -33,6 +33,8 @@ from pacmo_core.training.supervised import SupervisedTrainer
 VALIDATION_BATCH_SIZE = 16
 # Metres: distance at which the weight of a pair of joints has fallen to 1/e.
 CONTACT_DISTANCE = 0.15
+# Square metres, added before square roots, whose gradient is infinite at zero.
+SMALLEST_SQUARE = 1e-8
 # Errors below this share of the displacements count quadratically, larger ones linearly, as in E_r.
 QUADRATIC_BELOW = 0.1
 
@@ -86,7 +88,12 @@ class SkeletonPriorTrainer(SupervisedTrainer[SkeletonPrior]):
             settings.loss_weights,
             kl_divergence=self.kl_warmup * settings.loss_weights.kl_divergence,
         )
-        return weighted_loss(self.model, batch, motions, posteriors, weights)
+        loss = weighted_loss(self.model, batch, motions, posteriors, weights)
+        if weights.energy_score and as_used.any():
+            drawn = batch.select(as_used.to(batch.template.device))
+            score = sample_energy_score(self.model, drawn, step_random)
+            loss = loss + weights.energy_score * score
+        return loss
 
     def _batch(self, rows: Tensor, random: torch.Generator) -> ExampleBatch:
         settings = self.prior_settings
@@ -135,6 +142,35 @@ def weighted_loss(
         + weights.acceleration * acceleration
         + weights.kl_divergence * kl_divergence
     )
+
+
+def sample_energy_score(
+    model: SkeletonPrior, batch: ExampleBatch, random: torch.Generator
+) -> Tensor:
+    """Return the energy score of two samples of each body, from the latents' prior.
+
+    The distance from the solver's motion less half of that between the samples (Gneiting and
+    Raftery 2007, section 4.3), which is least where samples vary as the solver's solutions do. The
+    posteriors alone do not see to that: what they encode need not be what the prior draws.
+    Distances are of windows as a whole: root mean squares of joint positions, and of distances
+    between the characters, in units of the data's displacements.
+    """
+    first, second = (
+        model.joint_positions(
+            model.decode(batch.template, batch.scales, random), batch.template, batch.scales
+        )
+        for _ in range(2)
+    )
+
+    def distance(one: Tensor, other: Tensor) -> Tensor:
+        pairs = _pair_distances(one) - _pair_distances(other)
+        squares = ((one - other).square().sum(dim=-1), pairs.square())
+        parts = (square.flatten(1).mean(dim=1) + SMALLEST_SQUARE for square in squares)
+        return torch.stack([part.sqrt() for part in parts]).sum(dim=0).mean()
+
+    errors = (distance(first, batch.variation) + distance(second, batch.variation)) / 2
+    score: Tensor = (errors - distance(first, second) / 2) / model.displacement_scale
+    return score
 
 
 def _bone_lengths(motions: Tensor, model: SkeletonPrior) -> Tensor:

@@ -108,6 +108,7 @@ def settings(**changes: object) -> SkeletonPriorSettings:
             contact_distance=0.5,
             joint_distance=2.0,
             acceleration=0.1,
+            energy_score=0.0,
         ),
         "skeleton_vae_steps": 20,
         "kl_warmup_epochs": 2,

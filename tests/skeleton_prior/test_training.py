@@ -1,13 +1,17 @@
 """Oracle: trainings with the same seed, and uninterrupted ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from pacmo_core.data.variation_splits import VariationScales
+from pacmo_core.metrics.retargeting import sample_diversity
 from pacmo_core.models import model_names
 from pacmo_core.skeleton_prior import training
 from pacmo_core.skeleton_prior.data import Example, ExampleBatch, encode_examples
+from pacmo_core.skeleton_prior.inference import retarget
 from pacmo_core.skeleton_prior.layers import initialise_weights
 from pacmo_core.skeleton_prior.vae import SkeletonVae, fit_skeleton_vae
 from pacmo_core.training.state import model_config, model_state
@@ -75,6 +79,71 @@ def test_training_lowers_the_loss():
     loop.finish()
     losses = [terms["loss"] for terms in loop.curve]
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
+
+
+def two_solutions(metres: float) -> list[Example]:
+    """One body, on which the pair stands to either side."""
+    (one,) = examples(1, 1)
+    sides = [np.float32([side, 0, 0]) for side in (-metres, metres)]
+    return [
+        replace(
+            one,
+            variation=replace(
+                one.variation,
+                person_a=one.variation.person_a + side,
+                person_b=one.variation.person_b + side,
+            ),
+        )
+        for side in sides
+    ]
+
+
+@pytest.mark.slow
+def test_samples_vary_as_the_solutions_do_where_the_energy_score_is_trained():
+    chosen = settings(
+        n_epochs=120,
+        hidden=32,
+        batch_size=8,
+        learning_rate=1e-2,
+        halve_learning_rate_every=1000,
+        random_rotation=False,
+        mirror_probability=0.0,
+        swap_characters=False,
+    )
+    scored = replace(chosen, loss_weights=replace(chosen.loss_weights, energy_score=3.0))
+    solutions = two_solutions(0.05)
+    model = training.build_training(8 * solutions, scored).finish()
+    one = solutions[0]
+    (drawn,) = retarget(model, one.template, one.scales[None], samples=30, random=generator())
+    motions = np.stack([np.stack([m.person_a, m.person_b], axis=1) for m in drawn])
+    # Two of the solutions, drawn at random, are 0.1 m apart or equal.
+    assert 0.03 < sample_diversity(motions) < 0.08
+
+
+class Fixed:
+    """A model whose samples are the rows of a list, one after the other."""
+
+    displacement_scale = torch.tensor(0.5)
+
+    def __init__(self, *samples: torch.Tensor) -> None:
+        self.samples = iter(samples)
+
+    def decode(self, *_: object) -> None:
+        """Draw nothing: the samples are fixed."""
+
+    def joint_positions(self, *_: object) -> torch.Tensor:
+        return next(self.samples)
+
+
+def test_the_energy_score_is_the_mean_error_less_half_of_the_distance_of_two_samples():
+    truth = torch.zeros(1, 4, 2, 3, 3)
+    batch = ExampleBatch(truth, truth, torch.ones(1, 2, 3))
+    away = truth + torch.tensor([0.3, 0.0, 0.4])  # all joints alike: distances of the two stay
+    farther = truth + 2 * torch.tensor([0.3, 0.0, 0.4])
+    score = training.sample_energy_score(Fixed(away, farther), batch, generator())
+    assert float(score) == pytest.approx(((0.5 + 1.0) / 2 - 0.5 / 2) / 0.5, rel=1e-3)
+    same = training.sample_energy_score(Fixed(away, away), batch, generator())
+    assert float(same) == pytest.approx(0.5 / 0.5, rel=1e-3)
 
 
 def test_the_kinematic_model_starts_at_its_initial_output():
