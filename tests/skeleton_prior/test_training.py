@@ -132,6 +132,7 @@ class Fixed:
         """Draw nothing: the samples are fixed."""
 
     def joint_positions(self, *_: object) -> torch.Tensor:
+        """Return the next sample."""
         return next(self.samples)
 
 
