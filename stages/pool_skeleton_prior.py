@@ -56,7 +56,7 @@ def main(priors_folder: Path, pooled_file: Path) -> None:
         scores = join_folds([read_json(file) for file in files])
         data_facts.setdefault(dataset, {})[split] = {
             name: scores[name] for name in ("extractor", "train", "tested", "bodies")
-        }
+        } | {"folds": folds}
         for task in TASKS:
             pooled = {
                 model: over_units(

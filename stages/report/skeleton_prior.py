@@ -26,6 +26,7 @@ from stages.common.files import ALL_SOURCES
 PRIOR_LABELS = {"source": "Source", "solver": "InteractionMesh"} | {
     name: metric.label for name, metric in MODELS.items()
 }
+MAX_SOURCES = 12  # that have tables of their own, and are played
 PRIOR_TASKS = ("retargeting", "generation")
 PRIOR_NOTES = (
     "Large: ours, A/B for metrics of one character, B the one whose body changes. Small: the "
@@ -46,21 +47,24 @@ FEW_SAMPLES_NOTES = (
 
 
 def prior_sections(pooled: dict[str, Any]) -> Iterator[Section]:
-    """Yield the tables of each dataset: of all its motions, then of each motion."""
+    """Yield the tables of each dataset: of all its motions, then of some motions."""
     scores = {task: pooled[task] for task in PRIOR_TASKS}
     names = iter(MOTIONS)
     for dataset, splits in pooled["data_facts"].items():
         all_sources = select_source(scores, dataset, ALL_SOURCES)
         title = f"Skeleton priors on {dataset}, mean over motions"
         gains = pooled["gain"].get(dataset, {})
+        sources = sources_of(scores, dataset)
+        shown = some_sources(sources)
         notes = (
             *(gain_sentence(split, gain) for split, gain in gains.items()),
             *PRIOR_NOTES,
             *comparison_sentences(all_sources),
             *data_notes(splits),
+            *shown_notes(len(shown), len(sources)),
         )
         yield Section(f"{title}: plausibility", plausibility_table(all_sources), notes)
-        for source in sources_of(scores, dataset):
+        for source in shown:
             motion = next(names, MOTIONS[-1])
             title = f"Table {MOTIONS.index(motion) + 1} of the supplement, {motion}, and {source}"
             yield Section(title, motion_table(select_source(scores, dataset, source), motion))
@@ -80,6 +84,18 @@ def sources_of(scores: dict[str, Any], dataset: str) -> list[str]:
     return sorted(result - {ALL_SOURCES})
 
 
+def some_sources(sources: list[str]) -> list[str]:
+    """Select at most ``MAX_SOURCES`` sources, evenly: a page shows no more of hundreds."""
+    step = -(-len(sources) // MAX_SOURCES)
+    return sources[:: max(1, step)]
+
+
+def shown_notes(n_shown: int, n_sources: int) -> Iterator[str]:
+    """Say where all motions are, if the page leaves some out."""
+    if n_shown < n_sources:
+        yield f"{n_shown} of {n_sources} motions are shown; reports/skeleton_prior.json has all."
+
+
 def data_notes(splits: dict[str, Any]) -> Iterator[str]:
     """Yield the numbers of training and test variations of each split."""
     for split, facts in splits.items():
@@ -93,11 +109,12 @@ def prior_clips(samples_folder: Path, pooled: dict[str, Any]) -> Iterator[Played
     """Yield, for a sampled body, the source, the solver's motion and each model's."""
     for dataset, splits in pooled["data_facts"].items():
         samples: dict[str, dict[str, Interaction]] = {}
-        split = next(iter(splits))
-        for name, motion in stream_motions(samples_folder / dataset / f"{split}.parquet"):
-            source, model = split_variation_name(name)
-            samples.setdefault(source, {})[model] = motion
-        for source, by_model in samples.items():
+        for fold in next(iter(splits.values()))["folds"]:
+            for name, motion in stream_motions(samples_folder / dataset / f"{fold}.parquet"):
+                source, model = split_variation_name(name)
+                samples.setdefault(source, {})[model] = motion
+        for source in some_sources(list(samples)):
+            by_model = samples[source]
             panels = tuple(
                 Panel(PRIOR_LABELS[model], by_model[model])
                 for model in PRIOR_LABELS

@@ -59,7 +59,7 @@ def test_folds_that_are_listed_test_what_their_patterns_match():
 
 
 def test_folds_of_a_split_that_holds_out_no_source_are_refused():
-    facts = {"one~0": object()}
+    facts = {"one~0": VariationScales("one", np.ones((2, 3)))}
     params = split_variations.Params((), 3, (), 0.2, 0.0, 1)
     with pytest.raises(ValueError, match="folds are of the splits cross_interaction and"):
         split_variations.assign(facts, "random_fold1", params)
