@@ -356,7 +356,10 @@ WRITERS: dict[str, Callable[[Path, Scene, ExportOptions], tuple[list[Path], str]
 }
 
 
-Clip = Annotated[str, typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FILE or FILE+FILE")]
+Clip = Annotated[
+    list[str],
+    typer.Argument(metavar="CLIP", help="NAME, FOLDER:NAME, FILE, or FILE FILE of two people"),
+]
 Out = Annotated[
     Path, typer.Option(help="FILE.bvh, .glb, .gltf, .npz, .csv, .parquet, .mp4, .gif or .png")
 ]
@@ -399,7 +402,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo export data/reactions/1/pacmo/1:NAME#b#0 --out push.bvh --to-up z --to-unit cm --to-fps 60
 
-    pacmo export walk_A.bvh+walk_B.bvh --from-unit cm --from-up y --out walk.gif
+    pacmo export walk_A.bvh walk_B.bvh --from-unit cm --from-up y --out walk.gif
 
     .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with an
     armature and a skin each, and one animation, in metres, y up. Of BVH files both are the rig
@@ -415,7 +418,9 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
             to_fps, to_up, parse_unit(to_unit, "--to-unit"), ground, centre
         )
         form_of_file.check(out)
-        (named,) = read_named_clips([clip], options)
+        if len(clip) > 2:
+            raise CommandError(f"wanted a clip, or the files of two people; got {', '.join(clip)}")
+        (named,) = read_named_clips(["+".join(clip)], options)
         refuse_to_overwrite(out, [out, *_person_files(out)], named.files)
         is_on_rigs = out.suffix.lower() in OF_A_PERSON
         rigs = own_rigs(named.sources, named.read) if is_on_rigs else []

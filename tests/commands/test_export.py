@@ -231,6 +231,9 @@ def test_two_people_of_different_skeletons_are_shown_in_pictures_and_films(
     words = ["--from-unit", 1, "--from-up", "y", *(["--to-fps", 5] if name == "x.gif" else [])]
     said = export("a.bvh+b.bvh", *words, "--out", name)
     assert said.exit_code == 0, said.output
+    joined = (tmp_path / name).read_bytes()
+    assert export("a.bvh", "b.bvh", *words, "--out", name).exit_code == 0
+    assert (tmp_path / name).read_bytes() == joined
     with Image.open(tmp_path / name) as found:
         picture = np.asarray(found.convert("RGB")).astype(int)
     if name == "x.png":
@@ -269,4 +272,5 @@ def test_what_a_format_cannot_hold_is_refused_before_any_work(tmp_path: Path) ->
     refused(export("one", "--out", "x.csv", "--to-unit", 0), "unit must be")
     refused(export("one", "--out", "x.csv", "--to-fps", 0), "fps must be")
     refused(export("two", "--out", "x.csv"), "no clip two")
+    refused(export("one", "two", "three", "--out", "x.csv"), "files of two people", "three")
     assert sorted(tmp_path.iterdir()) == before
