@@ -58,6 +58,8 @@ ROOT_WEIGHTS = (0.1, 3e-3, 0.1)
 TOUCHING_STEPS = 8
 # Seconds, standard deviation of the filter on each of these steps.
 TOUCHING_SMOOTHING = 0.05
+# Seconds, standard deviation of the filter on the direction in which limbs bend.
+POLE_SMOOTHING = 0.1
 # Metres between joints of the two people: nearer ones touch, or are near, and have full weight; the
 # weight falls to zero at the second distance, so that nothing starts at once.
 TOUCHING, APART = 0.1, 0.2
@@ -97,6 +99,17 @@ class Finish:
     def kinematics(self) -> KinematicOutput:
         """Forward kinematics of the skeleton."""
         return KinematicOutput(self.skeleton, self.limbs)
+
+    @cached_property
+    def poles(self) -> Tensor:
+        """``(T, 2, L, 3)`` metres: where the source's knees and elbows are from between the ends.
+
+        Smoothed, so that a limb which is straight for a moment, and then points anywhere, bends as
+        it did before and will after: on another body it may be less straight.
+        """
+        begin, middle, end = (self.source[..., j, :] for j in self.kinematics.limbs.T)
+        poles = (middle - (begin + end) / 2)[None]
+        return smoothed(poles, POLE_SMOOTHING * self.fps)[0]
 
     @cached_property
     def beyond(self) -> Tensor:
@@ -167,14 +180,12 @@ class _Bodies:
 
     def limb_bones(self) -> tuple[Tensor, Tensor]:
         """Bend the limbs as in the source, turned to where their ends have got."""
-        begin, middle, end = (
-            self.source[..., j, :] for j in (self.starts, self.middles, self.ends)
-        )
+        begin, end = (self.source[..., j, :] for j in (self.starts, self.ends))
         reach = self.targets - self.limb_starts()
         straight = self.upper + self.lower
         soft = soften(reach.norm(dim=-1), self.bent, straight, self.given.holds[..., 0])
         reach = normalize(reach, dim=-1) * soft[..., None]
-        pole = turned(middle - (begin + end) / 2, end - begin, reach)
+        pole = turned(self.given.poles, end - begin, reach)
         return two_bone_ik(reach, self.upper, self.lower, normalize(pole, dim=-1))
 
     def lowest(self) -> Tensor:
