@@ -34,6 +34,7 @@ from pacmo_core.skeleton_prior.kinematics import (
     KinematicOutput,
     Limb,
     multiply_joints,
+    perpendicular_part,
     two_bone_ik,
 )
 from pacmo_core.skeleton_prior.start import squared_distances
@@ -66,6 +67,7 @@ TOUCHING, APART = 0.1, 0.2
 NEAR, FAR = 0.1, 0.4
 # Square metres: an axis or pole whose square is less has no direction.
 MIN_SQUARE = 1e-12
+MIN_REACH = 1e-6  # metres
 
 
 @dataclass(frozen=True)
@@ -101,15 +103,15 @@ class Finish:
         return KinematicOutput(self.skeleton, self.limbs)
 
     @cached_property
-    def poles(self) -> Tensor:
-        """``(T, 2, L, 3)`` metres: where the source's knees and elbows are from between the ends.
+    def poles(self) -> tuple[Tensor, Tensor]:
+        """Directions (T, 2, L, 3) in which the source's limbs bend: in each frame, and smoothed.
 
-        Smoothed, so that a limb which is straight for a moment, and then points anywhere, bends as
-        it did before and will after: on another body it may be less straight.
+        A limb that is straight for a moment then points anywhere; smoothed, as before and after.
         """
         begin, middle, end = (self.source[..., j, :] for j in self.kinematics.limbs.T)
-        poles = (middle - (begin + end) / 2)[None]
-        return smoothed(poles, POLE_SMOOTHING * self.fps)[0]
+        poles = perpendicular_part(middle - begin, normalize(end - begin, dim=-1))
+        smooth = smoothed(poles[None], POLE_SMOOTHING * self.fps)[0]
+        return normalize(poles, dim=-1), normalize(smooth, dim=-1)
 
     @cached_property
     def beyond(self) -> Tensor:
@@ -179,14 +181,22 @@ class _Bodies:
         return self.root[..., None, :] + self.from_root(bones)
 
     def limb_bones(self) -> tuple[Tensor, Tensor]:
-        """Bend the limbs as in the source, turned to where their ends have got."""
+        """Bend the limbs as in the source, turned to where their ends have got.
+
+        What a limb bends more than in the source, it bends in the smoothed direction: a straight
+        one has none of its own.
+        """
         begin, end = (self.source[..., j, :] for j in (self.starts, self.ends))
         reach = self.targets - self.limb_starts()
         straight = self.upper + self.lower
         soft = soften(reach.norm(dim=-1), self.bent, straight, self.given.holds[..., 0])
         reach = normalize(reach, dim=-1) * soft[..., None]
-        pole = turned(self.given.poles, end - begin, reach)
-        return two_bone_ik(reach, self.upper, self.lower, normalize(pole, dim=-1))
+        as_source, smooth = self.given.poles
+        height = bend_height(self.bent, self.upper, self.lower)
+        more = (bend_height(soft, self.upper, self.lower) - height).clamp_min(0)
+        pole = height[..., None] * as_source + more[..., None] * smooth
+        pole = normalize(turned(pole, end - begin, reach), dim=-1)
+        return two_bone_ik(reach, self.upper, self.lower, pole)
 
     def lowest(self) -> Tensor:
         """``(V, T, 2, L)`` metres: height of the lowest joint from a limb's end on, above it."""
@@ -375,6 +385,13 @@ def bent_length(first: Tensor, second: Tensor, upper: Tensor, lower: Tensor) -> 
     """Length (...) of a limb whose bones get lengths (...) and keep the angle of bones (..., 3)."""
     cosine = (normalize(first, dim=-1) * normalize(second, dim=-1)).sum(dim=-1)
     return (upper**2 + lower**2 + 2 * upper * lower * cosine).clamp_min(0).sqrt()
+
+
+def bend_height(reach: Tensor, upper: Tensor, lower: Tensor) -> Tensor:
+    """Distance (...) of a limb's middle from the line between its ends, which are (...) apart."""
+    reach = reach.clamp_min(MIN_REACH)
+    along = (upper**2 - lower**2 + reach**2) / (2 * reach)
+    return (upper**2 - along**2).clamp_min(0).sqrt()
 
 
 def soften(reach: Tensor, bent: Tensor, straight: Tensor, holds: Tensor) -> Tensor:

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from pacmo_core.skeleton_prior.finish import Finish, bent_length, soften, turned
+from pacmo_core.skeleton_prior.finish import (
+    Finish,
+    _Bodies,
+    bend_height,
+    bent_length,
+    soften,
+    turned,
+)
 from pacmo_core.skeleton_prior.inference import find_supports
 from pacmo_core.skeleton_prior.kinematics import find_limbs
 from tests.skeleton_prior.examples import SMALL, generator, interaction, scale_bones
@@ -102,6 +109,35 @@ def test_knees_keep_their_angle():
     finish, scales = finish_of(standing()), uniform(1.0, 0.8)
     ((finished),) = finish(disturbed(finish, scales), scales[None])
     assert knee_change(finished, finish.source).mean() < 3
+
+
+def test_an_arm_that_is_straight_for_a_moment_does_not_flip_when_it_must_bend():
+    source = standing()
+    shoulder, elbow, wrist = (
+        SMALL.joints.index(f"left_{name}") for name in ("shoulder", "elbow", "wrist")
+    )
+    bend = np.full(N_FRAMES, -0.02)
+    bend[15] = 0.002  # straight, and bent to the other side by the noise of a sensor
+    start = source.person_a[:, shoulder]
+    source.person_a[:, elbow] = start + np.stack([0.2 + 0 * bend, bend, 0 * bend], axis=1)
+    source.person_a[:, wrist] = start + np.float32([0.4, 0, 0])
+    finish, same = finish_of(source), torch.ones(1, 2, len(SMALL.joints))
+    bodies = _Bodies(finish, finish.source[None], same)
+    (arm,) = (row for row, limb in enumerate(finish.limbs) if limb[1] == elbow)
+    for nearer, side in ((1.0, 1.0), (0.9, -1.0)):  # on its own body as captured; bent by more
+        bodies.targets[..., arm, :] = torch.lerp(
+            bodies.limb_starts()[..., arm, :], bodies.targets[..., arm, :], nearer
+        )
+        upper, _ = bodies.limb_bones()
+        assert torch.sign(upper[0, 15, 0, arm, 1]) == side
+        assert (upper[0, 14, 0, arm, 1]) < 0
+
+
+def test_the_middle_of_a_bent_limb_is_as_far_from_the_line_as_in_a_right_triangle():
+    height = bend_height(torch.tensor(5.0), torch.tensor(3.0), torch.tensor(4.0))
+    assert float(height) == pytest.approx(12 / 5)
+    straight = bend_height(torch.tensor(7.0), torch.tensor(3.0), torch.tensor(4.0))
+    assert float(straight) == pytest.approx(0, abs=1e-3)
 
 
 def test_hands_that_touch_touch_on_other_bodies():
