@@ -24,7 +24,7 @@ def following(n_clips, prefix, rng):
     return replace(row, partners=as_float[0], motions=as_float[1])
 
 
-def dealt(row, rng):
+def given_away(row, rng):
     """Deal reactions of one length, so that none is stretched."""
     chosen = permute_partners(row.clips, None, rng)
     other = row.take(chosen)
@@ -39,7 +39,7 @@ def test_true_pairs_score_better_than_permuted_ones_if_only_the_partner_matters(
     rng = np.random.default_rng(0)
     real, train = following(20, "test", rng), following(40, "train", rng)
     table = Evaluation(real=real, train=train, weights=WEIGHTS, settings=SETTINGS)
-    true, other = (table.measure(row).estimates for row in (real, dealt(real, rng)))
+    true, other = (table.measure(row).estimates for row in (real, given_away(real, rng)))
     for name in ("f2id_distances", "mmd_pair"):
         gap = other[name].minus(true[name])
         assert gap.plain > 0 and gap.resampled.min() > 0, name

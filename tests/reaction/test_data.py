@@ -114,10 +114,10 @@ def test_pairing_a_reaction_with_its_own_partner_changes_nothing():
 
 def test_a_permuted_reaction_is_resampled_to_the_other_partners_duration():
     partner, other = random_clip(5, n_frames=40, fps=15), random_clip(6, n_frames=20)
-    dealt = replace_reaction(partner, other)
-    assert dealt.person_a is partner.person_a
-    np.testing.assert_allclose(dealt.person_b[0], other.person_b[0], atol=1e-6)
-    np.testing.assert_allclose(dealt.person_b[-1], other.person_b[-1], atol=1e-6)
+    replaced = replace_reaction(partner, other)
+    assert replaced.person_a is partner.person_a
+    np.testing.assert_allclose(replaced.person_b[0], other.person_b[0], atol=1e-6)
+    np.testing.assert_allclose(replaced.person_b[-1], other.person_b[-1], atol=1e-6)
 
 
 PAIRS = sample_motion_pairs(clips(6), 17)

@@ -28,7 +28,7 @@ SMALL = Path("variations") / "small"
 
 @pytest.fixture(autouse=True)
 def in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Count the bodies of each lot."""
+    """Count the bodies of each batch."""
     return solve_in_process(monkeypatch)
 
 

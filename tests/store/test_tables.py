@@ -48,7 +48,7 @@ VARIATION = VariationRecord(
     accepted=True,
     reason="",
     limit_ratio=0.4,
-    measurements={"near_distance_error": 0.001, "rung": 2.0},
+    measurements={"near_distance_error": 0.001, "attempts": 2.0},
     scales_a={"left_forearm": 1.0, "head": 1.0},
     scales_b={"left_forearm": 1.0, "head": 1.2},
 )
