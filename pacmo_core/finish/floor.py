@@ -179,6 +179,8 @@ def rest_heights(
     """``(T, J)`` metres: the heights at which the joints of the feet rest; -inf for all others.
 
     Both people stand on one floor, that of the partner, unless the reaction's own is far from it.
+    The joints of a foot are as high over it as the partner's, or as they are in the reaction where
+    that is higher: toes that a skeleton places lower than the foot at hand can hold point down.
 
     Parameters
     ----------
@@ -194,7 +196,7 @@ def rest_heights(
     own = find_floor(reaction, stance, skeleton)
     floor = _shared_floor(own, partner, fps, skeleton, tolerance)
     for foot in feet(skeleton):
-        for joint, rest in zip(foot, floor.of(own.leg), strict=False):
+        for joint, rest in zip(foot, np.maximum(floor.of(own.leg), own.rest), strict=False):
             heights[:, joint] = floor.at(reaction[:, joint].astype(np.float64)) + rest
     return heights
 

@@ -81,7 +81,7 @@ def sum_of_sines(times: Array, phases: Array, rates: Array) -> Array:
     return total
 
 
-MAX_EXTENSION = 0.997  # of a straight limb: no elbow or knee is fully extended
+MAX_EXTENSION = 0.997  # of a straight limb: no elbow is fully extended
 MIN_EXTENSION = 0.30  # of a straight limb: no limb is fully folded
 LIMIT_WIDTH = 0.002  # metres over which the limits are smoothed
 
@@ -115,18 +115,23 @@ def normalise(vectors: Array) -> Array:
 
 
 def two_bone_ik(
-    root: Array, goal: Array, lengths: tuple[float, float], pole: Array
+    root: Array,
+    goal: Array,
+    lengths: tuple[float, float],
+    pole: Array,
+    max_extension: float = MAX_EXTENSION,
 ) -> tuple[Array, Array]:
     """Two-bone inverse kinematics: the end reaches ``goal``, the middle joint points to ``pole``.
 
     By the law of cosines. A goal that is too far or too near is replaced by the nearest point on
-    the line to it within ``MIN_EXTENSION`` and ``MAX_EXTENSION``.
+    the line to it within ``MIN_EXTENSION`` and ``max_extension``.
 
     Parameters
     ----------
     root, goal : (T, 3) metres
     lengths : of the upper and the lower bone, metres; their ratio is at most 1.8
     pole : (T, 3) direction of the middle joint; not along the limb
+    max_extension : of the limb, at most, over its length
 
     Returns
     -------
@@ -136,7 +141,7 @@ def two_bone_ik(
     along = goal - root
     target = np.linalg.norm(along, axis=-1)
     distance = soft_max(target, MIN_EXTENSION * (upper + lower), LIMIT_WIDTH)
-    distance = soft_min(distance, MAX_EXTENSION * (upper + lower), LIMIT_WIDTH)
+    distance = soft_min(distance, max_extension * (upper + lower), LIMIT_WIDTH)
     along = along / target[:, None]
     side = normalise(pole - (pole * along).sum(axis=-1, keepdims=True) * along)
     foot = (upper**2 - lower**2 + distance**2) / (2.0 * distance)

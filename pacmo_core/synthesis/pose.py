@@ -21,7 +21,9 @@ from pacmo_core.synthesis.kinematics import (
     window,
 )
 
-MAX_LEG_EXTENSION = 0.990  # of leg length: largest extension in standing and walking
+# Of the leg's length, the largest extension in standing and walking, and of any leg; and metres over
+# which the first is smoothed. Who stands bends the knees by 11 to 13 degrees, as recorded people do.
+MAX_LEG_EXTENSION, LEG_LIMIT, LEG_LIMIT_WIDTH = 0.997, 0.9995, 0.002
 PELVIS_SHIFT = 0.022  # metres by which the pelvis shifts over the stance leg in a step
 SWAY_SCALE = np.array([0.006, 0.006, 0.012, 0.010, 0.020, 0.030, 0.045])  # metres, metres, radians
 
@@ -111,7 +113,7 @@ def pelvis_height(person: Subject, feet: Feet, base: Array, hips: Array) -> Arra
         hip = base + sign * body.hip_half * hips[:, :, 0]
         offset = np.hypot(ankle[:, 0] - hip[:, 0], ankle[:, 2] - hip[:, 2])
         rise = np.sqrt(np.maximum((MAX_LEG_EXTENSION * body.leg) ** 2 - offset**2, 0.01))
-        high = soft_min(high, rise + ankle[:, 1], 0.006)
+        high = soft_min(high, rise + ankle[:, 1], LEG_LIMIT_WIDTH)
     raised: Array = high + body.hip_drop
     return raised
 
@@ -191,21 +193,21 @@ def _leg(
     times: Array,
 ) -> dict[str, Array]:
     body, (side, name, sign) = person.body, limb
-    ankle, flex = ankle_positions(person, feet, side), feet.heel[side]
+    hip, ankle = trunk.joints[f"{name}_hip"], ankle_positions(person, feet, side)
+    flex = feet.heel[side]
     forward = normalise(trunk.pelvis[:, :, 2] + np.stack(_heading(feet.yaw[side]), axis=-1))
     if plan.kick is not None and plan.kick.foot == side:
         chamber, thrust = (
             window_weight(times, plan.kick.chamber),
             window_weight(times, plan.kick.thrust),
         )
-        hip = trunk.joints[f"{name}_hip"]
         tucked = hip + trunk.pelvis @ [0.0, -0.52 * body.leg, 0.22 * body.leg]
         ankle = ankle + chamber[:, None] * (tucked - ankle)
         ankle = ankle + thrust[:, None] * (np.array(plan.kick.point) - ankle)
         flex = flex + 0.5 * chamber * (1.0 - thrust) - 0.7 * thrust
     # Forward and up: a knee bends forward under the body and upward in a kick.
     pole = forward + 0.12 * sign * trunk.pelvis[:, :, 0] + [0.0, 0.8, 0.0]
-    knee, ankle = two_bone_ik(trunk.joints[f"{name}_hip"], ankle, (body.thigh, body.shank), pole)
+    knee, ankle = two_bone_ik(hip, ankle, (body.thigh, body.shank), pole, LEG_LIMIT)
     toe = np.array([0.0, body.foot_height - body.ankle_height, body.foot_forward])
     heading = _frame(feet.yaw[side]) @ rotation_x(flex)
     return {f"{name}_knee": knee, f"{name}_ankle": ankle, f"{name}_foot": ankle + heading @ toe}

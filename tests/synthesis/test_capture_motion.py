@@ -57,6 +57,19 @@ def test_knees_never_bend_backward(side: str) -> None:
         assert (folded / straight).max() < 0.9975
 
 
+def test_people_stand_with_knees_nearly_straight() -> None:
+    bends = []
+    for _, motion in every_motion():
+        for side in ("left", "right"):
+            hip, knee, ankle = (motion[:, JOINT[f"{side}_{j}"]] for j in ("hip", "knee", "ankle"))
+            thigh, shin = knee - hip, ankle - knee
+            lengths = np.linalg.norm(thigh, axis=-1) * np.linalg.norm(shin, axis=-1)
+            bends.append(np.degrees(np.arccos((thigh * shin).sum(axis=-1) / lengths)))
+    straighter = np.concatenate([np.minimum(*bends[n : n + 2]) for n in range(0, len(bends), 2)])
+    # Of the recorded people of CMU and handover, the median is 1 to 15 degrees.
+    assert 8 < np.median(straighter) < 15
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_elbows_never_straighten_out_or_bend_through_the_arm(side: str) -> None:
     for clip, motion in every_motion():
