@@ -184,3 +184,18 @@ def test_a_skeleton_of_random_bones_has_finite_numbers():
     motion = np.resize(clip.person_a, (12, len(NTU25.joints), 3))
     floor = find_floor(motion, np.zeros((2, 12), dtype=bool), NTU25)
     assert np.isfinite([floor.height, *floor.slope, *floor.rest]).all()
+
+
+def pitches(motion: np.ndarray) -> np.ndarray:
+    """Return the degrees by which the left foot points down."""
+    ankle, toe = (motion[:, joint] for joint in FOOT)
+    return np.degrees(np.arctan2(ankle[:, 1] - toe[:, 1], np.linalg.norm((toe - ankle)[:, ::2], axis=-1)))
+
+
+@pytest.mark.parametrize(("toe", "wanted"), [(-0.05, 26.6), (0.05, 12.0)])
+def test_feet_never_point_down_more_than_they_do_and_are_not_below_the_partners(toe, wanted):
+    person, partner = standing(LEG), standing(LEG, (0.0, 2.0))
+    toes = NTU25.indices(["left_foot", "right_foot"])
+    partner[:, toes, 1] = LEG * toe
+    finished = finish(person, partner, np.arange(20) / 30.0, NTU25, Learnt(no_contacts(NTU25)))
+    np.testing.assert_allclose(pitches(finished), wanted, atol=2.5)
