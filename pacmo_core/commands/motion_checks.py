@@ -133,28 +133,36 @@ class SampleLimit:
         return f"sample {number}{said}{place}"
 
 
-def limit_lines(limits: Sequence[SampleLimit]) -> list[str]:
-    """Return the lines of all limits, and one on what to do; one if all samples are within."""
+def limit_lines(limits: Sequence[SampleLimit], touches: bool) -> list[str]:
+    """Return the lines of all limits, and one on what to do; one if all samples are within.
+
+    Parameters
+    ----------
+    limits : at least one
+    touches : whether a hand touches the partner in any sample
+    """
     lines = [line for one in limits for line in one.lines()]
     if not lines:
         count = len(limits[0].values)
-        return [
-            f"all {count} samples are within every limit that was measured"
-            if count > 1
-            else "the reaction is within every limit that was measured"
-        ]
+        those = f"all {count} samples are" if count > 1 else "the reaction is"
+        without = "" if touches else "; no hand touches the partner"
+        return [f"{those} within every limit that was measured{without}"]
     if any(one.is_beyond_in_all for one in limits):
         return [*lines, "where all samples are beyond a limit another --seed hardly helps: try "
                 "another capture, or train on captures like this one (docs/react.md)"]  # fmt: skip
     beyond = {number for one in limits for number in one.beyond}
     within = [number for number in range(len(limits[0].values)) if number not in beyond]
-    within_text = [f"samples within every limit: {listed(within)}"] if within else []
+    within_text = [f"within every limit: {_samples(within)}"] if within else []
     other = (
         "other samples"
         if len(limits[0].values) > 1
         else ("another sample; where --samples 3 are all beyond it, try another capture")
     )
     return [*lines, "; ".join([*within_text, f"another --seed gives {other}"])]
+
+
+def _samples(numbers: Sequence[int]) -> str:
+    return f"sample{'s' * (len(numbers) > 1)} {listed(numbers)}"
 
 
 def listed(numbers: Sequence[object]) -> str:
@@ -174,7 +182,7 @@ def samples_of(texts: Sequence[str], worst: int) -> str:
         return ""
     if len(same) == len(texts):
         return "all samples"
-    return f"sample{'s' * (len(same) > 1)} {listed(same)}"
+    return _samples(same)
 
 
 def format_range(values: Sequence[float], decimals: int) -> str:
@@ -314,7 +322,8 @@ def motion_lines(
             f"{depth.text.format(f'at most {depth.range_of(every)}')}, {depth.wanted}"
             for depth in depths
         ]
-    lines.append(_nearness(skeleton, times, partner, samples))
+    nearness, n_touches = _nearness(skeleton, times, partner, samples)
+    lines.append(nearness)
     jolt = _jolts(times, people[1:])
     lines.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
     turn, text = _turns(times, people)
@@ -323,7 +332,7 @@ def motion_lines(
     return [
         f"the motion of the reaction, measured in what was written (docs/react.md){of_samples}:",
         *(f"  {line}" for line in (*lines, text)),
-        *limit_lines(limits),
+        *limit_lines(limits, touches=n_touches != 0),
     ]
 
 
@@ -363,7 +372,7 @@ def _heights(
     usual = float(np.median(own.min(axis=1)))
     above = SampleLimit(
         [
-            100 * float(np.median(of.min(axis=1)) - usual * leg / own_leg)
+            100 * max(0.0, float(np.median(of.min(axis=1)) - usual * leg / own_leg))
             for leg, of in zip(legs, heights, strict=True)
         ],
         100 * MAX_HOVER,
@@ -466,10 +475,16 @@ def _depths(
     return [bodies, _crossed_legs(skeleton, times, partner, samples)]
 
 
-def _nearness(skeleton: Skeleton, times: Array, partner: Motion, samples: Motion) -> str:
+def _nearness(
+    skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
+) -> tuple[str, int | None]:
     """Say how near the two people come, and in how many frames a hand touches the partner.
 
     There is no limit: whether they should touch, no measurement knows.
+
+    Returns
+    -------
+    It, and the most frames of a sample with such a touch; None of people without hands
     """
     found = [_distances(partner, sample) for sample in samples]  # (T, J) each
     nearest = [100 * float(distances.min()) for distances in found]
@@ -485,14 +500,15 @@ def _nearness(skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
     ends = zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True)
     hands = [end for end, of in ends if of.part == "arm" and of.kind != "upper_arm"]
     if not hands:
-        return text
+        return text, None
     touches = [int((of[:, hands] < CONTACT_DISTANCE).any(axis=1).sum()) for of in found]
     page = "docs/react.md, Where a touch is missing"
     hint = "" if max(touches) else f"; where you expect a touch: {page}"
-    return (
+    said = (
         f"{text}; a hand of the reaction is within {100 * CONTACT_DISTANCE:.0f} cm of a joint of "
         f"the partner in {format_range(touches, 0)} of {len(times)} frames{hint}"
     )
+    return said, max(touches)
 
 
 def _distances(partner: Motion, sample: Motion) -> Array:

@@ -33,7 +33,7 @@ def joined(lines: list[str]) -> list[str]:
     assert lines[1 : 1 + len(measured)] == measured
     verdict = lines[1 + len(measured) :]
     assert verdict
-    within = r"(the reaction is|all \d+ samples are) within every limit that was measured"
+    within = r"(the reaction is|all \d+ samples are) within every limit that was measured(; no hand touches the partner)?"
     if re.fullmatch(within, verdict[-1]):
         assert len(verdict) == 1
         verdict = []
@@ -78,6 +78,18 @@ def test_it_is_said_how_near_people_come_and_how_long_a_hand_touches() -> None:
     assert hint not in line
 
 
+def test_the_verdict_says_that_no_hand_touches() -> None:
+    partner = standing()
+    far = partner + np.float32([2, 0, 0])
+    hand, head = SKELETON.indices(["left_hand", "head"])
+    near = far.copy()
+    near[:, hand] = partner[:, head] + np.float32([0, 0.09, 0])
+    people = [PersonMotion(SKELETON, TIMES, partner), PersonMotion(SKELETON, TIMES, far)]
+    for motion, without in ((far, "; no hand touches the partner"), (near, "")):
+        lines = motion_lines(SKELETON, TIMES, partner, motion[None], people)
+        assert lines[-1] == f"the reaction is within every limit that was measured{without}"
+
+
 def test_a_touch_of_heads_is_none_of_hands() -> None:
     partner = standing()
     meets = partner + np.float32([2, 0, 0])
@@ -99,7 +111,7 @@ def test_the_sample_whose_joint_jumps_is_named() -> None:
         f"sample 1: a joint accelerates by 360 m/s², {joint} in frame 11 (0.37 s), wanted at most "
         "150 m/s²"
     )
-    assert hint == "samples within every limit: 0; another --seed gives other samples"
+    assert hint == "within every limit: sample 0; another --seed gives other samples"
 
 
 def test_feet_that_glide_have_their_speed() -> None:
@@ -214,7 +226,7 @@ def test_many_samples_beyond_a_limit_have_one_line_and_the_others_are_named() ->
     motions = [partner] * 5 + [partner + np.float32([2, 0, 0])] * 2
     _, line, hint = lines_of(partner, np.stack(motions))
     assert line.startswith("5 of 7 samples: the bodies are ")
-    assert hint == "samples within every limit: 5, 6; another --seed gives other samples"
+    assert hint == "within every limit: samples 5, 6; another --seed gives other samples"
 
 
 def test_samples_that_are_alike_have_no_worst() -> None:
