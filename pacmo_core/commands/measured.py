@@ -90,7 +90,7 @@ class Measured:
 
         Parameters
         ----------
-        advice : what to do where near distances change more than by scaling
+        advice : what to do where near distances change more than by scaling, or contacts are lost
         """
         count = len(self.samples)
         rows = list(self._rows(limits))
@@ -110,7 +110,8 @@ class Measured:
         near = list(self._near_lines())
         yield from self._verdict(limits, is_near_worse=bool(near))
         yield from near
-        if near and advice:
+        lost = any("contacts_kept" in self._exceeded(n, limits) for n in range(count))
+        if (near or lost) and advice:
             yield f"  {advice}"
 
     def _rows(self, limits: VariationLimits) -> Iterator[tuple[str, str]]:

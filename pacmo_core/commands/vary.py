@@ -101,8 +101,8 @@ Network = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same interactions")]
 
 ADVICE = (
-    "pacmo augment, the solver, keeps near distances: give it the same files, and the bodies with "
-    "--a-scale, --b-scale or --profile"
+    "pacmo augment, the solver, keeps near distances and contacts: give it the same files, and the "
+    "bodies with --a-scale, --b-scale or --profile"
 )
 Scales = NDArray[np.float64]
 People = tuple[PersonMotion, PersonMotion]

@@ -132,6 +132,21 @@ def test_new_contacts_are_counted_beside_those_that_are_kept() -> None:
     assert "that are kept (pairs of joints and frames)" in line
 
 
+@pytest.mark.parametrize(("apart", "kept"), [(0.0, True), (0.25, False)])
+def test_lost_contacts_call_for_the_solver(apart: float, kept: bool) -> None:
+    hand, other = CLIP.skeleton.indices(["left_hand", "right_hand"])
+    to_hand = A.motion[:, [hand]] - B.motion[:, [other]]
+    meets, moved = (
+        replace(B, motion=B.motion + to_hand + np.float32([0.05 + x, 0, 0])) for x in (0, apart)
+    )
+    duo = replace(DUO, people=(A, meets), bodies=(A, meets))
+    child = (SAME, 0.3 * SAME)  # only scaled, near distances would change more
+    found = measure_written(duo, [(A, moved)], [child], SECTION.solver)
+    lines = list(found.lines(SECTION.limits, "do"))
+    assert any("contacts kept" in line for line in lines)
+    assert ("  do" in lines) == (not kept)
+
+
 def with_finger(person: PersonMotion, length: float, *turns: float) -> PersonMotion:
     """Add an End Site beyond the right hand that is turned by degrees from frame 7 on."""
     names = (*CLIP.skeleton.joints, "right_pinky_end")
