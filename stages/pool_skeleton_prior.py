@@ -33,8 +33,12 @@ from stages.common.params import (
 )
 
 TASKS = ("retargeting", "generation")
-# Errors of which ``gain`` is given: metrics whose mean is compared.
-COMPARED = {"E_r": ("E_r_first", "E_r_second"), "JPD": ("JPD",)}
+# Errors of which ``gain`` is given: the task, and metrics whose mean is compared.
+COMPARED = {
+    "E_r": ("retargeting", ("E_r_first", "E_r_second")),
+    "JPD": ("retargeting", ("JPD",)),
+    "JPD_sampled": ("generation", ("JPD",)),  # on bodies that the model samples
+}
 MODEL = "kinematic"  # which adds to the start
 Sources = dict[str, dict[str, float]]
 
@@ -122,16 +126,20 @@ def gain_over_start(models: dict[str, Any], confidence: float) -> dict[str, Any]
     Returns
     -------
     ``motions`` and ``seeds``; of each of ``COMPARED`` the interval of the share, and the mean
-    errors of the ``start`` and of the ``trained`` model, metres
+    errors of the ``start`` and of the ``trained`` model, metres. Of those on sampled bodies the
+    motions are the ones of which the solver's variations of such bodies are accepted
     """
-    ((start, *_), trained) = (
-        [scores["retargeting"] for scores in models[name].values()] for name in (START, MODEL)
-    )
-    motions = [source for source in start if source != ALL_SOURCES]
+    start, *_ = models[START].values()
+    trained = list(models[MODEL].values())
+    motions = [source for source in start["retargeting"] if source != ALL_SOURCES]
     gains: dict[str, Any] = {"motions": len(motions), "seeds": len(trained)}
-    for name, metrics in COMPARED.items():
-        before = np.array([[error(start[source], metrics)] for source in motions])
-        after = np.array([[error(s[source], metrics) for s in trained] for source in motions])
+    for name, (task, metrics) in COMPARED.items():
+        rows = start[task]
+        tested = [source for source in motions if set(metrics) <= rows.get(source, {}).keys()]
+        if not tested:
+            continue
+        before = np.array([[error(rows[source], metrics)] for source in tested])
+        after = np.array([[error(s[task][source], metrics) for s in trained] for source in tested])
         gains[name] = interval(1 - after / before, confidence)
         for row, errors in (("start", before), ("trained", after)):
             gains[name][row] = float(f"{errors.mean():.6g}")

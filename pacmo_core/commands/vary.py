@@ -80,7 +80,13 @@ from pacmo_core.store.motions import write_motions
 EVALUATION = Path("reports/skeleton_prior.json")
 # Share of the start's errors that training must remove, on average and with an interval above 0.
 MIN_GAIN = 0.2
-ERRORS = {"E_r": "error of joints E_r", "JPD": "error of distances between the two people JPD"}
+ERRORS = {
+    "E_r": "error of joints E_r",
+    "JPD": "error of distances between the two people JPD",
+    "JPD_sampled": "JPD on sampled bodies",
+}
+# Which errors decide, of bodies that are asked for and of sampled ones.
+OF_GIVEN, OF_SAMPLED = ("E_r", "JPD"), ("JPD_sampled",)
 START_ALONE = "the start alone, a rule without training,"
 
 Weights = Annotated[
@@ -141,8 +147,9 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
     Without --weights the skeleton prior is that of a run here, else the one in the package.
 
     The network is used if reports/skeleton_prior.json of the project that the weights lie in shows
-    that these weights are better than their start, a rule without training, or if nothing there is
-    about them; else the start alone. --network and --no-network choose.
+    that these weights are better than their start, a rule without training, on such bodies (asked
+    for, or sampled), or if nothing there is about them; else the start alone. --network and
+    --no-network choose.
 
     Without scales and profiles the bodies are sampled too, a new one of person b for each sample.
     Several samples are written to folders 0, 1, ... of BVH files, or to one Parquet file. A capture
@@ -162,7 +169,8 @@ def vary(  # noqa: PLR0913  # typer reads the options off the signature
         duo = _select_joints(read_two_people(files, options, clip), model.config.skeleton, options)
         check_total(2 * samples, len(duo.people[0].times), len(model.config.skeleton.joints))
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(first, clip)))
-        uses_network, reason = choose_network(chosen, network)
+        errors = OF_GIVEN if any(factors_of_people) or profiles else OF_SAMPLED
+        uses_network, reason = choose_network(chosen, network, errors)
         typer.echo(reason)
         duo = duo.in_space(to_unit, to_up, out)
         places = _output_files(duo, samples, out)
@@ -238,13 +246,15 @@ class Evidence:
 
     @property
     def is_better(self) -> bool:
-        """Whether the network is shown to be better than its start by every error."""
-        return all(gain.is_shown for gain in self.gains.values())
+        """Whether the network is shown to be better than its start by every error, and by any."""
+        return bool(self.gains) and all(gain.is_shown for gain in self.gains.values())
 
     def __str__(self) -> str:
         """Say it in words."""
         motions = f"{self.motions} motion{'s' if self.motions > 1 else ''}"
         gains = "; ".join(f"{ERRORS[name]} {gain}" for name, gain in self.gains.items())
+        if not gains:
+            return f"tested on {self.split}, {motions}, not on sampled bodies"
         return (
             f"tested on {self.split}, {motions}; start to network, {100 * self.confidence:.0f} % "
             f"intervals: {gains}"
@@ -257,19 +267,20 @@ def _one_profile_each(words: list[str]) -> dict[str, str]:
     return parse_profiles(words)
 
 
-def choose_network(weights: Path, asked: bool | None) -> tuple[bool, str]:
+def choose_network(weights: Path, asked: bool | None, errors: Sequence[str]) -> tuple[bool, str]:
     """Choose between the network and its start alone; say which, and why.
 
     Parameters
     ----------
     asked : for the network, for the start, or for what is better
+    errors : of ``ERRORS``, by all of which the network must be better
 
     Raises
     ------
     CommandError
         If the evaluation of the weights cannot be read.
     """
-    evidence = find_evidence(weights)
+    evidence = find_evidence(weights, errors)
     known = evidence or f"no {EVALUATION} compares these weights with their start"
     if asked is not None:
         return asked, f"{'the network' if asked else START_ALONE} is used, as asked ({known})"
@@ -281,8 +292,12 @@ def choose_network(weights: Path, asked: bool | None) -> tuple[bool, str]:
     return False, f"{START_ALONE} is used: {reason}"
 
 
-def find_evidence(weights: Path) -> Evidence | None:
+def find_evidence(weights: Path, wanted: Sequence[str]) -> Evidence | None:
     """Find what was measured of weights, by their content: in their project, or in their card.
+
+    Parameters
+    ----------
+    wanted : the errors, of ``ERRORS``; those that were not measured are left out
 
     Raises
     ------
@@ -300,7 +315,7 @@ def find_evidence(weights: Path) -> Evidence | None:
         for dataset, splits in json.loads(file.read_text("utf-8"))["gain"].items():
             for split, gain in splits.items():
                 if content in gain.get("weights", ()):
-                    errors = {name: gain[name] for name in ERRORS}
+                    errors = {name: gain[name] for name in wanted if name in gain}
                     facts = {"split": f"{dataset}/{split}", "gains": errors}
                     return TypeAdapter(Evidence).validate_python({**gain, **facts})
     except (ValueError, KeyError, TypeError, AttributeError) as fault:

@@ -175,6 +175,27 @@ def test_the_network_is_used_where_its_evaluation_shows_that_it_is_better(
     assert is_start == ("the start alone" in wanted)
 
 
+@pytest.mark.parametrize(
+    ("sampled", "wanted"),
+    [
+        (CLEAR, "the network is used, shown to be better than its start (tested on default/random"),
+        ({**CLEAR, "low": -0.1}, "rule without training, is used: the network is not shown to be"),
+        (None, "is not shown to be better (tested on default/random, 4 motions, not on sampled"),
+    ],
+)
+def test_of_sampled_bodies_the_evaluation_on_sampled_bodies_decides(
+    stored: Path, weights: Path, tmp_path: Path, sampled: dict[str, float] | None, wanted: str
+) -> None:
+    gains = {"E_r": CLEAR, "JPD": CLEAR} | ({"JPD_sampled": sampled} if sampled else {})
+    there = evaluate(tmp_path, weights, **gains)
+    out = tmp_path / "out.parquet"
+    said = pacmo(stored, "--clip", "one", "--weights", there, "--out", out)
+    assert said.exit_code == 0 and wanted in said.output
+    body = ("--b-scale", "left_forearm=1.2")
+    said = pacmo(stored, "--clip", "one", "--weights", there, *body, "--out", out)
+    assert "the network is used, shown to be better" in said.output
+
+
 def test_without_evidence_of_these_weights_the_network_is_used(
     stored: Path, weights: Path, tmp_path: Path
 ) -> None:

@@ -189,7 +189,9 @@ def test_a_skeleton_of_random_bones_has_finite_numbers():
 def pitches(motion: np.ndarray) -> np.ndarray:
     """Return the degrees by which the left foot points down."""
     ankle, toe = (motion[:, joint] for joint in FOOT)
-    return np.degrees(np.arctan2(ankle[:, 1] - toe[:, 1], np.linalg.norm((toe - ankle)[:, ::2], axis=-1)))
+    return np.degrees(
+        np.arctan2(ankle[:, 1] - toe[:, 1], np.linalg.norm((toe - ankle)[:, ::2], axis=-1))
+    )
 
 
 @pytest.mark.parametrize(("toe", "wanted"), [(-0.05, 26.6), (0.05, 12.0)])

@@ -122,9 +122,16 @@ def test_the_gain_is_the_share_of_the_starts_error_that_training_removes():
     def row(first, second, distance):
         return {"E_r_first": first, "E_r_second": second, "JPD": distance}
 
-    start = {1: {"retargeting": {"s": row(1, 3, 2), "t": row(1, 1, 1), "all": row(9, 9, 9)}}}
+    def sampled(distance):  # the solver refused the bodies that were sampled for s
+        return {"generation": {"s": {"coverage": 1.0}, "t": {"JPD": distance}, "all": {"JPD": 9}}}
+
+    start = {
+        1: {"retargeting": {"s": row(1, 3, 2), "t": row(1, 1, 1), "all": row(9, 9, 9)}}
+        | sampled(4.0)
+    }
     trained = {
         seed: {"retargeting": {"s": row(1, 1, 3), "t": row(1, 1, share), "all": row(9, 9, 9)}}
+        | sampled(4 * share)
         for seed, share in ((1, 0.5), (2, 1.0))
     }
     found = gain_over_start({"start": start, "kinematic": trained}, 0.95)
@@ -132,6 +139,7 @@ def test_the_gain_is_the_share_of_the_starts_error_that_training_removes():
     assert found["E_r"]["mean"] == pytest.approx(0.25)  # 50 % and nothing
     assert (found["E_r"]["start"], found["E_r"]["trained"]) == (1.5, 1.0)  # of both characters
     assert found["JPD"]["mean"] == pytest.approx((-0.5 - 0.5 + 0.5 + 0) / 4)
+    assert found["JPD_sampled"]["mean"] == 0.25 and found["JPD_sampled"]["trained"] == 3.0
 
 
 def test_patterns_hold_sources_out_and_numbers_keep_few():
