@@ -323,15 +323,14 @@ def motion_lines(
             for depth in depths
         ]
     nearness, n_touches = _nearness(skeleton, times, partner, samples)
-    lines.append(nearness)
-    jolt = _jolts(times, people[1:])
-    lines.append(f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}")
-    turn, text = _turns(times, people)
+    jolt, (turn, most) = _jolts(times, people[1:]), _turns(times, people)
+    text = f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}"
+    lines += [nearness, text, most]
     limits += [jolt, turn]
     of_samples = f"; least and greatest of {len(samples)} samples" if len(samples) > 1 else ""
     return [
         f"the motion of the reaction, measured in what was written (docs/react.md){of_samples}:",
-        *(f"  {line}" for line in (*lines, text)),
+        *(f"  {line}" for line in lines),
         *limit_lines(limits, touches=n_touches != 0),
     ]
 

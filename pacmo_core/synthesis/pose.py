@@ -21,8 +21,8 @@ from pacmo_core.synthesis.kinematics import (
     window,
 )
 
-# Of the leg's length, the largest extension in standing and walking, and of any leg; and metres over
-# which the first is smoothed. Who stands bends the knees by 11 to 13 degrees, as recorded people do.
+# Of the leg's length, the largest extension in standing and walking, and of any leg; and metres
+# over which the first is smoothed. Knees of people who stand bend by 11 to 13 degrees.
 MAX_LEG_EXTENSION, LEG_LIMIT, LEG_LIMIT_WIDTH = 0.997, 0.9995, 0.002
 PELVIS_SHIFT = 0.022  # metres by which the pelvis shifts over the stance leg in a step
 SWAY_SCALE = np.array([0.006, 0.006, 0.012, 0.010, 0.020, 0.030, 0.045])  # metres, metres, radians

@@ -33,8 +33,8 @@ def joined(lines: list[str]) -> list[str]:
     assert lines[1 : 1 + len(measured)] == measured
     verdict = lines[1 + len(measured) :]
     assert verdict
-    within = r"(the reaction is|all \d+ samples are) within every limit that was measured(; no hand touches the partner)?"
-    if re.fullmatch(within, verdict[-1]):
+    within = r"(the reaction is|all \d+ samples are) within every limit that was measured"
+    if re.fullmatch(f"{within}(; no hand touches the partner)?", verdict[-1]):
         assert len(verdict) == 1
         verdict = []
     return ["; ".join(line.strip() for line in measured), *verdict]
