@@ -2,9 +2,10 @@
 
 A generator's pelvis drifts up and down by centimetres, and exact bones turn that into knees: it
 squats. The height of the pelvis over the lower foot, relative to the legs, becomes the one that is
-expected of captured motion, given the generated one: an isotonic regression. Where generated
-heights say nothing of the captured ones that is their mean; where they do, as of people who sit
-down or fall, those who are low stay low. Feet stay where they are.
+expected of captured motion, given the generated one: an isotonic regression of medians, as the mean
+of those who stand and those who crouch is a height at which nobody is. Where generated heights say
+nothing of the captured ones that is the captured median; where they do, as of people who sit down
+or fall, those who are low stay low. Feet stay where they are.
 """
 
 from collections.abc import Iterable
@@ -20,15 +21,15 @@ from pacmo_core.finish.bones import leg_joints, leg_length, set_bone_lengths, se
 
 Array = NDArray[np.float64]
 
-SHARES = np.linspace(0.005, 0.995, 25)  # of the quantiles at which heights are kept
+N_GROUPS = 25  # of generated heights of one size, of each of which the captured median is taken
 MIN_FRAMES = 50  # of which heights are learnt
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on the change of height
-SLACK = 0.02  # of the legs' length, of ``set_legs``
+SLACK = 0.01  # of the legs' length, of ``set_legs``
 
 
 def no_change() -> Array:
     """``(2, K)``: the model of heights that changes none."""
-    return np.zeros((2, len(SHARES)))
+    return np.zeros((2, N_GROUPS))
 
 
 def pelvis_heights(motion: Array, lengths: Array, skeleton: Skeleton) -> Array:
@@ -55,16 +56,18 @@ def learn_heights(pairs: Iterable[tuple[Array, Array]]) -> Array:
 
     Returns
     -------
-    (2, K): generated heights, at their quantiles, and the captured ones to expect
+    (2, K): generated heights, the medians of groups, and the captured ones to expect
     """
     both = list(pairs)
     if sum(len(generated) for generated, _ in both) < MIN_FRAMES:
         return no_change()
     generated, captured = (np.concatenate(heights) for heights in zip(*both, strict=True))
-    order = np.argsort(generated, kind="stable")
-    expected = isotonic_regression(captured[order]).x
-    places = np.quantile(generated, SHARES)
-    return np.stack([places, np.interp(places, generated[order], expected)])
+    groups = np.array_split(np.argsort(generated, kind="stable"), N_GROUPS)
+    places, medians = (
+        np.array([np.median(heights[group]) for group in groups])
+        for heights in (generated, captured)
+    )
+    return np.stack([places, isotonic_regression(medians).x])
 
 
 def straighten(

@@ -42,11 +42,11 @@ def test_heights_are_relative_to_the_legs() -> None:
     assert dips[0] - dips[1] == pytest.approx(0.2 / LEG)
 
 
-def test_heights_that_say_nothing_become_the_mean_and_others_stay_low() -> None:
+def test_heights_that_say_nothing_become_the_median_and_others_stay_low() -> None:
     random = np.random.default_rng(3)
-    captured = 0.95 + 0.05 * random.random(4000)
+    captured = 0.95 + 0.05 * random.random(4000) - 0.2 * (random.random(4000) < 0.2)
     blind = learn_heights([(0.9 + 0.2 * random.random(4000), captured)])
-    np.testing.assert_allclose(blind[1, 2:-2], captured.mean(), atol=5e-3)
+    np.testing.assert_allclose(blind[1, 2:-2], np.median(captured), atol=5e-3)
     # Somebody who sits in both motions, seen with errors, still sits.
     sits = np.where(np.arange(4000) < 1000, 0.5, 1.0)
     generated = sits + 0.05 * random.normal(size=4000)
@@ -73,8 +73,8 @@ def test_a_body_that_squats_is_straightened_over_feet_that_stay() -> None:
     found = straighten(given, lengths(), FPS, NTU25, model)
     rise = found[:, UPPER, 1] - given[:, UPPER, 1]
     np.testing.assert_allclose(rise, np.repeat(depth[:, None], len(UPPER), axis=1), atol=0.01)
-    # Legs that are nearly straight approach their length gradually: by 2 % at most.
-    np.testing.assert_allclose(found[:, ANKLES], given[:, ANKLES], atol=0.02 * LEG)
+    # Legs that are nearly straight approach their length gradually: by 1 % at most.
+    np.testing.assert_allclose(found[:, ANKLES], given[:, ANKLES], atol=0.01 * LEG)
     np.testing.assert_array_equal(straighten(given, lengths(), FPS, NTU25, no_change()), given)
 
 
