@@ -33,9 +33,9 @@ LICENCE = "Apache-2.0"
 LIMITS = (
     "Trained on synthetic motion of eleven scripted actions alone: the scores are those of new "
     "synthetic people. On SBU's recorded partners (docs/results.md, Recorded partners) hands meet "
-    "in five of eight reactions in which they should and in a quarter of the others, under half of "
-    "the contacts are met, and a ninth of the frames without contact have one; on those of CMU and "
-    "on handovers they meet fewer.",
+    "in two of three reactions in which they should and in a quarter of the others, three of eight "
+    "contacts are met, and one frame in twelve without contact has one; on those of CMU and on "
+    "handovers they meet fewer.",
     "Two people, 21 joints, actions of a few seconds; longer motion is divided into windows.",
     "Kicks and punches may stop short, blows come late or early, and who is struck may not recoil; "
     "feet may stand crossed or close while the body turns, and a foot may slide.",
