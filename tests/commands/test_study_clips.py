@@ -24,7 +24,7 @@ def test_a_simple_classifier_of_what_the_browser_gets_stays_at_chance(
 ) -> None:
     seen = classify(*folders, N_CLIPS, 0)
     low, high = seen.pop("chance_low"), seen.pop("chance_high")
-    assert seen.pop("unblinded_third_difference") > 0.95  # the same classifier
+    assert seen.pop("unblinded_third_difference") > 0.9  # the same classifier
     assert {name: value for name, value in seen.items() if not low < value < high} == {}
 
 
@@ -33,7 +33,7 @@ def test_a_simple_classifier_of_what_the_browser_gets_stays_at_chance(
 def test_simple_classifiers_of_many_clips_stay_at_chance(tmp_path: Path, seed: int) -> None:
     seen = classify(*write_clips(tmp_path, 200, seed), 200, seed)
     low, high = seen.pop("chance_low"), seen.pop("chance_high")
-    assert seen.pop("unblinded_third_difference") > 0.95
+    assert seen.pop("unblinded_third_difference") > 0.9
     assert {name: value for name, value in seen.items() if not low < value < high} == {}
 
 
