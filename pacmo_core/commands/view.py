@@ -280,8 +280,8 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
         refuse_to_overwrite(out, [out], [file for clip in named for file in clip.files])
         if out.suffix.lower() not in PAGES:
             raise CommandError(
-                f"{out}: wanted a suffix of {', '.join(PAGES)}; pacmo export makes pictures (.png), "
-                "films and other files"
+                f"{out}: wanted a suffix of {', '.join(PAGES)}; pacmo export makes pictures "
+                "(.png), films and other files"
             )
         scenes = _with_labels([clip.scene for clip in named], clips, label)
         write_text(out, render_viewer(scenes, contact=contact))
