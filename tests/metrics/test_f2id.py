@@ -57,8 +57,8 @@ def test_processes_with_one_eigenbasis_differ_by_the_roots_of_their_eigenvalues(
     j = np.arange(1, 7.0)
     expected = 0.09 + ((1 / j - j**-1.5) ** 2).sum()
     assert expected == pytest.approx(0.16886956, abs=1e-8)
-    laws = diagonal(x, 2.0), diagonal(x, 3.0)
-    found = f2id_of_gaussians((0 * x, 0 * x + 0.3), laws, w)
+    gaussians = diagonal(x, 2.0), diagonal(x, 3.0)
+    found = f2id_of_gaussians((0 * x, 0 * x + 0.3), gaussians, w)
     assert found == pytest.approx(expected, abs=2e-6)
 
 

@@ -1,4 +1,4 @@
-"""Trusted: laws in which the partner is all that matters, and distances measured by hand."""
+"""Trusted: distributions in which only the partner matters, and distances measured by hand."""
 
 from dataclasses import replace
 

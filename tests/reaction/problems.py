@@ -1,4 +1,4 @@
-"""Toy laws of two bodies with answers that are known, and small settings."""
+"""Toy distributions of two bodies with answers that are known, and small settings."""
 
 from dataclasses import replace
 

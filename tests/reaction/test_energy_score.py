@@ -1,4 +1,4 @@
-"""Truth: laws of one number, whose energy scores are integrals, and the definition written out."""
+"""Truth: distributions of one number, whose scores are integrals, and the definition written out."""
 
 import math
 from collections.abc import Callable
