@@ -1,4 +1,4 @@
-"""Truth: distributions of one number, whose scores are integrals, and the definition written out."""
+"""Truth: distributions of one number, whose scores are integrals, and the definition in full."""
 
 import math
 from collections.abc import Callable
