@@ -7,7 +7,7 @@ heights over the floor are in proportion to the legs, so those of a child are lo
 adult on the same floor.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,10 @@ Array = NDArray[np.float64]
 
 # Height of an ankle over the leg's length: .039 over .491 of the stature (Winter 2009, fig. 4.1).
 ANKLE_SHARE = 0.08
-HEIGHT_SPREAD = 0.01  # metres, standard deviation of the height at which a foot is seen to stand
+# Metres, standard deviation of the height at which a foot is seen to stand: depth sensors place two
+# feet on one floor 5 cm apart, which is no slope.
+HEIGHT_SPREAD = 0.03
+SAME_PLACE = 0.15  # metres between the places of two phases of a foot, up to which they are one
 SLOPE_SPREAD = 0.025  # standard deviation of the floor's slope, that of a camera's tilt
 LOW_QUANTILE = 0.05  # of a foot's heights, below which it stands if it never stays in a place
 # Metres between the heights at which two captured people stand, beyond which they are not on one
@@ -31,6 +34,7 @@ LOW_QUANTILE = 0.05  # of a foot's heights, below which it stands if it never st
 FLOOR_TOLERANCE = 0.25
 ONE_FLOOR = 100.0  # tolerance where no two captured people stand apart
 MAX_APART = 0.02  # share of captures whose two people seem to stand apart that may be errors
+CLEARLY_WORSE = 0.01  # metres by which the partner's floor errs more than the generated one's
 MIN_FLOORS = 4  # reactions, of fewer nothing is learnt
 # Metres over the floor that the lower foot reaches in a flight; and the share of captured frames in
 # flights from which on generated bodies may leave the floor too: more than a depth sensor errs (3 %
@@ -109,10 +113,28 @@ def _standing_joints(motion: Array, stance: Mask, skeleton: Skeleton) -> tuple[A
         if lowest > low.min() + MAX_FLOAT:  # held up, or not tracked
             continue
         grounded = standing & (heights < low.min() + MAX_FLOAT)
-        for phase in frame_runs(grounded if grounded.any() else heights <= lowest):
-            places += list(motion[phase][:, list(foot)].mean(axis=0))
+        phases = frame_runs(grounded if grounded.any() else heights <= lowest)
+        for place in _mean_places(motion[:, list(foot)], phases):
+            places += list(place)
             levels += range(len(foot))
     return np.array(places), np.array(levels)
+
+
+def _mean_places(foot: Array, phases: list[slice]) -> list[Array]:
+    """Return the mean places ``(K, 3)`` of the joints of a foot, each time that it stands.
+
+    Noise breaks a stance: phases that follow each other in one place are one, not as many
+    measurements of the floor.
+    """
+    groups: list[list[Array]] = []
+    for phase in phases:
+        poses = foot[phase]
+        at = poses[:, 0, [0, 2]].mean(axis=0)
+        if groups and np.linalg.norm(at - groups[-1][-1][:, 0, [0, 2]].mean(axis=0)) < SAME_PLACE:
+            groups[-1].append(poses)
+        else:
+            groups.append([poses])
+    return [np.concatenate(group).mean(axis=0) for group in groups]
 
 
 def floor_errors(
@@ -142,7 +164,7 @@ def learn_floor_tolerance(errors: Array) -> float:
         return ONE_FLOOR
     distances = np.abs(errors)
     of_generated, of_partner = np.median(distances, axis=0)
-    if of_partner > of_generated + HEIGHT_SPREAD:
+    if of_partner > of_generated + CLEARLY_WORSE:
         return 0.0
     apart = (distances[:, 1] > FLOOR_TOLERANCE).mean()
     return FLOOR_TOLERANCE if apart > MAX_APART else ONE_FLOOR
@@ -179,8 +201,6 @@ def rest_heights(
     """``(T, J)`` metres: the heights at which the joints of the feet rest; -inf for all others.
 
     Both people stand on one floor, that of the partner, unless the reaction's own is far from it.
-    The joints of a foot are as high over it as the partner's, or as they are in the reaction where
-    that is higher: toes that a skeleton places lower than the foot at hand can hold point down.
 
     Parameters
     ----------
@@ -196,7 +216,7 @@ def rest_heights(
     own = find_floor(reaction, stance, skeleton)
     floor = _shared_floor(own, partner, fps, skeleton, tolerance)
     for foot in feet(skeleton):
-        for joint, rest in zip(foot, np.maximum(floor.of(own.leg), own.rest), strict=False):
+        for joint, rest in zip(foot, floor.rest, strict=False):
             heights[:, joint] = floor.at(reaction[:, joint].astype(np.float64)) + rest
     return heights
 
@@ -262,7 +282,14 @@ def _drift(motion: Array, floor: Floor, fps: float, skeleton: Skeleton, aloft: M
 def _shared_floor(
     own: Floor, partner: Motion, fps: float, skeleton: Skeleton, tolerance: float
 ) -> Floor:
-    """Return the floor of the partner, or a person's own where the two are far apart."""
+    """Return the floor of the partner under the person, or their own where they are far apart.
+
+    The lowest joint of a foot rests as high as the partner's. The others are over it as they are in
+    the person's own feet: toes that the partner's skeleton places lower would point down.
+    """
     floor = find_floor(partner, find_stance(partner, fps, skeleton), skeleton)
     place = np.array([own.origin[0], 0, own.origin[1]])
-    return own if abs(floor.at(place) - own.height) > tolerance else floor
+    if abs(floor.at(place) - own.height) > tolerance:
+        return own
+    lowest = floor.of(own.leg).min() - own.rest.min()
+    return replace(floor, height=floor.height + float(lowest), rest=own.rest, leg=own.leg)
