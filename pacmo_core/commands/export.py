@@ -145,7 +145,7 @@ def export_scene(
             rate = _rate_line(len(on_rigs[0].motion), 1 / on_rigs[0].frame_time)
             return files, f"{rate}, in {form.space}, with the rest pose of {names}"
     written = (
-        replace(scene, times=meant_times(scene.times))
+        replace(scene, times=meant_times(scene.times - scene.times[0]))
         if fps is None
         else resample_scene(scene, fps)
     )
@@ -195,6 +195,40 @@ def _check_work(scene: Scene, at: NDArray[np.float64], fps: float) -> None:
     """Refuse a frame rate of which there would be too many frames."""
     if fault := work_fault(len(at), len(scene.skeleton.joints)):
         raise CommandError(f"--to-fps {fps:g}: {fault}")
+
+
+def part_of(scene: Scene, seconds: str) -> Scene:
+    """Return a part of a scene, at its times; an empty word is all of it.
+
+    Parameters
+    ----------
+    seconds : FIRST:LAST from the first frame; without a number before or after the colon the part
+        is from the first frame, or to the last
+
+    Raises
+    ------
+    CommandError
+        If it is no part of the scene, or one of fewer than two frames.
+    """
+    if not seconds:
+        return scene
+    first, colon, last = seconds.partition(":")
+    times = scene.times - scene.times[0]
+    try:
+        start, end = float(first or 0), float(last or times[-1])
+    except ValueError:
+        colon = ""
+    if not colon:
+        raise CommandError(f"--seconds: wanted FIRST:LAST, such as 3:7.5 or 3:; got {seconds!r}")
+    half = 0.5 / frame_rate(scene.times)
+    rows = np.flatnonzero((times >= start - half) & (times < end + half))
+    if len(rows) < 2:
+        raise CommandError(
+            f"--seconds: wanted two frames or more of {scene.label}, which has {times[-1]:.6g} s; "
+            f"got {seconds}"
+        )
+    people = tuple(motion[rows] for motion in scene.people)
+    return replace(scene, times=scene.times[rows], people=people)
 
 
 def resample_scene(scene: Scene, fps: float) -> Scene:
@@ -369,6 +403,9 @@ ToFps = Annotated[
 ]
 ToUp = Annotated[str, typer.Option(help="up axis of the file, y or z")]
 ToUnit = Annotated[str, typer.Option(help="metres per unit of the file, or m, cm, mm, in")]
+Seconds = Annotated[
+    str, typer.Option(help="a part of the clip, FIRST:LAST from its first frame, such as 3:7.5")
+]
 Ground = Annotated[
     bool,
     typer.Option(
@@ -393,6 +430,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     to_unit: ToUnit = "m",
     to_up: ToUp = "y",
     to_fps: ToFps = None,
+    seconds: Seconds = "",
     ground: Ground = False,
     centre: Centre = False,
 ) -> None:
@@ -403,6 +441,8 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
     pacmo export data/reactions/1/pacmo/1:NAME#b#0 --out push.bvh --to-up z --to-unit cm --to-fps 60
 
     pacmo export walk_A.bvh walk_B.bvh --from-unit cm --from-up y --out walk.gif
+
+    pacmo export walk_A.bvh walk_B.bvh --seconds 3:7.5 --out part.bvh
 
     .bvh: one file per person, FILE_A.bvh and FILE_B.bvh. .glb, .gltf: glTF 2.0, both people with an
     armature and a skin each, and one animation, in metres, y up. Of BVH files both are the rig
@@ -424,5 +464,5 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
         refuse_to_overwrite(out, [out, *_person_files(out)], named.files)
         is_on_rigs = out.suffix.lower() in OF_A_PERSON
         rigs = own_rigs(named.sources, named.read) if is_on_rigs else []
-        files, summary = export_scene(named.scene, out, form_of_file, rigs)
+        files, summary = export_scene(part_of(named.scene, seconds), out, form_of_file, rigs)
     typer.echo(f"{', '.join(map(str, files))}: {summary}")

@@ -496,18 +496,34 @@ def _nearness(
         f"({skeleton.joints[joint]} and the partner's {skeleton.joints[other]} "
         f"{when(frame, times[frame] - times[0])}{of_sample})"
     )
-    ends = zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True)
-    hands = [end for end, of in ends if of.part == "arm" and of.kind != "upper_arm"]
+    hands = _hands(skeleton)
     if not hands:
         return text, None
-    touches = [int((of[:, hands] < CONTACT_DISTANCE).any(axis=1).sum()) for of in found]
+    touching = {
+        side: np.array([(of[:, joints] < CONTACT_DISTANCE).any(axis=1) for of in found])
+        for side, joints in hands.items()
+    }
+    touches = np.any(list(touching.values()), axis=0).sum(axis=1)
+    by_side = ", ".join(
+        f"the {side} in {format_range(frames.sum(axis=1).tolist(), 0)}"
+        for side, frames in touching.items()
+    )
     page = "docs/react.md, Where a touch is missing"
-    hint = "" if max(touches) else f"; where you expect a touch: {page}"
+    hint = f" ({by_side})" if touches.any() else f"; where you expect a touch: {page}"
     said = (
         f"{text}; a hand of the reaction is within {100 * CONTACT_DISTANCE:.0f} cm of a joint of "
-        f"the partner in {format_range(touches, 0)} of {len(times)} frames{hint}"
+        f"the partner in {format_range(touches.tolist(), 0)} of {len(times)} frames{hint}"
     )
-    return said, max(touches)
+    return said, int(touches.max())
+
+
+def _hands(skeleton: Skeleton) -> dict[str, list[int]]:
+    """Return the joints of each hand, from the wrist on, by its side."""
+    hands: dict[str, list[int]] = {}
+    for end, of in zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True):
+        if of.part == "arm" and of.kind != "upper_arm":
+            hands.setdefault(of.name.partition("_")[0], []).append(end)
+    return hands
 
 
 def _distances(partner: Motion, sample: Motion) -> Array:

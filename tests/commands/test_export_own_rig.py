@@ -308,3 +308,43 @@ def test_gltf_of_a_rig_whose_bones_change_is_fitted_and_the_command_says_why(
     assert (
         "a body fitted to the joints (anna.bvh: the bone to mixamorig:Head changes" in said.stdout
     )
+
+
+@pytest.mark.parametrize(
+    ("seconds", "rows"), [("0.1:0.16667", [3, 4, 5]), (":0.07", [0, 1, 2]), ("0.1:", [3, 4, 5, 6])]
+)
+def test_a_part_has_the_frames_of_the_files(duo, no_fit, seconds, rows):
+    done = export(*duo, "--seconds", seconds, "--out", "part.bvh", *CM, "--to-unit", "cm")
+    assert done.exit_code == 0, done.output
+    for file, person in zip(duo, "AB", strict=True):
+        part, whole = read_bvh(Path(f"part_{person}.bvh")), read_bvh(file)
+        assert part.joints == whole.joints
+        np.testing.assert_allclose(part.motion, whole.motion[rows], atol=1e-4)
+
+
+@pytest.mark.parametrize("out", ["part.bvh", "part.npz"])
+def test_a_part_of_a_part_is_that_part_of_the_whole(duo, out):
+    files = [out] if out.endswith("npz") else ["part_A.bvh", "part_B.bvh"]
+    given = [] if out.endswith("npz") else ["--from-unit", "m", "--from-up", "y"]
+    assert export(*duo, "--seconds", "0.03:0.2", "--out", out, *CM).exit_code == 0
+    assert export(*files, "--seconds", "0.06:0.1", "--out", "again.csv", *given).exit_code == 0
+    assert export(*duo, "--seconds", "0.1:0.14", "--out", "once.csv", *CM).exit_code == 0
+    again, once = (np.genfromtxt(f, delimiter=",") for f in ("again.csv", "once.csv"))
+    np.testing.assert_allclose(again, once, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "message"),
+    [
+        ("3", "--seconds: wanted FIRST:LAST, such as 3:7.5 or 3:; got '3'"),
+        ("a:b", "got 'a:b'"),
+        ("nan:1", "two frames or more"),
+        ("0.19:0.2", "two frames or more of anna + ben, which has 0.2 s; got 0.19:0.2"),
+        ("0.1:0.05", "two frames or more"),
+    ],
+)
+def test_what_is_no_part_is_refused(duo, seconds, message):
+    done = export(*duo, "--seconds", seconds, "--out", "part.bvh", *CM)
+    assert done.exit_code == 1
+    assert message in done.output
+    assert not Path("part_A.bvh").exists()

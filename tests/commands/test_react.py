@@ -327,6 +327,8 @@ def test_another_format_is_refused_with_the_two_commands_that_write_it(
 ) -> None:
     words = [stored, "--clip", "one", "--person", "a", "--weights", weights, "--out"]
     refused(pacmo(*words, "x.glb"), "react ... --out x.parquet, then pacmo export x.parquet:NAME")
+    wanted = "x.fbx: wanted a .parquet or .bvh file, or a folder for BVH files; pacmo export makes"
+    refused(pacmo(*words, "x.fbx"), wanted)
     assert pacmo(*words, tmp_path / "x.parquet").exit_code == 0
     export = ["export", f"{tmp_path}/x.parquet:one#0000", "--out", str(tmp_path / "x.glb")]
     assert CliRunner().invoke(app, export).exit_code == 0
