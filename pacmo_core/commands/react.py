@@ -59,7 +59,12 @@ from pacmo_core.commands.weights import (
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.registry import ONE_PERSON_FORMATS, PersonMotion, select_person
+from pacmo_core.formats.registry import (
+    ONE_PERSON_FORMATS,
+    PersonMotion,
+    holds_one_person,
+    select_person,
+)
 from pacmo_core.formats.resample import sample_times
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
@@ -381,10 +386,12 @@ def _check_person(source: Source, options: ReadOptions, clip: str, rig: Path | N
     """Refuse to select one of two people in a file of one; with a rig they name its role."""
     if source.person not in (None, *PEOPLE):
         raise CommandError(f"--person: wanted a or b; got {source.person}")
-    one = not names_clips(source.file, clip) and options.format_of(source.file) in (
-        ONE_PERSON_FORMATS
-    )
-    if source.person and one and rig is None:
+    if not source.person or rig or names_clips(source.file, clip):
+        return
+    form = options.format_of(source.file)
+    if form in ONE_PERSON_FORMATS or holds_one_person(
+        source.file, form, options.settings(form, source.label)
+    ):
         raise CommandError(f"{source.file} holds one person: leave out --person {source.person}")
 
 

@@ -73,7 +73,8 @@ def test_it_is_said_how_near_people_come_and_how_long_a_hand_touches() -> None:
     line = lines_of(partner, np.stack([far, near]))[0]
     assert (
         "the nearest joints of the two are 5.0 to 50.0 cm apart (left_hand and the partner's head "
-        f"in frame 23 (0.77 s) of sample 1); {touch}0 to 7 of 60 frames (the left in 0 to 7, the right in 0)"
+        f"in frame 23 (0.77 s) of sample 1); {touch}0 to 7 of 60 frames "
+        "(the left in 0 to 7, the right in 0)"
     ) in line
     assert hint not in line
 

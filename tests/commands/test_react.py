@@ -164,6 +164,11 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     refused(pacmo(sbu, *words), "suffix", "--format", "sbu")
     refused(pacmo(sbu, "--format", "sbu", *words), "two people", "--person")
     refused(pacmo(bvh, "--person", "b", *words), "one person", "leave out --person b")
+    table = tmp_path / "alone.npz"
+    alone = JointTable(SBU15, CLIP.times, [CLIP.person_a], "y", 1.0)
+    table.write_bytes(TABLE_WRITERS[".npz"](alone))
+    assert pacmo(table, *words).exit_code == 0
+    refused(pacmo(table, "--person", "b", *words), "one person", "leave out --person b")
 
 
 def test_at_twice_a_rounded_rate_the_last_frame_stays(weights: Path, tmp_path: Path) -> None:
