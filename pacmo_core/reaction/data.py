@@ -18,7 +18,7 @@ from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.data.transforms import body_frame
 from pacmo_core.operators.spline import Spline
-from pacmo_core.reaction.settings import AugmentationSettings
+from pacmo_core.reaction.settings import AugmentationSettings, PartsSettings
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,48 @@ def sample_motion_pairs(
 def expand_directions(interactions: Sequence[Interaction], *, both: bool) -> list[Interaction]:
     """List interactions and, if ``both``, each again with its people exchanged (PaCMO, 3.1)."""
     return [*interactions, *(i.swapped() for i in interactions if both)]
+
+
+MIN_PART_FRAMES = 8
+
+
+def random_parts(interactions: Sequence[Interaction], settings: PartsSettings) -> list[Interaction]:
+    """Cut random parts out of interactions: people in the middle of what they do.
+
+    Captures begin and end anywhere. A model of whole actions alone takes each for a whole one, and
+    in a part of a second makes all of it.
+
+    Parameters
+    ----------
+    interactions : N of them
+    settings : PartsSettings
+
+    Returns
+    -------
+    ``n`` N interactions, one of each, then the next of each
+    """
+    random = np.random.default_rng(settings.random_seed)
+    return [
+        _random_part(interaction, settings, random)
+        for _ in range(settings.n)
+        for interaction in interactions
+    ]
+
+
+def _random_part(
+    interaction: Interaction, settings: PartsSettings, random: np.random.Generator
+) -> Interaction:
+    n_frames = len(interaction.times)
+    length = round(random.uniform(settings.min_share, settings.max_share) * n_frames)
+    length = min(max(MIN_PART_FRAMES, length), n_frames)
+    first = int(random.integers(0, n_frames - length + 1))
+    rows = slice(first, first + length)
+    return replace(
+        interaction,
+        times=interaction.times[rows] - interaction.times[first],
+        person_a=interaction.person_a[rows],
+        person_b=interaction.person_b[rows],
+    )
 
 
 def check_common_skeleton(interactions: Sequence[Interaction]) -> None:

@@ -76,6 +76,30 @@ class AugmentationSettings:
 
 
 @dataclass(frozen=True)
+class PartsSettings:
+    """Random parts of training clips; see ``data.random_parts``.
+
+    Parameters
+    ----------
+    n : of each clip; 0: none
+    min_share, max_share : of a clip's frames, from the shortest part to the longest
+    random_seed : of their lengths and places
+    """
+
+    n: int
+    min_share: float
+    max_share: float
+    random_seed: int
+
+    def __post_init__(self) -> None:
+        if self.n < 0 or not 0 < self.min_share <= self.max_share <= 1:
+            raise ValueError(
+                "wanted n at least 0 and 0 < min_share <= max_share <= 1; got "
+                f"{self.n}, {self.min_share}, {self.max_share}"
+            )
+
+
+@dataclass(frozen=True)
 class GruSettings:
     """The ``train_gru`` section."""
 
@@ -224,6 +248,7 @@ class PacmoSettings:
     bone_length_weight: float  # of the variance over time of the bones' lengths, 1 / m^2; 0 is off
     ema_decay: float  # of the exponential moving average of the weights, a step
     both_directions: bool
+    parts: PartsSettings  # of the clips, shown beside them
     augmentation: AugmentationSettings
     mixed_precision: bool  # bfloat16 in the networks, on a GPU only
     compile_generator: bool  # on a GPU only

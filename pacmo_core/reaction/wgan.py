@@ -21,6 +21,7 @@ from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
     expand_directions,
+    random_parts,
     sample_motion_pairs,
 )
 from pacmo_core.reaction.energy_score import mean_energy_scores
@@ -254,7 +255,9 @@ def build_training(
         )
     known = tuple(sorted(set(actions))) if settings.action_channels else ()
     random = torch.Generator().manual_seed(settings.random_seed)
-    pairs = _motion_pairs(clips, actions, known, settings, both=settings.both_directions)
+    shown = [*clips, *random_parts(clips, settings.parts)]
+    labels = [*actions] * (1 + settings.parts.n)
+    pairs = _motion_pairs(shown, labels, known, settings, both=settings.both_directions)
     validation_pairs = (
         _motion_pairs(validation, validation_actions, known, settings, both=True).to(device)
         if validation

@@ -14,6 +14,7 @@ from pacmo_core.reaction.settings import (
     FlowMatchingSettings,
     GruSettings,
     PacmoSettings,
+    PartsSettings,
     RegressionSettings,
 )
 
@@ -136,6 +137,7 @@ PACMO = PacmoSettings(
     bone_length_weight=0.0,
     ema_decay=0.5,
     both_directions=True,
+    parts=PartsSettings(n=0, min_share=0.4, max_share=0.9, random_seed=0),
     augmentation=AugmentationSettings(
         mirror_probability=0.5,
         size_spread=0.05,

@@ -16,13 +16,14 @@ from pacmo_core.reaction.data import (
     RandomAugmentation,
     expand_directions,
     frame_rate_matrix,
+    random_parts,
     random_transforms,
     replace_reaction,
     sample_motion_pairs,
     to_partner_frame,
 )
 from pacmo_core.reaction.inputs import Normalisation
-from pacmo_core.reaction.settings import AugmentationSettings
+from pacmo_core.reaction.settings import AugmentationSettings, PartsSettings
 from tests.reaction.problems import NO_AUGMENTATION, clips, delayed_mirror
 from tests.strategies import make_interaction
 
@@ -53,6 +54,35 @@ def test_both_directions_are_listed_for_each_interaction() -> None:
     assert len(sides) == 6
     assert np.array_equal(sides[4].person_b, some[1].person_a)
     assert expand_directions(some, both=False) == some
+
+
+def test_random_parts_are_of_their_clips_and_as_long_as_is_wanted() -> None:
+    some = [delayed_mirror(seed, np.linspace(0, 2, 61)) for seed in range(40)]
+    settings = PartsSettings(n=2, min_share=0.4, max_share=0.9, random_seed=3)
+    parts = random_parts(some, settings)
+    assert len(parts) == 80
+    firsts = []
+    for part, clip in zip(parts, some * 2, strict=True):
+        n = len(part.times)
+        assert round(0.4 * 61) <= n <= round(0.9 * 61)
+        starts = [k for k in range(62 - n) if np.array_equal(clip.person_a[k], part.person_a[0])]
+        (first,) = starts
+        np.testing.assert_array_equal(part.person_a, clip.person_a[first : first + n])
+        np.testing.assert_array_equal(part.person_b, clip.person_b[first : first + n])
+        np.testing.assert_allclose(part.times, np.arange(n) / 30, atol=1e-9)
+        firsts.append(first)
+    assert len(set(firsts)) > 10
+    again = random_parts(some, settings)
+    assert [len(part.times) for part in again] == [len(part.times) for part in parts]
+    assert random_parts(some, replace(settings, n=0)) == []
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "n"), [(0.5, 0.4, 1), (0, 0.5, 1), (0.5, 1.1, 1), (1, 1, -1)]
+)
+def test_parts_that_are_none_are_refused(least: float, most: float, n: int) -> None:
+    with pytest.raises(ValueError, match="min_share"):
+        PartsSettings(n=n, min_share=least, max_share=most, random_seed=0)
 
 
 def test_bodies_of_different_joints_are_refused() -> None:

@@ -24,6 +24,21 @@ def test_validation_does_not_change_the_training() -> None:
 
 
 @pytest.mark.slow
+def test_parts_of_clips_are_shown_beside_them_and_not_in_validation() -> None:
+    parts = replace(PACMO.parts, n=2)
+    plain, more = (
+        wgan.build_training(clips(8), replace(PACMO, parts=of), validation=clips(4)).trainer
+        for of in (PACMO.parts, parts)
+    )
+    assert len(more.pairs) == 3 * len(plain.pairs)
+    assert more.steps_per_epoch > plain.steps_per_epoch
+    torch.testing.assert_close(more.pairs.partner[:8], plain.pairs.partner[:8])
+    shorter = more.pairs.log_duration[8:24] - plain.pairs.log_duration[:8].repeat(2)
+    assert (shorter.exp() < 0.95).all()
+    assert more.validation_pairs is not None
+    assert len(more.validation_pairs) == 8
+
+
 def test_the_generator_learns_to_follow_its_partner() -> None:
     model = wgan.build_training(clips(64), PACMO_LONG).finish()
     pairs = sample_motion_pairs(clips(32, first_seed=100), PACMO.n_points)
