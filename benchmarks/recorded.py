@@ -14,8 +14,8 @@ hands come within 10 cm of, the share of reactions in which hands do so too, and
 the others; ``energy_score`` and ``ape`` in metres, of the mean distance of joints. One reaction, as
 of a regression, has no spread: its energy score is its ape. ``SET_permuted_...`` are the same of
 the captured reaction of the next clip of the same act (one act each: CMU's takes, and handover's),
-in its place beside that partner, not finished: somebody who does what the act wants and does not
-see whom with.
+in its place beside that partner: somebody who does what the act wants and does not see whom with;
+``SET_permuted_finished_...`` the same, finished as the reactions of the first model.
 ``SET_handshake_to_a`` and ``..._b`` are, of eight reactions to one person of each handshake (CMU's
 is 18_01), the share in which right hands come within 10 cm.
 
@@ -75,8 +75,11 @@ def main() -> None:
             scores = pooled([pair for row in rows for pair in row])
             figures |= {f"{prefix}{name}_{key}": value for key, value in scores.items()}
             if not number:
-                others = pooled([pair for act in acts for pair in permuted(act)])
-                figures |= {f"{name}_permuted_{key}": value for key, value in others.items()}
+                others = [pair for act in acts for pair in permuted(act)]
+                ended = [(clip, finished(model, clip, motions)) for clip, motions in others]
+                for row, pairs in (("permuted", others), ("permuted_finished", ended)):
+                    scores = pooled(pairs)
+                    figures |= {f"{name}_{row}_{key}": value for key, value in scores.items()}
     show(figures, as_json=options.json)
 
 
@@ -126,7 +129,7 @@ def on_floor(clip: Interaction) -> Interaction:
 
 
 def react_to(
-    model: Generator, partners: Sequence[Interaction], n_samples: int, finished: bool
+    model: Generator, partners: Sequence[Interaction], n_samples: int, finish: bool
 ) -> list[tuple[Interaction, Motion]]:
     """Return each captured interaction with reactions to its ``person_a``, (S, T, J, 3)."""
     random, pairs = torch.Generator().manual_seed(1), []
@@ -136,11 +139,14 @@ def react_to(
         reactions = react(
             model, clip.person_a, times, out_times=times, n_samples=n_samples, random=random
         )
-        if finished:
-            partner = PartnerMotion(clip.person_a, times, times)
-            reactions = finish_reactions(model, partner, reactions)
-        pairs.append((clip, reactions))
+        pairs.append((clip, finished(model, clip, reactions) if finish else reactions))
     return pairs
+
+
+def finished(model: Generator, clip: Interaction, reactions: Motion) -> Motion:
+    """Finish reactions ``(S, T, J, 3)`` to the ``person_a`` of a clip."""
+    times = clip.times - clip.times[0]
+    return finish_reactions(model, PartnerMotion(clip.person_a, times, times), reactions)
 
 
 def permuted(partners: Sequence[Interaction]) -> Iterator[tuple[Interaction, Motion]]:
