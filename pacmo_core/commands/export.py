@@ -227,6 +227,8 @@ def part_of(scene: Scene, seconds: str) -> Scene:
             f"--seconds: wanted two frames or more of {scene.label}, which has {times[-1]:.6g} s; "
             f"got {seconds}"
         )
+    if end > times[-1] + half:
+        typer.echo(f"--seconds {seconds}: {scene.label} ends at {times[-1]:.6g} s")
     people = tuple(motion[rows] for motion in scene.people)
     return replace(scene, times=scene.times[rows], people=people)
 

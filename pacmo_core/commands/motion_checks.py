@@ -133,32 +133,37 @@ class SampleLimit:
         return f"sample {number}{said}{place}"
 
 
-def limit_lines(limits: Sequence[SampleLimit], touches: bool) -> list[str]:
+def limit_lines(limits: Sequence[SampleLimit], untouched: Sequence[int]) -> list[str]:
     """Return the lines of all limits, and one on what to do; one if all samples are within.
 
     Parameters
     ----------
     limits : at least one
-    touches : whether a hand touches the partner in any sample
+    untouched : numbers of the samples in which no hand touches the partner
     """
     lines = [line for one in limits for line in one.lines()]
+    count = len(limits[0].values)
+    where = f"in {_samples(untouched)} " if len(untouched) < count else ""
+    without = [f"{where}no hand touches the partner"] if untouched else []
     if not lines:
-        count = len(limits[0].values)
         those = f"all {count} samples are" if count > 1 else "the reaction is"
-        without = "" if touches else "; no hand touches the partner"
-        return [f"{those} within every limit that was measured{without}"]
+        return ["; ".join([f"{those} within every limit that was measured", *without])]
+    part = "a part of the capture (pacmo export --seconds) or another one"
     if any(one.is_beyond_in_all for one in limits):
-        return [*lines, "where all samples are beyond a limit another --seed hardly helps: try "
-                "another capture, or train on captures like this one (docs/react.md)"]  # fmt: skip
+        hint = (
+            f"where all samples are beyond a limit another --seed hardly helps: try {part}, or "
+            "train on captures like this one (docs/react.md)"
+        )
+        return [*lines, "; ".join([*without, hint])]
     beyond = {number for one in limits for number in one.beyond}
-    within = [number for number in range(len(limits[0].values)) if number not in beyond]
+    within = [number for number in range(count) if number not in beyond]
     within_text = [f"within every limit: {_samples(within)}"] if within else []
     other = (
         "other samples"
-        if len(limits[0].values) > 1
-        else ("another sample; where --samples 3 are all beyond it, try another capture")
+        if count > 1
+        else f"another sample; where --samples 3 are all beyond it, try {part}"
     )
-    return [*lines, "; ".join([*within_text, f"another --seed gives {other}"])]
+    return [*lines, "; ".join([*within_text, *without, f"another --seed gives {other}"])]
 
 
 def _samples(numbers: Sequence[int]) -> str:
@@ -322,7 +327,7 @@ def motion_lines(
             f"{depth.text.format(f'at most {depth.range_of(every)}')}, {depth.wanted}"
             for depth in depths
         ]
-    nearness, n_touches = _nearness(skeleton, times, partner, samples)
+    nearness, touches = _nearness(skeleton, times, partner, samples)
     jolt, (turn, most) = _jolts(times, people[1:]), _turns(times, people)
     text = f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}"
     lines += [nearness, text, most]
@@ -331,7 +336,7 @@ def motion_lines(
     return [
         f"the motion of the reaction, measured in what was written (docs/react.md){of_samples}:",
         *(f"  {line}" for line in lines),
-        *limit_lines(limits, touches=n_touches != 0),
+        *limit_lines(limits, [number for number, frames in enumerate(touches) if not frames]),
     ]
 
 
@@ -476,14 +481,14 @@ def _depths(
 
 def _nearness(
     skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
-) -> tuple[str, int | None]:
+) -> tuple[str, list[int]]:
     """Say how near the two people come, and in how many frames a hand touches the partner.
 
     There is no limit: whether they should touch, no measurement knows.
 
     Returns
     -------
-    It, and the most frames of a sample with such a touch; None of people without hands
+    It, and the frames with such a touch in each sample; none of people without hands
     """
     found = [_distances(partner, sample) for sample in samples]  # (T, J) each
     nearest = [100 * float(distances.min()) for distances in found]
@@ -498,7 +503,7 @@ def _nearness(
     )
     hands = _hands(skeleton)
     if not hands:
-        return text, None
+        return text, []
     touching = {
         side: np.array([(of[:, joints] < CONTACT_DISTANCE).any(axis=1) for of in found])
         for side, joints in hands.items()
@@ -512,9 +517,9 @@ def _nearness(
     hint = f" ({by_side})" if touches.any() else f"; where you expect a touch: {page}"
     said = (
         f"{text}; a hand of the reaction is within {100 * CONTACT_DISTANCE:.0f} cm of a joint of "
-        f"the partner in {format_range(touches.tolist(), 0)} of {len(times)} frames{hint}"
+        f"the partner in {listed(touches.tolist())} of {len(times)} frames{hint}"
     )
-    return said, int(touches.max())
+    return said, touches.tolist()
 
 
 def _hands(skeleton: Skeleton) -> dict[str, list[int]]:

@@ -322,6 +322,12 @@ def test_a_part_has_the_frames_of_the_files(duo, no_fit, seconds, rows):
         np.testing.assert_allclose(part.motion, whole.motion[rows], atol=1e-4)
 
 
+def test_a_part_that_would_end_later_than_the_clip_ends_with_it(duo, no_fit):
+    done = export(*duo, "--seconds", "0.1:9", "--out", "part.bvh", *CM)
+    assert "--seconds 0.1:9: anna + ben ends at 0.2 s" in done.output
+    assert len(read_bvh(Path("part_A.bvh")).motion) == 4
+
+
 @pytest.mark.parametrize("out", ["part.bvh", "part.npz"])
 def test_a_part_of_a_part_is_that_part_of_the_whole(duo, out):
     files = [out] if out.endswith("npz") else ["part_A.bvh", "part_B.bvh"]

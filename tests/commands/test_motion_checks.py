@@ -34,7 +34,9 @@ def joined(lines: list[str]) -> list[str]:
     verdict = lines[1 + len(measured) :]
     assert verdict
     within = r"(the reaction is|all \d+ samples are) within every limit that was measured"
-    if re.fullmatch(f"{within}(; no hand touches the partner)?", verdict[-1]):
+    if re.fullmatch(
+        f"{within}(; (in samples? [0-9, ]+ )?no hand touches the partner)?", verdict[-1]
+    ):
         assert len(verdict) == 1
         verdict = []
     return ["; ".join(line.strip() for line in measured), *verdict]
@@ -73,7 +75,7 @@ def test_it_is_said_how_near_people_come_and_how_long_a_hand_touches() -> None:
     line = lines_of(partner, np.stack([far, near]))[0]
     assert (
         "the nearest joints of the two are 5.0 to 50.0 cm apart (left_hand and the partner's head "
-        f"in frame 23 (0.77 s) of sample 1); {touch}0 to 7 of 60 frames "
+        f"in frame 23 (0.77 s) of sample 1); {touch}0, 7 of 60 frames "
         "(the left in 0 to 7, the right in 0)"
     ) in line
     assert hint not in line
@@ -89,6 +91,10 @@ def test_the_verdict_says_that_no_hand_touches() -> None:
     for motion, without in ((far, "; no hand touches the partner"), (near, "")):
         lines = motion_lines(SKELETON, TIMES, partner, motion[None], people)
         assert lines[-1] == f"the reaction is within every limit that was measured{without}"
+    people = [*people, people[1]]
+    lines = motion_lines(SKELETON, TIMES, partner, np.stack([near, far]), people)
+    without = "; in sample 1 no hand touches the partner"
+    assert lines[-1] == f"all 2 samples are within every limit that was measured{without}"
 
 
 def test_a_touch_of_heads_is_none_of_hands() -> None:
@@ -112,7 +118,8 @@ def test_the_sample_whose_joint_jumps_is_named() -> None:
         f"sample 1: a joint accelerates by 360 m/s², {joint} in frame 11 (0.37 s), wanted at most "
         "150 m/s²"
     )
-    assert hint == "within every limit: sample 0; another --seed gives other samples"
+    untouched = "no hand touches the partner"
+    assert hint == f"within every limit: sample 0; {untouched}; another --seed gives other samples"
 
 
 def test_feet_that_glide_have_their_speed() -> None:
@@ -227,7 +234,9 @@ def test_many_samples_beyond_a_limit_have_one_line_and_the_others_are_named() ->
     motions = [partner] * 5 + [partner + np.float32([2, 0, 0])] * 2
     _, line, hint = lines_of(partner, np.stack(motions))
     assert line.startswith("5 of 7 samples: the bodies are ")
-    assert hint == "within every limit: samples 5, 6; another --seed gives other samples"
+    untouched = "in samples 5, 6 no hand touches the partner"
+    those = f"within every limit: samples 5, 6; {untouched}"
+    assert hint == f"{those}; another --seed gives other samples"
 
 
 def test_samples_that_are_alike_have_no_worst() -> None:
