@@ -275,7 +275,7 @@ def test_an_experiment_sets_only_keys_of_params_yaml(name, monkeypatch, tmp_path
 
 def test_dvc_yaml_and_its_lock_are_short():
     assert len((ROOT / "dvc.yaml").read_text().splitlines()) <= 400
-    # Some ninety lines for each of fourteen trainings of skeleton priors, forty for PaCMO's settings.
+    # Some ninety lines for each of fourteen trainings of skeleton priors, and PaCMO's settings.
     assert len((ROOT / "dvc.lock").read_text().splitlines()) <= 3650
 
 
