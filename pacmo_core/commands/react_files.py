@@ -54,13 +54,13 @@ class Reactions:
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
     """Reject an output without a known suffix, or one that has another unit or axis."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
+        wanted = f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files"
         if out.suffix.lower() not in EXPORTED:
-            wanted = "a .parquet or .bvh file, or a folder for BVH files"
             others = ", ".join(suffix for suffix in EXPORTED if suffix not in (".parquet", ".bvh"))
-            raise CommandError(f"{out}: wanted {wanted}; pacmo export makes {others} of these")
+            raise CommandError(f"{wanted}; pacmo export makes {others} of these")
         stored, bvh = (out.with_suffix(suffix).name for suffix in (".parquet", ".bvh"))
         raise CommandError(
-            f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files; for others: "
+            f"{wanted}; for others: "
             f"react ... --out {stored}, then pacmo export {stored}:NAME#0000 --out {out.name}, "
             "with NAME the partner's file without its suffix, or the clip; with --rig: react ... "
             f"--out {bvh}, then pacmo view {out.stem}_0_A.bvh+{out.stem}_0_B.bvh"

@@ -23,7 +23,6 @@ def test_validation_does_not_change_the_training() -> None:
     assert all(torch.equal(plain[key], value) for key, value in model_state(watched.model).items())
 
 
-@pytest.mark.slow
 def test_parts_of_clips_are_shown_beside_them_and_not_in_validation() -> None:
     parts = replace(PACMO.parts, n=2)
     plain, more = (
@@ -39,6 +38,7 @@ def test_parts_of_clips_are_shown_beside_them_and_not_in_validation() -> None:
     assert len(more.validation_pairs) == 8
 
 
+@pytest.mark.slow
 def test_the_generator_learns_to_follow_its_partner() -> None:
     model = wgan.build_training(clips(64), PACMO_LONG).finish()
     pairs = sample_motion_pairs(clips(32, first_seed=100), PACMO.n_points)
