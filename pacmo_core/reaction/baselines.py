@@ -30,6 +30,7 @@ from pacmo_core.reaction.data import (
     check_common_skeleton,
     expand_directions,
     sample_motion_pairs,
+    with_random_parts,
 )
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
 from pacmo_core.reaction.inputs import Normalisation
@@ -160,7 +161,8 @@ def build_gru_training(
     """
     check_common_skeleton([*clips, *validation])
     random = torch.Generator().manual_seed(settings.random_seed)
-    directions = expand_directions(clips, both=settings.both_directions)
+    shown = with_random_parts(clips, settings.parts)
+    directions = expand_directions(shown, both=settings.both_directions)
     frames = sample_frames(directions, settings.fps, device)
     validation_frames = sample_frames(
         expand_directions(validation, both=True), settings.fps, device
@@ -221,8 +223,9 @@ def build_regression_training(
     device : of torch
     """
     random = torch.Generator().manual_seed(settings.random_seed)
+    shown = with_random_parts(clips, settings.parts)
     pairs = sample_motion_pairs(
-        expand_directions(clips, both=settings.both_directions), settings.n_points
+        expand_directions(shown, both=settings.both_directions), settings.n_points
     ).to(device)
     validation_pairs = (
         sample_motion_pairs(expand_directions(validation, both=True), settings.n_points).to(device)

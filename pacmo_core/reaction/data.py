@@ -108,11 +108,13 @@ def expand_directions(interactions: Sequence[Interaction], *, both: bool) -> lis
     return [*interactions, *(i.swapped() for i in interactions if both)]
 
 
-MIN_PART_FRAMES = 8
+MIN_PART_FRAMES = 8  # a quarter of a second at 30 frames a second: less hardly is a motion
 
 
-def random_parts(interactions: Sequence[Interaction], settings: PartsSettings) -> list[Interaction]:
-    """Cut random parts out of interactions: people in the middle of what they do.
+def with_random_parts(
+    interactions: Sequence[Interaction], settings: PartsSettings
+) -> list[Interaction]:
+    """List interactions and random parts of each: people in the middle of what they do.
 
     Captures begin and end anywhere. A model of whole actions alone takes each for a whole one, and
     in a part of a second makes all of it.
@@ -124,14 +126,15 @@ def random_parts(interactions: Sequence[Interaction], settings: PartsSettings) -
 
     Returns
     -------
-    ``n`` N interactions, one of each, then the next of each
+    (1 + ``n``) N interactions: the whole ones, a part of each, then the next of each
     """
     random = np.random.default_rng(settings.random_seed)
-    return [
+    parts = [
         _random_part(interaction, settings, random)
         for _ in range(settings.n)
         for interaction in interactions
     ]
+    return [*interactions, *parts]
 
 
 def _random_part(

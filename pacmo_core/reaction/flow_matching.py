@@ -29,6 +29,7 @@ from pacmo_core.reaction.data import (
     RandomAugmentation,
     expand_directions,
     sample_motion_pairs,
+    with_random_parts,
 )
 from pacmo_core.reaction.energy_score import EnergyScore
 from pacmo_core.reaction.generator import Generator, GeneratorConfig, config_fields
@@ -264,7 +265,8 @@ def build_training(
     device : of torch
     """
     random = torch.Generator().manual_seed(settings.random_seed)
-    directions = expand_directions(clips, both=settings.both_directions)
+    shown = with_random_parts(clips, settings.parts)
+    directions = expand_directions(shown, both=settings.both_directions)
     pairs = sample_motion_pairs(directions, settings.n_points).to(device)
     model = FlowGenerator(_flow_config(clips[0], settings))
     initialise_weights(model, random)

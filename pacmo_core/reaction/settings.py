@@ -77,7 +77,7 @@ class AugmentationSettings:
 
 @dataclass(frozen=True)
 class PartsSettings:
-    """Random parts of training clips; see ``data.random_parts``.
+    """Random parts of training clips; see ``data.with_random_parts``.
 
     Parameters
     ----------
@@ -115,6 +115,7 @@ class GruSettings:
     validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
     both_directions: bool
+    parts: PartsSettings  # of the clips, shown beside them
     augmentation: AugmentationSettings
 
     def __post_init__(self) -> None:
@@ -189,6 +190,7 @@ class RegressionSettings:
     validate_every: int  # epochs; the weights of the best validation score are kept
     checkpoint_every: int  # epochs
     both_directions: bool
+    parts: PartsSettings  # of the clips, shown beside them
     augmentation: AugmentationSettings
 
     def __post_init__(self) -> None:

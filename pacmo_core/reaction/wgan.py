@@ -21,8 +21,8 @@ from pacmo_core.reaction.data import (
     MotionPairs,
     RandomAugmentation,
     expand_directions,
-    random_parts,
     sample_motion_pairs,
+    with_random_parts,
 )
 from pacmo_core.reaction.energy_score import mean_energy_scores
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
@@ -255,7 +255,7 @@ def build_training(
         )
     known = tuple(sorted(set(actions))) if settings.action_channels else ()
     random = torch.Generator().manual_seed(settings.random_seed)
-    shown = [*clips, *random_parts(clips, settings.parts)]
+    shown = with_random_parts(clips, settings.parts)
     labels = [*actions] * (1 + settings.parts.n)
     pairs = _motion_pairs(shown, labels, known, settings, both=settings.both_directions)
     validation_pairs = (

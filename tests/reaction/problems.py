@@ -82,6 +82,7 @@ NO_AUGMENTATION = AugmentationSettings(
     joint_offset=0.0,
     joint_noise=0.0,
 )
+NO_PARTS = PartsSettings(n=0, min_share=0.4, max_share=0.9, random_seed=0)
 GRU = GruSettings(
     random_seed=0,
     device="cpu",
@@ -95,6 +96,7 @@ GRU = GruSettings(
     validate_every=1,
     checkpoint_every=2,
     both_directions=True,
+    parts=NO_PARTS,
     augmentation=NO_AUGMENTATION,
 )
 PACMO = PacmoSettings(
@@ -137,7 +139,7 @@ PACMO = PacmoSettings(
     bone_length_weight=0.0,
     ema_decay=0.5,
     both_directions=True,
-    parts=PartsSettings(n=0, min_share=0.4, max_share=0.9, random_seed=0),
+    parts=NO_PARTS,
     augmentation=AugmentationSettings(
         mirror_probability=0.5,
         size_spread=0.05,
@@ -165,6 +167,7 @@ REGRESSION = RegressionSettings(
     validate_every=5,
     checkpoint_every=5,
     both_directions=False,
+    parts=NO_PARTS,
     augmentation=NO_AUGMENTATION,
 )
 FLOW_MATCHING = FlowMatchingSettings(

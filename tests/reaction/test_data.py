@@ -16,11 +16,11 @@ from pacmo_core.reaction.data import (
     RandomAugmentation,
     expand_directions,
     frame_rate_matrix,
-    random_parts,
     random_transforms,
     replace_reaction,
     sample_motion_pairs,
     to_partner_frame,
+    with_random_parts,
 )
 from pacmo_core.reaction.inputs import Normalisation
 from pacmo_core.reaction.settings import AugmentationSettings, PartsSettings
@@ -59,7 +59,9 @@ def test_both_directions_are_listed_for_each_interaction() -> None:
 def test_random_parts_are_of_their_clips_and_as_long_as_is_wanted() -> None:
     some = [delayed_mirror(seed, np.linspace(0, 2, 61)) for seed in range(40)]
     settings = PartsSettings(n=2, min_share=0.4, max_share=0.9, random_seed=3)
-    parts = random_parts(some, settings)
+    shown = with_random_parts(some, settings)
+    assert shown[:40] == some
+    parts = shown[40:]
     assert len(parts) == 80
     firsts = []
     for part, clip in zip(parts, some * 2, strict=True):
@@ -72,9 +74,9 @@ def test_random_parts_are_of_their_clips_and_as_long_as_is_wanted() -> None:
         np.testing.assert_allclose(part.times, np.arange(n) / 30, atol=1e-9)
         firsts.append(first)
     assert len(set(firsts)) > 10
-    again = random_parts(some, settings)
-    assert [len(part.times) for part in again] == [len(part.times) for part in parts]
-    assert random_parts(some, replace(settings, n=0)) == []
+    again = with_random_parts(some, settings)
+    assert [len(part.times) for part in again] == [len(part.times) for part in shown]
+    assert with_random_parts(some, replace(settings, n=0)) == some
 
 
 @pytest.mark.parametrize(
