@@ -59,6 +59,7 @@ from pacmo_core.commands.weights import (
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.body import Body
 from pacmo_core.formats.registry import (
     ONE_PERSON_FORMATS,
     PersonMotion,
@@ -241,7 +242,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         motions = _samples(model, partner_motion, samples, random)
         if finish:
-            motions = finish_reactions(model, partner_motion, motions, people.lengths)
+            motions = finish_reactions(model, partner_motion, motions, people.body)
         space = _space(to_unit, to_up, people.space)
         reactions = Reactions(
             name, model.skeleton, at - at[0],
@@ -316,9 +317,9 @@ class ReactingPeople:
     partner_rig: TargetRig | None = None
 
     @property
-    def lengths(self) -> NDArray[np.float64] | None:
-        """``(E,)`` metres: the bones of the person who reacts."""
-        return self.rig.lengths if self.rig else None
+    def body(self) -> Body | None:
+        """The body of the person who reacts, if it is known."""
+        return self.rig.body if self.rig else None
 
     @property
     def space(self) -> OutputSpace:

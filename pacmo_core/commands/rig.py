@@ -20,8 +20,9 @@ from pacmo_core.commands.reading import (
     read_people,
 )
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.segments import upright_frames
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.bones import median_lengths
+from pacmo_core.finish.body import Body, body_of
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.bvh_channels import format_file
 from pacmo_core.formats.bvh_pairs import BvhPairs
@@ -57,9 +58,10 @@ class TargetRig:
     named: str
 
     @property
-    def lengths(self) -> NDArray[np.float64]:
-        """``(E,)`` metres: the bones of the model on this body."""
-        return median_lengths(self.motion.motion, self.motion.skeleton)
+    def body(self) -> Body:
+        """The body, in the joints of the model, standing upright."""
+        motion, skeleton = self.motion.motion, self.motion.skeleton
+        return body_of(motion[upright_frames(motion, skeleton)], skeleton)
 
     @property
     def sole(self) -> float:
@@ -88,9 +90,8 @@ class TargetRig:
         positions = from_y_up(aims, space.up).astype(np.float64) / space.unit
         targets = PointTargets(shares, positions, weights)
         bvh = self._in_space(space)
-        return write_on_rig(
-            self.file, bvh, targets, person.skeleton, space.unit, frame_rate(person.times)
-        )
+        model, fps = person.skeleton, frame_rate(person.times)
+        return write_on_rig(self.file, bvh, targets, model, space.unit, fps)
 
     def copied(self, person: PersonMotion, space: OutputSpace) -> str:
         """Write the motion of the file itself at the times of a person."""

@@ -10,6 +10,9 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pacmo_core.data.skeleton import Skeleton, bare_names
 
 _LEG = re.compile(r"hip|thigh|leg|knee|shin|calf|ankle|heel|foot|toe|femur|tibia")
@@ -27,6 +30,7 @@ _SEGMENTS = {
     "leg": ("hip", "thigh", "shin", "foot", "toes"),
 }
 _PROXIMAL = {"arm": "collar", "leg": "pelvis"}
+UPRIGHT_SHARE = 0.25  # of frames
 _UPPER_SEGMENT = 1  # index of the upper arm and the thigh
 
 
@@ -167,3 +171,14 @@ def _main_chain(skeleton: Skeleton, joint: int) -> list[int]:
     is_digit = [bool(_DIGIT.search(skeleton.joints[child].lower())) for child in children]
     best = min(range(len(chains)), key=lambda i: (is_digit[i], -len(chains[i])))
     return [joint, *chains[best]]
+
+
+def upright_frames(motion: NDArray[np.floating], skeleton: Skeleton) -> NDArray[np.bool_]:
+    """Return in which frames of ``(T, J, 3)`` the trunk is as long as in the straightest quarter.
+
+    A bone of the skeleton may pass by joints of the capture: bent over, it is shorter.
+    """
+    ends = zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True)
+    trunk = [end for end, segment in ends if segment.part == "trunk"] or [skeleton.root]
+    reach = np.linalg.norm(motion[:, trunk] - motion[:, [skeleton.root]], axis=-1).max(axis=1)
+    return np.asarray(reach >= np.quantile(reach, 1 - UPRIGHT_SHARE))

@@ -43,29 +43,6 @@ def set_bone_lengths(motion: Array, lengths: Array, skeleton: Skeleton) -> Array
     return result
 
 
-def with_lengths(motion: Array, lengths: Array, ground: Array, skeleton: Skeleton) -> Array:
-    """Give a body other bones where it stands.
-
-    Heights over the ground are in proportion to the legs, directions of bones stay, and so do the
-    places of the feet over the ground, from which the legs are set.
-
-    Parameters
-    ----------
-    motion : (T, J, 3) metres, y up
-    lengths : (E,) metres
-    ground : (T,) metres, height of the ground beneath the body
-    skeleton : of the motion
-    """
-    own = median_lengths(motion.astype(np.float32), skeleton)
-    ratio = leg_length(lengths, skeleton) / leg_length(own, skeleton)
-    nearer = motion.copy()
-    nearer[..., 1] = ground[:, None] + ratio * (motion[..., 1] - ground[:, None])
-    moved = motion + (nearer - motion)[:, [skeleton.root]]
-    result = set_bone_lengths(moved, lengths, skeleton)
-    set_legs(result, nearer, np.full(motion.shape[:2], -np.inf), lengths, skeleton)
-    return result
-
-
 def set_legs(
     motion: Array,
     wanted: Array,

@@ -10,7 +10,7 @@ motion g to the motion x that minimises
     + w_c sum |max(|x_i - y_j| - d, 0)|^2                predicted contacts (``contacts``)
 
 subject to bones of the person's own lengths, their medians over the clip, or of lengths that are
-given: then the body first gets these where it stands (``bones.with_lengths``). It is solved by
+given: then the motion first gets that body where it stands (``body.with_body``). It is solved by
 projective dynamics (Bouaziz et al. 2014, *Projective dynamics: fusing constraint projections for
 fast simulation*), with the bones' multipliers of ADMM (Overby et al. 2017, *ADMM projective
 dynamics*): the projections on floor, contacts and bones change from one iteration to the next, the
@@ -33,13 +33,13 @@ from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.avoidance import avoid_partner
 from pacmo_core.finish.balance import keep_over_feet
+from pacmo_core.finish.body import Body, with_body
 from pacmo_core.finish.bones import (
     lengths_by_joint,
     median_lengths,
     resized,
     set_bone_lengths,
     set_legs,
-    with_lengths,
 )
 from pacmo_core.finish.contacts import Contacts, predict_contacts
 from pacmo_core.finish.floor import MAX_ROLL, find_aloft, find_floor, rest_heights, set_down
@@ -111,7 +111,7 @@ def finish(
     times: NDArray[np.float64],
     skeleton: Skeleton,
     learnt: Learnt,
-    lengths: Array | None = None,
+    body: Body | None = None,
 ) -> Motion:
     """Return the reaction with exact bones, planted feet and closed contacts.
 
@@ -121,7 +121,7 @@ def finish(
     times : (T,) float64, seconds
     skeleton : of both people
     learnt : Learnt
-    lengths : (E,) metres, of the bones; None for the reaction's own. Contacts are those that the
+    body : of the person who reacts; None for the reaction's own. Contacts are those that the
         generated body predicts
 
     Returns
@@ -138,11 +138,10 @@ def finish(
     standing = set_down(calm, partner, fps, skeleton, tolerance, aloft)
     upright = straighten(standing, own, fps, skeleton, learnt.heights)
     stepping = take_steps(upright, own, fps, skeleton).astype(np.float32)
-    if lengths is not None:
+    if body is not None:
         ground = _ground(stepping, fps, skeleton)
-        resized_body = with_lengths(stepping.astype(np.float64), lengths, ground, skeleton)
-        stepping = resized_body.astype(np.float32)
-    wanted = own if lengths is None else lengths
+        stepping = with_body(stepping.astype(np.float64), body, ground, skeleton).astype(np.float32)
+    wanted = own if body is None else body.lengths
     stance = find_stance(stepping, fps, skeleton) & ~aloft
     floor = rest_heights(stepping, partner, stance, fps, skeleton, tolerance)
     motion = stepping.astype(np.float64)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.segments import segments
+from pacmo_core.data.segments import segments, upright_frames
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.bvh import Bvh
 from pacmo_core.formats.bvh_channels import (
@@ -187,9 +187,9 @@ def write_on_rig(
 ) -> str:
     """Write a motion on the hierarchy and the bones of a file (inverse kinematics).
 
-    Rotations start from the mean pose of the file: joints that carry no target, such as fingers,
-    keep it against their parents, and those of the trunk stay near it. Knees and elbows bend about
-    the axes about which they bend in the file.
+    Rotations start from the mean pose of the file's frames in which its person stands upright:
+    joints that carry no target, such as fingers, keep it against their parents, and those of the
+    trunk stay near it. Knees and elbows bend about the axes about which they bend in the file.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def write_on_rig(
     n_frames = len(targets.positions)
     bones = displacements(bvh, bvh.offsets)
     turned = local_rotations(bvh)
-    pose = _mean_rotations(turned)
+    pose = _mean_rotations(turned[upright_frames(targets.shares @ bvh.positions(), model)])
     offsets, local = (
         np.repeat(values[None], n_frames, axis=0) for values in (bones.mean(axis=0), pose)
     )

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.limits import MAX_POSITIONS
+from pacmo_core.finish.body import Body
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.learning import learn
 from pacmo_core.operators.spline import Spline
@@ -107,7 +108,7 @@ def finish_reactions(
     model: ReactionModel,
     partner: PartnerMotion,
     reactions: Motion,
-    lengths: NDArray[np.float64] | None = None,
+    body: Body | None = None,
 ) -> Motion:
     """Finish the reactions to one partner: exact bones, planted feet, closed contacts.
 
@@ -116,7 +117,7 @@ def finish_reactions(
     model : that generated them, whose finish is applied
     partner : PartnerMotion
     reactions : (S, T_out, J, 3) float32, metres, in the world
-    lengths : (E,) metres, of the bones of the person who reacts; None for each reaction's own
+    body : of the person who reacts; None for each reaction's own
 
     Returns
     -------
@@ -127,7 +128,7 @@ def finish_reactions(
     # Another number of threads rounds differently.
     with threadpool_limits(1, user_api="blas"):
         finished = [
-            finish(reaction, poses, partner.out_times, model.skeleton, learnt, lengths)
+            finish(reaction, poses, partner.out_times, model.skeleton, learnt, body)
             for reaction in reactions
         ]
     return np.stack(finished)

@@ -12,7 +12,6 @@ from pacmo_core.finish.bones import (
     raised,
     set_bone_lengths,
     set_legs,
-    with_lengths,
 )
 from tests.finish.test_floor import LEG, standing
 
@@ -71,23 +70,3 @@ def test_bones_of_no_length_point_down():
     np.testing.assert_allclose(
         set_bone_lengths(motion, np.array([0.2]), skeleton)[:, 1], [[0, -0.2, 0]] * 3
     )
-
-
-@pytest.mark.parametrize("size", [0.6, 1.0, 1.2])
-def test_a_body_of_another_size_stands_where_it_stood(size):
-    motion = standing(LEG).astype(np.float64)
-    motion[:, :, 1] += 0.3
-    lengths = size * median_lengths(motion.astype(np.float32), NTU25)
-    found = with_lengths(motion, lengths, np.full(20, 0.3), NTU25)
-    np.testing.assert_allclose(bone_lengths(found, NTU25), np.tile(lengths, (20, 1)), atol=1e-6)
-    # Feet keep their places over the ground, and all heights are in proportion.
-    np.testing.assert_allclose(found[:, ANKLE, [0, 2]], motion[:, ANKLE, [0, 2]], atol=1e-3)
-    np.testing.assert_allclose(
-        found[:, ANKLE, 1], 0.3 + size * (motion[:, ANKLE, 1] - 0.3), atol=3e-3
-    )
-    root = NTU25.root
-    np.testing.assert_allclose(
-        found[:, root, 1], 0.3 + size * (motion[:, root, 1] - 0.3), atol=1e-3
-    )
-    if size == 1.0:
-        np.testing.assert_allclose(found, motion, atol=1e-3)
