@@ -30,7 +30,7 @@ BODY_CONTACT_DISTANCE = 0.18
 SMOOTHING = 0.08  # seconds, standard deviation of the filter on paths whose speed is taken
 # Probabilities at which a contact begins to be closed, and is closed entirely. With 0.3 and 0.5
 # reactions to SBU's partners met 2.5 % more contacts at 1 % more false ones, and those to synthetic
-# ones 0.4 % at 0.1 % more, at a lower F1 (docs/results.md).
+# ones 0.4 % at 0.1 % more, at a lower F1, in earlier versions (docs/results_details.md).
 LEAST_PROBABILITY, FULL_PROBABILITY = 0.4, 0.6
 WANTED_SHARE = 0.75  # of captured contacts that are as near as a contact is closed
 MIN_FRAMES = 50  # within MAX_DISTANCE, in contact and not, for a kind of pair to be learnt
