@@ -17,14 +17,17 @@ the captured reaction of the next clip of the same act (one act each: CMU's take
 in its place beside that partner: somebody who does what the act wants and does not see whom with;
 ``SET_permuted_finished_...`` the same, finished as the reactions of the first model.
 ``SET_handshake_to_a`` and ``..._b`` are, of eight reactions to one person of each handshake (CMU's
-is 18_01), the share in which right hands come within 10 cm.
+is 18_01), the share in which right hands come within 10 cm. ``SET_gives_way`` is in metres, of the
+reactions to partners from whose push, kick or punch the captured person gives way by more than 15
+cm: how far the body moves away from its nearest place to the partner, as its first frame sees the
+partner; ``SET_gives_way_captured`` is that of the captured people.
 
 Handover states the giver's floor 20 cm too low; both people are lowered alike, as hands would miss
 each other else.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +52,17 @@ from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 CONTACT, MET, APART = 0.1, 0.15, 0.25  # metres
 MAX_SECONDS = 14.0
 CMU_HANDSHAKE = "18_19/18_01"
+BLOWS = ("pushing", "kicking", "punching")
+GIVES_WAY = 0.15  # metres
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A set: the clips of each act, its handshakes and its blows; either person as the partner."""
+
+    acts: list[list[Interaction]]
+    handshakes: list[Interaction]
+    blows: list[Interaction]
 
 
 def main() -> None:
@@ -63,19 +77,26 @@ def main() -> None:
     for number, path in enumerate(options.weights):
         model = model_of(path)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
-        for name, (acts, handshakes) in recorded(model.skeleton).items():
+        for name, clips in recorded(model.skeleton).items():
             rows = [
-                react_to(model, act, options.samples, not options.without_finish) for act in acts
+                react_to(model, act, options.samples, not options.without_finish)
+                for act in clips.acts
             ]
-            if handshakes:
-                shaken = react_to(model, handshakes, 8, not options.without_finish)
+            if clips.blows:
+                struck = react_to(model, clips.blows, options.samples, not options.without_finish)
+                ways = [_way(clip.person_a, motion) for clip, made in struck for motion in made]
+                captured = [_way(clip.person_a, clip.person_b) for clip in clips.blows]
+                figures[f"{prefix}{name}_gives_way"] = float(np.mean(ways))
+                figures[f"{name}_gives_way_captured"] = float(np.mean(captured))
+            if clips.handshakes:
+                shaken = react_to(model, clips.handshakes, 8, not options.without_finish)
                 half = len(shaken) // 2
                 for person, pairs in (("a", shaken[:half]), ("b", shaken[half:])):
                     figures[f"{prefix}{name}_handshake_to_{person}"] = _right_hands(pairs)
             scores = pooled([pair for row in rows for pair in row])
             figures |= {f"{prefix}{name}_{key}": value for key, value in scores.items()}
             if not number:
-                others = [pair for act in acts for pair in permuted(act)]
+                others = [pair for act in clips.acts for pair in permuted(act)]
                 ended = [(clip, finished(model, clip, motions)) for clip, motions in others]
                 for row, pairs in (("permuted", others), ("permuted_finished", ended)):
                     scores = pooled(pairs)
@@ -83,15 +104,15 @@ def main() -> None:
     show(figures, as_json=options.json)
 
 
-def recorded(skeleton: Skeleton) -> dict[str, tuple[list[list[Interaction]], list[Interaction]]]:
-    """Read the sets; of each, the clips of each act, and the handshakes; either as the partner."""
+def recorded(skeleton: Skeleton) -> dict[str, Recorded]:
+    """Read the sets."""
     root = real_data()
     readers: dict[str, tuple[Format, str, str]] = {
         "sbu": (Sbu(fps=15), "sbu", "*"),
         "cmu": (replace(BVH, preset="cmu_18_19", max_root_distance=None), "cmu_18_19", "18_19/*"),
         "handover": (Table(), "handover", "variation_*"),
     }
-    sets: dict[str, tuple[list[list[Interaction]], list[Interaction]]] = {}
+    sets: dict[str, Recorded] = {}
     for name, (form, folder, pattern) in readers.items():
         acts: dict[str, list[Interaction]] = {}
         handshakes: list[Interaction] = []
@@ -108,8 +129,14 @@ def recorded(skeleton: Skeleton) -> dict[str, tuple[list[list[Interaction]], lis
                 if act == "shaking hands" or sequence.name == CMU_HANDSHAKE:
                     handshakes.append(acts[act][-1])
         if acts:
-            both = [expand_directions(clips, both=True) for clips in acts.values()]
-            sets[name] = both, expand_directions(handshakes, both=True)
+            both = {
+                act: expand_directions(clips, both=True)
+                for act, clips in [*acts.items(), ("", handshakes)]
+            }
+            handshakes = both.pop("")
+            struck = [clip for act in BLOWS for clip in both.get(act, [])]
+            blows = [clip for clip in struck if _way(clip.person_a, clip.person_b) > GIVES_WAY]
+            sets[name] = Recorded(list(both.values()), handshakes, blows)
     return sets
 
 
@@ -194,6 +221,13 @@ def _right_hands(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
         gap = np.linalg.norm(reactions[..., hand, :] - clip.person_a[:, hand], axis=-1)
         gaps += gap.min(axis=-1).tolist()
     return float((np.array(gaps) <= CONTACT).mean())
+
+
+def _way(partner: Motion, person: Motion) -> float:
+    """Metres from the place of a body that is nearest to the partner to where it ends."""
+    across = (person[:, 0] - partner[:, 0])[0] * [1, 0, 1]
+    along = person[:, 0] @ (across / np.linalg.norm(across))
+    return float(along[-max(len(along) // 6, 2) :].mean() - along.min())
 
 
 def _hands_meet(clip: Interaction, person: Motion) -> bool:

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.blows import blows
 from benchmarks.handover import measure
-from benchmarks.recorded import on_floor, permuted, pooled, recorded
+from benchmarks.recorded import _way, on_floor, permuted, pooled, recorded
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
@@ -63,17 +63,27 @@ def test_both_people_are_lowered_alike(handshake: Interaction) -> None:
     np.testing.assert_allclose(found.person_b, there.person_b, atol=1e-5)
 
 
+def test_who_gives_way_ends_farther_from_where_they_were_nearest() -> None:
+    walk = np.concatenate([np.linspace(1.5, 0.6, 20), np.linspace(0.6, 1.0, 20), np.full(20, 1.0)])
+    partner, person = np.zeros((60, 1, 3)), np.zeros((60, 1, 3))
+    person[:, 0, 2] = -walk
+    person[:, 0, 0] = np.linspace(0, 0.3, 60)  # aside does not count
+    assert _way(partner, person) == pytest.approx(0.4, abs=1e-6)
+
+
 def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     real_folder("sbu")
     sets = recorded(JOINTS)
-    acts, handshakes = sets["sbu"]
-    assert len(acts) == 8 and sum(map(len, acts)) == 564 and len(handshakes) == 36
+    sbu = sets["sbu"]
+    assert len(sbu.acts) == 8 and sum(map(len, sbu.acts)) == 564 and len(sbu.handshakes) == 36
+    # About one of the two gives way in each of 135 blows.
+    assert len(sbu.blows) == 114
     real_folder("cmu_18_19")
     real_folder("handover")
-    (takes,), handshakes = sets["cmu"]
-    assert len(takes) == 18 and len(handshakes) == 2
-    (handovers,), handshakes = sets["handover"]
-    assert len(handovers) == 200 and not handshakes
+    (takes,) = sets["cmu"].acts
+    assert len(takes) == 18 and len(sets["cmu"].handshakes) == 2 and not sets["cmu"].blows
+    (handovers,) = sets["handover"].acts
+    assert len(handovers) == 200 and not sets["handover"].handshakes
 
 
 def test_a_receiver_who_is_moved_aside_misses_the_object_by_as_much(tmp_path: Path) -> None:
