@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 from markupsafe import Markup
 
-from pacmo_core.figures.clips import PlayedClip
 from pacmo_core.figures.curves import Curve, charts
 from pacmo_core.figures.findings import Finding
 from pacmo_core.figures.tables import Rows, Table, metrics_table
 from pacmo_core.figures.viewer import (
+    PlayedClip,
     packed_scenes,
     player_scripts,
     read_asset,

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import isfinite
 
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.figures.tables import Entry, Line, Table, make_entry
+from pacmo_core.figures.viewer import Panel, PlayedClip
 from pacmo_core.metrics.catalogue import HIGHER, LOWER, UNKNOWN, Metric
 
 Measurements = Mapping[str, float]

@@ -8,7 +8,6 @@ import numpy as np
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import ReactionName, direction_of, split_variation_name
-from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.numbers import format_number
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.variations import (
@@ -19,6 +18,7 @@ from pacmo_core.figures.variations import (
     variation_table,
     worst_by_measure,
 )
+from pacmo_core.figures.viewer import Panel, PlayedClip
 from pacmo_core.metrics.catalogue import ROWS
 from pacmo_core.store.motions import motion_file, read_motion, stream_motions
 from pacmo_core.store.tables import (

@@ -6,7 +6,6 @@ from typing import Any
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import split_variation_name
-from pacmo_core.figures.clips import Panel, PlayedClip
 from pacmo_core.figures.report import Section
 from pacmo_core.figures.skeleton_prior import (
     MODELS,
@@ -20,6 +19,7 @@ from pacmo_core.figures.skeleton_prior import (
     select_source,
     split_label,
 )
+from pacmo_core.figures.viewer import Panel, PlayedClip
 from pacmo_core.store.motions import stream_motions
 from stages.common.files import ALL_SOURCES
 
