@@ -509,11 +509,17 @@ def _nearness(
         for side, joints in hands.items()
     }
     touches = np.any(list(touching.values()), axis=0).sum(axis=1)
+    every_hand = [joint for joints in hands.values() for joint in joints]
+    hand_to_hand = [
+        int((_distances(partner[:, every_hand], of[:, every_hand]) < CONTACT_DISTANCE).any(1).sum())
+        for of in samples
+    ]
     by_side = ", ".join(
         f"the {side} in {format_range(frames.sum(axis=1).tolist(), 0)}"
         for side, frames in touching.items()
     )
     page = "docs/react.md, Where a touch is missing"
+    by_side += f"; hand to hand in {format_range(hand_to_hand, 0)}"
     hint = f" ({by_side})" if touches.any() else f"; where you expect a touch: {page}"
     said = (
         f"{text}; a hand of the reaction is within {100 * CONTACT_DISTANCE:.0f} cm of a joint of "

@@ -365,7 +365,9 @@ def _read_rig(file: Path, partner: Source, skeleton: Skeleton, options: ReadOpti
     except CommandError as fault:
         both = options.for_both()
         if not both:
-            raise
+            if "--joints" not in str(fault):
+                raise
+            raise CommandError(f"{fault}; words of the rig begin with {label}=") from fault
         option, word = both[0]
         raise CommandError(
             f"{fault}; {', '.join(' '.join(one) for one in both)}: for partner and rig alike; "

@@ -278,6 +278,10 @@ def test_one_person_is_not_taken_for_two(files: list[Path], tmp_path: Path) -> N
     copy = tmp_path / "copy.bvh"
     copy.write_bytes(files[0].read_bytes())
     refused(pacmo(files[0], copy, *UNIT, *scale, "--out", out), "copy.bvh", "motion twice")
+    # Fitted twice, as AMASS has a dancer of CMU's.
+    copy.write_text(format_bvh(CLIP.person_a + np.float32([0.02, 0, 0]), 15, SBU15))
+    said = pacmo(files[0], copy, *UNIT, *scale, "--out", out)
+    refused(said, "twice: joints are 2.0 cm from their counterparts", "at least 10 cm")
     table = JointTable(SBU15, CLIP.times, (CLIP.person_a,), "y", 1.0)
     (tmp_path / "one.npz").write_bytes(TABLE_WRITERS[".npz"](table))
     refused(pacmo(tmp_path / "one.npz", *scale, "--out", out), "one.npz", "got one person")

@@ -76,8 +76,12 @@ def test_it_is_said_how_near_people_come_and_how_long_a_hand_touches() -> None:
     assert (
         "the nearest joints of the two are 5.0 to 50.0 cm apart (left_hand and the partner's head "
         f"in frame 23 (0.77 s) of sample 1); {touch}0, 7 of 60 frames "
-        "(the left in 0 to 7, the right in 0)"
+        "(the left in 0 to 7, the right in 0; hand to hand in 0)"
     ) in line
+    near[30:33, hand] = partner[30:33, SKELETON.joints.index("right_wrist")] + np.float32(
+        [0, 0, 0.05]
+    )
+    assert "the right in 0; hand to hand in 0 to 3)" in lines_of(partner, np.stack([far, near]))[0]
     assert hint not in line
 
 

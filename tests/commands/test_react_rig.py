@@ -276,6 +276,15 @@ def test_a_rig_that_does_not_fit_is_one_line(captures: list[Path], tmp_path: Pat
     refused(pacmo(captures[0], "--rig", rig, "--out", out), "wanted three to write")
 
 
+def test_a_rig_whose_joints_are_not_named_asks_for_words_of_the_rig(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.bvh"
+    rig.write_text(t_pose().replace("LeftUpLeg", "Q7"))
+    said = pacmo(captures[0], "--rig", rig, "--out", tmp_path / "out.parquet")
+    refused(said, "rig.bvh: ", "left_hip", "words of the rig begin with b=")
+
+
 @pytest.mark.parametrize(
     ("option", "value", "fault"),
     [
