@@ -111,10 +111,8 @@ class WganTrainer:
         set_learning_rate(
             self.adam_generator, settings.generator.learning_rate, epoch=number, every=every
         )
-        # The critic begins with its whole rate when it joins.
-        joined = max(0, number - settings.warmup_epochs)
         set_learning_rate(
-            self.adam_critic, settings.critic.learning_rate, epoch=joined, every=every
+            self.adam_critic, settings.critic.learning_rate, epoch=number, every=every
         )
         self.selects_weights = number >= settings.validate_from
         without_critic = number < settings.warmup_epochs or not settings.n_critic
