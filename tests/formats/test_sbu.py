@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.base import FormatError, RawSequence
@@ -19,7 +20,11 @@ ROWS = [",".join(map(str, [55 + t, *values])) for t, values in enumerate(VALUES.
 def read(tmp_path, data):
     file = tmp_path / "skeleton_pos.txt"
     file.write_bytes(data)
-    return SBU.read(RawSequence("clip", (file,))).interaction
+    return interaction_of(SBU, tmp_path)
+
+
+def interaction_of(form, folder):
+    return form.read(RawSequence("clip", (folder / "skeleton_pos.txt",))).interaction
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
@@ -27,7 +32,13 @@ def test_values_become_metres_by_the_published_formula(tmp_path, end):
     interaction = read(tmp_path, (end.join(ROWS) + end).encode())
     x, y, z = VALUES.reshape(4, 2, 15, 3)[2, 1, 7]
     wanted = np.array([1280 - 2560 * x, 960 - 1920 * y, z * 10000 / 7.8125]) / 1000
-    np.testing.assert_allclose(interaction.person_b[2, 7], wanted, rtol=1e-6)
+    as_seen = interaction_of(Sbu(fps=15, camera_pitch=0), tmp_path)
+    np.testing.assert_allclose(as_seen.person_b[2, 7], wanted, rtol=1e-6)
+    # Upright people of a camera that looks up lean away from it, by its pitch.
+    level = Rotation.from_euler("x", -SBU.camera_pitch, degrees=True).apply(wanted)
+    np.testing.assert_allclose(interaction.person_b[2, 7], level, rtol=1e-5)
+    with pytest.raises(ValueError, match="camera_pitch: wanted degrees between .*; got 90"):
+        Sbu(fps=15, camera_pitch=90)
     np.testing.assert_array_equal(interaction.times, np.arange(4) / 15)
 
 
@@ -83,3 +94,22 @@ def test_the_published_clips_hold_people_of_human_size_whose_left_is_on_their_le
     # People face each other; in a right-handed frame with y up, up x forwards points left.
     leftwards = np.cross([0, 1, 0], b[:, torso] - a[:, torso])
     assert (((a[:, left] - a[:, right]) * leftwards).sum(axis=-1) > 0).mean() > 0.85
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"no published files at {REAL}")
+def test_people_stand_upright_on_a_level_floor_in_the_published_clips():
+    feet = SBU15.indices(["left_foot", "right_foot"])
+    leans, away, heights = [], [], []
+    for sequence in SBU.find(REAL):
+        clip = SBU.read(sequence).interaction
+        for person in (clip.person_a, clip.person_b):
+            body = person[:, SBU15.joints.index("neck")] - person[:, feet].mean(axis=1)
+            leans.append(np.median(body / np.linalg.norm(body, axis=-1, keepdims=True), axis=0))
+        both = np.concatenate([clip.person_a[:, feet], clip.person_b[:, feet]], axis=1)
+        standing = both[1:][np.linalg.norm(np.diff(both, axis=0), axis=-1) * 15 < 0.15]
+        if len(standing):
+            away.append(standing[:, 2] - standing[:, 2].mean())
+            heights.append(standing[:, 1] - standing[:, 1].mean())
+    distance, height = np.concatenate(away), np.concatenate(heights)
+    assert np.degrees(np.abs(np.median(leans, axis=0)[[0, 2]])).max() < 2
+    assert abs(distance @ height / (distance @ distance)) < 0.04
