@@ -1,11 +1,13 @@
 """Recorded partners, and weights that were not trained on them.
 
-Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--without-finish] [--json]
+Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--without-finish]
+           [--camera-axes] [--json]
 
 Under PACMO_REAL_DATA: SBU, the couple of CMU's subjects 18 and 19, and the variations of handover,
 in the joints of a model, clips of at most 14 seconds, reactions of either person. SBU has no
-wrists, toes and spine: they are estimated (``rigs.ESTIMATES``) in both people. The captured motion
-counts as contact where any two joints are within 10 cm.
+wrists, toes and spine: they are estimated (``rigs.ESTIMATES``) in both people; ``--camera-axes``
+reads it in the axes of its camera, which looked up. The captured motion counts as contact where any
+two joints are within 10 cm.
 
 For each model and set, pooled over its clips: ``met`` the captured frames of contact in which the
 generated two are within 15 cm; ``false`` those with the captured two farther apart than 25 cm in
@@ -71,23 +73,24 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, nargs="+", default=[PACKAGED])
     parser.add_argument("--samples", type=int, default=2, help="reactions to each partner")
     parser.add_argument("--without-finish", action="store_true")
+    parser.add_argument("--camera-axes", action="store_true", help="of SBU, not the floor's")
     options = parser.parse_args()
     torch.set_num_threads(1)
+    sbu = Sbu(fps=15, camera_pitch=0) if options.camera_axes else Sbu(fps=15)
     figures: dict[str, float] = {}
     for number, path in enumerate(options.weights):
         model = model_of(path)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
-        for name, clips in recorded(model.skeleton).items():
+        for name, clips in recorded(model.skeleton, sbu).items():
             rows = [
                 react_to(model, act, options.samples, not options.without_finish)
                 for act in clips.acts
             ]
             if clips.blows:
                 struck = react_to(model, clips.blows, options.samples, not options.without_finish)
-                ways = [_way(clip.person_a, motion) for clip, made in struck for motion in made]
-                captured = [_way(clip.person_a, clip.person_b) for clip in clips.blows]
-                figures[f"{prefix}{name}_gives_way"] = float(np.mean(ways))
-                figures[f"{name}_gives_way_captured"] = float(np.mean(captured))
+                figures[f"{prefix}{name}_gives_way"] = _mean_way(struck)
+                own = [(clip, clip.person_b[None]) for clip in clips.blows]
+                figures[f"{name}_gives_way_captured"] = _mean_way(own)
             if clips.handshakes:
                 shaken = react_to(model, clips.handshakes, 8, not options.without_finish)
                 half = len(shaken) // 2
@@ -104,11 +107,11 @@ def main() -> None:
     show(figures, as_json=options.json)
 
 
-def recorded(skeleton: Skeleton) -> dict[str, Recorded]:
+def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
     """Read the sets."""
     root = real_data()
     readers: dict[str, tuple[Format, str, str]] = {
-        "sbu": (Sbu(fps=15), "sbu", "*"),
+        "sbu": (sbu, "sbu", "*"),
         "cmu": (replace(BVH, preset="cmu_18_19", max_root_distance=None), "cmu_18_19", "18_19/*"),
         "handover": (Table(), "handover", "variation_*"),
     }
@@ -228,6 +231,11 @@ def _way(partner: Motion, person: Motion) -> float:
     across = (person[:, 0] - partner[:, 0])[0] * [1, 0, 1]
     along = person[:, 0] @ (across / np.linalg.norm(across))
     return float(along[-max(len(along) // 6, 2) :].mean() - along.min())
+
+
+def _mean_way(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
+    ways = [_way(clip.person_a, motion) for clip, reactions in pairs for motion in reactions]
+    return float(np.mean(ways))
 
 
 def _hands_meet(clip: Interaction, person: Motion) -> bool:

@@ -12,6 +12,7 @@ from benchmarks.recorded import _way, on_floor, permuted, pooled, recorded
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
+from pacmo_core.formats.sbu import Sbu
 from pacmo_core.formats.table import Table
 from pacmo_core.store.motions import write_motions
 from tests.formats.real_files import real_folder
@@ -73,7 +74,7 @@ def test_who_gives_way_ends_farther_from_where_they_were_nearest() -> None:
 
 def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     real_folder("sbu")
-    sets = recorded(JOINTS)
+    sets = recorded(JOINTS, Sbu(fps=15))
     sbu = sets["sbu"]
     assert len(sbu.acts) == 8 and sum(map(len, sbu.acts)) == 564 and len(sbu.handshakes) == 36
     # About one of the two gives way in each of 135 blows.
