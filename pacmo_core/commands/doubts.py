@@ -12,7 +12,7 @@ from pacmo_core.formats.registry import PersonMotion
 
 # Metres by which the lowest points of one person stay above those of the other: at most 1 cm in
 # optical captures of two people (dances, acts, embraces, a lift), more in 166 of the 200 of
-# handover, and in 16 of the 282 of SBU, of which each has its Kinect's floor.
+# handover, and in 15 of the 282 of SBU.
 MAX_FLOOR_GAP = 0.08
 MIN_BONE_LENGTH = 1e-3  # metres
 _PLURALS = {"trunk": "trunk", "arm": "arms", "leg": "legs", "foot": "feet"}
