@@ -132,14 +132,11 @@ def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
                 if act == "shaking hands" or sequence.name == CMU_HANDSHAKE:
                     handshakes.append(acts[act][-1])
         if acts:
-            both = {
-                act: expand_directions(clips, both=True)
-                for act, clips in [*acts.items(), ("", handshakes)]
-            }
-            handshakes = both.pop("")
+            both = {act: expand_directions(clips, both=True) for act, clips in acts.items()}
+            shaken = expand_directions(handshakes, both=True)
             struck = [clip for act in BLOWS for clip in both.get(act, [])]
             blows = [clip for clip in struck if _way(clip.person_a, clip.person_b) > GIVES_WAY]
-            sets[name] = Recorded(list(both.values()), handshakes, blows)
+            sets[name] = Recorded(list(both.values()), shaken, blows)
     return sets
 
 
