@@ -235,6 +235,7 @@ class PacmoSettings:
     generator: AdamSettings
     critic: AdamSettings
     halve_learning_rate_every: int  # epochs
+    cooldown_epochs: int  # last epochs, in which the generator's learning rate falls towards 0
     batch_size: int
     n_epochs: int  # in each the critic is trained on about as many pairs as there are
     validate_every: int  # epochs; the weights of the best validation score are kept
@@ -273,6 +274,11 @@ class PacmoSettings:
             raise ValueError(
                 "warmup_epochs must be at least 0 and at most validate_from; got warmup_epochs "
                 f"{self.warmup_epochs}, validate_from {self.validate_from}"
+            )
+        if not 0 <= self.cooldown_epochs <= self.n_epochs:
+            raise ValueError(
+                "cooldown_epochs must be at least 0 and at most n_epochs; got cooldown_epochs "
+                f"{self.cooldown_epochs}, n_epochs {self.n_epochs}"
             )
         if self.warmup_epochs and not self.energy_score_weight:
             raise ValueError(

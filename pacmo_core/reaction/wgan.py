@@ -108,9 +108,9 @@ class WganTrainer:
         gradients of an untrained critic to be informative. Without a critic it stays so.
         """
         settings, every = self.settings, self.settings.halve_learning_rate_every
-        set_learning_rate(
-            self.adam_generator, settings.generator.learning_rate, epoch=number, every=every
-        )
+        remaining = (settings.n_epochs - number) / (settings.cooldown_epochs + 1)
+        rate = settings.generator.learning_rate * min(1.0, remaining)
+        set_learning_rate(self.adam_generator, rate, epoch=number, every=every)
         set_learning_rate(
             self.adam_critic, settings.critic.learning_rate, epoch=number, every=every
         )

@@ -116,6 +116,7 @@ PACMO = PacmoSettings(
     generator=AdamSettings(2e-3, (0.0, 0.9)),
     critic=AdamSettings(2e-3, (0.0, 0.9)),
     halve_learning_rate_every=200,
+    cooldown_epochs=0,
     batch_size=16,
     n_epochs=4,
     validate_every=2,
