@@ -227,11 +227,6 @@ def _mirror_motion(motion: Motion, skeleton: Skeleton) -> Motion:
 MIRROR_X = (-1.0, 1.0, 1.0)  # factors of x, y, z; in the partner's frame left is +x
 
 
-WARP_WAVES = 4
-WARP_LENGTHS = 2.0, 5.0  # metres, of the waves
-WARP_GROUND = 0.3  # metres above the ground below which heights hardly change
-
-
 class RandomAugmentation:
     """Transform a batch at random: both people, but frame rate and joints of the partner alone.
 
@@ -279,8 +274,6 @@ class RandomAugmentation:
             self._transform(motion, mirror.to(motion.device), transforms)
             for motion in (partner, reaction)
         )
-        if self.settings.warp:
-            there, back = warp_space([there, back], self.settings.warp, self.root, random)
         errors = random_joint_errors(partner.shape, self.settings, self.root, random)
         return there + errors.to(there.device), back
 
@@ -298,46 +291,6 @@ def random_transforms(n: int, settings: AugmentationSettings, random: torch.Gene
     cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros(n), torch.ones(n)
     rows = [[cos, zero, -sin], [zero, one, zero], [sin, zero, cos]]
     return size[:, None, None] * torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
-
-
-def warp_space(
-    people: Sequence[Tensor], spread: float, root: int, random: torch.Generator
-) -> list[Tensor]:
-    """Displace both people by a smooth random map of space, one for each interaction.
-
-    Joints that touch are moved alike, feet that stand stay in place, and heights near the ground,
-    the lowest joint of the two, hardly change: postures, places and bodies vary, contacts and
-    stances do not. Each axis is displaced by a sum of ``WARP_WAVES`` plane waves.
-
-    Parameters
-    ----------
-    people : partner and reaction, (B, T, 3 J) metres, y up
-    spread : metres, standard deviation of the displacement along each axis
-    random : CPU generator
-    """
-    n, device = len(people[0]), people[0].device
-    shape = (n, WARP_WAVES, 3)
-    waves = torch.randn(shape, generator=random)
-    shortest, longest = WARP_LENGTHS
-    lengths = shortest + (longest - shortest) * torch.rand(n, WARP_WAVES, 1, generator=random)
-    waves = (2 * torch.pi * waves / waves.norm(dim=-1, keepdim=True) / lengths).to(device)
-    phases = (2 * torch.pi * torch.rand(n, WARP_WAVES, generator=random)).to(device)
-    heights = spread * (2 / WARP_WAVES) ** 0.5 * torch.randn(shape, generator=random).to(device)
-    joints = [person.view(*person.shape[:2], -1, 3) for person in people]
-    ground = torch.stack([person[..., 1].amin(dim=(1, 2)) for person in joints]).amin(dim=0)
-    displaced = []
-    for person in joints:
-        angles = torch.einsum("btjc,bwc->btjw", person, waves) + phases[:, None, None]
-        moved = torch.einsum("btjw,bwc->btjc", angles.sin(), heights)
-        up = person[..., 1] - ground[:, None, None]
-        moved[..., 1] = moved[..., 1] * (1 - (-((up / WARP_GROUND) ** 2)).exp())
-        displaced.append(moved)
-    # The partner's root is where it was in the first frame: the partner's frame is there.
-    first = displaced[0][:, :1, root, None]
-    return [
-        (person + moved - first).flatten(2)
-        for person, moved in zip(joints, displaced, strict=True)
-    ]
 
 
 def random_joint_errors(

@@ -51,7 +51,6 @@ class AugmentationSettings:
     mirror_probability : of showing an interaction as its mirror image
     size_spread : standard deviation of the logarithm of both people's size
     rotation_spread : standard deviation of a rotation about the vertical axis, radians
-    warp : metres, standard deviation of the displacement of both people by a smooth map of space
     min_rate : lowest frame rate of the partner, as a share of the grid's points
     tempo_spread : standard deviation of the logarithm of the duration
     joint_offset : metres, standard deviation of the partner's joints from where others put them
@@ -61,7 +60,6 @@ class AugmentationSettings:
     mirror_probability: float
     size_spread: float
     rotation_spread: float
-    warp: float
     min_rate: float
     tempo_spread: float
     joint_offset: float
@@ -70,7 +68,7 @@ class AugmentationSettings:
     def __post_init__(self) -> None:
         if not 0 <= self.mirror_probability <= 1:
             raise ValueError(f"mirror_probability must be in [0, 1]; got {self.mirror_probability}")
-        for name in ("size_spread", "rotation_spread", "warp", "tempo_spread", *JOINT_ERRORS):
+        for name in ("size_spread", "rotation_spread", "tempo_spread", *JOINT_ERRORS):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} must be at least 0; got {getattr(self, name)}")
         if not 0 < self.min_rate <= 1:

@@ -145,7 +145,6 @@ PACMO = PacmoSettings(
         mirror_probability=0.5,
         size_spread=0.05,
         rotation_spread=0.1,
-        warp=0.0,
         min_rate=0.5,
         tempo_spread=0.1,
         joint_offset=0.02,
