@@ -237,16 +237,16 @@ def solve_bodies(
 def evaluate_retargeting(
     row: Retargeter, evaluator: PriorEvaluator, test: Sequence[Example], random: torch.Generator
 ) -> dict[str, float]:
-    """Evaluate the most likely motions of one source on the test variations' bodies.
+    """Evaluate the motions of one source at the latents' mean on the test variations' bodies.
 
-    ``energy_score`` is that of samples, ``energy_score_mean`` that of the likeliest motion alone.
+    ``energy_score`` is that of samples, ``energy_score_mean`` that of this motion alone.
     ``spread`` is the mean distance of joints between two samples on a body; ``solver_spread`` that
     between two solutions of the solver on a body, where it has several.
     """
-    likeliest = predict(row, test, None)
+    at_mean = predict(row, test, None)
     scales, scores, spreads = np.stack([example.scales for example in test]), [], []
     drawn = row(test[0].template, scales, samples=SCORED_SAMPLES, random=random)
-    for samples, mean, example in zip(drawn, likeliest, test, strict=True):
+    for samples, mean, example in zip(drawn, at_mean, test, strict=True):
         truth = oriented(example.variation, example)
         several = np.stack([oriented(sample, example) for sample in samples])
         one = oriented(mean, example)[None]
@@ -254,7 +254,7 @@ def evaluate_retargeting(
         spreads.append(sample_diversity(several))
     several_score, one_score = np.mean(scores, axis=0)
     return (
-        evaluator.retargeted(likeliest, test)
+        evaluator.retargeted(at_mean, test)
         | {"energy_score": float(several_score), "energy_score_mean": float(one_score)}
         | {"spread": float(np.mean(spreads))}
         | solver_spread(test)
@@ -467,7 +467,7 @@ def first_of_each(sampled: list[Example]) -> list[Example]:
 
 
 def samples_of(row: Retargeter, name: str, sampled: list[Example]) -> dict[str, Interaction]:
-    """Give the likeliest motions of a row, finished, on the sampled bodies that are samples."""
+    """Give a row's motions at the latents' mean, finished, on the bodies that are samples."""
     return {
         variation_name(one.source, name): predict(row, [one], None, finish=True)[0]
         for one in first_of_each(sampled)

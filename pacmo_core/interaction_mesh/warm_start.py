@@ -27,7 +27,7 @@ from pacmo_core.interaction_mesh.scene import Array, Scene, Single
 
 Floats = NDArray[np.floating]
 
-# Approximate frame rate of the responses. At half of it, variations of single bones end 3 % above
+# Approximate frame rate of the responses. At half of it, variations of single bones end 3.5 % above
 # the minimum of the energy.
 RESPONSE_FPS = 30
 

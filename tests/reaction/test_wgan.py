@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -80,6 +81,25 @@ def test_in_the_warm_up_the_critic_is_not_trained_and_no_weights_are_selected() 
         -1
     ].keys()
     assert not torch.equal(critic["uno.lift.weight"], training.critic.uno.lift.weight)
+
+
+def test_the_generators_rate_falls_to_nothing_in_the_last_epochs() -> None:
+    settings = replace(
+        PACMO, n_epochs=6, halve_learning_rate_every=2, cooldown_epochs=3, validate_from=5
+    )
+    training = wgan.build_training(clips(4), settings).trainer
+    assert isinstance(training, WganTrainer)
+    rates, critics = [], []
+    for number in range(settings.n_epochs):
+        training.train_epoch(number)
+        rates.append(training.adam_generator.param_groups[0]["lr"])
+        critics.append(training.adam_critic.param_groups[0]["lr"])
+    full = 2e-3 * np.array([1, 1, 0.5, 0.5, 0.25, 0.25])
+    assert rates == pytest.approx(full * [1, 1, 1, 3 / 4, 2 / 4, 1 / 4])
+    assert critics == pytest.approx(full)
+    for epochs in (-1, 7):
+        with pytest.raises(ValueError, match=f"got cooldown_epochs {epochs}, n_epochs 6"):
+            replace(settings, cooldown_epochs=epochs)
 
 
 def test_a_warm_up_without_an_energy_score_is_refused() -> None:
