@@ -24,6 +24,11 @@ reactions to partners from whose push, kick or punch the captured person gives w
 cm: how far the body moves away from its nearest place to the partner, as its first frame sees the
 partner; ``SET_gives_way_captured`` is that of the captured people.
 
+Of SBU, ``..._met_low`` and ``..._met_high`` (and ``false``, ``f1``) are the 95 % interval, which
+resamples its pairs of people, and ``..._met_less_permuted_finished_low`` and so on that of the
+difference from somebody who does what the act wants; of further weights, ``..._met_less_first_low``
+and so on that from the first. The people are few and meet in several pairs: intervals are rough.
+
 Handover states the giver's floor 20 cm too low; both people are lowered alike, as hands would miss
 each other else.
 """
@@ -34,6 +39,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from benchmarks._captures import BVH, real_data
 from benchmarks._figures import arguments, show
@@ -56,13 +62,21 @@ MAX_SECONDS = 14.0
 CMU_HANDSHAKE = "18_19/18_01"
 BLOWS = ("pushing", "kicking", "punching")
 GIVES_WAY = 0.15  # metres
+N_REPLICATES = 2000  # of the bootstrap over pairs of people
+
+Array = NDArray[np.float64]
+Counts = dict[str, Array]  # (2, clips): frames, and those of which they are
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A set: the clips of each act, its handshakes and its blows; either person as the partner."""
+    """A set: the clips of each act, its handshakes and its blows; either person as the partner.
+
+    ``people`` are the pair of people of each clip, of all acts in turn.
+    """
 
     acts: list[list[Interaction]]
+    people: list[str]
     handshakes: list[Interaction]
     blows: list[Interaction]
 
@@ -77,34 +91,53 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     sbu = Sbu(fps=15, camera_pitch=0) if options.camera_axes else Sbu(fps=15)
+    finish = not options.without_finish
     figures: dict[str, float] = {}
+    rivals: dict[str, dict[str, Counts]] = {}  # of each set
     for number, path in enumerate(options.weights):
         model = model_of(path)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
         for name, clips in recorded(model.skeleton, sbu).items():
-            rows = [
-                react_to(model, act, options.samples, not options.without_finish)
-                for act in clips.acts
+            found = reactions_to_some(model, clips, finish)
+            pairs = [
+                pair for act in clips.acts for pair in react_to(model, act, options.samples, finish)
             ]
-            if clips.blows:
-                struck = react_to(model, clips.blows, options.samples, not options.without_finish)
-                figures[f"{prefix}{name}_gives_way"] = _mean_way(struck)
-                own = [(clip, clip.person_b[None]) for clip in clips.blows]
-                figures[f"{name}_gives_way_captured"] = _mean_way(own)
-            if clips.handshakes:
-                shaken = react_to(model, clips.handshakes, 8, not options.without_finish)
-                half = len(shaken) // 2
-                for person, pairs in (("a", shaken[:half]), ("b", shaken[half:])):
-                    figures[f"{prefix}{name}_handshake_to_{person}"] = _right_hands(pairs)
-            scores = pooled([pair for row in rows for pair in row])
-            figures |= {f"{prefix}{name}_{key}": value for key, value in scores.items()}
+            found |= pooled(pairs)
             if not number:
-                others = [pair for act in clips.acts for pair in permuted(act)]
-                ended = [(clip, finished(model, clip, motions)) for clip, motions in others]
-                for row, pairs in (("permuted", others), ("permuted_finished", ended)):
-                    scores = pooled(pairs)
-                    figures |= {f"{name}_{row}_{key}": value for key, value in scores.items()}
+                others, rivals[name] = permuted_rows(model, clips)
+                figures |= {f"{name}_{key}": value for key, value in others.items()}
+            if name == "sbu":
+                found |= intervals(counted(pairs), rivals[name], clips.people)
+            rivals[name].setdefault("first", counted(pairs))
+            figures |= {f"{prefix}{name}_{key}": value for key, value in found.items()}
     show(figures, as_json=options.json)
+
+
+def reactions_to_some(model: Generator, clips: Recorded, finish: bool) -> dict[str, float]:
+    """Return how far blows are given way to, in two samples, and how often hands are shaken."""
+    found = {}
+    if clips.blows:
+        found["gives_way"] = _mean_way(react_to(model, clips.blows, 2, finish))
+        own = [(clip, clip.person_b[None]) for clip in clips.blows]
+        found["gives_way_captured"] = _mean_way(own)
+    if clips.handshakes:
+        shaken = react_to(model, clips.handshakes, 8, finish)
+        half = len(shaken) // 2
+        found["handshake_to_a"] = _right_hands(shaken[:half])
+        found["handshake_to_b"] = _right_hands(shaken[half:])
+    return found
+
+
+def permuted_rows(model: Generator, clips: Recorded) -> tuple[dict[str, float], dict[str, Counts]]:
+    """Score others' captured reactions, as they are and finished, and count the latter's frames."""
+    others = [pair for act in clips.acts for pair in permuted(act)]
+    ended = [(clip, finished(model, clip, motions)) for clip, motions in others]
+    scores = {
+        f"{row}_{key}": value
+        for row, pairs in (("permuted", others), ("permuted_finished", ended))
+        for key, value in pooled(pairs).items()
+    }
+    return scores, {"permuted_finished": counted(ended)}
 
 
 def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
@@ -119,6 +152,7 @@ def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
     for name, (form, folder, pattern) in readers.items():
         acts: dict[str, list[Interaction]] = {}
         handshakes: list[Interaction] = []
+        people: dict[str, list[str]] = {}
         for sequence in form.find(root / folder) if (root / folder).is_dir() else ():
             if not Path(sequence.name).match(pattern):
                 continue
@@ -129,6 +163,7 @@ def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
             if clip.duration <= MAX_SECONDS:
                 act = sequence.action if name == "sbu" else name
                 acts.setdefault(act, []).append(on_floor(in_joints(clip, skeleton)))
+                people.setdefault(act, []).append(_pair_of_people(sequence.name))
                 if act == "shaking hands" or sequence.name == CMU_HANDSHAKE:
                     handshakes.append(acts[act][-1])
         if acts:
@@ -136,8 +171,15 @@ def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
             shaken = expand_directions(handshakes, both=True)
             struck = [clip for act in BLOWS for clip in both.get(act, [])]
             blows = [clip for clip in struck if _way(clip.person_a, clip.person_b) > GIVES_WAY]
-            sets[name] = Recorded(list(both.values()), shaken, blows)
+            of_clips = [pair for pairs in people.values() for pair in 2 * pairs]
+            sets[name] = Recorded(list(both.values()), of_clips, shaken, blows)
     return sets
+
+
+def _pair_of_people(name: str) -> str:
+    """Return ``s02s03`` of SBU's ``s03s02/01/001``, whoever is first."""
+    folder = name.partition("/")[0]
+    return "".join(sorted([folder[:3], folder[3:]]))
 
 
 def in_joints(clip: Interaction, skeleton: Skeleton) -> Interaction:
@@ -188,13 +230,7 @@ def permuted(partners: Sequence[Interaction]) -> Iterator[tuple[Interaction, Mot
 def pooled(pairs: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:
     """Score reactions ``(S, T, J, 3)`` to the partners of captured interactions, over all."""
     every = [(clip, motion) for clip, reactions in pairs for motion in reactions]
-    made = [min_point_distance(clip.person_a, motion) for clip, motion in every]
-    real = [min_point_distance(clip.person_a, clip.person_b) for clip, _ in every]
-    counts = {
-        "met": contacts_met(made, real, contact=CONTACT, met=MET),
-        "false": false_contacts(made, real, apart=APART, met=MET),
-        "f1": contact_f1(made, real, distance=CONTACT),
-    }
+    counts = counted(pairs)
     shares = {name: float(hits.sum() / max(of.sum(), 1)) for name, (hits, of) in counts.items()}
     return {
         **shares,
@@ -203,6 +239,50 @@ def pooled(pairs: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:
         "ape": float(np.mean([_distance(clip.person_b, motion) for clip, motion in every])),
         "reactions": len(every),
     }
+
+
+def counted(pairs: Sequence[tuple[Interaction, Motion]]) -> Counts:
+    """Count the frames of ``met``, ``false`` and ``f1``, and those of which they are."""
+    counts: dict[str, list[Array]] = {"met": [], "false": [], "f1": []}
+    for clip, reactions in pairs:
+        made = [min_point_distance(clip.person_a, motion) for motion in reactions]
+        real = [min_point_distance(clip.person_a, clip.person_b)] * len(made)
+        met = contacts_met(made, real, contact=CONTACT, met=MET)
+        wrong = false_contacts(made, real, apart=APART, met=MET)
+        both = contact_f1(made, real, distance=CONTACT)
+        for name, found in zip(counts, (met, wrong, both), strict=True):
+            counts[name].append(found.sum(axis=1))
+    return {name: np.stack(found, axis=1) for name, found in counts.items()}
+
+
+def intervals(row: Counts, rivals: dict[str, Counts], people: Sequence[str]) -> dict[str, float]:
+    """Return 95 % intervals over pairs of people: of a row, and of its difference from rivals.
+
+    Parameters
+    ----------
+    row, rivals : what ``counted`` returns, of the same clips
+    people : the pair of people of each clip
+    """
+    pairs, of_clip = np.unique(people, return_inverse=True)
+    random = np.random.default_rng(0)
+    drawn = random.multinomial(len(pairs), np.full(len(pairs), 1 / len(pairs)), N_REPLICATES)
+    weights = drawn[:, of_clip]  # of each clip in each replicate
+
+    def shares(counts: Array) -> Array:
+        hits, of = counts @ weights.T
+        return np.asarray(hits / np.maximum(of, 1))
+
+    found: dict[str, float] = {}
+    for name, counts in row.items():
+        spread = {name: shares(counts)}
+        spread |= {
+            f"{name}_less_{rival}": spread[name] - shares(theirs[name])
+            for rival, theirs in rivals.items()
+        }
+        for key, values in spread.items():
+            low, high = np.quantile(values, (0.025, 0.975))
+            found |= {f"{key}_low": float(low), f"{key}_high": float(high)}
+    return found
 
 
 def _hands(every: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.blows import blows
 from benchmarks.handover import measure
-from benchmarks.recorded import _way, on_floor, permuted, pooled, recorded
+from benchmarks.recorded import _way, counted, intervals, on_floor, permuted, pooled, recorded
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
@@ -47,6 +47,21 @@ def test_a_reaction_beside_the_partner_meets_nothing(handshake: Interaction) -> 
     assert found["ape"] == pytest.approx(3, rel=1e-5) == found["energy_score"]
 
 
+def test_intervals_resample_pairs_of_people_and_not_their_clips(handshake: Interaction) -> None:
+    aside = handshake.person_b + np.array([3, 0, 0], np.float32)
+    own, apart = handshake.person_b[None], aside[None]
+    # Of four pairs two meet all contacts and two none, whatever their clips' number.
+    row = counted([(handshake, own)] * 6 + [(handshake, apart)] * 2)
+    rival = counted([(handshake, apart)] * 8)
+    people = ["s01s02"] * 3 + ["s01s03"] * 3 + ["s02s03", "s02s04"]
+    found = intervals(row, {"rival": row, "worse": rival}, people)
+    assert (found["met_low"], found["met_high"]) == (0, 1)
+    assert found["met_less_rival_low"] == found["met_less_rival_high"] == 0
+    assert found["f1_less_worse_low"] == 0 and found["f1_less_worse_high"] == 1
+    alike = intervals(row, {}, ["s01s02"] * 8)
+    assert alike["met_low"] == alike["met_high"] == pytest.approx(0.75)
+
+
 def test_reactions_are_permuted_within_an_act_and_not_across_people(handshake: Interaction) -> None:
     longer = replace(handshake, times=2 * handshake.times)
     clips = [handshake, longer, handshake.swapped(), longer.swapped()]
@@ -77,6 +92,7 @@ def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     sets = recorded(JOINTS, Sbu(fps=15))
     sbu = sets["sbu"]
     assert len(sbu.acts) == 8 and sum(map(len, sbu.acts)) == 564 and len(sbu.handshakes) == 36
+    assert len(sbu.people) == 564 and len(set(sbu.people)) == 13
     # About one of the two gives way in each of 135 blows.
     assert len(sbu.blows) == 114
     real_folder("cmu_18_19")
