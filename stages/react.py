@@ -14,9 +14,9 @@ import torch
 
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.models import load_reaction_model
-from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import finish_reactions, react_all
-from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
+from pacmo_core.reaction.inputs import UNLABELLED
+from pacmo_core.reaction.windows import PartnerMotion, is_deterministic, needs_label
 from pacmo_core.store.tables import ClipRecord
 from pacmo_core.store.weights import read_weights
 from stages.common.clips import clip_seed, write_reactions
@@ -40,12 +40,11 @@ def main(paths: argparse.Namespace) -> None:
     facts, _ = read_weights(paths.model / WEIGHTS)
     finished = facts["model"] in params.finish and not paths.without_finish
     n_samples = 1 if is_deterministic(reactor) else params.n_samples
-    labelled = isinstance(reactor, Generator) and reactor.config.actions
 
     def sample_reactions(name: str, facts: ClipRecord, directed: Interaction) -> Motion:
         clip_random_seed = clip_seed(f"{paths.seed}\0{name}", params.random_seed)
         random = torch.Generator().manual_seed(clip_random_seed)
-        action = facts.action if labelled else ""
+        action = facts.action if needs_label(reactor) else UNLABELLED
         partner = PartnerMotion(directed.person_a, directed.times, directed.times, action)
         (motion,) = react_all(reactor, [partner], n_samples=n_samples, random=random)
         return finish_reactions(reactor, partner, motion) if finished else motion

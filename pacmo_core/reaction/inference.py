@@ -18,11 +18,14 @@ from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
 from pacmo_core.reaction.data import Condition, expand_directions
 from pacmo_core.reaction.generator import Generator
+from pacmo_core.reaction.inputs import UNLABELLED
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
     WindowQuery,
     is_deterministic,
+    known_actions,
+    needs_label,
     sample_poses,
     window_queries,
 )
@@ -151,9 +154,8 @@ def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
         else (data.train, data.train_actions)
     )
     labelled = list(zip(clips, labels or [""] * len(clips), strict=True))
-    known = () if isinstance(model, Gru) else model.config.actions
-    usable = [(clip, label if known else "") for clip, label in labelled]
-    usable = [pair for pair in usable if not known or pair[1] in known]
+    usable = [(clip, label if needs_label(model) else UNLABELLED) for clip, label in labelled]
+    usable = [pair for pair in usable if not needs_label(model) or pair[1] in known_actions(model)]
     chosen = np.unique(np.linspace(0, len(usable) - 1, MAX_FITTED_CLIPS).round().astype(int))
     examples = list(_examples(model, [usable[i] for i in chosen if usable]))
     model.learnt.store(learn(examples, model.skeleton))

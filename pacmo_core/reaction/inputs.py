@@ -9,6 +9,8 @@ from torch.nn import functional
 
 from pacmo_core.reaction.data import MotionPairs
 
+# The label of an interaction whose action is not stated. A model that knows it wants no label.
+UNLABELLED = ""
 # Of the logarithm of duration: durations that hardly vary are not scaled to unit variance.
 MIN_DURATION_STD = 0.1
 

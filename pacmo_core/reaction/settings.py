@@ -232,6 +232,7 @@ class PacmoSettings:
     functional_hidden: int  # units of the critic's kernel network
     body_distances: bool  # give the critic the distances between end effectors of the two bodies
     action_channels: int  # of the action label's embedding; 0: the partner is the only condition
+    action_dropout: float  # share of training pairs whose label is withheld
     generator: AdamSettings
     critic: AdamSettings
     halve_learning_rate_every: int  # epochs
@@ -279,6 +280,12 @@ class PacmoSettings:
             raise ValueError(
                 "cooldown_epochs must be at least 0 and at most n_epochs; got cooldown_epochs "
                 f"{self.cooldown_epochs}, n_epochs {self.n_epochs}"
+            )
+        if not 0 <= self.action_dropout < 1 or (self.action_dropout and not self.action_channels):
+            raise ValueError(
+                "action_dropout must be at least 0 and less than 1, and above 0 it wants "
+                f"action_channels above 0; got {self.action_dropout}, "
+                f"action_channels {self.action_channels}"
             )
         if self.warmup_epochs and not self.energy_score_weight:
             raise ValueError(

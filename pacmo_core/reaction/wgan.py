@@ -7,6 +7,7 @@ too, and first of all on it alone (warm-up). ``losses.WganLosses`` holds the los
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor, nn
@@ -26,7 +27,7 @@ from pacmo_core.reaction.data import (
 )
 from pacmo_core.reaction.energy_score import mean_energy_scores
 from pacmo_core.reaction.generator import Generator, GeneratorConfig
-from pacmo_core.reaction.inputs import ActionEmbedding, action_indices
+from pacmo_core.reaction.inputs import UNLABELLED, ActionEmbedding, action_indices
 from pacmo_core.reaction.losses import LossAndTerms, WganBatch, WganLosses
 from pacmo_core.reaction.settings import AdamSettings, PacmoSettings
 from pacmo_core.training.devices import ProcessGroup
@@ -185,7 +186,7 @@ class WganTrainer:
         """Sample a whole batch, the same in every process, and return this process's rows."""
         n, device = self.batch_size, self.pairs.partner.device
         rows = torch.randint(len(self.pairs), (n,), generator=self.random)
-        real = self.augmentation(self.pairs[rows.to(device)], self.random)
+        real = self._withhold_labels(self.augmentation(self.pairs[rows.to(device)], self.random))
         # The critic needs one reaction to a partner, an energy score two.
         n_samples = 2 if self.settings.energy_score_weight and not for_critic else 1
         noise = torch.stack([self.generator.sample_noise(n, self.random) for _ in range(n_samples)])
@@ -194,6 +195,15 @@ class WganTrainer:
         )
         local = self.local_rows
         return WganBatch(real[local], noise[:, local].to(device), interpolation[local].to(device))
+
+    def _withhold_labels(self, pairs: MotionPairs) -> MotionPairs:
+        """Take the label from a share of pairs, so that reactions without one are learnt too."""
+        if not self.settings.action_dropout:
+            return pairs
+        withheld = torch.rand(len(pairs), generator=self.random) < self.settings.action_dropout
+        unlabelled = self.generator.config.actions.index(UNLABELLED)
+        action = pairs.action.masked_fill(withheld.to(pairs.action.device), unlabelled)
+        return replace(pairs, action=action)
 
     def _minimise(self, adam: torch.optim.Adam, loss_and_terms: LossAndTerms) -> dict[str, float]:
         loss, terms = loss_and_terms
@@ -236,7 +246,8 @@ def build_training(
     ----------
     clips, validation : interactions
     settings : PacmoSettings
-    actions, validation_actions : label of each clip, a condition if ``action_channels`` is not 0
+    actions, validation_actions : label of each clip, a condition if ``action_channels`` is not 0;
+        with ``action_dropout`` validation is without labels, as most captures have none
     device : of torch
 
     Raises
@@ -254,6 +265,9 @@ def build_training(
             f"got {len(actions)} and {len(validation_actions)}"
         )
     known = tuple(sorted(set(actions))) if settings.action_channels else ()
+    if settings.action_dropout:
+        known = (UNLABELLED, *known)
+        validation_actions = [UNLABELLED] * len(validation)
     random = torch.Generator().manual_seed(settings.random_seed)
     shown = with_random_parts(clips, settings.parts)
     labels = [*actions] * (1 + settings.parts.n)

@@ -23,7 +23,7 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.spline import SmoothingSpline, Spline
 from pacmo_core.reaction.baselines import Gru
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.inputs import Normalisation, action_indices
+from pacmo_core.reaction.inputs import UNLABELLED, Normalisation, action_indices
 
 # A sequence is one window up to so many standard deviations of log-duration above the mean.
 MAX_DURATION_STDS = 3.0
@@ -262,9 +262,20 @@ def is_deterministic(model: ReactionModel) -> bool:
     return isinstance(model, Gru) or not model.config.noise_channels
 
 
+def known_actions(model: ReactionModel) -> tuple[str, ...]:
+    """Return the labels that a model may be given; none if labels are no condition."""
+    return () if isinstance(model, Gru) else model.config.actions
+
+
+def needs_label(model: ReactionModel) -> bool:
+    """Whether a model reacts with a label alone."""
+    known = known_actions(model)
+    return bool(known) and UNLABELLED not in known
+
+
 def action_index(model: ReactionModel, action: str) -> int:
     """Return the index of a label; 0 for a model without labels and an empty one."""
-    known = () if isinstance(model, Gru) else model.config.actions
+    known = known_actions(model)
     if not known and not action:
         return 0
     return int(action_indices([action], known))

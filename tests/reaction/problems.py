@@ -113,6 +113,7 @@ PACMO = PacmoSettings(
     functional_hidden=8,
     body_distances=True,
     action_channels=0,
+    action_dropout=0.0,
     generator=AdamSettings(2e-3, (0.0, 0.9)),
     critic=AdamSettings(2e-3, (0.0, 0.9)),
     halve_learning_rate_every=200,
