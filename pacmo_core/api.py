@@ -199,11 +199,12 @@ def save(name: str, model: nn.Module, path: str | Path) -> Path:
     return file
 
 
-def react(
+def react(  # noqa: PLR0913  # each is a choice of the caller
     model: ReactionModel | str | Path,
     partner: Interaction,
     *,
     person: str = "a",
+    action: str = "",
     n_samples: int = 1,
     random_seed: int = 1,
     finish: bool = True,
@@ -215,6 +216,8 @@ def react(
     model : trained, or the path of its ``weights.safetensors``
     partner : the clip
     person : ``a`` or ``b``, who is the partner; the other's motion is not read
+    action : of the interaction, a label that the model was trained with or words of one; empty
+        where it is not known
     n_samples : how many; 1 for a deterministic model
     random_seed : of the noise
     finish : whether bones get exact lengths, feet are planted and predicted contacts closed
@@ -235,7 +238,7 @@ def react(
         raise ValueError(f"n_samples must be 1 for a deterministic model; got {n_samples}")
     seen = partner if person == "a" else partner.swapped()
     random = torch.Generator().manual_seed(random_seed)
-    seen_motion = PartnerMotion(seen.person_a, seen.times, seen.times)
+    seen_motion = PartnerMotion(seen.person_a, seen.times, seen.times, action)
     (motions,) = react_all(loaded, [seen_motion], n_samples=n_samples, random=random)
     if finish:
         motions = finish_reactions(loaded, seen_motion, motions)

@@ -110,7 +110,8 @@ def action_indices(actions: Sequence[str], known: Sequence[str]) -> Tensor:
     """
     unknown = sorted(set(actions) - set(known))
     if unknown:
-        wanted = f"one of {', '.join(known)}" if known else "empty: the model has no action labels"
+        labels = [label for label in known if label]
+        wanted = f"one of {', '.join(labels)}" if known else "empty: the model has no action labels"
         raise ValueError(f"action must be {wanted}; got {', '.join(map(repr, unknown))}")
     return torch.tensor([known.index(action) for action in actions], dtype=torch.long)
 

@@ -274,11 +274,13 @@ def needs_label(model: ReactionModel) -> bool:
 
 
 def action_index(model: ReactionModel, action: str) -> int:
-    """Return the index of a label; 0 for a model without labels and an empty one."""
+    """Return the index of a label, or of the only one that contains the words; 0 without labels."""
     known = known_actions(model)
     if not known and not action:
         return 0
-    return int(action_indices([action], known))
+    matching = [label for label in known if action and action.lower() in label.lower()]
+    meant = matching[0] if len(matching) == 1 and action not in known else action
+    return int(action_indices([meant], known))
 
 
 def sample_poses(motion: Spline, times: NDArray[np.float64]) -> Motion:
