@@ -8,12 +8,15 @@ with frame and time.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.posture import measure_posture
 from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
@@ -57,6 +60,8 @@ MIN_SPEED = 0.03  # metres per second: who stands and breathes is no slower
 SMOOTHING = 0.1
 # Samples with a line each; more of them have one line together.
 MAX_LINES = 4
+# Samples with a column each.
+MAX_COLUMNS = 8
 # Numbers of samples in a line.
 MAX_NUMBERS = 12
 
@@ -64,25 +69,29 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class SampleLimit:
-    """A measurement of every sample, and its limit.
+class Measurement:
+    """A measurement of every sample, and its limit if it has one.
 
     Parameters
     ----------
+    name : in the table, with the unit
     values : (S,) in the printed unit
-    limit : the largest that is wanted
-    text : what is measured, with ``{}`` in place of the value
+    limit : the largest that is wanted; infinity where no value is wrong
+    text : what is beyond the limit, with ``{}`` in place of the value
     unit : of value and limit, with a space before it if there is one
     places : (S,) where each value is, such as its frame; empty if it is of the whole motion
     decimals : of the values
+    partner : the same of the partner, if it has one
     """
 
+    name: str
     values: Sequence[float]
-    limit: float
-    text: str
-    unit: str
+    limit: float = inf
+    text: str = ""
+    unit: str = ""
     places: Sequence[str] = ()
     decimals: int = 1
+    partner: float | None = None
 
     @property
     def wanted(self) -> str:
@@ -104,12 +113,19 @@ class SampleLimit:
         """Return the measurement of some samples in words: one value, or least and greatest."""
         return self.text.format(self.range_of(numbers))
 
-    def range_of(self, numbers: Sequence[int]) -> str:
+    def range_of(self, numbers: Sequence[int], unit: str | None = None) -> str:
         """Return one value, or the least and the greatest of some samples, with the unit."""
         # At least as many as the limit has: 7.63 beyond 7.61 would read 7.6.
-        decimals = max(self.decimals, len(f"{self.limit:.3g}".partition(".")[2]))
+        of_limit = "" if self.limit == inf else f"{self.limit:.3g}".partition(".")[2]
+        decimals = max(self.decimals, len(of_limit))
         values = format_range([self.values[number] for number in numbers], decimals)
-        return f"{values}{self.unit}"
+        return f"{values}{self.unit if unit is None else unit}"
+
+    def cells(self, numbers: Sequence[int]) -> list[str]:
+        """Return the row of the table: name, limit, the partner's value and those of samples."""
+        wanted = "" if self.limit == inf else f"<= {self.limit:.3g}"
+        own = "" if self.partner is None else format_fixed(self.partner, self.decimals)
+        return [self.name, wanted, own, *(self.range_of([number], "") for number in numbers)]
 
     def lines(self) -> list[str]:
         """Return a line for each sample beyond the limit; one line if they are many, or all."""
@@ -133,7 +149,7 @@ class SampleLimit:
         return f"sample {number}{said}{place}"
 
 
-def limit_lines(limits: Sequence[SampleLimit], untouched: Sequence[int]) -> list[str]:
+def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list[str]:
     """Return the lines of all limits, and one on what to do; one if all samples are within.
 
     Parameters
@@ -296,48 +312,69 @@ def motion_lines(
         accelerate and may be below the floor
     sole : metres by which the soles of the rig are lower, under its joints, than the partner's
     """
-    every = range(len(samples))
-    speeds = _speed_ratios(times, partner, samples)
-    own = format_fixed(100 * _mean_speed(partner, times), 1)
-    lines, limits = [f"{speeds.said(every)}, {speeds.wanted} (at {own} cm/s)"], [speeds]
+    rows = [*_postures(skeleton, partner, samples), _speed_ratios(times, partner, samples)]
     if ankles := list(find_body_joints(skeleton).ankles):
-        own = format_fixed(100 * _glide(partner[:, ankles], times), 1)
-        glide = SampleLimit(
-            [100 * _glide(sample[:, ankles], times) for sample in samples],
-            100 * MAX_GLIDE_SPEED,
-            "the slower foot moves at {} on average",
-            " cm/s",
-        )
-        limits.append(glide)
-        lines.append(f"{glide.said(every)}, {glide.wanted} (the partner's at {own})")
+        rows.append(_glides(times, partner[:, ankles], samples[:, :, ankles]))
     if feet(skeleton):
-        below, above = _heights(skeleton, times, partner, samples, people, sole)
-        limits += [below, above]
-        lower = f"{100 * sole:.2f} cm by which the rig's soles are lower"
-        of_rig = f" ({100 * MAX_BELOW:g} cm, and {lower})" if sole else ""
-        lines.append(f"{below.said(every)}, {below.wanted}{of_rig}")
-        lines.append(f"{above.said(every)}, {above.wanted}")
+        rows += _heights(skeleton, times, partner, samples, people, sole)
+    unmeasured = []
     try:
-        depths = _depths(skeleton, times, partner, samples)
+        rows += _depths(skeleton, times, partner, samples)
     except ValueError as fault:
-        lines.append(f"how deep the bodies are in each other is not measured ({fault})")
-    else:
-        limits += depths
-        lines += [
-            f"{depth.text.format(f'at most {depth.range_of(every)}')}, {depth.wanted}"
-            for depth in depths
-        ]
-    nearness, touches = _nearness(skeleton, times, partner, samples)
-    jolt, (turn, most) = _jolts(times, people[1:]), _turns(times, people)
-    text = f"joints accelerate by at most {format_range(jolt.values, 0)} m/s², {jolt.wanted}"
-    lines += [nearness, text, most]
-    limits += [jolt, turn]
-    of_samples = f"; least and greatest of {len(samples)} samples" if len(samples) > 1 else ""
+        unmeasured = [f"how deep the bodies are in each other is not measured ({fault})"]
+    rows += [_jolts(times, people), _turns(times, people)]
+    nearness, untouched = _nearness(skeleton, partner, samples)
     return [
-        f"the motion of the reaction, measured in what was written (docs/react.md){of_samples}:",
-        *(f"  {line}" for line in lines),
-        *limit_lines(limits, [number for number, frames in enumerate(touches) if not frames]),
+        "the motion of the reaction, measured in what was written (docs/react.md):",
+        *(f"  {line}" for line in [*_table([*rows, *nearness]), *unmeasured]),
+        *limit_lines([row for row in rows if row.limit < inf], untouched),
     ]
+
+
+def _table(rows: Sequence[Measurement]) -> list[str]:
+    """Lay measurements out in columns: of each sample, or the least and the greatest of many."""
+    count = len(rows[0].values)
+    if count <= MAX_COLUMNS:
+        heads = [f"sample {number}" for number in range(count)]
+        cells = [row.cells(range(count)) for row in rows]
+    else:
+        heads = ["least", f"greatest of {count}"]
+        ends = [(int(np.argmin(row.values)), int(np.argmax(row.values))) for row in rows]
+        cells = [row.cells(of_row) for row, of_row in zip(rows, ends, strict=True)]
+    lines = [["", "wanted", "partner", *heads], *cells]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return [
+        "  ".join([name.ljust(widths[0]), *map(str.rjust, values, widths[1:])])
+        for name, *values in lines
+    ]
+
+
+def _postures(skeleton: Skeleton, partner: Motion, samples: Motion) -> list[Measurement]:
+    """Measure the size of the bodies, and how far trunks lean in the median frame."""
+    found = [measure_posture(motion, skeleton) for motion in (partner, *samples)]
+    postures = [posture for posture in found if posture]
+    if len(postures) < len(found):
+        return []
+    up = np.array([0.0, 1.0, 0.0])
+    size, *sizes = (posture.stature for posture in postures)
+    lean, *leans = (float(np.median(angles(posture.trunk, up))) for posture in postures)
+    return [
+        Measurement("stature by the legs, m", sizes, decimals=2, partner=size),
+        Measurement("lean of the trunk, °", leans, decimals=0, partner=lean),
+    ]
+
+
+def _glides(times: Array, partner: Motion, samples: Motion) -> Measurement:
+    """Measure the speed over the floor of the slower of the ankles ``(T, 2, 3)``."""
+    own, *speeds = (100 * _glide(ankles, times) for ankles in (partner, *samples))
+    return Measurement(
+        "slower foot, cm/s",
+        speeds,
+        100 * MAX_GLIDE_SPEED,
+        "the slower foot moves at {} on average",
+        " cm/s",
+        partner=own,
+    )
 
 
 def _heights(
@@ -347,7 +384,7 @@ def _heights(
     samples: Motion,
     people: Sequence[PersonMotion],
     sole: float,
-) -> tuple[SampleLimit, SampleLimit]:
+) -> tuple[Measurement, Measurement]:
     """Compare the lowest point of each sample with the partner's, in proportion to the legs.
 
     The first is how far it is below the partner's lowest in any frame, the second how far it is
@@ -366,7 +403,8 @@ def _heights(
         find_peak(depth, person.skeleton.joints, times)
         for depth, person in zip(depths, people[1:], strict=True)
     ]
-    below = SampleLimit(
+    below = Measurement(
+        "below the partner's lowest point, cm",
         [100 * max(0.0, float(depth.max())) for depth in depths],
         100 * (MAX_BELOW + sole),
         "the lowest joint or End Site is {} below the partner's lowest",
@@ -374,7 +412,8 @@ def _heights(
         [f"{peak.joint} {peak.place}" for peak in peaks],
     )
     usual = float(np.median(own.min(axis=1)))
-    above = SampleLimit(
+    above = Measurement(
+        "above it in the median frame, cm",
         [
             100 * max(0.0, float(np.median(of.min(axis=1)) - usual * leg / own_leg))
             for leg, of in zip(legs, heights, strict=True)
@@ -386,10 +425,11 @@ def _heights(
     return below, above
 
 
-def _speed_ratios(times: Array, partner: Motion, samples: Motion) -> SampleLimit:
+def _speed_ratios(times: Array, partner: Motion, samples: Motion) -> Measurement:
     """Compare the mean speed of the partner's joints with that of each sample's."""
     own = _mean_speed(partner, times)
-    return SampleLimit(
+    return Measurement(
+        "partner's speed over the reaction's",
         [own / max(_mean_speed(sample, times), MIN_SPEED) for sample in samples],
         MAX_SPEED_RATIO,
         "the partner's joints move {} as fast as those of the reaction, on average",
@@ -410,43 +450,41 @@ def _speeds(paths: Motion, times: Array) -> Array:
     return speeds
 
 
-def _jolts(times: Array, samples: Sequence[PersonMotion]) -> SampleLimit:
+def _jolts(times: Array, people: Sequence[PersonMotion]) -> Measurement:
     """Compare the largest acceleration of each sample with that of people."""
     values, places = [], []
-    for person in samples:
+    for person in people:
         accelerations = joint_accelerations(times, person.motion)
         values.append(float(accelerations.max(initial=0.0)))
         peak = find_peak(accelerations, person.skeleton.joints, times) if values[-1] else None
         places.append(f"{peak.joint} {peak.place}" if peak else "")
-    return SampleLimit(values, MAX_ACCELERATION, "a joint accelerates by {}", " m/s²", places, 0)
+    return Measurement(
+        "acceleration of a joint, m/s²",
+        values[1:],
+        MAX_ACCELERATION,
+        "a joint accelerates by {}",
+        " m/s²",
+        places[1:],
+        0,
+        values[0],
+    )
 
 
-def _turns(times: Array, people: Sequence[PersonMotion]) -> tuple[SampleLimit, str]:
-    """Compare the largest turn of a bone from a frame to the next of each sample with people's.
-
-    Returns
-    -------
-    It, and which bone of all samples turns most, beside the partner's most
-    """
+def _turns(times: Array, people: Sequence[PersonMotion]) -> Measurement:
+    """Compare the largest turn of a bone from a frame to the next of each sample with people's."""
     partner, *samples = (bone_turns(person.skeleton, person.motion) for person in people)
     peaks = [
         find_peak(turns, bone_names(person.skeleton), times)
         for turns, person in zip(samples, people[1:], strict=True)
     ]
-    limit = SampleLimit(
+    return Measurement(
+        "turn of a bone in a frame, °",
         [float(turns.max()) for turns in samples],
         max_turn(times),
         "a bone turns by {} from one frame to the next",
         "°",
         [f"that to {peak.joint} {peak.place}" for peak in peaks],
-    )
-    number = int(np.argmax(limit.values))
-    peak, texts = peaks[number], [limit.range_of([row]) for row in range(len(samples))]
-    of_sample = f" of {samples_of(texts, number)}" if len(samples) > 1 else ""
-    return limit, (
-        f"the bone to {peak.joint} turns most from one frame to the next, by "
-        f"{limit.range_of([number])} {peak.place}{of_sample}, {limit.wanted} (the "
-        f"partner's most: {format_fixed(partner.max(), 1)}°)"
+        partner=float(partner.max()),
     )
 
 
@@ -457,7 +495,7 @@ def _glide(ankles: Motion, times: Array) -> float:
 
 def _depths(
     skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
-) -> list[SampleLimit]:
+) -> list[Measurement]:
     """Measure how deep the bodies are in each other at most, and the legs of each sample.
 
     Raises
@@ -467,7 +505,8 @@ def _depths(
     """
     partner, samples = (_apart(motion, skeleton) for motion in (partner, samples))
     found = [_deepest(skeleton, times, partner, sample) for sample in samples]
-    bodies = SampleLimit(
+    bodies = Measurement(
+        "bodies in each other, cm",
         [100 * depth for depth, _ in found],
         100 * MAX_DEPTH,
         "the bodies are {} deep in each other",
@@ -480,52 +519,46 @@ def _depths(
 
 
 def _nearness(
-    skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
-) -> tuple[str, list[int]]:
-    """Say how near the two people come, and in how many frames a hand touches the partner.
+    skeleton: Skeleton, partner: Motion, samples: Motion
+) -> tuple[list[Measurement], list[int]]:
+    """Measure how near the people come, and in how many frames which hands touch what.
 
     There is no limit: whether they should touch, no measurement knows.
 
     Returns
     -------
-    It, and the frames with such a touch in each sample; none of people without hands
+    Rows of the table, and the numbers of the samples in which no hand touches the partner; none of
+    people without hands
     """
-    found = [_distances(partner, sample) for sample in samples]  # (T, J) each
-    nearest = [100 * float(distances.min()) for distances in found]
-    number = int(np.argmin(nearest))
-    frame, joint = (int(i) for i in np.unravel_index(found[number].argmin(), found[number].shape))
-    other = np.linalg.norm(partner[frame] - samples[number, frame, joint], axis=-1).argmin()
-    of_sample = f" of sample {number}" if len(samples) > 1 else ""
-    text = (
-        f"the nearest joints of the two are {format_range(nearest, 1)} cm apart "
-        f"({skeleton.joints[joint]} and the partner's {skeleton.joints[other]} "
-        f"{when(frame, times[frame] - times[0])}{of_sample})"
-    )
+    every = list(range(len(skeleton.joints)))
+    roots = np.linalg.norm(partner[:, skeleton.root] - samples[:, :, skeleton.root], axis=-1)
+    nearest = [100 * float(_gaps(partner, sample, every, every).min()) for sample in samples]
+    rows = [
+        Measurement("roots apart at least, m", roots.min(axis=1).tolist(), decimals=2),
+        Measurement("nearest joints apart, cm", nearest),
+    ]
     hands = _hands(skeleton)
     if not hands:
-        return text, []
-    touching = {
-        side: np.array([(of[:, joints] < CONTACT_DISTANCE).any(axis=1) for of in found])
-        for side, joints in hands.items()
+        return rows, []
+    hand = [joint for joints in hands.values() for joint in joints]
+    kinds = {f"{side} hand to {side}": [(joints, joints)] for side, joints in hands.items()}
+    if len(hands) == 2:
+        left, right = hands.values()
+        kinds["a left hand to a right"] = [(left, right), (right, left)]
+    kinds["a hand to the body"] = [(hand, [joint for joint in every if joint not in hand])]
+    touches = {
+        name: [
+            np.any([_touching(partner, sample, *pair) for pair in pairs], axis=0)
+            for sample in samples
+        ]
+        for name, pairs in kinds.items()
     }
-    touches = np.any(list(touching.values()), axis=0).sum(axis=1)
-    every_hand = [joint for joints in hands.values() for joint in joints]
-    hand_to_hand = [
-        int((_distances(partner[:, every_hand], of[:, every_hand]) < CONTACT_DISTANCE).any(1).sum())
-        for of in samples
+    rows += [
+        Measurement(f"frames {name}", [int(found.sum()) for found in of_samples], decimals=0)
+        for name, of_samples in touches.items()
     ]
-    by_side = ", ".join(
-        f"the {side} in {format_range(frames.sum(axis=1).tolist(), 0)}"
-        for side, frames in touching.items()
-    )
-    page = "docs/react.md, Where a touch is missing"
-    by_side += f"; hand to hand in {format_range(hand_to_hand, 0)}"
-    hint = f" ({by_side})" if touches.any() else f"; where you expect a touch: {page}"
-    said = (
-        f"{text}; a hand of the reaction is within {100 * CONTACT_DISTANCE:.0f} cm of a joint of "
-        f"the partner in {listed(touches.tolist())} of {len(times)} frames{hint}"
-    )
-    return said, touches.tolist()
+    touched = np.any([row.values for row in rows[2:]], axis=0)
+    return rows, np.flatnonzero(~touched).tolist()
 
 
 def _hands(skeleton: Skeleton) -> dict[str, list[int]]:
@@ -537,11 +570,19 @@ def _hands(skeleton: Skeleton) -> dict[str, list[int]]:
     return hands
 
 
-def _distances(partner: Motion, sample: Motion) -> Array:
-    """Return the distance of each joint of a sample from the partner's nearest, ``(T, J)``."""
-    by_joint = [np.linalg.norm(partner - joint[:, None], axis=-1).min(axis=1)
-                for joint in np.moveaxis(sample, 1, 0)]  # fmt: skip
-    return np.stack(by_joint, axis=1).astype(np.float64)
+def _gaps(partner: Motion, sample: Motion, own: list[int], other: list[int]) -> Array:
+    """Return the least distance of ``own`` joints from the partner's ``other``, ``(T,)``."""
+    pairs = ((sample[:, i] - partner[:, j]) for i in own for j in other)
+    gaps: Array = reduce(np.minimum, (np.linalg.norm(pair, axis=-1) for pair in pairs))
+    return gaps
+
+
+def _touching(
+    partner: Motion, sample: Motion, own: list[int], other: list[int]
+) -> NDArray[np.bool_]:
+    """Return in which frames they touch, ``(T,)``."""
+    touching: NDArray[np.bool_] = _gaps(partner, sample, own, other) < CONTACT_DISTANCE
+    return touching
 
 
 def _apart(motion: Motion, skeleton: Skeleton) -> Motion:
@@ -561,7 +602,7 @@ def _apart(motion: Motion, skeleton: Skeleton) -> Motion:
 
 def _crossed_legs(
     skeleton: Skeleton, times: Array, partner: Motion, samples: Motion
-) -> SampleLimit:
+) -> Measurement:
     """Measure how deep a shin of each sample is in the other leg; the partner's, if that is more.
 
     Thighs, which begin beside each other, are not compared with each other.
@@ -578,7 +619,8 @@ def _crossed_legs(
     )
     names = tuple(" and ".join(skeleton.joints[joint] for joint in pair) for pair in pairs)
     peaks = [find_peak(depths, names, times) for depths in found]
-    return SampleLimit(
+    return Measurement(
+        "legs in each other, cm",
         [100 * max(0.0, float(depths.max())) for depths in found],
         100 * max(MAX_LEG_DEPTH, float(own.max())),
         "the legs of the reaction are {} deep in each other",

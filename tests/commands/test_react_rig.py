@@ -88,11 +88,7 @@ def test_the_sole_of_a_rig_is_not_below_the_floor_and_its_toes_are(
     sole = 3 - (np.delete(heights, partner.end_sites, axis=1).min() - heights.min())
     said = pacmo(captures[0], "--rig", rig, "--out", tmp_path / "x.bvh")
     assert said.exit_code == 0, said.output
-    assert re.search(
-        r"the lowest joint or End Site is [\d.]+ cm below the partner's lowest, wanted at most "
-        rf"{1 + sole:.3g} cm \(1 cm, and {sole:.2f} cm by which the rig's soles are lower\)",
-        said.stdout,
-    )
+    assert re.search(rf"below the partner's lowest point, cm +<= {1 + sole:.3g} ", said.stdout)
     # A Parquet file has no End Sites.
     said = pacmo(captures[0], "--rig", rig, "--out", tmp_path / "x.parquet")
     assert re.search(r"below the partner's lowest, wanted at most 1 cm\n", said.stdout)
