@@ -44,7 +44,7 @@ def joined(lines: list[str]) -> list[str]:
 
 
 def row(table: str, name: str) -> list[str]:
-    """The cells of a row of the table: wanted and partner where it has them, then samples."""
+    """Return the cells of a row: wanted and partner where it has them, then samples."""
     (line,) = (line for line in table.splitlines() if line.strip().startswith(name))
     return line.strip().removeprefix(name).split()
 
