@@ -407,6 +407,12 @@ def _complete(files: Sequence[Path], inferred: Sequence[Inferred]) -> list[dict[
                 settings[name] = others.pop()
             elif value is None:
                 what = {"unit": "unit", "up": "upward axis"}[name]
+                if of_file.missing:
+                    limbs = ", ".join(limb.replace("_", " ") for limb in of_file.missing)
+                    raise CommandError(
+                        f"{file}: not recognised among its joints: {limbs}; and it states no "
+                        f"{what}: name its joints by --joints, or give --from-{name}"
+                    )
                 raise CommandError(
                     f"{file}: states no {what}, and its motion does not show it: give --from-{name}"
                 )

@@ -28,6 +28,8 @@ UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001, "inches": 0.0
 UNIT_WORDS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, **UNITS}
 CMU_UNIT = 0.0254 / 0.45
 
+_LEGS = ("left_thigh", "left_shin", "right_thigh", "right_shin")
+_ARMS = ("left_upper_arm", "right_upper_arm")
 _UPRIGHT_SHARE = 0.25  # of the frames: those in which the trunk is most upright
 _UPRIGHT, _NOT_UPRIGHT = 0.8, 0.5  # cosine of the angle between trunk and axis
 _UPRIGHT_ALWAYS = 0.9  # share of the frames
@@ -61,16 +63,14 @@ def measure_posture(motion: NDArray[np.floating], skeleton: Skeleton) -> Posture
     ----------
     motion : (T, J, 3) in any unit and axes
     """
+    if missing_limbs(skeleton) or not len(motion):
+        return None
     rows = {segment.name: row for row, segment in enumerate(segments(skeleton))}
     bones = skeleton.bones
-    legs = [rows.get(f"{side}_{name}") for side in ("left", "right") for name in ("thigh", "shin")]
-    arms = [rows.get(f"{side}_upper_arm") for side in ("left", "right")]
-    if None in legs or None in arms or not len(motion):
-        return None
-    lengths = [_median_length(motion, bones[row]) for row in legs if row is not None]
+    lengths = [_median_length(motion, bones[rows[name]]) for name in _LEGS]
     hips, shoulders = (
-        np.mean([motion[:, bones[row, 0]] for row in starts if row is not None], axis=0)
-        for starts in (legs[::2], arms)
+        np.mean([motion[:, bones[rows[name], 0]] for name in starts], axis=0)
+        for starts in (_LEGS[::2], _ARMS)
     )
     trunk = (shoulders - hips).astype(np.float64)
     norms = np.linalg.norm(trunk, axis=-1, keepdims=True)
@@ -79,6 +79,12 @@ def measure_posture(motion: NDArray[np.floating], skeleton: Skeleton) -> Posture
         return None
     lowest, highest = (extreme(axis=1) / stature for extreme in (motion.min, motion.max))
     return Posture(stature, trunk / norms, lowest, highest)
+
+
+def missing_limbs(skeleton: Skeleton) -> list[str]:
+    """Return the limbs that a posture is measured on and a skeleton does not have."""
+    present = {segment.name for segment in segments(skeleton)}
+    return [name for name in (*_LEGS, *_ARMS) if name not in present]
 
 
 def _median_length(motion: NDArray[np.floating], bone: NDArray[np.intp]) -> float:

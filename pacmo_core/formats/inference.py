@@ -23,6 +23,7 @@ from pacmo_core.data.posture import (
     infer_up,
     lying_fault,
     measure_posture,
+    missing_limbs,
 )
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.formats.base import Format
@@ -47,10 +48,12 @@ class Inferred:
     settings : ``unit`` and ``up``, of those that nothing states; None where the motion does not
         show it
     stature : metres, of the tallest person; None where no body was recognised
+    missing : the limbs for want of which none was
     """
 
     settings: dict[str, Any]
     stature: float | None
+    missing: tuple[str, ...] = ()
 
 
 def infer_settings(
@@ -99,7 +102,8 @@ def _infer(
     measured = [measure_posture(motion, body) for body, motion in bodies]
     postures = [posture for posture in measured if posture is not None]
     if not postures:
-        return Inferred(dict.fromkeys(unstated), None)
+        missing = tuple(missing_limbs(bodies[0][0])) if bodies else ()
+        return Inferred(dict.fromkeys(unstated), None, missing)
     of_cmu = any(rig.name.startswith("cmu") for rig in fitting_rigs(plain_names(skeleton.joints)))
     tallest = max(postures, key=lambda posture: posture.stature)
     unit = infer_unit(tallest, of_cmu=of_cmu)

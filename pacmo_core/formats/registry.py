@@ -159,9 +159,11 @@ def format_of(file: Path) -> str:
         If the suffix belongs to no format.
     """
     if file.suffix.lower() not in FORMAT_OF_SUFFIX:
+        of_name = "; files of this name are those of sbu and duetdance"
+        named = of_name if file.name == "skeleton_pos.txt" else ""
         raise ValueError(
             f"{file.name}: its suffix belongs to no format; "
-            f"wanted a format (--format), one of {', '.join(DEFAULT_SETTINGS)}"
+            f"wanted a format (--format), one of {', '.join(DEFAULT_SETTINGS)}{named}"
         )
     return FORMAT_OF_SUFFIX[file.suffix.lower()]
 

@@ -159,9 +159,13 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     assert inferred.exit_code == 0, inferred.output
     assert f"inferred for {bvh} (1." in inferred.stdout
     assert "metres, y up" in inferred.stdout
+    renamed = tmp_path / "renamed.bvh"
+    renamed.write_text(bvh.read_text().replace("left_knee", "xyz"))
+    said = "not recognised among its joints: left shin, right shin; and it states no unit"
+    refused(pacmo(renamed, *words), said, "--joints")
     sbu = tmp_path / "skeleton_pos.txt"
     sbu.write_text("".join(f"{i + 1}," + ",".join(["0.5"] * 90) + "\n" for i in range(9)))
-    refused(pacmo(sbu, *words), "suffix", "--format", "sbu")
+    refused(pacmo(sbu, *words), "suffix", "--format", "files of this name are those of sbu and")
     refused(pacmo(sbu, "--format", "sbu", *words), "two people", "--person")
     refused(pacmo(bvh, "--person", "b", *words), "one person", "leave out --person b")
     table = tmp_path / "alone.npz"
