@@ -69,9 +69,11 @@ class Generator(nn.Module):
     Attributes
     ----------
     learnt : of the finish; changes nothing until it is learnt
+    temperature : () standard deviation of the noise that reactions are sampled from; 1 in training
     """
 
     points: Tensor
+    temperature: Tensor
 
     def __init__(self, config: GeneratorConfig) -> None:
         super().__init__()
@@ -83,6 +85,7 @@ class Generator(nn.Module):
             ActionEmbedding(n_actions=n_actions, channels=channels) if n_actions else None
         )
         self.learnt = LearntModule(config.skeleton)
+        self.register_buffer("temperature", torch.ones(()))
         self.register_buffer("points", torch.linspace(0, 1, config.uno.n_points), persistent=False)
 
     @property
@@ -92,7 +95,8 @@ class Generator(nn.Module):
 
     def sample_noise(self, n: int, random: torch.Generator) -> Tensor:
         """Sample ``(n, k, 2 K)`` coefficients of the random field, on ``random``'s device."""
-        return self.config.noise.sample(n, self.config.noise_channels, random=random)
+        noise = self.config.noise.sample(n, self.config.noise_channels, random=random)
+        return self.temperature.to(noise.device) * noise
 
     def forward(self, noise: Tensor, condition: Condition) -> Tensor:
         """Generate reactions on the grid.

@@ -243,6 +243,7 @@ class PacmoSettings:
     checkpoint_every: int  # epochs
     validate_from: int  # epochs; no weights of earlier epochs are selected
     validation_samples: int  # reactions to each validation partner, for the energy score
+    temperatures: list[float]  # of the noise, of which the one with the best validation is kept
     n_critic: int  # critic steps for each generator step; 0: the generator has no critic
     gradient_penalty_weight: float  # lambda of the gradient penalty (PaCMO, eq. 2)
     warmup_epochs: int  # in which the generator is trained on the energy score, without the critic
@@ -276,6 +277,8 @@ class PacmoSettings:
                 "warmup_epochs must be at least 0 and at most validate_from; got warmup_epochs "
                 f"{self.warmup_epochs}, validate_from {self.validate_from}"
             )
+        if not self.temperatures or min(self.temperatures) <= 0:
+            raise ValueError(f"temperatures must be one or more, above 0; got {self.temperatures}")
         if not 0 <= self.cooldown_epochs <= self.n_epochs:
             raise ValueError(
                 "cooldown_epochs must be at least 0 and at most n_epochs; got cooldown_epochs "

@@ -123,6 +123,7 @@ PACMO = PacmoSettings(
     validate_every=2,
     checkpoint_every=2,
     validation_samples=4,
+    temperatures=[1.0],
     n_critic=2,
     gradient_penalty_weight=10.0,
     validate_from=1,

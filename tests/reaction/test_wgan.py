@@ -131,3 +131,31 @@ def test_without_a_critic_the_generator_takes_as_many_steps_and_the_critic_none(
     )
     with pytest.raises(ValueError, match="n_critic must be .* energy_score_weight 0"):
         replace(PACMO, n_critic=0, warmup_epochs=0, energy_score_weight=0.0)
+
+
+def test_the_temperature_with_the_best_validation_score_is_set() -> None:
+    watched = clips(4, first_seed=90)
+
+    def validated(*temperatures: float) -> tuple[float, float, float]:
+        settings = replace(PACMO, temperatures=list(temperatures), validate_from=0, warmup_epochs=0)
+        trainer = wgan.build_training(clips(8), settings, validation=watched).trainer
+        trainer.train_epoch(0)
+        score = float(trainer.validate()["validation"])
+        return score, float(trainer.model.temperature), float(trainer.generator.temperature)
+
+    alone = {value: validated(value)[0] for value in (0.25, 1.0, 4.0)}
+    assert len(set(alone.values())) == 3
+    best = min(alone, key=alone.__getitem__)
+    assert validated(*alone) == (alone[best], best, 1.0)
+
+
+def test_noise_has_the_models_temperature_as_its_standard_deviation() -> None:
+    model = wgan.build_training(clips(4), replace(PACMO, temperatures=[1.5])).model
+    noise = model.sample_noise(2000, torch.Generator().manual_seed(0))
+    values = model.config.noise.evaluate(noise, torch.tensor([0.3]))
+    assert float(values.std()) == pytest.approx(1.5, rel=0.05)
+
+
+def test_a_temperature_of_zero_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"above 0; got \[1.0, 0.0\]"):
+        replace(PACMO, temperatures=[1.0, 0.0])
