@@ -1,13 +1,14 @@
 """Recorded partners, and weights that were not trained on them.
 
 Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--without-finish]
-           [--camera-axes] [--json]
+           [--camera-axes] [--named] [--json]
 
 Under PACMO_REAL_DATA: SBU, the couple of CMU's subjects 18 and 19, and the variations of handover,
 in the joints of a model, clips of at most 14 seconds, reactions of either person. SBU has no
 wrists, toes and spine: they are estimated (``rigs.ESTIMATES``) in both people; ``--camera-axes``
-reads it in the axes of its camera, which looked up. The captured motion counts as contact where any
-two joints are within 10 cm.
+reads it in the axes of its camera, which looked up. ``--named`` gives weights
+that take labels the act's: of all of SBU and handover, and of CMU's handshake. The captured motion
+counts as contact where any two joints are within 10 cm.
 
 For each model and set, pooled over its clips: ``met`` the captured frames of contact in which the
 generated two are within 15 cm; ``false`` those with the captured two farther apart than 25 cm in
@@ -33,7 +34,7 @@ Handover states the giver's floor 20 cm too low; both people are lowered alike, 
 each other else.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -54,7 +55,7 @@ from pacmo_core.formats.table import Table
 from pacmo_core.metrics.contact import contact_f1, contacts_met, false_contacts
 from pacmo_core.reaction.data import expand_directions, replace_reaction, to_partner_frame
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.inference import finish_reactions, react
+from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 
 CONTACT, MET, APART = 0.1, 0.15, 0.25  # metres
@@ -62,6 +63,19 @@ MAX_SECONDS = 14.0
 CMU_HANDSHAKE = "18_19/18_01"
 BLOWS = ("pushing", "kicking", "punching")
 GIVES_WAY = 0.15  # metres
+HANDSHAKE = "shake hands"
+# Words of the default's label that names an act of SBU, or of a set.
+LABELS = {
+    "approaching": "walk towards",
+    "departing": "walk apart",
+    "kicking": "kick",
+    "pushing": "push",
+    "shaking hands": HANDSHAKE,
+    "hugging": "hug",
+    "exchanging": "give",
+    "punching": "punch",
+    "handover": "give",
+}
 N_REPLICATES = 2000  # of the bootstrap over pairs of people
 
 Array = NDArray[np.float64]
@@ -75,10 +89,10 @@ class Recorded:
     ``people`` are the pair of people of each clip, of all acts in turn.
     """
 
-    acts: list[list[Interaction]]
+    acts: dict[str, list[Interaction]]
     people: list[str]
     handshakes: list[Interaction]
-    blows: list[Interaction]
+    blows: dict[str, list[Interaction]]
 
 
 def main() -> None:
@@ -88,19 +102,23 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=2, help="reactions to each partner")
     parser.add_argument("--without-finish", action="store_true")
     parser.add_argument("--camera-axes", action="store_true", help="of SBU, not the floor's")
+    parser.add_argument("--named", action="store_true", help="the model is given the act's label")
     options = parser.parse_args()
     torch.set_num_threads(1)
     sbu = Sbu(fps=15, camera_pitch=0) if options.camera_axes else Sbu(fps=15)
     finish = not options.without_finish
+    labels = LABELS if options.named else {}
     figures: dict[str, float] = {}
     rivals: dict[str, dict[str, Counts]] = {}  # of each set
     for number, path in enumerate(options.weights):
         model = model_of(path)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
         for name, clips in recorded(model.skeleton, sbu).items():
-            found = reactions_to_some(model, clips, finish)
+            found = reactions_to_some(model, clips, finish, labels)
             pairs = [
-                pair for act in clips.acts for pair in react_to(model, act, options.samples, finish)
+                pair
+                for act, of_act in clips.acts.items()
+                for pair in react_to(model, of_act, options.samples, finish, labels.get(act, ""))
             ]
             found |= pooled(pairs)
             if not number:
@@ -113,15 +131,22 @@ def main() -> None:
     show(figures, as_json=options.json)
 
 
-def reactions_to_some(model: Generator, clips: Recorded, finish: bool) -> dict[str, float]:
+def reactions_to_some(
+    model: Generator, clips: Recorded, finish: bool, labels: Mapping[str, str]
+) -> dict[str, float]:
     """Return how far blows are given way to, in two samples, and how often hands are shaken."""
     found = {}
-    if clips.blows:
-        found["gives_way"] = _mean_way(react_to(model, clips.blows, 2, finish))
-        own = [(clip, clip.person_b[None]) for clip in clips.blows]
-        found["gives_way_captured"] = _mean_way(own)
+    if any(clips.blows.values()):
+        made = [
+            pair
+            for act, of_act in clips.blows.items()
+            for pair in react_to(model, of_act, 2, finish, labels.get(act, ""))
+        ]
+        found["gives_way"] = _mean_way(made)
+        found["gives_way_captured"] = _mean_way([(c, c.person_b[None]) for c, _ in made])
     if clips.handshakes:
-        shaken = react_to(model, clips.handshakes, 8, finish)
+        label = HANDSHAKE if labels else ""
+        shaken = react_to(model, clips.handshakes, 8, finish, label)
         half = len(shaken) // 2
         found["handshake_to_a"] = _right_hands(shaken[:half])
         found["handshake_to_b"] = _right_hands(shaken[half:])
@@ -130,7 +155,7 @@ def reactions_to_some(model: Generator, clips: Recorded, finish: bool) -> dict[s
 
 def permuted_rows(model: Generator, clips: Recorded) -> tuple[dict[str, float], dict[str, Counts]]:
     """Score others' captured reactions, as they are and finished, and count the latter's frames."""
-    others = [pair for act in clips.acts for pair in permuted(act)]
+    others = [pair for act in clips.acts.values() for pair in permuted(act)]
     ended = [(clip, finished(model, clip, motions)) for clip, motions in others]
     scores = {
         f"{row}_{key}": value
@@ -169,10 +194,10 @@ def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
         if acts:
             both = {act: expand_directions(clips, both=True) for act, clips in acts.items()}
             shaken = expand_directions(handshakes, both=True)
-            struck = [clip for act in BLOWS for clip in both.get(act, [])]
-            blows = [clip for clip in struck if _way(clip.person_a, clip.person_b) > GIVES_WAY]
+            blows = {act: [clip for clip in both[act] if _is_given_way(clip)]
+                     for act in BLOWS if act in both}  # fmt: skip
             of_clips = [pair for pairs in people.values() for pair in 2 * pairs]
-            sets[name] = Recorded(list(both.values()), of_clips, shaken, blows)
+            sets[name] = Recorded(both, of_clips, shaken, blows)
     return sets
 
 
@@ -198,16 +223,19 @@ def on_floor(clip: Interaction) -> Interaction:
 
 
 def react_to(
-    model: Generator, partners: Sequence[Interaction], n_samples: int, finish: bool
+    model: Generator,
+    partners: Sequence[Interaction],
+    n_samples: int,
+    finish: bool,
+    action: str = "",
 ) -> list[tuple[Interaction, Motion]]:
     """Return each captured interaction with reactions to its ``person_a``, (S, T, J, 3)."""
     random, pairs = torch.Generator().manual_seed(1), []
     n_samples = 1 if is_deterministic(model) else n_samples
     for clip in partners:
         times = clip.times - clip.times[0]
-        reactions = react(
-            model, clip.person_a, times, out_times=times, n_samples=n_samples, random=random
-        )
+        partner = PartnerMotion(clip.person_a, times, times, action)
+        (reactions,) = react_all(model, [partner], n_samples=n_samples, random=random)
         pairs.append((clip, finished(model, clip, reactions) if finish else reactions))
     return pairs
 
@@ -308,6 +336,10 @@ def _way(partner: Motion, person: Motion) -> float:
     across = (person[:, 0] - partner[:, 0])[0] * [1, 0, 1]
     along = person[:, 0] @ (across / np.linalg.norm(across))
     return float(along[-max(len(along) // 6, 2) :].mean() - along.min())
+
+
+def _is_given_way(clip: Interaction) -> bool:
+    return _way(clip.person_a, clip.person_b) > GIVES_WAY
 
 
 def _mean_way(pairs: Sequence[tuple[Interaction, Motion]]) -> float:

@@ -91,15 +91,17 @@ def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     real_folder("sbu")
     sets = recorded(JOINTS, Sbu(fps=15))
     sbu = sets["sbu"]
-    assert len(sbu.acts) == 8 and sum(map(len, sbu.acts)) == 564 and len(sbu.handshakes) == 36
+    assert (
+        len(sbu.acts) == 8 and sum(map(len, sbu.acts.values())) == 564 and len(sbu.handshakes) == 36
+    )
     assert len(sbu.people) == 564 and len(set(sbu.people)) == 13
     # About one of the two gives way in each of 135 blows.
-    assert len(sbu.blows) == 114
+    assert sum(map(len, sbu.blows.values())) == 114
     real_folder("cmu_18_19")
     real_folder("handover")
-    (takes,) = sets["cmu"].acts
+    (takes,) = sets["cmu"].acts.values()
     assert len(takes) == 18 and len(sets["cmu"].handshakes) == 2 and not sets["cmu"].blows
-    (handovers,) = sets["handover"].acts
+    (handovers,) = sets["handover"].acts.values()
     assert len(handovers) == 200 and not sets["handover"].handshakes
 
 
