@@ -75,7 +75,9 @@ from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
+    action_index,
     is_deterministic,
+    known_actions,
     sample_poses,
 )
 
@@ -142,7 +144,11 @@ PersonName = Annotated[
     str | None, typer.Option(help="the partner, a or b, if the capture has two people")
 ]
 Action = Annotated[
-    str, typer.Option(help="action label of the capture, for a model trained with labels")
+    str,
+    typer.Option(
+        help="what the two do, in words of one of the model's action labels, such as hug; without "
+        "it the model judges by the partner's motion"
+    ),
 ]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
 Finish = Annotated[
@@ -191,7 +197,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo react walk.bvh --from-unit cm --from-up y --joints mixamo --to-unit cm --out reaction.bvh
 
-    pacmo react anna.bvh --rig ben.bvh --out reaction.bvh
+    pacmo react anna.bvh --rig ben.bvh --action hug --out reaction.bvh
 
     pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
 
@@ -204,6 +210,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     joints of the model and constant bone lengths, in metres, y up unless --to-unit and --to-up say
     otherwise. Reactions are finished: bones have exact lengths, feet in stance do not slide, and
     the contacts that are predicted are closed; --no-finish leaves them as generated.
+
+    A model may have been trained with labels of actions, as the one in the package: --action names
+    one, where the partner's motion leaves several open.
 
     The body of a reaction is the model's choice. --rig names a BVH file of the person who
     reacts: the reaction is finished with that body's bone lengths, and BVH files are on its
@@ -228,14 +237,14 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(chosen, live)
             return
-        file, out = _check_files(partner, out)
+        file, out = _check_files(partner, out, rig if not finish else None)
         name = clip or capture_name(file)
-        _check_finish(rig, finish)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
         refuse_to_overwrite(out, output_files(out, name, samples), filter(None, (file, rig)))
         model, source = load_reaction_model(chosen), Source(file, person or "a", person)
+        told = _action_line(model, action)
         people = _read(source, rig, model.skeleton, options, clip)
-        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)))
+        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)) + told)
         capture = people.partner if to_fps is None else _at_meant_times(people.partner)
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
@@ -250,6 +259,25 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             people.rig, people.copied_partner(at, space),
         )  # fmt: skip
         _write(reactions, out, space)
+
+
+def _action_line(model: ReactionModel, action: str) -> str:
+    """Say in a further line which action a model is told, or may be told; nothing if it takes none.
+
+    Raises
+    ------
+    CommandError
+        If no label, or more than one, has the words.
+    """
+    known = known_actions(model)
+    try:
+        told = action_index(model, action)
+    except ValueError as fault:
+        raise CommandError(f"--action: {fault}") from fault
+    if action:
+        return f"\nthe action is told: {known[told]}"
+    others = ", ".join(label for label in known if label)
+    return f"\nthe action is not told; --action may name one of: {others}" if others else ""
 
 
 def _samples(
@@ -287,11 +315,6 @@ def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
         sole,
     ):
         typer.echo(line)
-
-
-def _check_finish(rig: Path | None, finish: bool) -> None:
-    if rig and not finish:
-        raise CommandError(f"--rig {rig}: the finish makes the body; leave out --no-finish")
 
 
 def _space(to_unit: str | None, to_up: str | None, default: OutputSpace) -> OutputSpace:
@@ -398,8 +421,14 @@ def _check_person(source: Source, options: ReadOptions, clip: str, rig: Path | N
         raise CommandError(f"{source.file} holds one person: leave out --person {source.person}")
 
 
-def _check_files(partner: list[Path], out: Path | None) -> tuple[Path, Path]:
-    """Return the partner and the output; refuse a second capture."""
+def _check_files(
+    partner: list[Path], out: Path | None, unfinished_rig: Path | None
+) -> tuple[Path, Path]:
+    """Return the partner and the output; refuse a second capture, and a rig without the finish."""
+    if unfinished_rig:
+        raise CommandError(
+            f"--rig {unfinished_rig}: the finish makes the body; leave out --no-finish"
+        )
     if not partner or out is None:
         missing = "--out" if partner else "a PARTNER and --out, or --stream"
         raise CommandError(f"give {missing}")
@@ -481,9 +510,10 @@ def _check_stream(given: Mapping[str, object]) -> None:
 
 def _stream(weights: Path, options: dict[str, Any]) -> None:
     model = load_reaction_model(weights)
+    told = _action_line(model, options["action"])
     live, skeleton = ReactionStream(model, **options), model.skeleton
     typer.echo(f"joints: {' '.join(skeleton.joints)}", err=True)
-    typer.echo(trained_on_line(weights, synthetic_capture=None), err=True)
+    typer.echo(trained_on_line(weights, synthetic_capture=None) + told, err=True)
     lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
     for line in react_to_lines(lines, live, len(skeleton.joints)):
         sys.stdout.write(f"{line}\n")

@@ -341,3 +341,31 @@ def test_another_format_is_refused_with_the_two_commands_that_write_it(
     assert pacmo(*words, tmp_path / "x.parquet").exit_code == 0
     export = ["export", f"{tmp_path}/x.parquet:one#0000", "--out", str(tmp_path / "x.glb")]
     assert CliRunner().invoke(app, export).exit_code == 0
+
+
+def test_the_action_is_told_by_words_of_its_label(tmp_path: Path) -> None:
+    labels = ["A1 wave", "A2 shake hands", "A3 hand over", "A2 shake hands"]
+    settings = replace(PACMO_LONG, n_epochs=2, action_channels=2, action_dropout=0.5)
+    model = wgan.build_training(clips(4), settings, actions=labels).finish()
+    weights = tmp_path / "weights.safetensors"
+    write_weights(weights, {"model": "pacmo", "config": model_config(model)}, model_state(model))
+    partner, out = tmp_path / "alone.bvh", tmp_path / "out.parquet"
+    partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    words = [partner, "--weights", weights, "--out", out]
+    said = pacmo(*words)
+    assert said.exit_code == 0, said.output
+    others = "A1 wave, A2 shake hands, A3 hand over"
+    assert f"the action is not told; --action may name one of: {others}\n" in said.stdout
+    untold = out.read_bytes()
+    said = pacmo(*words, "--action", "SHAKE")
+    assert "the action is told: A2 shake hands\n" in said.stdout
+    assert out.read_bytes() != untold
+    refused(pacmo(*words, "--action", "hand"), f"--action: action must be one of {others}; got 'h")
+    assert out.read_bytes() != untold
+
+
+def test_an_action_is_refused_by_weights_without_labels(weights: Path, tmp_path: Path) -> None:
+    partner = tmp_path / "alone.bvh"
+    partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    words = ["--weights", weights, "--action", "hug", "--out", tmp_path / "out.parquet"]
+    refused(pacmo(partner, *words), "--action", "the model has no action labels; got 'hug'")
