@@ -6,9 +6,9 @@ Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--witho
 Under PACMO_REAL_DATA: SBU, the couple of CMU's subjects 18 and 19, and the variations of handover,
 in the joints of a model, clips of at most 14 seconds, reactions of either person. SBU has no
 wrists, toes and spine: they are estimated (``rigs.ESTIMATES``) in both people; ``--camera-axes``
-reads it in the axes of its camera, which looked up. ``--named`` gives weights
-that take labels the act's: of all of SBU and handover, and of CMU's handshake. The captured motion
-counts as contact where any two joints are within 10 cm.
+reads it in the axes of its camera, which looked up. With ``--named`` weights that take labels react
+a second time, told the act (``named_...``): in all of SBU and handover, and in CMU's handshake. The
+captured motion counts as contact where any two joints are within 10 cm.
 
 For each model and set, pooled over its clips: ``met`` the captured frames of contact in which the
 generated two are within 15 cm; ``false`` those with the captured two farther apart than 25 cm in
@@ -25,10 +25,11 @@ reactions to partners from whose push, kick or punch the captured person gives w
 cm: how far the body moves away from its nearest place to the partner, as its first frame sees the
 partner; ``SET_gives_way_captured`` is that of the captured people.
 
-Of SBU, ``..._met_low`` and ``..._met_high`` (and ``false``, ``f1``) are the 95 % interval, which
-resamples its pairs of people, and ``..._met_less_permuted_finished_low`` and so on that of the
-difference from somebody who does what the act wants; of further weights, ``..._met_less_first_low``
-and so on that from the first. The people are few and meet in several pairs: intervals are rough.
+Of SBU, ``..._met_low`` and ``..._met_high`` (and so of the others but ``ape``) are the 95 %
+interval, which resamples its pairs of people, and ``..._met_less_permuted_finished_low`` and so on
+that of the difference from somebody who does what the act wants; of further weights, and of those
+that were told the act, ``..._met_less_first_low`` and so on that from the first. The people are few
+and meet in several pairs: intervals are rough.
 
 Handover states the giver's floor 20 cm too low; both people are lowered alike, as hands would miss
 each other else.
@@ -36,6 +37,7 @@ each other else.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +81,7 @@ LABELS = {
 N_REPLICATES = 2000  # of the bootstrap over pairs of people
 
 Array = NDArray[np.float64]
-Counts = dict[str, Array]  # (2, clips): frames, and those of which they are
+Counts = dict[str, Array]  # (2, clips): a sum over each clip, and the number it is a share of
 
 
 @dataclass(frozen=True)
@@ -102,18 +104,20 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=2, help="reactions to each partner")
     parser.add_argument("--without-finish", action="store_true")
     parser.add_argument("--camera-axes", action="store_true", help="of SBU, not the floor's")
-    parser.add_argument("--named", action="store_true", help="the model is given the act's label")
+    parser.add_argument("--named", action="store_true", help="react a second time, told the act")
     options = parser.parse_args()
     torch.set_num_threads(1)
     sbu = Sbu(fps=15, camera_pitch=0) if options.camera_axes else Sbu(fps=15)
     finish = not options.without_finish
-    labels = LABELS if options.named else {}
     figures: dict[str, float] = {}
     rivals: dict[str, dict[str, Counts]] = {}  # of each set
     for number, path in enumerate(options.weights):
         model = model_of(path)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
-        for name, clips in recorded(model.skeleton, sbu).items():
+        told = {"": {}, "named_": LABELS} if options.named and model.config.actions else {"": {}}
+        for (name, clips), (way, labels) in product(
+            recorded(model.skeleton, sbu).items(), told.items()
+        ):
             found = reactions_to_some(model, clips, finish, labels)
             pairs = [
                 pair
@@ -121,13 +125,13 @@ def main() -> None:
                 for pair in react_to(model, of_act, options.samples, finish, labels.get(act, ""))
             ]
             found |= pooled(pairs)
-            if not number:
+            if name not in rivals:
                 others, rivals[name] = permuted_rows(model, clips)
                 figures |= {f"{name}_{key}": value for key, value in others.items()}
             if name == "sbu":
                 found |= intervals(counted(pairs), rivals[name], clips.people)
             rivals[name].setdefault("first", counted(pairs))
-            figures |= {f"{prefix}{name}_{key}": value for key, value in found.items()}
+            figures |= {f"{prefix}{way}{name}_{key}": value for key, value in found.items()}
     show(figures, as_json=options.json)
 
 
@@ -257,29 +261,35 @@ def permuted(partners: Sequence[Interaction]) -> Iterator[tuple[Interaction, Mot
 
 def pooled(pairs: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:
     """Score reactions ``(S, T, J, 3)`` to the partners of captured interactions, over all."""
-    every = [(clip, motion) for clip, reactions in pairs for motion in reactions]
     counts = counted(pairs)
-    shares = {name: float(hits.sum() / max(of.sum(), 1)) for name, (hits, of) in counts.items()}
     return {
-        **shares,
-        **_hands(every),
-        "energy_score": float(np.mean([_energy_score(c.person_b, made) for c, made in pairs])),
-        "ape": float(np.mean([_distance(clip.person_b, motion) for clip, motion in every])),
-        "reactions": len(every),
+        **{name: float(sums.sum() / of.sum()) for name, (sums, of) in counts.items() if of.any()},
+        "ape": float(
+            np.mean([_distance(c.person_b, motion) for c, made in pairs for motion in made])
+        ),
+        "reactions": sum(len(made) for _, made in pairs),
     }
 
 
 def counted(pairs: Sequence[tuple[Interaction, Motion]]) -> Counts:
-    """Count the frames of ``met``, ``false`` and ``f1``, and those of which they are."""
-    counts: dict[str, list[Array]] = {"met": [], "false": [], "f1": []}
+    """Sum what is scored over each clip: frames of ``met``, ``false`` and ``f1``, hands, scores."""
+    counts: dict[str, list[Array]] = {}
     for clip, reactions in pairs:
         made = [min_point_distance(clip.person_a, motion) for motion in reactions]
         real = [min_point_distance(clip.person_a, clip.person_b)] * len(made)
-        met = contacts_met(made, real, contact=CONTACT, met=MET)
-        wrong = false_contacts(made, real, apart=APART, met=MET)
-        both = contact_f1(made, real, distance=CONTACT)
-        for name, found in zip(counts, (met, wrong, both), strict=True):
-            counts[name].append(found.sum(axis=1))
+        should_meet = _hands_meet(clip, clip.person_b)
+        meeting = sum(_hands_meet(clip, motion) for motion in reactions)
+        of_hands = np.array([meeting, len(made)], np.float64)
+        found: dict[str, Array] = {
+            "met": contacts_met(made, real, contact=CONTACT, met=MET).sum(axis=1),
+            "false": false_contacts(made, real, apart=APART, met=MET).sum(axis=1),
+            "f1": contact_f1(made, real, distance=CONTACT).sum(axis=1),
+            "hands": should_meet * of_hands,
+            "false_hands": (not should_meet) * of_hands,
+            "energy_score": np.array([_energy_score(clip.person_b, reactions), 1.0]),
+        }
+        for name, value in found.items():
+            counts.setdefault(name, []).append(value)
     return {name: np.stack(found, axis=1) for name, found in counts.items()}
 
 
@@ -298,7 +308,7 @@ def intervals(row: Counts, rivals: dict[str, Counts], people: Sequence[str]) -> 
 
     def shares(counts: Array) -> Array:
         hits, of = counts @ weights.T
-        return np.asarray(hits / np.maximum(of, 1))
+        return np.asarray(hits / np.maximum(of, 1e-9))
 
     found: dict[str, float] = {}
     for name, counts in row.items():
@@ -311,14 +321,6 @@ def intervals(row: Counts, rivals: dict[str, Counts], people: Sequence[str]) -> 
             low, high = np.quantile(values, (0.025, 0.975))
             found |= {f"{key}_low": float(low), f"{key}_high": float(high)}
     return found
-
-
-def _hands(every: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:
-    """Return the shares in which hands meet, where the captured ones do, and where they do not."""
-    real = np.array([_hands_meet(clip, clip.person_b) for clip, _ in every])
-    made = np.array([_hands_meet(clip, motion) for clip, motion in every])
-    groups = {"hands": real, "false_hands": ~real}
-    return {name: float(made[rows].mean()) for name, rows in groups.items() if rows.any()}
 
 
 def _right_hands(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
