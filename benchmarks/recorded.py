@@ -1,7 +1,7 @@
 """Recorded partners, and weights that were not trained on them.
 
 Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--without-finish]
-           [--camera-axes] [--named] [--json]
+           [--camera-axes] [--named] [--temperature T] [--json]
 
 Under PACMO_REAL_DATA: SBU, the couple of CMU's subjects 18 and 19, and the variations of handover,
 in the joints of a model, clips of at most 14 seconds, reactions of either person. SBU has no
@@ -105,6 +105,7 @@ def main() -> None:
     parser.add_argument("--without-finish", action="store_true")
     parser.add_argument("--camera-axes", action="store_true", help="of SBU, not the floor's")
     parser.add_argument("--named", action="store_true", help="react a second time, told the act")
+    parser.add_argument("--temperature", type=float, help="of the noise; the model's by default")
     options = parser.parse_args()
     torch.set_num_threads(1)
     sbu = Sbu(fps=15, camera_pitch=0) if options.camera_axes else Sbu(fps=15)
@@ -113,6 +114,8 @@ def main() -> None:
     rivals: dict[str, dict[str, Counts]] = {}  # of each set
     for number, path in enumerate(options.weights):
         model = model_of(path)
+        if options.temperature is not None:
+            model.temperature.fill_(options.temperature)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
         told = {"": {}, "named_": LABELS} if options.named and model.config.actions else {"": {}}
         for (name, clips), (way, labels) in product(
