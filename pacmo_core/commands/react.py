@@ -70,6 +70,7 @@ from pacmo_core.formats.resample import sample_times
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
+from pacmo_core.reaction.baselines import Gru
 from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import (
@@ -123,6 +124,7 @@ def _numbers(time: float, reactions: Motion) -> str:
     return " ".join([repr(time), *(f"{value:.6f}" for value in reactions.reshape(-1).tolist())])
 
 
+MAX_TEMPERATURE = 2.0  # beyond it reactions are of no motion that was trained on
 MIN_FRAMES = 4  # of a cubic spline
 MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused, in parts
 
@@ -150,6 +152,14 @@ Action = Annotated[
         "it the model judges by the partner's motion"
     ),
 ]
+Temperature = Annotated[
+    float | None,
+    typer.Option(
+        help="standard deviation of the noise that reactions are sampled from; default: the "
+        "model's, about 1, at which they vary as real ones do; 0.6 gives more alike ones, which "
+        "meet more of a recorded partner's contacts"
+    ),
+]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
 Finish = Annotated[
     bool,
@@ -175,6 +185,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     weights: Weights = None,
     samples: Samples = 1,
     seed: Seed = 0,
+    temperature: Temperature = None,
     person: PersonName = None,
     clip: Clip = "",
     action: Action = "",
@@ -214,6 +225,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     A model may have been trained with labels of actions, as the one in the package: --action names
     one, where the partner's motion leaves several open.
 
+    --temperature 0.6 samples nearer to what is most usual: of a recorded partner more contacts are
+    met, and the samples are more alike.
+
     The body of a reaction is the model's choice. --rig names a BVH file of the person who
     reacts: the reaction is finished with that body's bone lengths, and BVH files are on its
     hierarchy, in its unit and axes. --from-unit, --from-up and --joints with b= before the value
@@ -235,13 +249,13 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             space_of_files = {"--to-unit": to_unit, "--to-up": to_up, "--to-fps": to_fps}
             _check_stream({**given, "--person": person, **space_of_files, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
-            _stream(chosen, live)
+            _stream(_load(chosen, temperature), chosen, live)
             return
         file, out = _check_files(partner, out, rig if not finish else None)
         name = clip or capture_name(file)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
         refuse_to_overwrite(out, output_files(out, name, samples), filter(None, (file, rig)))
-        model, source = load_reaction_model(chosen), Source(file, person or "a", person)
+        model, source = _load(chosen, temperature), Source(file, person or "a", person)
         told = _action_line(model, action)
         people = _read(source, rig, model.skeleton, options, clip)
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)) + told)
@@ -508,8 +522,20 @@ def _check_stream(given: Mapping[str, object]) -> None:
         )
 
 
-def _stream(weights: Path, options: dict[str, Any]) -> None:
+def _load(weights: Path, temperature: float | None) -> ReactionModel:
+    """Read a model, and set the temperature of its noise if one is given."""
     model = load_reaction_model(weights)
+    if temperature is None:
+        return model
+    if isinstance(model, Gru) or is_deterministic(model):
+        raise CommandError(f"--temperature: {weights} has no noise; leave it out")
+    if not 0 <= temperature <= MAX_TEMPERATURE:
+        raise CommandError(f"--temperature must be 0 to {MAX_TEMPERATURE:g}; got {temperature:g}")
+    model.temperature.fill_(temperature)
+    return model
+
+
+def _stream(model: ReactionModel, weights: Path, options: dict[str, Any]) -> None:
     told = _action_line(model, options["action"])
     live, skeleton = ReactionStream(model, **options), model.skeleton
     typer.echo(f"joints: {' '.join(skeleton.joints)}", err=True)

@@ -369,3 +369,21 @@ def test_an_action_is_refused_by_weights_without_labels(weights: Path, tmp_path:
     partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
     words = ["--weights", weights, "--action", "hug", "--out", tmp_path / "out.parquet"]
     refused(pacmo(partner, *words), "--action", "the model has no action labels; got 'hug'")
+
+
+def test_the_temperature_scales_how_much_samples_differ(weights: Path, tmp_path: Path) -> None:
+    partner, out = tmp_path / "alone.bvh", tmp_path / "out.parquet"
+    partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    words = [partner, "--weights", weights, "--samples", 4, "--no-finish", "--out", out]
+
+    def spread(*more: object) -> float:
+        assert pacmo(*words, *more).exit_code == 0
+        samples = np.stack([pair.person_b for _, pair in stream_motions(out)])
+        return float(samples.std(axis=0).mean())
+
+    assert spread("--temperature", 0) == 0
+    assert 0 < spread("--temperature", 0.5) < spread() == spread("--temperature", 1)
+    before = out.read_bytes()
+    refused(pacmo(*words, "--temperature", 3), "--temperature must be 0 to 2; got 3")
+    refused(pacmo(*words, "--temperature", -1), "got -1")
+    assert out.read_bytes() == before
