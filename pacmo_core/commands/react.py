@@ -156,8 +156,7 @@ Temperature = Annotated[
     float | None,
     typer.Option(
         help="standard deviation of the noise that reactions are sampled from; default: the "
-        "model's, about 1, at which they vary as real ones do; 0.6 gives more alike ones, which "
-        "meet more of a recorded partner's contacts"
+        "model's, about 1, at which they vary as real ones do; 0.6 gives more alike and usual ones"
     ),
 ]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
@@ -222,11 +221,11 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     otherwise. Reactions are finished: bones have exact lengths, feet in stance do not slide, and
     the contacts that are predicted are closed; --no-finish leaves them as generated.
 
-    A model may have been trained with labels of actions, as the one in the package: --action names
-    one, where the partner's motion leaves several open.
+    A model may have been trained with labels of actions (package_labelled in a checkout): --action
+    names one, where the partner's motion leaves several open.
 
-    --temperature 0.6 samples nearer to what is most usual: of a recorded partner more contacts are
-    met, and the samples are more alike.
+    --temperature 0.6 samples nearer to what is most usual, where a reaction of each kind is not
+    wanted.
 
     The body of a reaction is the model's choice. --rig names a BVH file of the person who
     reacts: the reaction is finished with that body's bone lengths, and BVH files are on its
