@@ -113,9 +113,7 @@ def main() -> None:
     figures: dict[str, float] = {}
     rivals: dict[str, dict[str, Counts]] = {}  # of each set
     for number, path in enumerate(options.weights):
-        model = model_of(path)
-        if options.temperature is not None:
-            model.temperature.fill_(options.temperature)
+        model = model_at(path, options.temperature)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
         told = {"": {}, "named_": LABELS} if options.named and model.config.actions else {"": {}}
         for (name, clips), (way, labels) in product(
@@ -136,6 +134,14 @@ def main() -> None:
             rivals[name].setdefault("first", counted(pairs))
             figures |= {f"{prefix}{way}{name}_{key}": value for key, value in found.items()}
     show(figures, as_json=options.json)
+
+
+def model_at(path: Path, temperature: float | None) -> Generator:
+    """Read a model, with another temperature of its noise if one is given."""
+    model = model_of(path)
+    if temperature is not None:
+        model.temperature.fill_(temperature)
+    return model
 
 
 def reactions_to_some(
@@ -311,7 +317,7 @@ def intervals(row: Counts, rivals: dict[str, Counts], people: Sequence[str]) -> 
 
     def shares(counts: Array) -> Array:
         hits, of = counts @ weights.T
-        return np.asarray(hits / np.maximum(of, 1e-9))
+        return np.asarray((hits / np.maximum(of, 1e-9))[of > 0])
 
     found: dict[str, float] = {}
     for name, counts in row.items():
@@ -321,6 +327,8 @@ def intervals(row: Counts, rivals: dict[str, Counts], people: Sequence[str]) -> 
             for rival, theirs in rivals.items()
         }
         for key, values in spread.items():
+            if not len(values):  # no clip has what is counted
+                continue
             low, high = np.quantile(values, (0.025, 0.975))
             found |= {f"{key}_low": float(low), f"{key}_high": float(high)}
     return found

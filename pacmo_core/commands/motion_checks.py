@@ -56,8 +56,14 @@ MAX_GLIDE_SPEED = 0.3
 # stretches, push-ups and embraces, 2.7 in the default; whoever receives an object may stand still.
 MAX_SPEED_RATIO = 3.0
 MIN_SPEED = 0.03  # metres per second: who stands and breathes is no slower
+# Metres from the axis of a trunk to the skin, where a hand touches it.
+SKIN_DISTANCE = 0.18
+STATURE = "stature by the legs, m"
+# Times as tall, or as small, as the partner: beyond it one is a child or a giant beside the other.
+MAX_SIZE_RATIO = 1.25
 # Seconds, standard deviation of the kernel by which paths are smoothed.
 SMOOTHING = 0.1
+RIGHT_ACTION = "no limit tells whether it is the right action"
 # Samples with a line each; more of them have one line together.
 MAX_LINES = 4
 # Samples with a column each.
@@ -102,7 +108,15 @@ class Measurement:
     def beyond(self) -> list[int]:
         """The numbers of the samples beyond the limit, the worst first."""
         order = np.argsort([-value for value in self.values], kind="stable").tolist()
-        return [number for number in order if self.values[number] > self.limit]
+        # As printed: 12.51 beside a limit of 12.5 would read as equal.
+        limit = self.limit if self.limit == inf else round(self.limit, self._places)
+        return [number for number in order if round(self.values[number], self._places) > limit]
+
+    @property
+    def _places(self) -> int:
+        """Decimals of a value: at least as many as the limit has, or 7.63 beyond 7.61 is 7.6."""
+        of_limit = "" if self.limit == inf else f"{self.limit:.3g}".partition(".")[2]
+        return max(self.decimals, len(of_limit))
 
     @property
     def is_beyond_in_all(self) -> bool:
@@ -115,16 +129,13 @@ class Measurement:
 
     def range_of(self, numbers: Sequence[int], unit: str | None = None) -> str:
         """Return one value, or the least and the greatest of some samples, with the unit."""
-        # At least as many as the limit has: 7.63 beyond 7.61 would read 7.6.
-        of_limit = "" if self.limit == inf else f"{self.limit:.3g}".partition(".")[2]
-        decimals = max(self.decimals, len(of_limit))
-        values = format_range([self.values[number] for number in numbers], decimals)
+        values = format_range([self.values[number] for number in numbers], self._places)
         return f"{values}{self.unit if unit is None else unit}"
 
     def cells(self, numbers: Sequence[int]) -> list[str]:
         """Return the row of the table: name, limit, the partner's value and those of samples."""
         wanted = "" if self.limit == inf else f"<= {self.limit:.3g}"
-        own = "" if self.partner is None else format_fixed(self.partner, self.decimals)
+        own = "" if self.partner is None else format_fixed(self.partner, self._places)
         return [self.name, wanted, own, *(self.range_of([number], "") for number in numbers)]
 
     def lines(self) -> list[str]:
@@ -163,7 +174,9 @@ def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list
     without = [f"{where}no hand touches the partner"] if untouched else []
     if not lines:
         those = f"all {count} samples are" if count > 1 else "the reaction is"
-        return ["; ".join([f"{those} within every limit that was measured", *without])]
+        return [
+            "; ".join([f"{those} within every limit that was measured", *without, RIGHT_ACTION])
+        ]
     part = "a part of the capture (pacmo export --seconds) or another one"
     if any(one.is_beyond_in_all for one in limits):
         hint = (
@@ -173,7 +186,8 @@ def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list
         return [*lines, "; ".join([*without, hint])]
     beyond = {number for one in limits for number in one.beyond}
     within = [number for number in range(count) if number not in beyond]
-    within_text = [f"within every limit: {_samples(within)}"] if within else []
+    of_none = ["no sample is within every limit"] if count > 1 else []
+    within_text = [f"within every limit: {_samples(within)}"] if within else of_none
     other = (
         "other samples"
         if count > 1
@@ -302,7 +316,7 @@ def motion_lines(
     people: Sequence[PersonMotion],
     sole: float = 0.0,
 ) -> list[str]:
-    """Return a line for each measurement of all samples, and lines on those beyond its limit.
+    """Return a table of the measurements of all samples, and lines on those beyond a limit.
 
     Parameters
     ----------
@@ -327,8 +341,24 @@ def motion_lines(
     return [
         "the motion of the reaction, measured in what was written (docs/react.md):",
         *(f"  {line}" for line in [*_table([*rows, *nearness]), *unmeasured]),
+        *_partner_lines(rows),
         *limit_lines([row for row in rows if row.limit < inf], untouched),
     ]
+
+
+def _partner_lines(rows: Sequence[Measurement]) -> list[str]:
+    """Say that the partner is beyond limits of its own, and that bodies are of other sizes."""
+    beyond = [
+        f"{row.name.rpartition(', ')[0]} {format_fixed(row.partner, row.decimals)}{row.unit}"
+        for row in rows
+        if row.partner is not None and row.places and row.partner > row.limit
+    ]
+    noisy = [f"the capture itself is beyond limits: {'; '.join(beyond)}: it is noisy"]
+    sizes = [row for row in rows if row.name == STATURE and row.partner]
+    ratios = [value / row.partner for row in sizes for value in row.values if row.partner]
+    unlike = [ratio for ratio in ratios if not 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO]
+    text = f"bodies are {format_range(ratios, 2)} times as tall as the partner" if unlike else ""
+    return [*noisy[: len(beyond)], *([f"{text}: --rig names another"] if unlike else [])]
 
 
 def _table(rows: Sequence[Measurement]) -> list[str]:
@@ -359,7 +389,7 @@ def _postures(skeleton: Skeleton, partner: Motion, samples: Motion) -> list[Meas
     size, *sizes = (posture.stature for posture in postures)
     lean, *leans = (float(np.median(angles(posture.trunk, up))) for posture in postures)
     return [
-        Measurement("stature by the legs, m", sizes, decimals=2, partner=size),
+        Measurement(STATURE, sizes, decimals=2, partner=size),
         Measurement("lean of the trunk, °", leans, decimals=0, partner=lean),
     ]
 
@@ -541,23 +571,21 @@ def _nearness(
     if not hands:
         return rows, []
     hand = [joint for joints in hands.values() for joint in joints]
+    body = [joint for joint in every if joint not in hand]
     kinds = {f"{side} hand to {side}": [(joints, joints)] for side, joints in hands.items()}
     if len(hands) == 2:
         left, right = hands.values()
         kinds["a left hand to a right"] = [(left, right), (right, left)]
-    kinds["a hand to the body"] = [(hand, [joint for joint in every if joint not in hand])]
-    touches = {
-        name: [
-            np.any([_touching(partner, sample, *pair) for pair in pairs], axis=0)
-            for sample in samples
+    kinds["a hand to the partner's body"] = [(hand, body)]
+    kinds["the partner's hand to the body"] = [(body, hand)]
+    for name, pairs in kinds.items():
+        distance = SKIN_DISTANCE if "body" in name else CONTACT_DISTANCE
+        gaps = [
+            np.min([_gaps(partner, sample, *pair) for pair in pairs], axis=0) for sample in samples
         ]
-        for name, pairs in kinds.items()
-    }
-    rows += [
-        Measurement(f"frames {name}", [int(found.sum()) for found in of_samples], decimals=0)
-        for name, of_samples in touches.items()
-    ]
-    touched = np.any([row.values for row in rows[2:]], axis=0)
+        frames = [int((gap < distance).sum()) for gap in gaps]
+        rows.append(Measurement(f"frames of {len(partner)}: {name}", frames, decimals=0))
+    touched = np.any([row.values for row in rows[2:-1]], axis=0)
     return rows, np.flatnonzero(~touched).tolist()
 
 
@@ -575,14 +603,6 @@ def _gaps(partner: Motion, sample: Motion, own: list[int], other: list[int]) -> 
     pairs = ((sample[:, i] - partner[:, j]) for i in own for j in other)
     gaps: Array = reduce(np.minimum, (np.linalg.norm(pair, axis=-1) for pair in pairs))
     return gaps
-
-
-def _touching(
-    partner: Motion, sample: Motion, own: list[int], other: list[int]
-) -> NDArray[np.bool_]:
-    """Return in which frames they touch, ``(T,)``."""
-    touching: NDArray[np.bool_] = _gaps(partner, sample, own, other) < CONTACT_DISTANCE
-    return touching
 
 
 def _apart(motion: Motion, skeleton: Skeleton) -> Motion:
@@ -626,6 +646,7 @@ def _crossed_legs(
         "the legs of the reaction are {} deep in each other",
         " cm",
         [f"bones to {peak.joint} {peak.place}" for peak in peaks],
+        partner=100 * max(0.0, float(own.max())),
     )
 
 

@@ -156,7 +156,7 @@ Temperature = Annotated[
     float | None,
     typer.Option(
         help="standard deviation of the noise that reactions are sampled from; default: the "
-        "model's, about 1, at which they vary as real ones do; 0.6 gives more alike and usual ones"
+        "model's, 1 in the package; 0.6 gives more alike and usual ones, 0 one; 2 at most"
     ),
 ]
 Clip = Annotated[str, typer.Option(help="name of the clip in a .parquet or .mat file")]
@@ -207,7 +207,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 
     pacmo react walk.bvh --from-unit cm --from-up y --joints mixamo --to-unit cm --out reaction.bvh
 
-    pacmo react anna.bvh --rig ben.bvh --action hug --out reaction.bvh
+    pacmo react anna.bvh --rig ben.bvh --out reaction.bvh
 
     pacmo react data/clips/motions.parquet --clip NAME --person a --out reaction.bvh
 
@@ -283,6 +283,11 @@ def _action_line(model: ReactionModel, action: str) -> str:
         If no label, or more than one, has the words.
     """
     known = known_actions(model)
+    if action and not known:
+        raise CommandError(
+            f"--action {action}: the weights were not trained with labels of actions; leave it "
+            "out, or name others by --weights"
+        )
     try:
         told = action_index(model, action)
     except ValueError as fault:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.api import synthesise
-from pacmo_core.commands.motion_checks import _mean_speed, motion_lines
+from pacmo_core.commands.motion_checks import RIGHT_ACTION, _mean_speed, motion_lines
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.finish.floor import find_floor
@@ -36,10 +36,11 @@ def joined(lines: list[str]) -> list[str]:
     assert verdict
     within = r"(the reaction is|all \d+ samples are) within every limit that was measured"
     if re.fullmatch(
-        f"{within}(; (in samples? [0-9, ]+ )?no hand touches the partner)?", verdict[-1]
+        f"{within}(; (in samples? [0-9, ]+ )?no hand touches the partner)?; {RIGHT_ACTION}",
+        verdict[-1],
     ):
-        assert len(verdict) == 1
-        verdict = []
+        # Lines on the partner and on sizes may come before.
+        verdict = verdict[:-1]
     return ["\n".join(measured), *verdict]
 
 
@@ -77,18 +78,18 @@ def test_it_is_said_how_near_people_come_and_how_long_a_hand_touches() -> None:
     near[23, hand] = partner[23, head] + np.float32([0, 0.05, 0])
     line = lines_of(partner, far[None])[0]
     assert row(line, "nearest joints apart, cm") == ["50.0"]
-    assert row(line, "frames a hand to the body") == ["0"]
+    assert row(line, "frames of 60: a hand to the partner's body") == ["0"]
     line = lines_of(partner, np.stack([far, near]))[0]
     assert row(line, "nearest joints apart, cm") == ["50.0", "5.0"]
-    assert row(line, "frames a hand to the body") == ["0", "7"]
+    assert row(line, "frames of 60: a hand to the partner's body") == ["0", "7"]
     near[30:33, hand] = partner[30:33, SKELETON.joints.index("right_wrist")] + np.float32(
         [0, 0, 0.05]
     )
     near[40:42, hand] = partner[40:42, hand] + np.float32([0, 0, 0.02])
     line = lines_of(partner, np.stack([far, near]))[0]
-    assert row(line, "frames a left hand to a right") == ["0", "3"]
-    assert row(line, "frames left hand to left") == ["0", "2"]
-    assert row(line, "frames right hand to right") == ["0", "0"]
+    assert row(line, "frames of 60: a left hand to a right") == ["0", "3"]
+    assert row(line, "frames of 60: left hand to left") == ["0", "2"]
+    assert row(line, "frames of 60: right hand to right") == ["0", "0"]
 
 
 def test_more_samples_than_columns_have_the_least_and_the_greatest() -> None:
@@ -117,11 +118,13 @@ def test_the_verdict_says_that_no_hand_touches() -> None:
     people = [PersonMotion(SKELETON, TIMES, partner), PersonMotion(SKELETON, TIMES, far)]
     for motion, without in ((far, "; no hand touches the partner"), (near, "")):
         lines = motion_lines(SKELETON, TIMES, partner, motion[None], people)
-        assert lines[-1] == f"the reaction is within every limit that was measured{without}"
+        within = f"the reaction is within every limit that was measured{without}"
+        assert lines[-1] == f"{within}; {RIGHT_ACTION}"
     people = [*people, people[1]]
     lines = motion_lines(SKELETON, TIMES, partner, np.stack([near, far]), people)
     without = "; in sample 1 no hand touches the partner"
-    assert lines[-1] == f"all 2 samples are within every limit that was measured{without}"
+    within = f"all 2 samples are within every limit that was measured{without}"
+    assert lines[-1] == f"{within}; {RIGHT_ACTION}"
 
 
 def test_a_touch_of_heads_is_none_of_hands() -> None:
@@ -131,7 +134,7 @@ def test_a_touch_of_heads_is_none_of_hands() -> None:
     meets[:, head] = partner[:, head] + np.float32([0, 0.04, 0])
     line = lines_of(partner, meets[None])[0]
     assert row(line, "nearest joints apart, cm") == ["4.0"]
-    assert row(line, "frames a hand to the body") == ["0"]
+    assert row(line, "frames of 60: a hand to the partner's body") == ["0"]
 
 
 def test_the_sample_whose_joint_jumps_is_named() -> None:
@@ -317,7 +320,8 @@ def test_depth_below_the_partner_is_in_proportion_to_the_legs() -> None:
     partner[:, SKELETON.joints.index("left_foot"), 1] = -0.02
     larger = np.float32(1.6) * partner + np.float32([2, 0, 0])
     assert partner[..., 1].min() - larger[..., 1].min() > 0.01
-    (line,) = lines_of(partner, larger[None])
+    line, size = lines_of(partner, larger[None])
+    assert size.startswith("bodies are 1.60 times as tall as the partner")
     assert row(line, "below the partner's lowest point, cm") == ["<=", "1", "0"]
 
 
@@ -372,9 +376,34 @@ def test_crossed_shins_are_named_and_the_partners_crossed_legs_excuse_them() -> 
     crossed[:, right] = crossed[:, left]
     moved = crossed - np.float32([2, 0, 0])
     (line,) = lines_of(moved, crossed[None])
-    wanted, depth = map(float, row(line, "legs in each other, cm")[1:])
+    wanted, own, depth = map(float, row(line, "legs in each other, cm")[1:])
+    assert own == depth
     assert depth == pytest.approx(wanted, abs=0.05)
     assert depth > 7
     moved[:, right] += np.float32([0.01, 0, 0])  # less deep: no excuse
     fault = lines_of(moved, crossed[None])[1]
     assert fault.startswith("sample 0: the legs of the reaction are")
+
+
+def test_a_noisy_partner_and_bodies_of_another_size_are_said() -> None:
+    partner = standing()
+    giant = np.float32(1.3) * partner + np.float32([2, 0, 0])
+    noisy = partner.copy()
+    noisy[12:, 1, 2] += 0.4  # 360 m/s²
+    assert not any("tall" in line or "noisy" in line for line in lines_of(partner, partner[None]))
+    (_, size, *_) = lines_of(partner, np.stack([giant, giant]))
+    assert size == "bodies are 1.30 times as tall as the partner: --rig names another"
+    said = [line for line in lines_of(noisy, giant[None]) if "the capture itself" in line]
+    joint = "acceleration of a joint 360 m/s²"
+    assert len(said) == 1 and f"beyond limits: {joint}; turn of a bone in a frame" in said[0]
+
+
+def test_a_hand_on_a_trunk_is_on_its_skin_from_either_side() -> None:
+    partner = standing()
+    sample = partner + np.float32([2, 0, 0])
+    hand, trunk = SKELETON.indices(["left_hand", "spine_mid"])
+    sample[10:20, hand] = partner[10:20, trunk] + np.float32([0, 0, 0.17])
+    partner[30:35, hand] = sample[30:35, trunk] + np.float32([0, 0, 0.17])
+    line = lines_of(partner, sample[None])[0]
+    assert row(line, "frames of 60: a hand to the partner's body") == ["10"]
+    assert row(line, "frames of 60: the partner's hand to the body") == ["5"]
