@@ -125,13 +125,14 @@ def main() -> None:
                 for act, of_act in clips.acts.items()
                 for pair in react_to(model, of_act, options.samples, finish, labels.get(act, ""))
             ]
-            found |= pooled(pairs)
+            counts = counted(pairs)
+            found |= pooled(pairs, counts)
             if name not in rivals:
                 others, rivals[name] = permuted_rows(model, clips)
                 figures |= {f"{name}_{key}": value for key, value in others.items()}
             if name == "sbu":
-                found |= intervals(counted(pairs), rivals[name], clips.people)
-            rivals[name].setdefault("first", counted(pairs))
+                found |= intervals(counts, rivals[name], clips.people)
+            rivals[name].setdefault("first", counts)
             figures |= {f"{prefix}{way}{name}_{key}": value for key, value in found.items()}
     show(figures, as_json=options.json)
 
@@ -169,13 +170,17 @@ def reactions_to_some(
 def permuted_rows(model: Generator, clips: Recorded) -> tuple[dict[str, float], dict[str, Counts]]:
     """Score others' captured reactions, as they are and finished, and count the latter's frames."""
     others = [pair for act in clips.acts.values() for pair in permuted(act)]
-    ended = [(clip, finished(model, clip, motions)) for clip, motions in others]
+    rows = {
+        "permuted": others,
+        "permuted_finished": [(clip, finished(model, clip, motions)) for clip, motions in others],
+    }
+    counts = {row: counted(pairs) for row, pairs in rows.items()}
     scores = {
         f"{row}_{key}": value
-        for row, pairs in (("permuted", others), ("permuted_finished", ended))
-        for key, value in pooled(pairs).items()
+        for row, pairs in rows.items()
+        for key, value in pooled(pairs, counts[row]).items()
     }
-    return scores, {"permuted_finished": counted(ended)}
+    return scores, {"permuted_finished": counts["permuted_finished"]}
 
 
 def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
@@ -268,9 +273,8 @@ def permuted(partners: Sequence[Interaction]) -> Iterator[tuple[Interaction, Mot
             yield here, replace_reaction(here, there).person_b[None]
 
 
-def pooled(pairs: Sequence[tuple[Interaction, Motion]]) -> dict[str, float]:
+def pooled(pairs: Sequence[tuple[Interaction, Motion]], counts: Counts) -> dict[str, float]:
     """Score reactions ``(S, T, J, 3)`` to the partners of captured interactions, over all."""
-    counts = counted(pairs)
     return {
         **{name: float(sums.sum() / of.sum()) for name, (sums, of) in counts.items() if of.any()},
         "ape": float(

@@ -20,13 +20,17 @@ from tests.formats.real_files import real_folder
 JOINTS = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
 
 
+def scored(pairs: list[tuple[Interaction, np.ndarray]]) -> dict[str, float]:
+    return pooled(pairs, counted(pairs))
+
+
 @pytest.fixture(scope="module")
 def handshake() -> Interaction:
     return synthesise(10)["handshake-1"]
 
 
 def test_the_captured_reaction_meets_all_contacts_and_has_no_error(handshake: Interaction) -> None:
-    found = pooled([(handshake, handshake.person_b[None])])
+    found = scored([(handshake, handshake.person_b[None])])
     assert found.pop("reactions") == 1
     assert found == {
         "met": 1.0,
@@ -40,10 +44,10 @@ def test_the_captured_reaction_meets_all_contacts_and_has_no_error(handshake: In
 
 def test_a_reaction_beside_the_partner_meets_nothing(handshake: Interaction) -> None:
     aside = handshake.person_b + np.array([3, 0, 0], np.float32)
-    found = pooled([(handshake, np.stack([aside, aside]))])
+    found = scored([(handshake, np.stack([aside, aside]))])
     assert found["met"] == found["f1"] == found["hands"] == 0
     apart = replace(handshake, person_b=aside)
-    assert pooled([(apart, handshake.person_b[None])])["false_hands"] == 1
+    assert scored([(apart, handshake.person_b[None])])["false_hands"] == 1
     assert found["ape"] == pytest.approx(3, rel=1e-5) == found["energy_score"]
 
 

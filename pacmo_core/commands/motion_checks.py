@@ -572,14 +572,17 @@ def _nearness(
         return rows, []
     hand = [joint for joints in hands.values() for joint in joints]
     body = [joint for joint in every if joint not in hand]
-    kinds = {f"{side} hand to {side}": [(joints, joints)] for side, joints in hands.items()}
+    # Of each: the distance of a touch, and the joints of the reaction and the partner that touch.
+    touches = {
+        f"{side} hand to {side}": (CONTACT_DISTANCE, [(joints, joints)])
+        for side, joints in hands.items()
+    }
     if len(hands) == 2:
         left, right = hands.values()
-        kinds["a left hand to a right"] = [(left, right), (right, left)]
-    kinds["a hand to the partner's body"] = [(hand, body)]
-    kinds["the partner's hand to the body"] = [(body, hand)]
-    for name, pairs in kinds.items():
-        distance = SKIN_DISTANCE if "body" in name else CONTACT_DISTANCE
+        touches["a left hand to a right"] = CONTACT_DISTANCE, [(left, right), (right, left)]
+    touches["a hand to the partner's body"] = SKIN_DISTANCE, [(hand, body)]
+    touches["the partner's hand to the body"] = SKIN_DISTANCE, [(body, hand)]
+    for name, (distance, pairs) in touches.items():
         gaps = [
             np.min([_gaps(partner, sample, *pair) for pair in pairs], axis=0) for sample in samples
         ]
