@@ -233,6 +233,7 @@ class PacmoSettings:
     body_distances: bool  # give the critic the distances between end effectors of the two bodies
     action_channels: int  # of the action label's embedding; 0: the partner is the only condition
     action_dropout: float  # share of training pairs whose label is withheld
+    action_from: int  # epochs; in earlier ones all labels are withheld
     generator: AdamSettings
     critic: AdamSettings
     halve_learning_rate_every: int  # epochs
@@ -284,17 +285,28 @@ class PacmoSettings:
                 "cooldown_epochs must be at least 0 and at most n_epochs; got cooldown_epochs "
                 f"{self.cooldown_epochs}, n_epochs {self.n_epochs}"
             )
+        if self.warmup_epochs and not self.energy_score_weight:
+            raise ValueError(
+                "warmup_epochs above 0 want an energy_score_weight above 0: the generator has no "
+                f"other loss on reactions; got warmup_epochs {self.warmup_epochs}, "
+                f"energy_score_weight {self.energy_score_weight}"
+            )
+        self._check_labels()
+
+    def _check_labels(self) -> None:
         if not 0 <= self.action_dropout < 1 or (self.action_dropout and not self.action_channels):
             raise ValueError(
                 "action_dropout must be at least 0 and less than 1, and above 0 it wants "
                 f"action_channels above 0; got {self.action_dropout}, "
                 f"action_channels {self.action_channels}"
             )
-        if self.warmup_epochs and not self.energy_score_weight:
+        if not 0 <= self.action_from < self.n_epochs or (
+            self.action_from and not self.action_dropout
+        ):
             raise ValueError(
-                "warmup_epochs above 0 want an energy_score_weight above 0: the generator has no "
-                f"other loss on reactions; got warmup_epochs {self.warmup_epochs}, "
-                f"energy_score_weight {self.energy_score_weight}"
+                "action_from must be at least 0 and less than n_epochs, and above 0 it wants "
+                f"action_dropout above 0; got {self.action_from}, n_epochs {self.n_epochs}, "
+                f"action_dropout {self.action_dropout}"
             )
 
 

@@ -83,6 +83,7 @@ class WganTrainer:
         self.ema_generator = ema_copy(generator)
         self.ema_generator.temperature.fill_(settings.temperatures[0])
         self.selects_weights = not settings.validate_from
+        self.withheld_share = settings.action_dropout  # of labels
         self.losses = WganLosses(generator, critic, settings)
         self.augmentation = RandomAugmentation(
             settings.augmentation, generator.skeleton, settings.n_points
@@ -117,6 +118,7 @@ class WganTrainer:
             self.adam_critic, settings.critic.learning_rate, epoch=number, every=every
         )
         self.selects_weights = number >= settings.validate_from
+        self.withheld_share = settings.action_dropout if number >= settings.action_from else 1.0
         without_critic = number < settings.warmup_epochs or not settings.n_critic
         step = self.warmup_step if without_critic else self.step
         return mean_terms([step() for _ in range(self.steps_per_epoch)])
@@ -134,10 +136,9 @@ class WganTrainer:
         """Return the EMA's energy scores on validation pairs, on the same noise every time.
 
         ``validation`` is the score that is minimised in training, of whole spread; the others are
-        its parts. Of several temperatures the best is set: partners who were not trained on leave
-        more open than samples of the trained spread say. Epochs before ``validate_from`` are not
-        scored: the score soon changes by chance only, while the critic still improves what a score
-        on few clips does not measure.
+        its parts. Of several temperatures the one with the best score is set. Epochs before
+        ``validate_from`` are not scored: the score soon changes by chance only, while the critic
+        still improves what a score on few clips does not measure.
         """
         if self.validation_pairs is None or not self.selects_weights:
             return {}
@@ -209,9 +210,9 @@ class WganTrainer:
 
     def _withhold_labels(self, pairs: MotionPairs) -> MotionPairs:
         """Take the label from a share of pairs, so that reactions without one are learnt too."""
-        if not self.settings.action_dropout:
+        if not self.withheld_share:
             return pairs
-        withheld = torch.rand(len(pairs), generator=self.random) < self.settings.action_dropout
+        withheld = torch.rand(len(pairs), generator=self.random) < self.withheld_share
         unlabelled = self.generator.config.actions.index(UNLABELLED)
         action = pairs.action.masked_fill(withheld.to(pairs.action.device), unlabelled)
         return replace(pairs, action=action)
