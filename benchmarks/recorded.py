@@ -1,13 +1,13 @@
 """Recorded partners, and weights that were not trained on them.
 
 Usage: python -m benchmarks.recorded [--weights FILE ...] [--samples N] [--without-finish]
-           [--camera-axes] [--named] [--temperature T] [--json]
+           [--camera-axes] [--told] [--temperature T] [--json]
 
 Under PACMO_REAL_DATA: SBU, the couple of CMU's subjects 18 and 19, and the variations of handover,
 in the joints of a model, clips of at most 14 seconds, reactions of either person. SBU has no
 wrists, toes and spine: they are estimated (``rigs.ESTIMATES``) in both people; ``--camera-axes``
-reads it in the axes of its camera, which looked up. With ``--named`` weights that take labels react
-a second time, told the act (``named_...``): in all of SBU and handover, and in CMU's handshake. The
+reads it in the axes of its camera, which looked up. With ``--told`` weights that take labels react
+a second time, told the act (``told_...``): in all of SBU and handover, and in CMU's handshake. The
 captured motion counts as contact where any two joints are within 10 cm.
 
 For each model and set, pooled over its clips: ``met`` the captured frames of contact in which the
@@ -104,7 +104,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=2, help="reactions to each partner")
     parser.add_argument("--without-finish", action="store_true")
     parser.add_argument("--camera-axes", action="store_true", help="of SBU, not the floor's")
-    parser.add_argument("--named", action="store_true", help="react a second time, told the act")
+    parser.add_argument("--told", action="store_true", help="react a second time, told the act")
     parser.add_argument("--temperature", type=float, help="of the noise; the model's by default")
     options = parser.parse_args()
     torch.set_num_threads(1)
@@ -115,9 +115,9 @@ def main() -> None:
     for number, path in enumerate(options.weights):
         model = model_at(path, options.temperature)
         prefix = f"{number + 1}_" if len(options.weights) > 1 else ""
-        told = {"": {}, "named_": LABELS} if options.named and model.config.actions else {"": {}}
+        ways = {"": {}, "told_": LABELS} if options.told and model.config.actions else {"": {}}
         for (name, clips), (way, labels) in product(
-            recorded(model.skeleton, sbu).items(), told.items()
+            recorded(model.skeleton, sbu).items(), ways.items()
         ):
             found = reactions_to_some(model, clips, finish, labels)
             pairs = [

@@ -1,21 +1,37 @@
 """Truth: the captured reaction itself, and bodies whose joints are known."""
 
+import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks import recorded as benchmark
 from benchmarks.blows import blows
 from benchmarks.handover import measure
-from benchmarks.recorded import _way, counted, intervals, on_floor, permuted, pooled, recorded
+from benchmarks.recorded import (
+    Recorded,
+    _way,
+    counted,
+    intervals,
+    on_floor,
+    permuted,
+    pooled,
+    recorded,
+)
 from pacmo_core.api import synthesise
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.formats.table import Table
+from pacmo_core.reaction import wgan
 from pacmo_core.store.motions import write_motions
+from pacmo_core.store.weights import write_weights
+from pacmo_core.training.state import model_config, model_state
 from tests.formats.real_files import real_folder
+from tests.reaction import problems
 
 JOINTS = NTU25.without(["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"])
 
@@ -89,6 +105,35 @@ def test_who_gives_way_ends_farther_from_where_they_were_nearest() -> None:
     person[:, 0, 2] = -walk
     person[:, 0, 0] = np.linspace(0, 0.3, 60)  # aside does not count
     assert _way(partner, person) == pytest.approx(0.4, abs=1e-6)
+
+
+def test_what_is_told_and_the_temperature_reach_the_reactions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clips = problems.clips(4)
+    settings = replace(problems.PACMO_LONG, n_epochs=2, action_channels=2, action_dropout=0.5)
+    labels = ["A055 hug", "A058 shake hands"] * 2
+    model = wgan.build_training(clips, settings, actions=labels).finish()
+    weights = tmp_path / "weights.safetensors"
+    write_weights(weights, {"model": "pacmo", "config": model_config(model)}, model_state(model))
+    sets = {"sbu": Recorded({"hugging": clips}, ["ab", "cd", "ef", "gh"], [], {})}
+    monkeypatch.setattr(benchmark, "recorded", lambda *_: sets)
+
+    def scores(*words: object) -> dict[str, float]:
+        monkeypatch.setattr(sys, "argv", ["recorded", *map(str, words), "--json"])
+        benchmark.main()
+        found: dict[str, float] = json.loads(capsys.readouterr().out.splitlines()[-1])
+        return found
+
+    of_four = ["--weights", weights, "--samples", 4]
+    untold, told = scores(*of_four), scores(*of_four, "--told")
+    assert not any(key.startswith("told_") for key in untold)
+    assert {key: told[key] for key in untold} == untold
+    assert told["told_sbu_energy_score"] != untold["sbu_energy_score"]
+    # Without noise four samples are one reaction, whose energy score is its error.
+    cold = [scores(*of_four[:3], n, "--temperature", 0)["sbu_energy_score"] for n in (1, 4)]
+    assert cold[0] == pytest.approx(cold[1], rel=1e-5)
+    assert cold[1] > untold["sbu_energy_score"]
 
 
 def test_every_act_of_sbu_and_the_couples_are_read() -> None:

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 
 from pacmo_core.augmentation.filter import VariationLimits, exceeded_limits
 from pacmo_core.commands.captures import TwoPersonCapture, is_parquet
-from pacmo_core.commands.motion_checks import (
-    samples_of,
-)
 from pacmo_core.commands.places import (
     FRAME_MEASURES,
     MIN_LOSS,
@@ -25,6 +22,7 @@ from pacmo_core.commands.places import (
     worst_of,
 )
 from pacmo_core.commands.reading import PEOPLE
+from pacmo_core.commands.sample_table import samples_of
 from pacmo_core.commands.view import scene_of_people
 from pacmo_core.data.interaction import min_point_distance
 from pacmo_core.data.names import file_stem

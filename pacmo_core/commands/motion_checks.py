@@ -15,6 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from pacmo_core.commands.sample_table import (
+    Measurement,
+    format_range,
+    limit_lines,
+    table_lines,
+)
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.posture import measure_posture
 from pacmo_core.data.segments import feet, segments
@@ -63,167 +69,8 @@ STATURE = "stature by the legs, m"
 MAX_SIZE_RATIO = 1.25
 # Seconds, standard deviation of the kernel by which paths are smoothed.
 SMOOTHING = 0.1
-RIGHT_ACTION = "no limit tells whether it is the right action"
-# Samples with a line each; more of them have one line together.
-MAX_LINES = 4
-# Samples with a column each.
-MAX_COLUMNS = 8
-# Numbers of samples in a line.
-MAX_NUMBERS = 12
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """A measurement of every sample, and its limit if it has one.
-
-    Parameters
-    ----------
-    name : in the table, with the unit
-    values : (S,) in the printed unit
-    limit : the largest that is wanted; infinity where no value is wrong
-    text : what is beyond the limit, with ``{}`` in place of the value
-    unit : of value and limit, with a space before it if there is one
-    places : (S,) where each value is, such as its frame; empty if it is of the whole motion
-    decimals : of the values
-    partner : the same of the partner, if it has one
-    """
-
-    name: str
-    values: Sequence[float]
-    limit: float = inf
-    text: str = ""
-    unit: str = ""
-    places: Sequence[str] = ()
-    decimals: int = 1
-    partner: float | None = None
-
-    @property
-    def wanted(self) -> str:
-        """The limit, in words."""
-        return f"wanted at most {self.limit:.3g}{self.unit}"
-
-    @property
-    def beyond(self) -> list[int]:
-        """The numbers of the samples beyond the limit, the worst first."""
-        order = np.argsort([-value for value in self.values], kind="stable").tolist()
-        # As printed: 12.51 beside a limit of 12.5 would read as equal.
-        limit = self.limit if self.limit == inf else round(self.limit, self._places)
-        return [number for number in order if round(self.values[number], self._places) > limit]
-
-    @property
-    def _places(self) -> int:
-        """Decimals of a value: at least as many as the limit has, or 7.63 beyond 7.61 is 7.6."""
-        of_limit = "" if self.limit == inf else f"{self.limit:.3g}".partition(".")[2]
-        return max(self.decimals, len(of_limit))
-
-    @property
-    def is_beyond_in_all(self) -> bool:
-        """Whether several samples are beyond the limit and none is within it."""
-        return len(self.beyond) == len(self.values) > 1
-
-    def said(self, numbers: Sequence[int]) -> str:
-        """Return the measurement of some samples in words: one value, or least and greatest."""
-        return self.text.format(self.range_of(numbers))
-
-    def range_of(self, numbers: Sequence[int], unit: str | None = None) -> str:
-        """Return one value, or the least and the greatest of some samples, with the unit."""
-        values = format_range([self.values[number] for number in numbers], self._places)
-        return f"{values}{self.unit if unit is None else unit}"
-
-    def cells(self, numbers: Sequence[int]) -> list[str]:
-        """Return the row of the table: name, limit, the partner's value and those of samples."""
-        wanted = "" if self.limit == inf else f"<= {self.limit:.3g}"
-        own = "" if self.partner is None else format_fixed(self.partner, self._places)
-        return [self.name, wanted, own, *(self.range_of([number], "") for number in numbers)]
-
-    def lines(self) -> list[str]:
-        """Return a line for each sample beyond the limit; one line if they are many, or all."""
-        beyond, count = self.beyond, len(self.values)
-        if len(beyond) <= MAX_LINES and not self.is_beyond_in_all:
-            return [
-                f"{self._sample(number, f': {self.said([number])}')}, {self.wanted}"
-                for number in sorted(beyond)
-            ]
-        number_text = f"all {count}" if self.is_beyond_in_all else f"{len(beyond)} of {count}"
-        worst = "; ".join(self._sample(number) for number in beyond[:MAX_LINES])
-        more = "; ..." if beyond[MAX_LINES:] else ""
-        texts = {self.range_of([number]) for number in beyond}
-        order = "alike" if len(texts) == 1 else "the worst first"
-        return [
-            f"{number_text} samples: {self.said(beyond)}, {self.wanted} ({order}: {worst}{more})"
-        ]
-
-    def _sample(self, number: int, said: str = "") -> str:
-        place = f", {self.places[number]}" if self.places else ""
-        return f"sample {number}{said}{place}"
-
-
-def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list[str]:
-    """Return the lines of all limits, and one on what to do; one if all samples are within.
-
-    Parameters
-    ----------
-    limits : at least one
-    untouched : numbers of the samples in which no hand touches the partner
-    """
-    lines = [line for one in limits for line in one.lines()]
-    count = len(limits[0].values)
-    where = f"in {_samples(untouched)} " if len(untouched) < count else ""
-    without = [f"{where}no hand touches the partner"] if untouched else []
-    if not lines:
-        those = f"all {count} samples are" if count > 1 else "the reaction is"
-        return [
-            "; ".join([f"{those} within every limit that was measured", *without, RIGHT_ACTION])
-        ]
-    part = "a part of the capture (pacmo export --seconds) or another one"
-    if any(one.is_beyond_in_all for one in limits):
-        hint = (
-            f"where all samples are beyond a limit another --seed hardly helps: try {part}, or "
-            "train on captures like this one (docs/react.md)"
-        )
-        return [*lines, "; ".join([*without, hint])]
-    beyond = {number for one in limits for number in one.beyond}
-    within = [number for number in range(count) if number not in beyond]
-    of_none = ["no sample is within every limit"] if count > 1 else []
-    within_text = [f"within every limit: {_samples(within)}"] if within else of_none
-    other = (
-        "other samples"
-        if count > 1
-        else f"another sample; where --samples 3 are all beyond it, try {part}"
-    )
-    return [*lines, "; ".join([*within_text, *without, f"another --seed gives {other}"])]
-
-
-def _samples(numbers: Sequence[int]) -> str:
-    return f"sample{'s' * (len(numbers) > 1)} {listed(numbers)}"
-
-
-def listed(numbers: Sequence[object]) -> str:
-    """List numbers of samples, or values of each, if they are not too many."""
-    return f"{', '.join(map(str, numbers[:MAX_NUMBERS]))}{', ...' * bool(numbers[MAX_NUMBERS:])}"
-
-
-def samples_of(texts: Sequence[str], worst: int) -> str:
-    """Say which samples have the value of the worst, as values are printed.
-
-    Returns
-    -------
-    ``sample 1`` or ``samples 0, 2``; ``all samples`` where values are alike; empty of one sample
-    """
-    same = [number for number, text in enumerate(texts) if text == texts[worst]]
-    if len(texts) == 1:
-        return ""
-    if len(same) == len(texts):
-        return "all samples"
-    return _samples(same)
-
-
-def format_range(values: Sequence[float], decimals: int) -> str:
-    """Format one value, or the least and the greatest."""
-    low, high = (format_fixed(value, decimals) for value in (min(values), max(values)))
-    return low if low == high else f"{low} to {high}"
 
 
 @dataclass(frozen=True)
@@ -340,7 +187,7 @@ def motion_lines(
     nearness, untouched = _nearness(skeleton, partner, samples)
     return [
         "the motion of the reaction, measured in what was written (docs/react.md):",
-        *(f"  {line}" for line in [*_table([*rows, *nearness]), *unmeasured]),
+        *(f"  {line}" for line in [*table_lines([*rows, *nearness]), *unmeasured]),
         *_partner_lines(rows),
         *limit_lines([row for row in rows if row.limit < inf], untouched),
     ]
@@ -359,24 +206,6 @@ def _partner_lines(rows: Sequence[Measurement]) -> list[str]:
     unlike = [ratio for ratio in ratios if not 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO]
     text = f"bodies are {format_range(ratios, 2)} times as tall as the partner" if unlike else ""
     return [*noisy[: len(beyond)], *([f"{text}: --rig names another"] if unlike else [])]
-
-
-def _table(rows: Sequence[Measurement]) -> list[str]:
-    """Lay measurements out in columns: of each sample, or the least and the greatest of many."""
-    count = len(rows[0].values)
-    if count <= MAX_COLUMNS:
-        heads = [f"sample {number}" for number in range(count)]
-        cells = [row.cells(range(count)) for row in rows]
-    else:
-        heads = ["least", f"greatest of {count}"]
-        ends = [(int(np.argmin(row.values)), int(np.argmax(row.values))) for row in rows]
-        cells = [row.cells(of_row) for row, of_row in zip(rows, ends, strict=True)]
-    lines = [["", "wanted", "partner", *heads], *cells]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [
-        "  ".join([name.ljust(widths[0]), *map(str.rjust, values, widths[1:])])
-        for name, *values in lines
-    ]
 
 
 def _postures(skeleton: Skeleton, partner: Motion, samples: Motion) -> list[Measurement]:
@@ -443,7 +272,7 @@ def _heights(
     )
     usual = float(np.median(own.min(axis=1)))
     above = Measurement(
-        "above it in the median frame, cm",
+        "above the partner's lowest point, cm",
         [
             100 * max(0.0, float(np.median(of.min(axis=1)) - usual * leg / own_leg))
             for leg, of in zip(legs, heights, strict=True)
@@ -508,7 +337,7 @@ def _turns(times: Array, people: Sequence[PersonMotion]) -> Measurement:
         for turns, person in zip(samples, people[1:], strict=True)
     ]
     return Measurement(
-        "turn of a bone in a frame, °",
+        f"turn of a bone in 1/{frame_rate(times):.3g} s, °",
         [float(turns.max()) for turns in samples],
         max_turn(times),
         "a bone turns by {} from one frame to the next",
@@ -564,7 +393,7 @@ def _nearness(
     roots = np.linalg.norm(partner[:, skeleton.root] - samples[:, :, skeleton.root], axis=-1)
     nearest = [100 * float(_gaps(partner, sample, every, every).min()) for sample in samples]
     rows = [
-        Measurement("roots apart at least, m", roots.min(axis=1).tolist(), decimals=2),
+        Measurement("pelvises apart at least, m", roots.min(axis=1).tolist(), decimals=2),
         Measurement("nearest joints apart, cm", nearest),
     ]
     hands = _hands(skeleton)

@@ -22,12 +22,12 @@ from pacmo_core.commands.motion_checks import (
     bone_names,
     bone_turns,
     find_peak,
-    format_range,
     joint_accelerations,
     max_turn,
     when,
 )
 from pacmo_core.commands.reading import PEOPLE
+from pacmo_core.commands.sample_table import format_range
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.formats.registry import PersonMotion

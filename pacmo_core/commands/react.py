@@ -248,13 +248,13 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
             space_of_files = {"--to-unit": to_unit, "--to-up": to_up, "--to-fps": to_fps}
             _check_stream({**given, "--person": person, **space_of_files, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
-            _stream(_load(chosen, temperature), chosen, live)
+            _stream(_load(chosen, temperature, samples), chosen, live)
             return
         file, out = _check_files(partner, out, rig if not finish else None)
         name = clip or capture_name(file)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
         refuse_to_overwrite(out, output_files(out, name, samples), filter(None, (file, rig)))
-        model, source = _load(chosen, temperature), Source(file, person or "a", person)
+        model, source = _load(chosen, temperature, samples), Source(file, person or "a", person)
         told = _action_line(model, action)
         people = _read(source, rig, model.skeleton, options, clip)
         typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)) + told)
@@ -526,7 +526,7 @@ def _check_stream(given: Mapping[str, object]) -> None:
         )
 
 
-def _load(weights: Path, temperature: float | None) -> ReactionModel:
+def _load(weights: Path, temperature: float | None, samples: int) -> ReactionModel:
     """Read a model, and set the temperature of its noise if one is given."""
     model = load_reaction_model(weights)
     if temperature is None:
@@ -535,6 +535,8 @@ def _load(weights: Path, temperature: float | None) -> ReactionModel:
         raise CommandError(f"--temperature: {weights} has no noise; leave it out")
     if not 0 <= temperature <= MAX_TEMPERATURE:
         raise CommandError(f"--temperature must be 0 to {MAX_TEMPERATURE:g}; got {temperature:g}")
+    if not temperature and samples > 1:
+        raise CommandError(f"--temperature 0 gives one reaction; leave out --samples {samples}")
     model.temperature.fill_(temperature)
     return model
 

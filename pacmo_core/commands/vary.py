@@ -43,7 +43,6 @@ from pacmo_core.commands.captures import (
     write_two_people,
 )
 from pacmo_core.commands.measured import measure_written, write_variation_page
-from pacmo_core.commands.motion_checks import listed
 from pacmo_core.commands.react import check_request, check_total
 from pacmo_core.commands.reading import (
     PEOPLE,
@@ -56,6 +55,7 @@ from pacmo_core.commands.reading import (
     ReadOptions,
     to_model_joints,
 )
+from pacmo_core.commands.sample_table import listed
 from pacmo_core.commands.weights import (
     PACKAGED_PRIOR,
     PRIOR_TRAINED_HERE,

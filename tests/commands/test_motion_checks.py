@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.api import synthesise
-from pacmo_core.commands.motion_checks import RIGHT_ACTION, _mean_speed, motion_lines
+from pacmo_core.commands.motion_checks import _mean_speed, motion_lines
+from pacmo_core.commands.sample_table import RIGHT_ACTION
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.finish.floor import find_floor
@@ -62,7 +63,7 @@ def test_a_still_reaction_has_no_fault() -> None:
     (line,) = lines_of(partner, (partner + np.float32([2, 0, 0]))[None])
     assert row(line, "slower foot, cm/s") == ["<=", "30", "0", "0"]
     assert row(line, "bodies in each other, cm") == ["<=", "8", "0"]
-    assert row(line, "roots apart at least, m") == ["2.00"]
+    assert row(line, "pelvises apart at least, m") == ["2.00"]
     stature, own = row(line, "stature by the legs, m")
     assert stature == own
     assert 1.5 < float(own) < 2.0
@@ -97,7 +98,7 @@ def test_more_samples_than_columns_have_the_least_and_the_greatest() -> None:
     motions = np.stack([partner + np.float32([1 + n, 0, 0]) for n in range(9)])
     line = lines_of(partner, motions)[0]
     assert line.splitlines()[0].split() == ["wanted", "partner", "least", "greatest", "of", "9"]
-    assert row(line, "roots apart at least, m") == ["1.00", "9.00"]
+    assert row(line, "pelvises apart at least, m") == ["1.00", "9.00"]
 
 
 def test_a_trunk_leans_by_its_angle_from_the_vertical() -> None:
@@ -194,7 +195,7 @@ def test_the_largest_turn_of_a_bone_has_joint_frame_and_time() -> None:
     foot = SKELETON.joints.index("left_foot")
     moved[18:, foot] += (turned - bone[0]).astype(np.float32)
     first, *faults = lines_of(partner, np.stack([turns, moved]))
-    assert row(first, "turn of a bone in a frame, °") == ["<=", "25", "0", "0", "26.0"]
+    assert row(first, "turn of a bone in 1/30 s, °") == ["<=", "25", "0", "0", "26.0"]
     assert faults[-2] == (
         "sample 1: a bone turns by 26.0° from one frame to the next, that to left_ankle in frame "
         "18 (0.60 s), wanted at most 25°"
@@ -224,7 +225,7 @@ def test_bones_of_the_file_that_the_model_lacks_have_turns_too() -> None:
     line, jolt, turn, _ = joined(
         motion_lines(SKELETON, TIMES, partner, still[None], [own, in_file])
     )
-    assert row(line, "turn of a bone in a frame, °") == ["<=", "25", "0", "90.0"]
+    assert row(line, "turn of a bone in 1/30 s, °") == ["<=", "25", "0", "90.0"]
     jump = 0.15 * np.sqrt(2) * 30**2
     assert row(line, "acceleration of a joint, m/s²") == ["<=", "150", "0", f"{jump:.0f}"]
     assert jolt.startswith(
@@ -236,10 +237,11 @@ def test_bones_of_the_file_that_the_model_lacks_have_turns_too() -> None:
 def test_a_turn_has_less_room_in_a_shorter_step() -> None:
     partner = standing()
     still = partner + np.float32([2, 0, 0])
-    for times, wanted in ((TIMES, "25"), (TIMES / 4, "6.25"), (2 * TIMES, "50")):
+    wanted_of = {"30": (TIMES, "25"), "120": (TIMES / 4, "6.25"), "15": (2 * TIMES, "50")}
+    for fps, (times, wanted) in wanted_of.items():
         people = [PersonMotion(SKELETON, times, motion) for motion in (partner, still)]
         (line,) = joined(motion_lines(SKELETON, times, partner, still[None], people))
-        assert row(line, "turn of a bone in a frame, °")[:2] == ["<=", wanted]
+        assert row(line, f"turn of a bone in 1/{fps} s, °")[:2] == ["<=", wanted]
 
 
 def test_where_all_samples_are_beyond_one_limit_one_line_says_so() -> None:
@@ -352,7 +354,7 @@ def test_a_body_that_floats_is_named_and_one_that_jumps_is_not(rise: float, is_n
     line, *faults = lines_of(partner, np.stack([floats, jumps]))
     above = "in the median frame that lowest point is {} cm above the partner's, wanted at most 6"
     cells = ["<=", "6", f"{100 * rise:.1f}", "0"]
-    assert row(line, "above it in the median frame, cm") == cells
+    assert row(line, "above the partner's lowest point, cm") == cells
     named = f"sample 0: {above.format(f'{100 * rise:.1f}')} cm"
     assert (named in faults) == is_named
 
@@ -395,7 +397,7 @@ def test_a_noisy_partner_and_bodies_of_another_size_are_said() -> None:
     assert size == "bodies are 1.30 times as tall as the partner: --rig names another"
     said = [line for line in lines_of(noisy, giant[None]) if "the capture itself" in line]
     joint = "acceleration of a joint 360 m/s²"
-    assert len(said) == 1 and f"beyond limits: {joint}; turn of a bone in a frame" in said[0]
+    assert len(said) == 1 and f"beyond limits: {joint}; turn of a bone in 1/30 s" in said[0]
 
 
 def test_a_hand_on_a_trunk_is_on_its_skin_from_either_side() -> None:

@@ -24,13 +24,14 @@ from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
+from pacmo_core.reaction.baselines import build_regression_training
 from pacmo_core.reaction.inference import finish_reactions, react, sample_times
 from pacmo_core.reaction.windows import PartnerMotion
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.state import model_config, model_state
 from tests.formats.real_files import real_folder
-from tests.reaction.problems import PACMO_LONG, clips, delayed_mirror
+from tests.reaction.problems import PACMO_LONG, REGRESSION, clips, delayed_mirror
 
 CLIP = delayed_mirror(1, np.arange(40) / 15)
 
@@ -343,15 +344,21 @@ def test_another_format_is_refused_with_the_two_commands_that_write_it(
     assert CliRunner().invoke(app, export).exit_code == 0
 
 
-def test_the_action_is_told_by_words_of_its_label(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Weights that know three actions."""
     labels = ["A1 wave", "A2 shake hands", "A3 hand over", "A2 shake hands"]
     settings = replace(PACMO_LONG, n_epochs=2, action_channels=2, action_dropout=0.5)
     model = wgan.build_training(clips(4), settings, actions=labels).finish()
-    weights = tmp_path / "weights.safetensors"
+    weights = tmp_path_factory.mktemp("labelled") / "weights.safetensors"
     write_weights(weights, {"model": "pacmo", "config": model_config(model)}, model_state(model))
+    return weights
+
+
+def test_the_action_is_told_by_words_of_its_label(labelled: Path, tmp_path: Path) -> None:
     partner, out = tmp_path / "alone.bvh", tmp_path / "out.parquet"
     partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
-    words = [partner, "--weights", weights, "--out", out]
+    words = [partner, "--weights", labelled, "--out", out]
     said = pacmo(*words)
     assert said.exit_code == 0, said.output
     others = "A1 wave, A2 shake hands, A3 hand over"
@@ -381,9 +388,58 @@ def test_the_temperature_scales_how_much_samples_differ(weights: Path, tmp_path:
         samples = np.stack([pair.person_b for _, pair in stream_motions(out)])
         return float(samples.std(axis=0).mean())
 
-    assert spread("--temperature", 0) == 0
     assert 0 < spread("--temperature", 0.5) < spread() == spread("--temperature", 1)
     before = out.read_bytes()
     refused(pacmo(*words, "--temperature", 3), "--temperature must be 0 to 2; got 3")
     refused(pacmo(*words, "--temperature", -1), "got -1")
+    refused(pacmo(*words, "--temperature", 0), "0 gives one reaction; leave out --samples 4")
     assert out.read_bytes() == before
+
+
+def test_at_a_temperature_of_0_every_seed_gives_the_same_reaction(
+    weights: Path, tmp_path: Path
+) -> None:
+    partner = tmp_path / "alone.bvh"
+    partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    words = [partner, "--weights", weights, "--no-finish", "--temperature", 0]
+    motions = []
+    for seed in (1, 2):
+        out = tmp_path / f"{seed}.parquet"
+        assert pacmo(*words, "--seed", seed, "--out", out).exit_code == 0
+        ((_, pair),) = stream_motions(out)
+        motions.append(pair.person_b)
+    np.testing.assert_array_equal(*motions)
+
+
+def test_a_temperature_is_refused_by_weights_without_noise(tmp_path: Path) -> None:
+    regression = build_regression_training(clips(4), replace(REGRESSION, n_epochs=1)).finish()
+    facts = {"model": "regression", "config": model_config(regression)}
+    weights = tmp_path / "weights.safetensors"
+    write_weights(weights, facts, model_state(regression))
+    partner = tmp_path / "alone.bvh"
+    partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    words = [partner, "--weights", weights, "--out", tmp_path / "o.parquet"]
+    assert pacmo(*words).exit_code == 0
+    refused(pacmo(*words, "--temperature", 0.5), "--temperature: ", "has no noise; leave it out")
+
+
+def test_a_live_partner_is_answered_by_the_action_and_the_temperature(
+    labelled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = [json.dumps({"time": t, "pose": p.tolist()})
+             for t, p in zip(CLIP.times[:4].tolist(), CLIP.person_a, strict=False)]  # fmt: skip
+
+    def answers(*words: object) -> list[str]:
+        command = ["react", "--stream", "--weights", str(labelled), *map(str, words)]
+        said = CliRunner().invoke(app, command, input="\n".join([*lines, ""]))
+        assert said.exit_code == 0, said.output
+        return said.stdout.splitlines()
+
+    untold = answers()
+    assert len(untold) == 4
+    assert answers("--action", "wave") != untold
+    assert answers("--temperature", 0.5) != untold
+    cold = answers("--temperature", 0)
+    assert cold == answers("--temperature", 0, "--seed", 7) != untold
+    command = ["react", "--stream", "--weights", str(labelled), "--action", "hop"]
+    refused(CliRunner().invoke(app, command), "--action: action must be one of", "got 'hop'")
