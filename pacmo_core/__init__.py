@@ -2,6 +2,9 @@
 
     import pacmo_core
 
+    walk = pacmo_core.load_person("walk.bvh")
+    (reaction,) = pacmo_core.react(None, walk)    # by the weights in the package
+
     clips = pacmo_core.synthesise(20)
     model = pacmo_core.train("regression", clips, n_epochs=10)
     captured = clips["handshake-1"]
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
         default_settings,
         evaluate,
         load_clips,
+        load_person,
         react,
         retarget,
         save,
@@ -35,6 +39,7 @@ __all__ = [
     "default_settings",
     "evaluate",
     "load_clips",
+    "load_person",
     "react",
     "retarget",
     "save",

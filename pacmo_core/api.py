@@ -6,7 +6,8 @@ arguments and raises a ``TypeError`` or ``ValueError`` of one line that names th
 wanted and what was got. ``import pacmo_core`` offers all of them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from itertools import islice
@@ -23,9 +24,19 @@ from torch import nn
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
 from pacmo_core.augmentation.plan import check_scale
 from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.base import read_capture
-from pacmo_core.formats.registry import FORMATS, open_format
+from pacmo_core.formats.inference import infer_settings
+from pacmo_core.formats.joint_names import UNSTATED, name_joints
+from pacmo_core.formats.registry import (
+    DEFAULT_SETTINGS,
+    FORMATS,
+    PersonMotion,
+    format_of,
+    open_format,
+    read_partner,
+)
 from pacmo_core.interaction_mesh import Scene as MeshScene
 from pacmo_core.interaction_mesh import Settings, prepare
 from pacmo_core.interaction_mesh import retarget as retarget_scene
@@ -37,6 +48,7 @@ from pacmo_core.metrics.mmd import mmd_a, mmd_s
 from pacmo_core.metrics.reactions import stack_motions
 from pacmo_core.models import MODELS, Model, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
+from pacmo_core.reaction.baselines import Gru
 from pacmo_core.reaction.data import to_partner_frame
 from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, is_deterministic
@@ -49,6 +61,8 @@ from pacmo_core.training.loop import TrainingData
 from pacmo_core.training.state import model_config, model_state
 
 Clips = Sequence[Interaction] | Mapping[str, Interaction]
+# The weights that are installed with the package.
+PACKAGED = Path(__file__).parent / "commands" / "starting_weights.safetensors"
 
 
 def default_settings(section: str) -> dict[str, Any]:
@@ -78,7 +92,8 @@ def load_clips(
     ----------
     folder : of Parquet, such as ``data/clips``, or of raw captures in a format
     format : of raw captures: ntu, sbu, bvh, cmu, ...; None for Parquet
-    settings : of the format, such as ``fps=30.0``
+    settings : of the format, such as ``fps=30.0``; others are those of the datasets' publications.
+        BVH files state neither unit nor axis: ``preset="duo_mocap"``, or ``unit=0.01, up="y"``
 
     Returns
     -------
@@ -98,10 +113,49 @@ def load_clips(
         return dict(stream_motions(path / "motions.parquet"))
     if format not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {format!r}")
-    reader = open_format(format, settings)
+    reader = open_format(format, {**DEFAULT_SETTINGS[format], **settings})
     return {
         sequence.name: read_capture(reader, sequence).interaction for sequence in reader.find(path)
     }
+
+
+def load_person(
+    file: str | Path,
+    *,
+    person: str | None = None,
+    format: str | None = None,  # noqa: A002
+    **settings: Any,
+) -> PersonMotion:
+    """Load one person of a capture, to react to; unit and upward axis are inferred if need be.
+
+    Parameters
+    ----------
+    file : a capture, such as ``walk.bvh``
+    person : ``a`` or ``b`` of a file of two people
+    format : bvh, ntu, sbu, ...; None for that of the file's suffix
+    settings : of the format, such as ``unit=0.01, up="z"``
+
+    Returns
+    -------
+    the joints of the file, metres, y up, seconds
+
+    Raises
+    ------
+    FormatError
+        If the capture is broken: with the file, the line and the reason.
+    ValueError
+        If the format, a setting or the person is wrong, or the motion does not show the unit or
+        the axis.
+    """
+    path = Path(_check("file", file, str, Path))
+    name = format or format_of(path)
+    if name not in FORMATS:
+        raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {name!r}")
+    inferred = infer_settings(path, name, settings).settings
+    unseen = [key for key, value in inferred.items() if value is None]
+    if unseen:
+        raise ValueError(f"{path}: its motion does not show {' and '.join(unseen)}: state it")
+    return read_partner(path, name, {**settings, **inferred}, person=person, clip="")
 
 
 def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:
@@ -200,49 +254,60 @@ def save(name: str, model: nn.Module, path: str | Path) -> Path:
 
 
 def react(  # noqa: PLR0913  # each is a choice of the caller
-    model: ReactionModel | str | Path,
-    partner: Interaction,
+    model: ReactionModel | str | Path | None,
+    partner: Interaction | PersonMotion,
     *,
     person: str = "a",
     action: str = "",
     n_samples: int = 1,
     random_seed: int = 1,
+    temperature: float | None = None,
     finish: bool = True,
 ) -> list[Interaction]:
     """Generate reactions to one person of a clip, at the clip's frames.
 
     Parameters
     ----------
-    model : trained, or the path of its ``weights.safetensors``
-    partner : the clip
-    person : ``a`` or ``b``, who is the partner; the other's motion is not read
+    model : trained, or the path of its ``weights.safetensors``; None for the weights in the package
+    partner : the clip, or what ``load_person`` returns; of other joints than the model's, those of
+        the model are named in it
+    person : ``a`` or ``b``, who is the partner in a clip; the other's motion is not read
     action : of the interaction, a label that the model was trained with or words of one; empty
         where it is not known
     n_samples : how many; 1 for a deterministic model
     random_seed : of the noise
+    temperature : standard deviation of the noise, below 1 for more alike and usual reactions; None
+        for the model's
     finish : whether bones get exact lengths, feet are planted and predicted contacts closed
 
     Returns
     -------
-    interactions: ``person_a`` the partner, ``person_b`` the reaction
+    interactions: ``person_a`` the partner, ``person_b`` the reaction, of the model's joints
+
+    Raises
+    ------
+    ValueError
+        If an argument is wrong, or a joint of the model cannot be named in the partner's.
     """
-    _check("partner", partner, Interaction)
+    _check("partner", partner, Interaction, PersonMotion)
     _check_positive("n_samples", n_samples)
     if person not in ("a", "b"):
         raise ValueError(f"person must be a or b; got {person!r}")
     _check_seed(random_seed)
-    loaded = load_reaction_model(model) if isinstance(model, str | Path) else model
+    chosen = PACKAGED if model is None else model
+    loaded = load_reaction_model(chosen) if isinstance(chosen, str | Path) else chosen
     if not isinstance(loaded, ReactionModel):
         raise TypeError(f"model must generate reactions; got {type(model).__name__}")
     if is_deterministic(loaded) and n_samples != 1:
         raise ValueError(f"n_samples must be 1 for a deterministic model; got {n_samples}")
-    seen = partner if person == "a" else partner.swapped()
+    seen = _in_joints(partner, person, loaded.skeleton)
     random = torch.Generator().manual_seed(random_seed)
-    seen_motion = PartnerMotion(seen.person_a, seen.times, seen.times, action)
-    (motions,) = react_all(loaded, [seen_motion], n_samples=n_samples, random=random)
+    seen_motion = PartnerMotion(seen.motion, seen.times, seen.times, action)
+    with _at_temperature(loaded, temperature):
+        (motions,) = react_all(loaded, [seen_motion], n_samples=n_samples, random=random)
     if finish:
         motions = finish_reactions(loaded, seen_motion, motions)
-    return [replace(seen, person_b=motion) for motion in motions]
+    return [Interaction(seen.skeleton, seen.times, seen.motion, motion) for motion in motions]
 
 
 def retarget(
@@ -366,6 +431,37 @@ def view(clips: Mapping[str, Interaction], path: str | Path) -> Path:
 def _default_params() -> dict[str, Any]:
     params: dict[str, Any] = YAML(typ="safe").load(default_params_file())
     return params
+
+
+def _in_joints(
+    partner: Interaction | PersonMotion, person: str, skeleton: Skeleton
+) -> PersonMotion:
+    """Return one person on the joints of a model."""
+    if isinstance(partner, Interaction):
+        motion = partner.person_a if person == "a" else partner.person_b
+        partner = PersonMotion(partner.skeleton, partner.times, motion)
+    if partner.skeleton == skeleton:
+        return partner
+    named = name_joints(partner.skeleton, skeleton, UNSTATED, estimates=True)
+    return PersonMotion(skeleton, partner.times, named.apply(partner.motion))
+
+
+@contextmanager
+def _at_temperature(model: ReactionModel, temperature: float | None) -> Iterator[None]:
+    """Set the temperature of a model's noise for a while."""
+    if temperature is None:
+        yield
+        return
+    if isinstance(model, Gru) or is_deterministic(model):
+        raise ValueError(f"temperature must be None for a model without noise; got {temperature}")
+    if not _check("temperature", temperature, int, float) >= 0:
+        raise ValueError(f"temperature must be at least 0; got {temperature}")
+    before = float(model.temperature)
+    model.temperature.fill_(temperature)
+    try:
+        yield
+    finally:
+        model.temperature.fill_(before)
 
 
 def _training_section(model: Model, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,10 @@ from torch import nn
 
 import pacmo_core
 from pacmo_core import interaction_mesh, reaction, skeleton_prior
+from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.models import load_reaction_model
 
 SMALL = {"n_epochs": 2, "width": 8, "n_points": 17, "modes": [8, 6, 4, 4, 4, 6, 8]}
 
@@ -62,6 +65,38 @@ def test_a_generative_model_samples_reactions_that_differ_and_repeat_with_the_se
     np.testing.assert_array_equal(first.person_b, again.person_b)
 
 
+def test_the_weights_in_the_package_react_to_clips_of_other_joints():
+    assert pacmo_core.api.PACKAGED == PACKAGED
+    (clip,) = pacmo_core.synthesise(1).values()
+    (reaction,) = pacmo_core.react(None, clip, person="b")
+    model = load_reaction_model(PACKAGED)
+    assert reaction.skeleton == model.skeleton != clip.skeleton
+    # The model's joints are some of the clip's.
+    kept = clip.skeleton.indices(model.skeleton.joints)
+    np.testing.assert_array_equal(reaction.person_a, clip.person_b[:, kept])
+
+
+def test_a_person_is_loaded_from_a_bvh_file_and_reacted_to(tmp_path):
+    (clip,) = pacmo_core.synthesise(1).values()
+    file = tmp_path / "walk.bvh"
+    file.write_text(format_bvh(100 * clip.person_a, clip.fps, clip.skeleton))  # in centimetres
+    loaded = pacmo_core.load_person(file)
+    np.testing.assert_allclose(loaded.motion[:, 0], clip.person_a[:, 0], atol=1e-3)
+    (reaction,) = pacmo_core.react(None, loaded)
+    assert reaction.person_b.shape[0] == len(clip.times)
+    stated = pacmo_core.load_person(file, unit=0.02, up="y")
+    np.testing.assert_allclose(stated.motion, 2 * loaded.motion, rtol=1e-5)
+
+
+def test_a_temperature_of_0_gives_one_reaction_and_leaves_the_model_as_it_was(clips):
+    model = pacmo_core.train("pacmo", clips, **SMALL)
+    before = pacmo_core.react(model, clips[0])[0].person_b
+    first, second = pacmo_core.react(model, clips[0], n_samples=2, temperature=0)
+    # In a batch sums are rounded otherwise.
+    np.testing.assert_allclose(first.person_b, second.person_b, atol=1e-4)
+    np.testing.assert_array_equal(pacmo_core.react(model, clips[0])[0].person_b, before)
+
+
 def test_the_seed_changes_the_weights_of_every_model(clips):
     small = {"n_epochs": 1, "width": 8}
     first, second = (
@@ -111,7 +146,7 @@ def test_defaults_are_those_of_params_yaml():
         (lambda c: pacmo_core.train("gru", c, n_epoch=3), ValueError, "wanted .*; got n_epoch"),
         (lambda c: pacmo_core.train("gru", c, n_epochs="a"), ValueError, "n_epochs: .* got 'a'"),
         (lambda c: pacmo_core.train("gru", [1]), TypeError, r"clips\[0\] must be Interaction"),
-        (lambda c: pacmo_core.react("none", 3), TypeError, "partner must be Interaction; got int"),
+        (lambda c: pacmo_core.react("none", 3), TypeError, "partner must be Inter.*; got int"),
         (lambda c: pacmo_core.retarget(c[0]), ValueError, "a and b must not both be None"),
         (lambda c: pacmo_core.retarget(c[0], a={}), ValueError, "one body must change"),
         (
@@ -153,6 +188,15 @@ def test_defaults_are_those_of_params_yaml():
         (lambda c: pacmo_core.view({}, "v.html"), ValueError, "clips must be 1 to 6; got 0"),
         (lambda c: pacmo_core.load_clips("none"), ValueError, "folder must be an existing folder"),
         (lambda c: pacmo_core.load_clips(".", "fbx"), ValueError, "format must be one of ntu"),
+        (lambda c: pacmo_core.load_clips(".", "bvh"), ValueError, "preset pair states no unit"),
+        (lambda c: pacmo_core.load_clips(".", "bvh", fbs=3), ValueError, "unknown ..fbs"),
+        (lambda c: pacmo_core.load_person("x.bvh"), ValueError, "x.bvh: cannot be read"),
+        (lambda c: pacmo_core.load_person("x.fbx"), ValueError, "belongs to no format"),
+        (
+            lambda c: pacmo_core.react(None, c[0], temperature=-1),
+            ValueError,
+            "temperature must be at least 0; got -1",
+        ),
         (lambda c: pacmo_core.synthesise(0), ValueError, "n must be at least 1; got 0"),
     ],
 )
