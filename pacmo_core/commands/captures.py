@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Annotated, Any
 
 import numpy as np
@@ -381,7 +382,20 @@ def check_output(duo: TwoPersonCapture, out: Path) -> None:
 
 
 def refuse_to_overwrite(out: Path, outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
-    """Refuse an output ``out`` of which a file is one of those that are read."""
+    """Refuse an output ``out`` of which a file is one that is read, or where none can be written.
+
+    Raises
+    ------
+    CommandError
+        Naming the file, or the nearest folder that exists and takes no file.
+    """
+    folder = next(parent for parent in out.absolute().parents if parent.exists())
+    try:
+        # Neither permissions nor the kind of file system tell whether a file can be made.
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as fault:
+        raise CommandError(f"{out}: {folder} takes no file: {fault.strerror}") from fault
     read = {file.resolve() for file in inputs}
     for file in outputs:
         if file.resolve() in read:

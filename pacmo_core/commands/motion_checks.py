@@ -65,6 +65,12 @@ MIN_SPEED = 0.03  # metres per second: who stands and breathes is no slower
 # Metres from the axis of a trunk to the skin, where a hand touches it.
 SKIN_DISTANCE = 0.18
 STATURE = "stature by the legs, m"
+LEAN = "lean of the trunk, °"
+# Degrees by which a partner leans who bows, or was seen by a tilted camera: of SBU's people, in the
+# axes of the floor, half lean by less than 9 in the median frame, of CMU's couple by less than 7.
+MAX_LEAN = 15
+# Frames in which samples are compared with each other.
+N_COMPARED = 20
 # Times as tall, or as small, as the partner: beyond it one is a child or a giant beside the other.
 MAX_SIZE_RATIO = 1.25
 # Seconds, standard deviation of the kernel by which paths are smoothed.
@@ -185,27 +191,39 @@ def motion_lines(
         unmeasured = [f"how deep the bodies are in each other is not measured ({fault})"]
     rows += [_jolts(times, people), _turns(times, people)]
     nearness, untouched = _nearness(skeleton, partner, samples)
+    alike = _likeness(samples) if len(samples) > 2 else []
     return [
         "the motion of the reaction, measured in what was written (docs/react.md):",
-        *(f"  {line}" for line in [*table_lines([*rows, *nearness]), *unmeasured]),
+        *(f"  {line}" for line in [*table_lines([*rows, *nearness, *alike]), *unmeasured]),
         *_partner_lines(rows),
+        *(f"most like the others: sample {int(np.argmin(row.values))}" for row in alike),
         *limit_lines([row for row in rows if row.limit < inf], untouched),
     ]
 
 
 def _partner_lines(rows: Sequence[Measurement]) -> list[str]:
-    """Say that the partner is beyond limits of its own, and that bodies are of other sizes."""
+    """Say that the partner is beyond limits or leans, and that bodies are of other sizes."""
+    lines = []
     beyond = [
         f"{row.name.rpartition(', ')[0]} {format_fixed(row.partner, row.decimals)}{row.unit}"
         for row in rows
         if row.partner is not None and row.places and row.partner > row.limit
     ]
-    noisy = [f"the capture itself is beyond limits: {'; '.join(beyond)}: it is noisy"]
+    if beyond:
+        text = "; ".join(beyond)
+        lines.append(f"the capture itself is beyond limits: {text}: it is noisy, or very fast")
+    lines += [
+        f"the partner's trunk leans by {row.partner:.0f}° in the median frame: it bows, or the "
+        "camera was tilted (docs/react.md)"
+        for row in rows
+        if row.name == LEAN and row.partner and row.partner > MAX_LEAN
+    ]
     sizes = [row for row in rows if row.name == STATURE and row.partner]
     ratios = [value / row.partner for row in sizes for value in row.values if row.partner]
-    unlike = [ratio for ratio in ratios if not 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO]
-    text = f"bodies are {format_range(ratios, 2)} times as tall as the partner" if unlike else ""
-    return [*noisy[: len(beyond)], *([f"{text}: --rig names another"] if unlike else [])]
+    if any(not 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO for ratio in ratios):
+        times = format_range(ratios, 2)
+        lines.append(f"bodies are {times} times as tall as the partner: --rig names another")
+    return lines
 
 
 def _postures(skeleton: Skeleton, partner: Motion, samples: Motion) -> list[Measurement]:
@@ -219,7 +237,7 @@ def _postures(skeleton: Skeleton, partner: Motion, samples: Motion) -> list[Meas
     lean, *leans = (float(np.median(angles(posture.trunk, up))) for posture in postures)
     return [
         Measurement(STATURE, sizes, decimals=2, partner=size),
-        Measurement("lean of the trunk, °", leans, decimals=0, partner=lean),
+        Measurement(LEAN, leans, decimals=0, partner=lean),
     ]
 
 
@@ -386,8 +404,8 @@ def _nearness(
 
     Returns
     -------
-    Rows of the table, and the numbers of the samples in which no hand touches the partner; none of
-    people without hands
+    Rows of the table, and the numbers of the samples in which neither's hand touches the other;
+    none of people without hands
     """
     every = list(range(len(skeleton.joints)))
     roots = np.linalg.norm(partner[:, skeleton.root] - samples[:, :, skeleton.root], axis=-1)
@@ -417,8 +435,23 @@ def _nearness(
         ]
         frames = [int((gap < distance).sum()) for gap in gaps]
         rows.append(Measurement(f"frames of {len(partner)}: {name}", frames, decimals=0))
-    touched = np.any([row.values for row in rows[2:-1]], axis=0)
+    touched = np.any([row.values for row in rows[2:]], axis=0)
     return rows, np.flatnonzero(~touched).tolist()
+
+
+def _likeness(samples: Motion) -> list[Measurement]:
+    """Measure how far the joints of each sample are from those of the others, on average."""
+    frames = np.linspace(0, samples.shape[1] - 1, N_COMPARED).round().astype(int)
+    seen = samples[:, frames]
+    others = len(seen) - 1
+    apart = [100 * float(_distances(seen, one).sum()) / others for one in seen]
+    return [Measurement("apart from the other samples, cm", apart)]
+
+
+def _distances(motions: Motion, other: Motion) -> Array:
+    """Return the mean distance of the joints ``(T, J, 3)`` of each motion from another's."""
+    distances: Array = np.linalg.norm(motions - other, axis=-1).mean(axis=(1, 2))
+    return distances
 
 
 def _hands(skeleton: Skeleton) -> dict[str, list[int]]:

@@ -79,6 +79,8 @@ from pacmo_core.reaction.windows import (
     action_index,
     is_deterministic,
     known_actions,
+    max_duration,
+    mean_duration,
     sample_poses,
 )
 
@@ -257,7 +259,11 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         model, source = _load(chosen, temperature, samples), Source(file, person or "a", person)
         told = _action_line(model, action)
         people = _read(source, rig, model.skeleton, options, clip)
-        typer.echo(trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip)) + told)
+        typer.echo(
+            trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip))
+            + told
+            + _length_line(model, people.partner)
+        )
         capture = people.partner if to_fps is None else _at_meant_times(people.partner)
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
@@ -296,6 +302,18 @@ def _action_line(model: ReactionModel, action: str) -> str:
         return f"\nthe action is told: {known[told]}"
     others = ", ".join(label for label in known if label)
     return f"\nthe action is not told; --action may name one of: {others}" if others else ""
+
+
+def _length_line(model: ReactionModel, capture: PersonMotion) -> str:
+    """Say in a further line that a capture is longer than an action of the training."""
+    seconds = float(np.ptp(capture.times))
+    if seconds <= max_duration(model.normalisation):
+        return ""
+    return (
+        f"\nthe capture lasts {seconds:.1f} s, an action of the training about "
+        f"{mean_duration(model.normalisation):.1f} s: it is answered in windows of that length; "
+        "pacmo export --seconds cuts out one action"
+    )
 
 
 def _samples(

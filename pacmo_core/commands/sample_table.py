@@ -8,7 +8,7 @@ import numpy as np
 
 from pacmo_core.figures.numbers import format_fixed
 
-RIGHT_ACTION = "no limit tells whether it is the right action"
+RIGHT_ACTION = "whether it is the right action no limit tells: look at it"
 # Samples with a line each; more of them have one line together.
 MAX_LINES = 4
 # Samples with a column each.
@@ -89,14 +89,12 @@ class Measurement:
                 f"{self._sample(number, f': {self.said([number])}')}, {self.wanted}"
                 for number in sorted(beyond)
             ]
-        number_text = f"all {count}" if self.is_beyond_in_all else f"{len(beyond)} of {count}"
+        those = _those(count) if self.is_beyond_in_all else f"{len(beyond)} of {count} samples"
         worst = "; ".join(self._sample(number) for number in beyond[:MAX_LINES])
         more = "; ..." if beyond[MAX_LINES:] else ""
         texts = {self.range_of([number]) for number in beyond}
         order = "alike" if len(texts) == 1 else "the worst first"
-        return [
-            f"{number_text} samples: {self.said(beyond)}, {self.wanted} ({order}: {worst}{more})"
-        ]
+        return [f"{those}: {self.said(beyond)}, {self.wanted} ({order}: {worst}{more})"]
 
     def _sample(self, number: int, said: str = "") -> str:
         place = f", {self.places[number]}" if self.places else ""
@@ -109,17 +107,14 @@ def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list
     Parameters
     ----------
     limits : at least one
-    untouched : numbers of the samples in which no hand touches the partner
+    untouched : numbers of the samples in which neither's hand touches the other
     """
     lines = [line for one in limits for line in one.lines()]
     count = len(limits[0].values)
     where = f"in {_samples(untouched)} " if len(untouched) < count else ""
-    without = [f"{where}no hand touches the partner"] if untouched else []
+    without = [f"{where}no hand touches the other person"] if untouched else []
     if not lines:
-        those = f"all {count} samples are" if count > 1 else "the reaction is"
-        return [
-            "; ".join([f"{those} within every limit that was measured", *without, RIGHT_ACTION])
-        ]
+        return ["; ".join([f"within every limit: {_those(count)}", *without, RIGHT_ACTION])]
     part = "a part of the capture (pacmo export --seconds) or another one"
     if any(one.is_beyond_in_all for one in limits):
         hint = (
@@ -137,6 +132,10 @@ def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list
         else f"another sample; where --samples 3 are all beyond it, try {part}"
     )
     return [*lines, "; ".join([*within_text, *without, f"another --seed gives {other}"])]
+
+
+def _those(count: int) -> str:
+    return {1: "the reaction", 2: "both samples"}.get(count, f"all {count} samples")
 
 
 def _samples(numbers: Sequence[int]) -> str:

@@ -35,9 +35,9 @@ def joined(lines: list[str]) -> list[str]:
     assert lines[1 : 1 + len(measured)] == measured
     verdict = lines[1 + len(measured) :]
     assert verdict
-    within = r"(the reaction is|all \d+ samples are) within every limit that was measured"
+    within = r"within every limit: (the reaction|both samples|all \d+ samples)"
     if re.fullmatch(
-        f"{within}(; (in samples? [0-9, ]+ )?no hand touches the partner)?; {RIGHT_ACTION}",
+        f"{within}(; (in samples? [0-9, ]+ )?no hand touches the other person)?; {RIGHT_ACTION}",
         verdict[-1],
     ):
         # Lines on the partner and on sizes may come before.
@@ -117,14 +117,14 @@ def test_the_verdict_says_that_no_hand_touches() -> None:
     near = far.copy()
     near[:, hand] = partner[:, head] + np.float32([0, 0.09, 0])
     people = [PersonMotion(SKELETON, TIMES, partner), PersonMotion(SKELETON, TIMES, far)]
-    for motion, without in ((far, "; no hand touches the partner"), (near, "")):
+    for motion, without in ((far, "; no hand touches the other person"), (near, "")):
         lines = motion_lines(SKELETON, TIMES, partner, motion[None], people)
-        within = f"the reaction is within every limit that was measured{without}"
+        within = f"within every limit: the reaction{without}"
         assert lines[-1] == f"{within}; {RIGHT_ACTION}"
     people = [*people, people[1]]
     lines = motion_lines(SKELETON, TIMES, partner, np.stack([near, far]), people)
-    without = "; in sample 1 no hand touches the partner"
-    within = f"all 2 samples are within every limit that was measured{without}"
+    without = "; in sample 1 no hand touches the other person"
+    within = f"within every limit: both samples{without}"
     assert lines[-1] == f"{within}; {RIGHT_ACTION}"
 
 
@@ -149,7 +149,7 @@ def test_the_sample_whose_joint_jumps_is_named() -> None:
         f"sample 1: a joint accelerates by 360 m/s², {joint} in frame 11 (0.37 s), wanted at most "
         "150 m/s²"
     )
-    untouched = "no hand touches the partner"
+    untouched = "no hand touches the other person"
     assert hint == f"within every limit: sample 0; {untouched}; another --seed gives other samples"
 
 
@@ -247,7 +247,7 @@ def test_a_turn_has_less_room_in_a_shorter_step() -> None:
 def test_where_all_samples_are_beyond_one_limit_one_line_says_so() -> None:
     partner = standing()
     deep = [partner + np.float32([0.02 * n, 0, 0]) for n in range(6)]
-    _, line, hint = lines_of(partner, np.stack(deep))
+    _, _, line, hint = lines_of(partner, np.stack(deep))
     assert re.match(r"all 6 samples: the bodies are [\d.]+ to [\d.]+ cm deep in each other, ", line)
     bones = r"bones to \w+ and the partner's \w+ in frame 0 \(0.00 s\); "
     worst = "".join(rf"sample \d, {bones}" for _ in range(4))
@@ -258,11 +258,42 @@ def test_where_all_samples_are_beyond_one_limit_one_line_says_so() -> None:
 def test_many_samples_beyond_a_limit_have_one_line_and_the_others_are_named() -> None:
     partner = standing()
     motions = [partner] * 5 + [partner + np.float32([2, 0, 0])] * 2
-    _, line, hint = lines_of(partner, np.stack(motions))
+    _, _, line, hint = lines_of(partner, np.stack(motions))
     assert line.startswith("5 of 7 samples: the bodies are ")
-    untouched = "in samples 5, 6 no hand touches the partner"
+    untouched = "in samples 5, 6 no hand touches the other person"
     those = f"within every limit: samples 5, 6; {untouched}"
     assert hint == f"{those}; another --seed gives other samples"
+
+
+def test_of_three_samples_the_one_between_the_others_is_the_most_like_them() -> None:
+    partner = standing()
+    motions = [partner + np.float32([metres, 0, 0]) for metres in (3.0, 2.0, 2.4)]
+    table, line = lines_of(partner, np.stack(motions))
+    # From 3.0: (1.0 + 0.6) / 2 metres.
+    assert row(table, "apart from the other samples, cm") == ["80.0", "70.0", "50.0"]
+    assert line == "most like the others: sample 2"
+    assert "apart from" not in lines_of(partner, np.stack(motions[:2]))[0]
+
+
+def test_a_partner_who_leans_is_said_to_bow_or_to_be_seen_by_a_tilted_camera() -> None:
+    partner = standing()
+    bowing = partner.copy()
+    above = SKELETON.indices(
+        [j for j in SKELETON.joints if not re.search("hip|knee|ankle|foot", j)]
+    )
+    angle = np.radians(20)
+    root = bowing[:, SKELETON.root][:, None]
+    turned = bowing[:, above] - root
+    y, z = turned[..., 1].copy(), turned[..., 2].copy()
+    turned[..., 1], turned[..., 2] = (
+        np.cos(angle) * y - np.sin(angle) * z,
+        np.sin(angle) * y + np.cos(angle) * z,
+    )
+    bowing[:, above] = turned + root
+    away = np.float32([2, 0, 0])
+    said = [line for line in lines_of(bowing, (partner + away)[None]) if "leans by" in line]
+    assert len(said) == 1 and "it bows, or the camera was tilted" in said[0]
+    assert not any("leans by" in line for line in lines_of(partner, (bowing + away)[None]))
 
 
 def test_samples_that_are_alike_have_no_worst() -> None:

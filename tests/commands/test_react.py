@@ -344,6 +344,30 @@ def test_another_format_is_refused_with_the_two_commands_that_write_it(
     assert CliRunner().invoke(app, export).exit_code == 0
 
 
+def test_a_folder_that_takes_no_file_is_named_before_anything_is_read(
+    weights: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", Path("/proc")):
+        said = pacmo(tmp_path / "none.bvh", "--weights", weights, "--out", folder / "x.bvh")
+        refused(said, f"{folder / 'x.bvh'}: {folder} takes no file: ")
+
+
+def test_a_capture_of_many_actions_is_said_to_be_long(weights: Path, tmp_path: Path) -> None:
+    partner = tmp_path / "alone.bvh"
+    words = [partner, "--weights", weights, "--out", tmp_path / "o.parquet"]
+    texts = []
+    for motion in (CLIP.person_a[:20], np.concatenate([CLIP.person_a] * 12)):
+        partner.write_text(format_bvh(motion, 15, SBU15))
+        said = pacmo(*words)
+        assert said.exit_code == 0, said.output
+        texts.append(said.stdout)
+    assert "the capture lasts" not in texts[0]
+    assert (
+        f"the capture lasts {(12 * len(CLIP.times) - 1) / 15:.1f} s, an action of the" in texts[1]
+    )
+
+
 @pytest.fixture(scope="module")
 def labelled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Weights that know three actions."""
