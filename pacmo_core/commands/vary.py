@@ -401,14 +401,14 @@ def _body_lines(
     for row, person in enumerate(duo.people):
         ends = person.motion[:, person.skeleton.bones]
         lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1).mean(axis=0)
-        means = np.average(bodies[:, row], axis=1, weights=lengths)
-        is_same = np.allclose(bodies[:, row], 1)
+        of_person = bodies[:, row]
+        means = np.average(of_person, axis=1, weights=lengths)
         scales = (
-            "as captured"
-            if is_same
-            else f"{listed([f'{mean:.2f}' for mean in means])} of the captured"
+            f"{listed([f'{mean:.2f}' for mean in means])} of the captured, single bones "
+            f"{of_person.min():.2f} to {of_person.max():.2f}"
         )
-        texts.append(f"person {PEOPLE[row]} {scales}")
+        is_same = np.allclose(of_person, 1)
+        texts.append(f"person {PEOPLE[row]} {'as captured' if is_same else scales}")
     yield f"sampled bodies, mean length of the bones: {'; '.join(texts)}"
 
 

@@ -228,7 +228,9 @@ def test_the_start_moves_sampled_bodies_and_makes_one_motion_of_each(
     own = bone_lengths(CLIP.person_b, SBU15).mean(axis=0).sum()
     means = ", ".join(f"{one.sum() / own:.2f}" for one in lengths["start"])
     line = "sampled bodies, mean length of the bones: person a as captured; person b "
-    assert f"{line}{means} of the captured" in said.output
+    ratios = np.array(lengths["start"]) / bone_lengths(CLIP.person_b, SBU15).mean(axis=0)
+    bones = f"single bones {ratios.min():.2f} to {ratios.max():.2f}"
+    assert f"{line}{means} of the captured, {bones}" in said.output
     body = ("--profile", "b=child", "--no-network")
     said = pacmo(*given, tmp_path / "one.parquet", *body)
     assert "the start makes one motion of a body: the 2 samples are equal" in said.output
