@@ -5,6 +5,7 @@ A U-NO on the channels of the partner's motion, a Gaussian random field, time an
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -16,6 +17,8 @@ from pacmo_core.operators.random_field import GaussianRandomField
 from pacmo_core.operators.uno import Uno, UnoConfig, uno_config_from_dict
 from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.inputs import ActionEmbedding, Normalisation
+from pacmo_core.store.files import file_hash
+from pacmo_core.store.weights import read_weights
 
 
 @dataclass(frozen=True)
@@ -137,6 +140,45 @@ class Generator(nn.Module):
         if self.actions is not None:
             parts.append(self.actions(condition.action, times, period))
         return torch.cat(parts, dim=-1)
+
+
+def copy_weights(model: Generator, file: Path, sha256: str) -> None:
+    """Give a model the weights of another file, to continue its training.
+
+    Labels of actions that the file's model does not know change nothing at first: the weights of
+    their channels are zero.
+
+    Raises
+    ------
+    StoreError
+        If the file is damaged.
+    ValueError
+        If its content is another than stated, or its joints or its operator differ.
+    """
+    config, state = read_weights(file)
+    if (found := file_hash(file)) != sha256:
+        raise ValueError(f"{file}: wanted the SHA-256 {sha256}; got {found}")
+    if config.get("model") != "pacmo":
+        raise ValueError(f"{file}: wanted weights of pacmo; got {config.get('model')}")
+    theirs = GeneratorConfig(**config_fields(config["config"]))
+    for what, own, other in (
+        ("joints", model.skeleton.joints, theirs.skeleton.joints),
+        ("labels of actions, or none,", model.config.actions, theirs.actions),
+    ):
+        if other not in (own, ()):
+            raise ValueError(f"{file}: wanted the {what} {', '.join(own)}; got {', '.join(other)}")
+    has_new_labels = bool(model.config.actions) and not theirs.actions
+    if has_new_labels:
+        new = model.config.action_channels
+        state["uno.lift.weight"] = nn.functional.pad(state["uno.lift.weight"], (0, new))
+        state |= {
+            name: own for name, own in model.state_dict().items() if name.startswith("actions.")
+        }
+    for name, own in model.state_dict().items():
+        if name not in state or state[name].shape != own.shape:
+            got = tuple(state[name].shape) if name in state else "none"
+            raise ValueError(f"{file}: wanted {name} of {tuple(own.shape)}; got {got}")
+    model.load_state_dict(state)
 
 
 def generator_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:

@@ -216,10 +216,32 @@ class FlowMatchingSettings(RegressionSettings):
 
 
 @dataclass(frozen=True)
+class StartSettings:
+    """Weights that a training continues from, as on captures of one's own.
+
+    Parameters
+    ----------
+    weights : file of a PaCMO of the same joints and operator; empty: random weights
+    sha256 : of the file, so that settings say all that a training depends on
+    """
+
+    weights: str
+    sha256: str
+
+    def __post_init__(self) -> None:
+        if bool(self.weights) != bool(self.sha256):
+            raise ValueError(
+                "weights and sha256 must both be stated, or none; got "
+                f"{self.weights!r} and {self.sha256!r}"
+            )
+
+
+@dataclass(frozen=True)
 class PacmoSettings:
     """The ``train_pacmo`` section."""
 
     random_seed: int
+    start: StartSettings
     device: str  # cpu, cuda, or auto: cuda where available
     n_points: int
     period: float

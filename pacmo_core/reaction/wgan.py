@@ -8,6 +8,7 @@ too, and first of all on it alone (warm-up). ``losses.WganLosses`` holds the los
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import torch
 from torch import Tensor, nn
@@ -26,7 +27,7 @@ from pacmo_core.reaction.data import (
     with_random_parts,
 )
 from pacmo_core.reaction.energy_score import mean_energy_scores
-from pacmo_core.reaction.generator import Generator, GeneratorConfig
+from pacmo_core.reaction.generator import Generator, GeneratorConfig, copy_weights
 from pacmo_core.reaction.inputs import UNLABELLED, ActionEmbedding, action_indices
 from pacmo_core.reaction.losses import LossAndTerms, WganBatch, WganLosses
 from pacmo_core.reaction.settings import AdamSettings, PacmoSettings
@@ -80,6 +81,8 @@ class WganTrainer:
             initialise_weights(network, random)
             network.to(pairs.partner.device)
         generator.normalisation.fit(pairs)
+        if settings.start.weights:
+            copy_weights(generator, Path(settings.start.weights), settings.start.sha256)
         self.ema_generator = ema_copy(generator)
         self.ema_generator.temperature.fill_(settings.temperatures[0])
         self.selects_weights = not settings.validate_from

@@ -16,6 +16,7 @@ from pacmo_core.reaction.settings import (
     PacmoSettings,
     PartsSettings,
     RegressionSettings,
+    StartSettings,
 )
 
 REST = np.zeros((15, 3))
@@ -101,6 +102,7 @@ GRU = GruSettings(
 )
 PACMO = PacmoSettings(
     random_seed=0,
+    start=StartSettings("", ""),
     device="cpu",
     n_points=17,
     period=1.25,

@@ -1,0 +1,93 @@
+"""Truth: the model that the training starts from."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from pacmo_core.reaction import wgan
+from pacmo_core.reaction.data import Condition
+from pacmo_core.reaction.settings import StartSettings
+from pacmo_core.store.files import file_hash
+from pacmo_core.store.weights import write_weights
+from pacmo_core.training.state import model_config, model_state
+from tests.reaction.problems import PACMO, clips
+
+SHORT = replace(PACMO, n_epochs=2)
+LABELLED = replace(SHORT, action_channels=2, action_dropout=0.5)
+LABELS = ["wave", "hug"] * 2
+
+
+def start(file: Path) -> StartSettings:
+    return StartSettings(str(file), file_hash(file))
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[wgan.Generator, Path]:
+    model = wgan.build_training(clips(4), SHORT).finish()
+    file = tmp_path_factory.mktemp("weights") / "weights.safetensors"
+    write_weights(file, {"model": "pacmo", "config": model_config(model)}, model_state(model))
+    return model, file
+
+
+def reactions(model: wgan.Generator, action: int = 0) -> torch.Tensor:
+    random = torch.Generator().manual_seed(3)
+    partner = torch.randn(1, len(model.points), 3 * len(model.skeleton.joints), generator=random)
+    noise = model.sample_noise(1, random)
+    with torch.no_grad():
+        found: torch.Tensor = model(
+            noise, Condition(partner, torch.ones(1), torch.tensor([action]))
+        )
+    return found
+
+
+def test_a_training_continues_from_the_weights_of_the_file(
+    trained: tuple[wgan.Generator, Path],
+) -> None:
+    model, file = trained
+    begun = wgan.build_training(clips(4), replace(SHORT, random_seed=9, start=start(file))).model
+    torch.testing.assert_close(reactions(begun), reactions(model), rtol=0, atol=0)
+    other = wgan.build_training(clips(4), replace(SHORT, random_seed=9)).model
+    assert not torch.allclose(reactions(other), reactions(model))
+
+
+def test_new_labels_change_nothing_until_they_are_learnt(
+    trained: tuple[wgan.Generator, Path],
+) -> None:
+    model, file = trained
+    loop = wgan.build_training(clips(4), replace(LABELLED, start=start(file)), actions=LABELS)
+    for action in range(3):
+        torch.testing.assert_close(reactions(loop.model, action), reactions(model))
+    after = loop.finish()
+    assert not torch.allclose(reactions(after, 1), reactions(after, 2))
+
+
+def test_another_file_than_stated_is_refused(trained: tuple[wgan.Generator, Path]) -> None:
+    _, file = trained
+    wrong = replace(start(file), sha256="0" * 64)
+    with pytest.raises(ValueError, match="weights.safetensors: wanted the SHA-256 000.*; got"):
+        wgan.build_training(clips(4), replace(SHORT, start=wrong))
+    with pytest.raises(ValueError, match="must both be stated, or none"):
+        StartSettings(str(file), "")
+
+
+def test_weights_of_other_joints_or_another_operator_are_refused(
+    trained: tuple[wgan.Generator, Path],
+) -> None:
+    _, file = trained
+    fewer = [clip.without(["head"]) for clip in clips(4)]
+    with pytest.raises(ValueError, match="wanted the joints .*; got head"):
+        wgan.build_training(fewer, replace(SHORT, start=start(file)))
+    wider = replace(SHORT, width=10, start=start(file))
+    with pytest.raises(ValueError, match=r"wanted uno.lift.weight of \(10, "):
+        wgan.build_training(clips(4), wider)
+
+
+def test_weights_of_other_labels_are_refused(tmp_path: Path) -> None:
+    model = wgan.build_training(clips(4), LABELLED, actions=LABELS).finish()
+    file = tmp_path / "weights.safetensors"
+    write_weights(file, {"model": "pacmo", "config": model_config(model)}, model_state(model))
+    others = replace(LABELLED, start=start(file))
+    with pytest.raises(ValueError, match="wanted the labels of actions, or none, , kick, push; g"):
+        wgan.build_training(clips(4), others, actions=["kick", "push"] * 2)
