@@ -47,7 +47,6 @@ from numpy.typing import NDArray
 from benchmarks._captures import BVH, real_data
 from benchmarks._figures import arguments, show
 from benchmarks.invariance import model_of
-from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.interaction import Interaction, Motion, min_point_distance
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import Format, FormatError
@@ -55,6 +54,7 @@ from pacmo_core.formats.joint_names import StatedNames, name_joints
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.formats.table import Table
 from pacmo_core.metrics.contact import contact_f1, contacts_met, false_contacts
+from pacmo_core.models import PACKAGED
 from pacmo_core.reaction.data import expand_directions, replace_reaction, to_partner_frame
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import finish_reactions, react_all

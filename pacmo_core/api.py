@@ -46,12 +46,17 @@ from pacmo_core.metrics.f2id import f2id
 from pacmo_core.metrics.mmd import median_bandwidth as kernel_bandwidth
 from pacmo_core.metrics.mmd import mmd_a, mmd_s
 from pacmo_core.metrics.reactions import stack_motions
-from pacmo_core.models import MODELS, Model, load_reaction_model
+from pacmo_core.models import MODELS, PACKAGED, Model, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.baselines import Gru
 from pacmo_core.reaction.data import to_partner_frame
 from pacmo_core.reaction.inference import finish_reactions, react_all
-from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, is_deterministic
+from pacmo_core.reaction.windows import (
+    PartnerMotion,
+    ReactionModel,
+    is_deterministic,
+    set_temperature,
+)
 from pacmo_core.store.files import default_params_file, merge_params, write_text
 from pacmo_core.store.motions import stream_motions
 from pacmo_core.store.weights import write_weights
@@ -61,8 +66,6 @@ from pacmo_core.training.loop import TrainingData
 from pacmo_core.training.state import model_config, model_state
 
 Clips = Sequence[Interaction] | Mapping[str, Interaction]
-# The weights that are installed with the package.
-PACKAGED = Path(__file__).parent / "commands" / "starting_weights.safetensors"
 
 
 def default_settings(section: str) -> dict[str, Any]:
@@ -452,16 +455,12 @@ def _at_temperature(model: ReactionModel, temperature: float | None) -> Iterator
     if temperature is None:
         yield
         return
-    if isinstance(model, Gru) or is_deterministic(model):
-        raise ValueError(f"temperature must be None for a model without noise; got {temperature}")
-    if not _check("temperature", temperature, int, float) >= 0:
-        raise ValueError(f"temperature must be at least 0; got {temperature}")
-    before = float(model.temperature)
-    model.temperature.fill_(temperature)
+    before = 1.0 if isinstance(model, Gru) else float(model.temperature)
+    set_temperature(model, _check("temperature", temperature, int, float))
     try:
         yield
     finally:
-        model.temperature.fill_(before)
+        set_temperature(model, before)
 
 
 def _training_section(model: Model, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -70,7 +70,6 @@ from pacmo_core.formats.resample import sample_times
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
-from pacmo_core.reaction.baselines import Gru
 from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import (
@@ -82,6 +81,7 @@ from pacmo_core.reaction.windows import (
     max_duration,
     mean_duration,
     sample_poses,
+    set_temperature,
 )
 
 
@@ -126,7 +126,6 @@ def _numbers(time: float, reactions: Motion) -> str:
     return " ".join([repr(time), *(f"{value:.6f}" for value in reactions.reshape(-1).tolist())])
 
 
-MAX_TEMPERATURE = 2.0  # beyond it reactions are of no motion that was trained on
 MIN_FRAMES = 4  # of a cubic spline
 MAX_LINE = 1 << 20  # characters of a frame: a longer line is read, and refused, in parts
 
@@ -549,13 +548,12 @@ def _load(weights: Path, temperature: float | None, samples: int) -> ReactionMod
     model = load_reaction_model(weights)
     if temperature is None:
         return model
-    if isinstance(model, Gru) or is_deterministic(model):
-        raise CommandError(f"--temperature: {weights} has no noise; leave it out")
-    if not 0 <= temperature <= MAX_TEMPERATURE:
-        raise CommandError(f"--temperature must be 0 to {MAX_TEMPERATURE:g}; got {temperature:g}")
     if not temperature and samples > 1:
         raise CommandError(f"--temperature 0 gives one reaction; leave out --samples {samples}")
-    model.temperature.fill_(temperature)
+    try:
+        set_temperature(model, temperature)
+    except ValueError as fault:
+        raise CommandError(f"--temperature: {fault}") from fault
     return model
 
 

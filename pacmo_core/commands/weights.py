@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.models import load_reaction_model, load_skeleton_prior
+from pacmo_core.models import PACKAGED, load_reaction_model, load_skeleton_prior
 from pacmo_core.project.workspace import CommandError, in_project
 from pacmo_core.store.files import StoreError, file_hash, write_text
 from pacmo_core.store.tables import ClipRecord, read_rows
@@ -22,7 +22,6 @@ from pacmo_core.store.weights import read_trained_on, read_weights, write_weight
 
 # Of the model of reactions that is used if none is named: that of a run here, else the package's.
 TRAINED_HERE = Path("models/1/pacmo/1/weights.safetensors")
-PACKAGED = Path(__file__).with_name("starting_weights.safetensors")
 CARD = PACKAGED.with_suffix(".json")
 MAX_BYTES = 4_000_000  # of the packaged weights
 # The same of the skeleton prior, with what its training adds to its start in the card.

@@ -4,7 +4,7 @@ A U-NO on the channels of the partner's motion, a Gaussian random field, time an
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +143,7 @@ class Generator(nn.Module):
 
 
 def copy_weights(model: Generator, file: Path, sha256: str) -> None:
-    """Give a model the weights of another file, to continue its training.
+    """Give a model the weights and the normalisation of a file, to continue their training.
 
     Labels of actions that the file's model does not know change nothing at first: the weights of
     their channels are zero.
@@ -153,32 +153,33 @@ def copy_weights(model: Generator, file: Path, sha256: str) -> None:
     StoreError
         If the file is damaged.
     ValueError
-        If its content is another than stated, or its joints or its operator differ.
+        If its content is another than stated, or its joints, noise, labels or operator differ.
     """
-    config, state = read_weights(file)
+    facts, state = read_weights(file)
     if (found := file_hash(file)) != sha256:
         raise ValueError(f"{file}: wanted the SHA-256 {sha256}; got {found}")
-    if config.get("model") != "pacmo":
-        raise ValueError(f"{file}: wanted weights of pacmo; got {config.get('model')}")
-    theirs = GeneratorConfig(**config_fields(config["config"]))
-    for what, own, other in (
-        ("joints", model.skeleton.joints, theirs.skeleton.joints),
-        ("labels of actions, or none,", model.config.actions, theirs.actions),
-    ):
-        if other not in (own, ()):
-            raise ValueError(f"{file}: wanted the {what} {', '.join(own)}; got {', '.join(other)}")
-    has_new_labels = bool(model.config.actions) and not theirs.actions
+    try:
+        theirs = GeneratorConfig(**config_fields(facts["config"]))
+    except (KeyError, TypeError) as fault:
+        raise ValueError(f"{file}: wanted weights of PaCMO; got {facts.get('model')}") from fault
+    own = model.config
+    has_new_labels = bool(own.actions) and not theirs.actions
     if has_new_labels:
-        new = model.config.action_channels
-        state["uno.lift.weight"] = nn.functional.pad(state["uno.lift.weight"], (0, new))
-        state |= {
-            name: own for name, own in model.state_dict().items() if name.startswith("actions.")
-        }
-    for name, own in model.state_dict().items():
-        if name not in state or state[name].shape != own.shape:
-            got = tuple(state[name].shape) if name in state else "none"
-            raise ValueError(f"{file}: wanted {name} of {tuple(own.shape)}; got {got}")
+        more = replace(theirs.uno, in_channels=theirs.uno.in_channels + own.action_channels)
+        theirs = replace(theirs, uno=more, actions=own.actions, action_channels=own.action_channels)
+    if theirs.skeleton.joints != own.skeleton.joints:
+        wanted, got = (", ".join(of.skeleton.joints) for of in (own, theirs))
+        raise ValueError(f"{file}: wanted the joints {wanted}; got {got}")
+    for field in ("noise", "noise_channels", "actions", "action_channels", "uno"):
+        wanted, got = getattr(own, field), getattr(theirs, field)
+        if got != wanted:
+            raise ValueError(f"{file}: wanted {field} {wanted}; got {got}")
+    if has_new_labels:
+        known = state["uno.lift.weight"]
+        state["uno.lift.weight"] = nn.functional.pad(known, (0, own.action_channels))
+        state |= {k: v for k, v in model.state_dict().items() if k.startswith("actions.")}
     model.load_state_dict(state)
+    model.temperature.fill_(1.0)  # that of the training
 
 
 def generator_from_state(config: Mapping[str, Any], state: Mapping[str, Tensor]) -> Generator:

@@ -217,11 +217,14 @@ class FlowMatchingSettings(RegressionSettings):
 
 @dataclass(frozen=True)
 class StartSettings:
-    """Weights that a training continues from, as on captures of one's own.
+    """Weights of a generator that a training continues from, as on captures of one's own.
+
+    Its normalisation is taken over too, and with it the durations that ``react`` does not divide
+    into windows. The critic begins with random weights.
 
     Parameters
     ----------
-    weights : file of a PaCMO of the same joints and operator; empty: random weights
+    weights : file of a PaCMO of the same joints, noise and operator; empty: random weights
     sha256 : of the file, so that settings say all that a training depends on
     """
 
@@ -255,7 +258,6 @@ class PacmoSettings:
     body_distances: bool  # give the critic the distances between end effectors of the two bodies
     action_channels: int  # of the action label's embedding; 0: the partner is the only condition
     action_dropout: float  # share of training pairs whose label is withheld
-    action_from: int  # epochs; in earlier ones all labels are withheld
     generator: AdamSettings
     critic: AdamSettings
     halve_learning_rate_every: int  # epochs
@@ -321,14 +323,6 @@ class PacmoSettings:
                 "action_dropout must be at least 0 and less than 1, and above 0 it wants "
                 f"action_channels above 0; got {self.action_dropout}, "
                 f"action_channels {self.action_channels}"
-            )
-        if not 0 <= self.action_from < self.n_epochs or (
-            self.action_from and not self.action_dropout
-        ):
-            raise ValueError(
-                "action_from must be at least 0 and less than n_epochs, and above 0 it wants "
-                f"action_dropout above 0; got {self.action_from}, n_epochs {self.n_epochs}, "
-                f"action_dropout {self.action_dropout}"
             )
 
 

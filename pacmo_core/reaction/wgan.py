@@ -86,7 +86,6 @@ class WganTrainer:
         self.ema_generator = ema_copy(generator)
         self.ema_generator.temperature.fill_(settings.temperatures[0])
         self.selects_weights = not settings.validate_from
-        self.withheld_share = settings.action_dropout  # of labels
         self.losses = WganLosses(generator, critic, settings)
         self.augmentation = RandomAugmentation(
             settings.augmentation, generator.skeleton, settings.n_points
@@ -121,7 +120,6 @@ class WganTrainer:
             self.adam_critic, settings.critic.learning_rate, epoch=number, every=every
         )
         self.selects_weights = number >= settings.validate_from
-        self.withheld_share = settings.action_dropout if number >= settings.action_from else 1.0
         without_critic = number < settings.warmup_epochs or not settings.n_critic
         step = self.warmup_step if without_critic else self.step
         return mean_terms([step() for _ in range(self.steps_per_epoch)])
@@ -213,9 +211,9 @@ class WganTrainer:
 
     def _withhold_labels(self, pairs: MotionPairs) -> MotionPairs:
         """Take the label from a share of pairs, so that reactions without one are learnt too."""
-        if not self.withheld_share:
+        if not self.settings.action_dropout:
             return pairs
-        withheld = torch.rand(len(pairs), generator=self.random) < self.withheld_share
+        withheld = torch.rand(len(pairs), generator=self.random) < self.settings.action_dropout
         unlabelled = self.generator.config.actions.index(UNLABELLED)
         action = pairs.action.masked_fill(withheld.to(pairs.action.device), unlabelled)
         return replace(pairs, action=action)

@@ -27,6 +27,7 @@ from pacmo_core.reaction.inputs import UNLABELLED, Normalisation, action_indices
 
 # A sequence is one window up to so many standard deviations of log-duration above the mean.
 MAX_DURATION_STDS = 3.0
+MAX_TEMPERATURE = 2.0  # beyond it reactions are of no motion that was trained on
 # Windows between independent samples of the noise: long compared with the overlap of half a window.
 NOISE_INTERVAL = 2.0
 MAX_WINDOWS = 20_000  # of a partner's motion: half a working day of clips of two seconds
@@ -260,6 +261,21 @@ def continuous_noise(
 def is_deterministic(model: ReactionModel) -> bool:
     """Whether a model takes no noise and so has one reaction to a partner."""
     return isinstance(model, Gru) or not model.config.noise_channels
+
+
+def set_temperature(model: ReactionModel, temperature: float) -> None:
+    """Set the standard deviation of the noise that reactions are sampled from.
+
+    Raises
+    ------
+    ValueError
+        If the model has no noise, or the temperature is not 0 to ``MAX_TEMPERATURE``.
+    """
+    if isinstance(model, Gru) or is_deterministic(model):
+        raise ValueError(f"the model has no noise, and so no temperature; got {temperature:g}")
+    if not 0 <= temperature <= MAX_TEMPERATURE:
+        raise ValueError(f"temperature must be 0 to {MAX_TEMPERATURE:g}; got {temperature:g}")
+    model.temperature.fill_(temperature)
 
 
 def known_actions(model: ReactionModel) -> tuple[str, ...]:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pacmo_core.commands.weights import PACKAGED, TRAINED_HERE
+from pacmo_core.commands.weights import TRAINED_HERE
+from pacmo_core.models import PACKAGED
 from tests.commands.test_captures_in import pair
 
 __all__ = ["pair"]  # a fixture

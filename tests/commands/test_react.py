@@ -14,7 +14,6 @@ from typer.testing import CliRunner, Result
 
 from pacmo_core.api import synthesise
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.finish.stance import find_stance
@@ -22,7 +21,7 @@ from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
-from pacmo_core.models import load_reaction_model
+from pacmo_core.models import PACKAGED, load_reaction_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.baselines import build_regression_training
 from pacmo_core.reaction.inference import finish_reactions, react, sample_times
@@ -414,7 +413,7 @@ def test_the_temperature_scales_how_much_samples_differ(weights: Path, tmp_path:
 
     assert 0 < spread("--temperature", 0.5) < spread() == spread("--temperature", 1)
     before = out.read_bytes()
-    refused(pacmo(*words, "--temperature", 3), "--temperature must be 0 to 2; got 3")
+    refused(pacmo(*words, "--temperature", 3), "--temperature: temperature must be 0 to 2; got 3")
     refused(pacmo(*words, "--temperature", -1), "got -1")
     refused(pacmo(*words, "--temperature", 0), "0 gives one reaction; leave out --samples 4")
     assert out.read_bytes() == before
@@ -444,7 +443,7 @@ def test_a_temperature_is_refused_by_weights_without_noise(tmp_path: Path) -> No
     partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
     words = [partner, "--weights", weights, "--out", tmp_path / "o.parquet"]
     assert pacmo(*words).exit_code == 0
-    refused(pacmo(*words, "--temperature", 0.5), "--temperature: ", "has no noise; leave it out")
+    refused(pacmo(*words, "--temperature", 0.5), "--temperature: the model has no noise")
 
 
 def test_a_live_partner_is_answered_by_the_action_and_the_temperature(

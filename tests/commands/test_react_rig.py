@@ -11,7 +11,6 @@ from typer.testing import CliRunner, Result
 
 from pacmo_core.api import synthesise
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.interaction import Interaction, bone_lengths
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
@@ -20,6 +19,7 @@ from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.joint_names import StatedNames, name_joints
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.models import PACKAGED
 from pacmo_core.store.motions import stream_motions
 from tests.formats.rigged import mixamo, t_pose
 

@@ -7,7 +7,6 @@ import pytest
 from typer.testing import CliRunner
 
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.weights import PACKAGED
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import NTU25, SBU15, Skeleton
@@ -16,6 +15,7 @@ from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.learnt import Learnt
 from pacmo_core.finish.steps import MAX_SPEED, take_steps
+from pacmo_core.models import PACKAGED
 from pacmo_core.store.motions import stream_motions
 from tests.finish.test_floor import LEG, standing
 from tests.finish.test_steps import FEET, FPS, LENGTHS, crouching, glide, turned

@@ -116,7 +116,6 @@ PACMO = PacmoSettings(
     body_distances=True,
     action_channels=0,
     action_dropout=0.0,
-    action_from=0,
     generator=AdamSettings(2e-3, (0.0, 0.9)),
     critic=AdamSettings(2e-3, (0.0, 0.9)),
     halve_learning_rate_every=200,

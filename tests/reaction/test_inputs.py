@@ -89,19 +89,6 @@ def test_labels_are_withheld_from_the_share_of_pairs_that_is_stated() -> None:
     assert withheld == pytest.approx(0.25, abs=0.04)  # 5 standard deviations of 2,560 pairs
 
 
-def test_labels_are_withheld_from_all_pairs_until_the_epoch_that_is_stated() -> None:
-    settings = replace(LABELLED, action_dropout=0.25, action_from=1, n_epochs=2)
-    clips = [stepping(i % 2 == 0) for i in range(16)]
-    trainer = wgan.build_training(clips, settings, actions=["forward", "back"] * 8).trainer
-    withheld = []
-    for epoch in range(2):
-        trainer.train_epoch(epoch)
-        seen = [trainer._sample_batch(for_critic=True).real.action for _ in range(40)]
-        withheld.append(float((torch.cat(seen) == 0).float().mean()))
-    assert withheld == pytest.approx([1.0, 0.25], abs=0.1)
-    assert withheld[0] == 1
-
-
 def test_words_name_the_only_label_that_contains_them() -> None:
     settings = replace(LABELLED, action_dropout=0.5)
     labels = ["A1 shake hands", "A2 hand over", "A2 hand"]
@@ -116,10 +103,6 @@ def test_words_name_the_only_label_that_contains_them() -> None:
 def test_a_share_of_withheld_labels_wants_labels() -> None:
     with pytest.raises(ValueError, match="action_channels above 0; got 0.5, action_channels 0"):
         replace(PACMO, action_dropout=0.5)
-    with pytest.raises(ValueError, match="action_dropout above 0; got 1, n_epochs"):
-        replace(PACMO, action_from=1)
-    with pytest.raises(ValueError, match="less than n_epochs"):
-        replace(LABELLED, action_dropout=0.5, action_from=LABELLED.n_epochs)
 
 
 def test_a_labels_function_is_the_network_of_the_instant_and_the_label() -> None:

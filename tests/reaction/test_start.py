@@ -42,7 +42,7 @@ def reactions(model: wgan.Generator, action: int = 0) -> torch.Tensor:
     return found
 
 
-def test_a_training_continues_from_the_weights_of_the_file(
+def test_a_training_begins_with_the_reactions_of_the_file(
     trained: tuple[wgan.Generator, Path],
 ) -> None:
     model, file = trained
@@ -72,16 +72,31 @@ def test_another_file_than_stated_is_refused(trained: tuple[wgan.Generator, Path
         StartSettings(str(file), "")
 
 
-def test_weights_of_other_joints_or_another_operator_are_refused(
+def test_noise_is_that_of_training_whatever_the_temperature_of_the_file(
+    trained: tuple[wgan.Generator, Path], tmp_path: Path
+) -> None:
+    model, _ = trained
+    state = model_state(model) | {"temperature": torch.tensor(1.5)}
+    file = tmp_path / "weights.safetensors"
+    write_weights(file, {"model": "pacmo", "config": model_config(model)}, state)
+    trainer = wgan.build_training(clips(4), replace(SHORT, start=start(file))).trainer
+    assert float(trainer.generator.temperature) == float(trainer.ema_generator.temperature) == 1
+
+
+def test_weights_of_other_joints_noise_or_another_operator_are_refused(
     trained: tuple[wgan.Generator, Path],
 ) -> None:
     _, file = trained
     fewer = [clip.without(["head"]) for clip in clips(4)]
     with pytest.raises(ValueError, match="wanted the joints .*; got head"):
         wgan.build_training(fewer, replace(SHORT, start=start(file)))
-    wider = replace(SHORT, width=10, start=start(file))
-    with pytest.raises(ValueError, match=r"wanted uno.lift.weight of \(10, "):
-        wgan.build_training(clips(4), wider)
+    for change, words in (
+        ({"width": 10}, "wanted uno .*channels"),
+        ({"noise_alpha": 3.0}, "wanted noise .*alpha=3"),
+        ({"noise_channels": 1}, "wanted noise_channels 1; got 2"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            wgan.build_training(clips(4), replace(SHORT, start=start(file), **change))
 
 
 def test_weights_of_other_labels_are_refused(tmp_path: Path) -> None:
@@ -89,5 +104,20 @@ def test_weights_of_other_labels_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "weights.safetensors"
     write_weights(file, {"model": "pacmo", "config": model_config(model)}, model_state(model))
     others = replace(LABELLED, start=start(file))
-    with pytest.raises(ValueError, match="wanted the labels of actions, or none, , kick, push; g"):
+    with pytest.raises(ValueError, match="wanted actions ..., 'kick', 'push'.; got ..., 'hug', 'w"):
         wgan.build_training(clips(4), others, actions=["kick", "push"] * 2)
+
+
+def test_a_training_that_is_resumed_does_not_begin_again(
+    trained: tuple[wgan.Generator, Path],
+) -> None:
+    _, file = trained
+    settings = replace(SHORT, start=start(file))
+    first = wgan.build_training(clips(4), settings).trainer
+    first.train_epoch(0)
+    resumed = wgan.build_training(clips(4), settings).trainer
+    resumed.load_state_dict(first.state_dict())
+    torch.testing.assert_close(reactions(resumed.generator), reactions(first.generator))
+    for trainer in (first, resumed):
+        trainer.train_epoch(1)
+    torch.testing.assert_close(reactions(resumed.generator), reactions(first.generator))
