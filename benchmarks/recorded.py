@@ -54,10 +54,9 @@ from pacmo_core.formats.joint_names import StatedNames, name_joints
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.formats.table import Table
 from pacmo_core.metrics.contact import contact_f1, contacts_met, false_contacts
-from pacmo_core.models import PACKAGED
 from pacmo_core.reaction.data import expand_directions, replace_reaction, to_partner_frame
 from pacmo_core.reaction.generator import Generator
-from pacmo_core.reaction.inference import finish_reactions, react_all
+from pacmo_core.reaction.inference import PACKAGED, finish_reactions, react_all
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic
 
 CONTACT, MET, APART = 0.1, 0.15, 0.25  # metres

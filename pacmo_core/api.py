@@ -27,13 +27,14 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.base import read_capture
-from pacmo_core.formats.inference import infer_settings
+from pacmo_core.formats.inference import implausible, infer_settings, states_unit_or_axis
 from pacmo_core.formats.joint_names import UNSTATED, name_joints
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     FORMATS,
     PersonMotion,
     format_of,
+    holds_one_person,
     open_format,
     read_partner,
 )
@@ -46,11 +47,11 @@ from pacmo_core.metrics.f2id import f2id
 from pacmo_core.metrics.mmd import median_bandwidth as kernel_bandwidth
 from pacmo_core.metrics.mmd import mmd_a, mmd_s
 from pacmo_core.metrics.reactions import stack_motions
-from pacmo_core.models import MODELS, PACKAGED, Model, load_reaction_model
+from pacmo_core.models import MODELS, Model, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.baselines import Gru
 from pacmo_core.reaction.data import to_partner_frame
-from pacmo_core.reaction.inference import finish_reactions, react_all
+from pacmo_core.reaction.inference import PACKAGED, finish_reactions, react_all
 from pacmo_core.reaction.windows import (
     PartnerMotion,
     ReactionModel,
@@ -147,18 +148,30 @@ def load_person(
     FormatError
         If the capture is broken: with the file, the line and the reason.
     ValueError
-        If the format, a setting or the person is wrong, or the motion does not show the unit or
-        the axis.
+        If the format, a setting or the person is wrong, the motion does not show the unit or the
+        axis, or gives a person of impossible size or posture.
     """
     path = Path(_check("file", file, str, Path))
     name = format or format_of(path)
     if name not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {name!r}")
-    inferred = infer_settings(path, name, settings).settings
-    unseen = [key for key, value in inferred.items() if value is None]
+    if "unit" in settings:
+        _check("unit", settings["unit"], int, float)
+    inferred = infer_settings(path, name, settings)
+    unseen = [key for key, value in inferred.settings.items() if value is None]
     if unseen:
-        raise ValueError(f"{path}: its motion does not show {' and '.join(unseen)}: state it")
-    return read_partner(path, name, {**settings, **inferred}, person=person, clip="")
+        limbs = ", ".join(inferred.missing)
+        why = f"{limbs} are not recognised among its joints" if limbs else "its motion shows none"
+        raise ValueError(f"{path}: wanted {' and '.join(unseen)} as a setting: {why}")
+    used = {**settings, **inferred.settings}
+    if person and holds_one_person(path, name, used):
+        raise ValueError(f"{path} holds one person: person must be None; got {person!r}")
+    loaded = read_partner(path, name, used, person=person, clip="")
+    if states_unit_or_axis(FORMATS[name]) and (
+        fault := implausible([(loaded.skeleton, loaded.motion)], [used.get("up")])
+    ):
+        raise ValueError(f"{path}: {fault[1]}: wrong unit or up")
+    return loaded
 
 
 def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:
@@ -273,7 +286,7 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     ----------
     model : trained, or the path of its ``weights.safetensors``; None for the weights in the package
     partner : the clip, or what ``load_person`` returns; of other joints than the model's, those of
-        the model are named in it
+        the model are named in it, or estimated from the joints around them
     person : ``a`` or ``b``, who is the partner in a clip; the other's motion is not read
     action : of the interaction, a label that the model was trained with or words of one; empty
         where it is not known
@@ -467,13 +480,16 @@ def _training_section(model: Model, settings: Mapping[str, Any]) -> dict[str, An
     """Override a section; epochs that others count from follow the number of epochs."""
     default = default_settings(model.section)
     default.pop("threads")
+    if "start" in default:
+        default["start"] = {"weights": "", "sha256": ""}  # a path of the checkout's experiment
     if model.changes:
         section_of_variants, _, variant = model.changes.partition(".")
         default = merge_params(default, default_settings(section_of_variants)[variant])
     section: dict[str, Any] = {**default, **settings}
     n_epochs = section["n_epochs"]
     if isinstance(n_epochs, int) and n_epochs != default["n_epochs"]:
-        for key in {"validate_from", "warmup_epochs"} & (default.keys() - settings.keys()):
+        counts = {"validate_from", "warmup_epochs", "cooldown_epochs"}
+        for key in counts & (default.keys() - settings.keys()):
             section[key] = default[key] * n_epochs // default["n_epochs"]
     return section
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from pacmo_core.training.loop import TrainingData, TrainingLoop
 
 Kind = Literal["reaction", "features", "skeleton_prior"]
-# The weights that are installed with the package.
-PACKAGED = Path(__file__).parent / "commands" / "starting_weights.safetensors"
 
 
 @dataclass(frozen=True)

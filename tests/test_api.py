@@ -11,7 +11,8 @@ import pacmo_core
 from pacmo_core import interaction_mesh, reaction, skeleton_prior
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.models import PACKAGED, load_reaction_model
+from pacmo_core.models import load_reaction_model
+from pacmo_core.reaction.inference import PACKAGED
 
 SMALL = {"n_epochs": 2, "width": 8, "n_points": 17, "modes": [8, 6, 4, 4, 4, 6, 8]}
 

@@ -378,10 +378,10 @@ def check_output(duo: TwoPersonCapture, out: Path) -> None:
             f"{out}: Parquet holds two people of one skeleton; name a folder for BVH"
         )
     outputs = [out] if suffix == ".parquet" else _output_files(duo, out)
-    refuse_to_overwrite(out, outputs, duo.files)
+    check_outputs(out, outputs, duo.files)
 
 
-def refuse_to_overwrite(out: Path, outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
+def check_outputs(out: Path, outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
     """Refuse an output ``out`` of which a file is one that is read, or where none can be written.
 
     Raises
@@ -389,17 +389,25 @@ def refuse_to_overwrite(out: Path, outputs: Iterable[Path], inputs: Iterable[Pat
     CommandError
         Naming the file, or the nearest folder that exists and takes no file.
     """
-    folder = next(parent for parent in out.absolute().parents if parent.exists())
-    try:
-        # Neither permissions nor the kind of file system tell whether a file can be made.
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as fault:
-        raise CommandError(f"{out}: {folder} takes no file: {fault.strerror}") from fault
+    files = list(outputs)
+    for folder in dict.fromkeys(file.absolute().parent for file in files):
+        _check_folder(folder, out)
     read = {file.resolve() for file in inputs}
-    for file in outputs:
+    for file in files:
         if file.resolve() in read:
             raise CommandError(f"{out}: this would overwrite {file}; name another output")
+
+
+def _check_folder(folder: Path, out: Path) -> None:
+    """Refuse a folder of outputs in which, or in the nearest above it, no file can be made."""
+    nearest = folder
+    try:
+        nearest = next(parent for parent in (folder, *folder.parents) if parent.exists())
+        # Neither permissions nor the kind of file system tell whether a file can be made.
+        with TemporaryFile(dir=nearest):
+            pass
+    except OSError as fault:
+        raise CommandError(f"{out}: {nearest} takes no file: {fault.strerror}") from fault
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from pacmo_core.commands.bvh_fidelity import Fidelity, pair_targets, planted_weights
 from pacmo_core.commands.captures import (
     OutputSpace,
+    check_outputs,
     meant_rate,
     meant_times,
     rate_text,
-    refuse_to_overwrite,
 )
 from pacmo_core.commands.reading import (
     FormatName,
@@ -463,7 +463,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
         if len(clip) > 2:
             raise CommandError(f"wanted a clip, or the files of two people; got {', '.join(clip)}")
         (named,) = read_named_clips(["+".join(clip)], options)
-        refuse_to_overwrite(out, [out, *_person_files(out)], named.files)
+        check_outputs(out, [out, *_person_files(out)], named.files)
         is_on_rigs = out.suffix.lower() in OF_A_PERSON
         rigs = own_rigs(named.sources, named.read) if is_on_rigs else []
         files, summary = export_scene(part_of(named.scene, seconds), out, form_of_file, rigs)

@@ -191,13 +191,14 @@ def motion_lines(
         unmeasured = [f"how deep the bodies are in each other is not measured ({fault})"]
     rows += [_jolts(times, people), _turns(times, people)]
     nearness, untouched = _nearness(skeleton, partner, samples)
-    alike = _likeness(samples) if len(samples) > 2 else []
+    limits = [row for row in rows if row.limit < inf]
+    alike = [_likeness(samples)] if len(samples) > 2 else []
     return [
         "the motion of the reaction, measured in what was written (docs/react.md):",
         *(f"  {line}" for line in [*table_lines([*rows, *nearness, *alike]), *unmeasured]),
         *_partner_lines(rows),
-        *(f"most like the others: sample {int(np.argmin(row.values))}" for row in alike),
-        *limit_lines([row for row in rows if row.limit < inf], untouched),
+        *(line for row in alike for line in _most_alike(row, limits)),
+        *limit_lines(limits, untouched),
     ]
 
 
@@ -211,12 +212,12 @@ def _partner_lines(rows: Sequence[Measurement]) -> list[str]:
     ]
     if beyond:
         text = "; ".join(beyond)
-        lines.append(f"the capture itself is beyond limits: {text}: it is noisy, or very fast")
+        lines.append(f"the capture itself, noisy or very fast, is beyond limits: {text}")
     lines += [
-        f"the partner's trunk leans by {row.partner:.0f}° in the median frame: it bows, or the "
-        "camera was tilted (docs/react.md)"
+        f"the partner's trunk leans by {row.partner:.0f}° in the median frame, as of who bows, "
+        "sits or lies, or before a camera that was tilted (docs/react.md)"
         for row in rows
-        if row.name == LEAN and row.partner and row.partner > MAX_LEAN
+        if row.name == LEAN and row.partner is not None and round(row.partner) > MAX_LEAN
     ]
     sizes = [row for row in rows if row.name == STATURE and row.partner]
     ratios = [value / row.partner for row in sizes for value in row.values if row.partner]
@@ -439,19 +440,23 @@ def _nearness(
     return rows, np.flatnonzero(~touched).tolist()
 
 
-def _likeness(samples: Motion) -> list[Measurement]:
+def _likeness(samples: Motion) -> Measurement:
     """Measure how far the joints of each sample are from those of the others, on average."""
     frames = np.linspace(0, samples.shape[1] - 1, N_COMPARED).round().astype(int)
     seen = samples[:, frames]
-    others = len(seen) - 1
-    apart = [100 * float(_distances(seen, one).sum()) / others for one in seen]
-    return [Measurement("apart from the other samples, cm", apart)]
+    sums = [np.linalg.norm(seen - one, axis=-1).mean(axis=(1, 2)).sum() for one in seen]
+    apart = [100 * float(total) / (len(seen) - 1) for total in sums]
+    return Measurement("apart from the other samples, cm", apart)
 
 
-def _distances(motions: Motion, other: Motion) -> Array:
-    """Return the mean distance of the joints ``(T, J, 3)`` of each motion from another's."""
-    distances: Array = np.linalg.norm(motions - other, axis=-1).mean(axis=(1, 2))
-    return distances
+def _most_alike(likeness: Measurement, limits: Sequence[Measurement]) -> list[str]:
+    """Name the sample within every limit that is nearest to all others; none if they are alike."""
+    beyond = {number for one in limits for number in one.beyond}
+    within = [number for number in range(len(likeness.values)) if number not in beyond]
+    if len(set(likeness.cells(within)[3:])) < 2:
+        return []
+    nearest = min(within, key=lambda number: likeness.values[number])
+    return [f"most like the other samples: sample {nearest}"]
 
 
 def _hands(skeleton: Skeleton) -> dict[str, list[int]]:

@@ -16,11 +16,11 @@ from pacmo_core.commands.captures import (
     OutputSpace,
     ToUnit,
     ToUp,
+    check_outputs,
     is_parquet,
     meant_times,
     names_clips,
     read_clip,
-    refuse_to_overwrite,
     some_clips,
 )
 from pacmo_core.commands.motion_checks import motion_lines
@@ -254,7 +254,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         file, out = _check_files(partner, out, rig if not finish else None)
         name = clip or capture_name(file)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
-        refuse_to_overwrite(out, output_files(out, name, samples), filter(None, (file, rig)))
+        check_outputs(out, output_files(out, name, samples), filter(None, (file, rig)))
         model, source = _load(chosen, temperature, samples), Source(file, person or "a", person)
         told = _action_line(model, action)
         people = _read(source, rig, model.skeleton, options, clip)

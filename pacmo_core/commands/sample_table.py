@@ -8,7 +8,7 @@ import numpy as np
 
 from pacmo_core.figures.numbers import format_fixed
 
-RIGHT_ACTION = "whether it is the right action no limit tells: look at it"
+RIGHT_ACTION = "no limit tells whether the action is right: look at the motion"
 # Samples with a line each; more of them have one line together.
 MAX_LINES = 4
 # Samples with a column each.

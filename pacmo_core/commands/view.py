@@ -10,12 +10,12 @@ from typing import Annotated
 import typer
 
 from pacmo_core.commands.captures import (
+    check_outputs,
     check_two_people,
     names_clips,
     on_one_clock,
     rate_text,
     read_clip,
-    refuse_to_overwrite,
     some_clips,
     two_sources,
 )
@@ -277,7 +277,7 @@ def view(  # noqa: PLR0913  # typer reads the options off the signature
         if len(clips) > MAX_CLIPS:
             raise CommandError(f"wanted at most {MAX_CLIPS} clips side by side; got {len(clips)}")
         named = read_named_clips(clips, options)
-        refuse_to_overwrite(out, [out], [file for clip in named for file in clip.files])
+        check_outputs(out, [out], [file for clip in named for file in clip.files])
         if out.suffix.lower() not in PAGES:
             raise CommandError(
                 f"{out}: wanted a suffix of {', '.join(PAGES)}; pacmo export makes pictures "

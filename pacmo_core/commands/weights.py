@@ -14,8 +14,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pacmo_core.models import PACKAGED, load_reaction_model, load_skeleton_prior
+from pacmo_core.models import load_reaction_model, load_skeleton_prior
 from pacmo_core.project.workspace import CommandError, in_project
+from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.files import StoreError, file_hash, write_text
 from pacmo_core.store.tables import ClipRecord, read_rows
 from pacmo_core.store.weights import read_trained_on, read_weights, write_weights

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -36,6 +37,8 @@ MAX_MOTIONS_PER_BATCH = 64
 MAX_TIMES_PER_BATCH = 4096
 # Of the reactions to which the finish is fitted: clips, evenly among those there are, and samples.
 MAX_FITTED_CLIPS, N_FITTED_SAMPLES, FITTING_SEED = 200, 2, 1
+# The weights that are installed with the package.
+PACKAGED = Path(__file__).parents[1] / "commands" / "starting_weights.safetensors"
 
 
 def react(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pacmo_core.commands.weights import TRAINED_HERE
-from pacmo_core.models import PACKAGED
+from pacmo_core.reaction.inference import PACKAGED
 from tests.commands.test_captures_in import pair
 
 __all__ = ["pair"]  # a fixture

@@ -19,7 +19,7 @@ from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.joint_names import StatedNames, name_joints
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
-from pacmo_core.models import PACKAGED
+from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.motions import stream_motions
 from tests.formats.rigged import mixamo, t_pose
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.weights import is_synthetic, trained_on_line
 from pacmo_core.data.skeleton import SBU15
-from pacmo_core.models import PACKAGED
+from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, write_rows

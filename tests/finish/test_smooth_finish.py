@@ -15,7 +15,7 @@ from pacmo_core.finish.contacts import no_contacts
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.learnt import Learnt
 from pacmo_core.finish.steps import MAX_SPEED, take_steps
-from pacmo_core.models import PACKAGED
+from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.motions import stream_motions
 from tests.finish.test_floor import LEG, standing
 from tests.finish.test_steps import FEET, FPS, LENGTHS, crouching, glide, turned
