@@ -32,6 +32,7 @@ from pacmo_core.formats.joint_names import UNSTATED, name_joints
 from pacmo_core.formats.registry import (
     DEFAULT_SETTINGS,
     FORMATS,
+    ONE_PERSON_FORMATS,
     PersonMotion,
     format_of,
     holds_one_person,
@@ -164,7 +165,7 @@ def load_person(
         why = f"{limbs} are not recognised among its joints" if limbs else "its motion shows none"
         raise ValueError(f"{path}: wanted {' and '.join(unseen)} as a setting: {why}")
     used = {**settings, **inferred.settings}
-    if person and holds_one_person(path, name, used):
+    if person and (name in ONE_PERSON_FORMATS or holds_one_person(path, name, used)):
         raise ValueError(f"{path} holds one person: person must be None; got {person!r}")
     loaded = read_partner(path, name, used, person=person, clip="")
     if states_unit_or_axis(FORMATS[name]) and (

@@ -83,8 +83,16 @@ def test_a_person_is_loaded_from_a_bvh_file_and_reacted_to(tmp_path):
     np.testing.assert_allclose(loaded.motion[:, 0], clip.person_a[:, 0], atol=1e-3)
     (reaction,) = pacmo_core.react(None, loaded)
     assert reaction.person_b.shape[0] == len(clip.times)
-    stated = pacmo_core.load_person(file, unit=0.02, up="y")
-    np.testing.assert_allclose(stated.motion, 2 * loaded.motion, rtol=1e-5)
+    stated = pacmo_core.load_person(file, unit=0.011, up="y")
+    np.testing.assert_allclose(stated.motion, 1.1 * loaded.motion, rtol=1e-5)
+    for wrong, error, words in (
+        ({"unit": 0.1, "up": "y"}, ValueError, "walk.bvh: .*wrong unit or up"),
+        ({"unit": "cm", "up": "y"}, TypeError, "unit must be int or float; got str"),
+        ({"unit": 0.01, "up": "z"}, ValueError, "walk.bvh: .*wrong unit or up"),
+        ({"person": "b"}, ValueError, "holds one person: person must be None; got 'b'"),
+    ):
+        with pytest.raises(error, match=words):
+            pacmo_core.load_person(file, **wrong)
 
 
 def test_a_temperature_of_0_gives_one_reaction_and_leaves_the_model_as_it_was(clips):
@@ -94,6 +102,14 @@ def test_a_temperature_of_0_gives_one_reaction_and_leaves_the_model_as_it_was(cl
     # In a batch sums are rounded otherwise.
     np.testing.assert_allclose(first.person_b, second.person_b, atol=1e-4)
     np.testing.assert_array_equal(pacmo_core.react(model, clips[0])[0].person_b, before)
+    with pytest.raises(ValueError, match="action must be empty"):
+        pacmo_core.react(model, clips[0], action="hug", temperature=0.5)
+    np.testing.assert_array_equal(pacmo_core.react(model, clips[0])[0].person_b, before)
+
+
+def test_a_model_without_noise_has_no_temperature(clips, regression):
+    with pytest.raises(ValueError, match="the model has no noise"):
+        pacmo_core.react(regression, clips[0], temperature=0.5)
 
 
 def test_the_seed_changes_the_weights_of_every_model(clips):

@@ -1,5 +1,6 @@
 """Truth: the Python call with the same seed; files that our own readers read back."""
 
+import io
 import json
 import re
 import subprocess
@@ -13,6 +14,7 @@ import torch
 from typer.testing import CliRunner, Result
 
 from pacmo_core.api import synthesise
+from pacmo_core.commands import captures
 from pacmo_core.commands.cli import app
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import SBU15
@@ -350,6 +352,24 @@ def test_a_folder_that_takes_no_file_is_named_before_anything_is_read(
     for folder in (tmp_path / "file", Path("/proc")):
         said = pacmo(tmp_path / "none.bvh", "--weights", weights, "--out", folder / "x.bvh")
         refused(said, f"{folder / 'x.bvh'}: {folder} takes no file: ")
+
+
+def test_the_folder_of_the_files_is_asked_and_not_the_one_above_it(
+    weights: Path, stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Path] = []
+
+    def make(**where: Path) -> io.BytesIO:
+        asked.append(where["dir"])
+        return io.BytesIO()
+
+    monkeypatch.setattr(captures, "TemporaryFile", make)
+    (tmp_path / "there").mkdir()
+    words = [stored, "--clip", "one", "--person", "a", "--weights", weights, "--out"]
+    for out, folder in (("there", "there"), ("there/x.bvh", "there"), ("new/x.bvh", ".")):
+        asked.clear()
+        assert pacmo(*words, tmp_path / out).exit_code == 0
+        assert asked == [tmp_path / folder]
 
 
 def test_a_capture_of_many_actions_is_said_to_be_long(weights: Path, tmp_path: Path) -> None:
