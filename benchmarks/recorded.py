@@ -20,7 +20,8 @@ the captured reaction of the next clip of the same act (one act each: CMU's take
 in its place beside that partner: somebody who does what the act wants and does not see whom with;
 ``SET_permuted_finished_...`` the same, finished as the reactions of the first model.
 ``SET_handshake_to_a`` and ``..._b`` are, of eight reactions to one person of each handshake (CMU's
-is 18_01), the share in which right hands come within 10 cm. ``SET_gives_way`` is in metres, of the
+is 18_01), the share in which right hands come within 10 cm, and ``SET_handshake_usual_to_a`` the
+same of the one of each eight that is most like the others. ``SET_gives_way`` is in metres, of the
 reactions to partners from whose push, kick or punch the captured person gives way by more than 15
 cm: how far the body moves away from its nearest place to the partner, as its first frame sees the
 partner; ``SET_gives_way_captured`` is that of the captured people.
@@ -161,8 +162,10 @@ def reactions_to_some(
         label = HANDSHAKE if labels else ""
         shaken = react_to(model, clips.handshakes, 8, finish, label)
         half = len(shaken) // 2
-        found["handshake_to_a"] = _right_hands(shaken[:half])
-        found["handshake_to_b"] = _right_hands(shaken[half:])
+        for person, pairs in (("a", shaken[:half]), ("b", shaken[half:])):
+            found[f"handshake_to_{person}"] = _right_hands(pairs)
+            usual = [(clip, motions[[_usual(motions)]]) for clip, motions in pairs]
+            found[f"handshake_usual_to_{person}"] = _right_hands(usual)
     return found
 
 
@@ -335,6 +338,12 @@ def intervals(row: Counts, rivals: dict[str, Counts], people: Sequence[str]) -> 
             low, high = np.quantile(values, (0.025, 0.975))
             found |= {f"{key}_low": float(low), f"{key}_high": float(high)}
     return found
+
+
+def _usual(motions: Motion) -> int:
+    """Return the number of the sample whose joints are nearest to those of all others."""
+    apart = [np.linalg.norm(motions - one, axis=-1).mean() for one in motions]
+    return int(np.argmin(apart))
 
 
 def _right_hands(pairs: Sequence[tuple[Interaction, Motion]]) -> float:

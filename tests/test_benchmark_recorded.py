@@ -13,6 +13,7 @@ from benchmarks.blows import blows
 from benchmarks.handover import measure
 from benchmarks.recorded import (
     Recorded,
+    _usual,
     _way,
     counted,
     intervals,
@@ -105,6 +106,13 @@ def test_who_gives_way_ends_farther_from_where_they_were_nearest() -> None:
     person[:, 0, 2] = -walk
     person[:, 0, 0] = np.linspace(0, 0.3, 60)  # aside does not count
     assert _way(partner, person) == pytest.approx(0.4, abs=1e-6)
+
+
+def test_the_usual_sample_is_the_one_between_the_others() -> None:
+    motions = np.zeros((4, 5, 2, 3), np.float32)
+    motions[:, :, :, 0] = np.array([9.0, 0.0, 2.0, 1.0], np.float32)[:, None, None]
+    assert _usual(motions) in (2, 3)  # distances 7 + 2 + 1 and 8 + 1 + 1
+    assert _usual(motions[[0, 1, 3]]) == 2
 
 
 def test_what_is_told_and_the_temperature_reach_the_reactions(
