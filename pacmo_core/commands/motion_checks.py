@@ -223,7 +223,7 @@ def _partner_lines(rows: Sequence[Measurement]) -> list[str]:
     ratios = [value / row.partner for row in sizes for value in row.values if row.partner]
     if any(not 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO for ratio in ratios):
         times = format_range(ratios, 2)
-        lines.append(f"bodies are {times} times as tall as the partner: --rig names another")
+        lines.append(f"bodies are {times} times as tall as the partner (--body, --rig)")
     return lines
 
 
@@ -453,7 +453,7 @@ def _most_alike(likeness: Measurement, limits: Sequence[Measurement]) -> list[st
     """Name the sample within every limit that is nearest to all others; none if they are alike."""
     beyond = {number for one in limits for number in one.beyond}
     within = [number for number in range(len(likeness.values)) if number not in beyond]
-    if len(set(likeness.cells(within)[3:])) < 2:
+    if len({likeness.range_of([number]) for number in within}) < 2:
         return []
     nearest = min(within, key=lambda number: likeness.values[number])
     return [f"most like the other samples: sample {nearest}"]

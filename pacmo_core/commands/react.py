@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,7 +60,7 @@ from pacmo_core.commands.weights import (
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.body import Body
+from pacmo_core.finish.body import Body, body_of
 from pacmo_core.formats.registry import (
     ONE_PERSON_FORMATS,
     PersonMotion,
@@ -175,6 +176,23 @@ Rig = Annotated[
         "its hierarchy, unit and axes"
     ),
 ]
+
+
+class BodyOf(StrEnum):
+    """Whose bone lengths a reaction gets."""
+
+    partner = "partner"
+    captured = "captured"
+
+
+Bones = Annotated[
+    BodyOf | None,
+    typer.Option(
+        "--body",
+        help="bone lengths of the reaction: those of the partner, or of the other person of the "
+        "capture; default: the model's choice",
+    ),
+]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
 
 
@@ -196,6 +214,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     from_fps: FromFps = [],  # noqa: B006
     joints: Joints = [],  # noqa: B006
     rig: Rig = None,
+    body: Bones = None,
     to_unit: ToUnit = None,
     to_up: ToUp = None,
     to_fps: ToFps = None,
@@ -228,10 +247,11 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     --temperature 0.6 samples nearer to what is most usual, where a reaction of each kind is not
     wanted.
 
-    The body of a reaction is the model's choice. --rig names a BVH file of the person who
-    reacts: the reaction is finished with that body's bone lengths, and BVH files are on its
-    hierarchy, in its unit and axes. --from-unit, --from-up and --joints with b= before the value
-    are of this file (with a= where the partner is person b).
+    The body of a reaction is the model's choice. --body partner gives it the partner's bone
+    lengths, --body captured those of the other person of the capture. --rig names a BVH file of the
+    person who reacts: the reaction is finished with that body's bone lengths, and BVH files are on
+    its hierarchy, in its unit and axes. --from-unit, --from-up and --joints with b= before the
+    value are of this file (with a= where the partner is person b).
 
     --stream reacts frame by frame. A frame is a line: the time in seconds, then x y z of every
     joint in the order of the model, in metres, y up; or JSON, {"time": 0.1, "pose": [[x, y, z],
@@ -245,19 +265,19 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         chosen = check_request(samples, options, weights)
         random = torch.Generator().manual_seed(seed)
         if stream:
-            given = {"PARTNER": partner, "--out": out, "--clip": clip, "--rig": rig}
+            given = {"PARTNER": partner, "--out": out, "--clip": clip, "--rig": rig, "--body": body}
             space_of_files = {"--to-unit": to_unit, "--to-up": to_up, "--to-fps": to_fps}
             _check_stream({**given, "--person": person, **space_of_files, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(_load(chosen, temperature, samples), chosen, live)
             return
-        file, out = _check_files(partner, out, rig if not finish else None)
+        file, out = _check_files(partner, out, {} if finish else {"--rig": rig, "--body": body})
         name = clip or capture_name(file)
         check_reactions_output(out, _space(to_unit, to_up, OutputSpace()))
         check_outputs(out, output_files(out, name, samples), filter(None, (file, rig)))
         model, source = _load(chosen, temperature, samples), Source(file, person or "a", person)
         told = _action_line(model, action)
-        people = _read(source, rig, model.skeleton, options, clip)
+        people = _read(source, rig, model.skeleton, options, clip, body)
         typer.echo(
             trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip))
             + told
@@ -274,7 +294,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         reactions = Reactions(
             name, model.skeleton, at - at[0],
             sample_poses(Spline(capture.times, capture.motion), at), motions,
-            people.rig, people.copied_partner(at, space),
+            people.rig, people.copied_partner(at, space), people.body_text,
         )  # fmt: skip
         _write(reactions, out, space)
 
@@ -368,15 +388,22 @@ class ReactingPeople:
     partner : on the joints of the model
     rig : of the person who reacts; None to leave the body to the model
     partner_rig : the partner's, if that is a BVH file and the other's is known
+    measured : whose bone lengths the reaction gets, on the joints of the model; None for the rig's,
+        or those of the model's choosing
+    body_text : whose these are, in words
     """
 
     partner: PersonMotion
     rig: TargetRig | None = None
     partner_rig: TargetRig | None = None
+    measured: PersonMotion | None = None
+    body_text: str = Reactions.body
 
     @property
     def body(self) -> Body | None:
         """The body of the person who reacts, if it is known."""
+        if self.measured:
+            return body_of(self.measured.motion, self.measured.skeleton)
         return self.rig.body if self.rig else None
 
     @property
@@ -394,15 +421,26 @@ class ReactingPeople:
 
 
 def _read(
-    source: Source, rig: Path | None, skeleton: Skeleton, options: ReadOptions, clip: str
+    source: Source,
+    rig: Path | None,
+    skeleton: Skeleton,
+    options: ReadOptions,
+    clip: str,
+    body: BodyOf | None,
 ) -> ReactingPeople:
-    """Read the partner, and the rig of the other, each with its own options."""
+    """Read the partner, and the rig or the body of the other, each with its own options."""
+    if rig and body:
+        raise CommandError(f"--rig {rig} and --body {body}: wanted one of them")
     of_partner = options.of_person(source.label) if rig else options
     _check_person(source, of_partner, clip, rig)
     read = _capture(source, of_partner, clip)
     if rig is None:
         (partner,) = to_model_joints([read.motion], skeleton, [source], options)
-        return ReactingPeople(partner)
+        if body is None:
+            return ReactingPeople(partner)
+        other = _other_person(source, skeleton, options, clip) if body == "captured" else partner
+        text = f"the bone lengths of the {'captured person' if other is not partner else 'partner'}"
+        return ReactingPeople(partner, measured=other, body_text=text)
     is_bvh = not names_clips(source.file, clip) and of_partner.format_of(source.file) == "bvh"
     own = _partner_rig(source, read, skeleton, options) if is_bvh else None
     if own is None:
@@ -413,6 +451,21 @@ def _read(
     of_rig = _read_rig(rig, source, skeleton, options)
     say_names([(source.file, own.named), (rig, of_rig.named)])
     return ReactingPeople(own.motion, of_rig, own)
+
+
+def _other_person(
+    source: Source, skeleton: Skeleton, options: ReadOptions, clip: str
+) -> PersonMotion:
+    """Read the other person of a capture of two, on the joints of the model."""
+    if not source.person:
+        raise CommandError(
+            f"{source.file}: --body captured wants a capture of two people, of whom --person names "
+            "the partner"
+        )
+    label = PEOPLE[source.person == PEOPLE[0]]
+    other = Source(source.file, label, label)
+    (person,) = to_model_joints([_capture(other, options, clip).motion], skeleton, [other], options)
+    return person
 
 
 def _read_rig(file: Path, partner: Source, skeleton: Skeleton, options: ReadOptions) -> TargetRig:
@@ -457,13 +510,12 @@ def _check_person(source: Source, options: ReadOptions, clip: str, rig: Path | N
 
 
 def _check_files(
-    partner: list[Path], out: Path | None, unfinished_rig: Path | None
+    partner: list[Path], out: Path | None, bodies: Mapping[str, object]
 ) -> tuple[Path, Path]:
-    """Return the partner and the output; refuse a second capture, and a rig without the finish."""
-    if unfinished_rig:
-        raise CommandError(
-            f"--rig {unfinished_rig}: the finish makes the body; leave out --no-finish"
-        )
+    """Return the partner and the output; refuse a second capture, and bodies without the finish."""
+    for option, body in bodies.items():
+        if body:
+            raise CommandError(f"{option} {body}: the finish makes the body; leave out --no-finish")
     if not partner or out is None:
         missing = "--out" if partner else "a PARTNER and --out, or --stream"
         raise CommandError(f"give {missing}")

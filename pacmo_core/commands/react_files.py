@@ -34,6 +34,7 @@ class Reactions:
     samples : (S, T, J, 3) float32, metres
     rig : on which BVH files of the reaction are; None for the joints of the model
     partner_rig : of whom a copy is the partner's BVH file; None for the joints of the model
+    body : whose bone lengths the reactions have, in words
     """
 
     name: str
@@ -43,6 +44,7 @@ class Reactions:
     samples: Motion
     rig: TargetRig | None = None
     partner_rig: TargetRig | None = None
+    body: str = "a body of the model's choosing (--body, --rig)"
 
     @property
     def sole(self) -> float:
@@ -170,7 +172,7 @@ def files_line(reactions: Reactions, files: list[Path], space: OutputSpace) -> s
     """Say which files are of the partner and which are the reactions, and on whose body."""
     samples, rig = len(reactions.samples), reactions.rig
     text = f"{samples} x {len(reactions.times)} frames"
-    body = f"bone lengths of {rig.file}" if rig else "a body of the model's choosing (--rig)"
+    body = f"bone lengths of {rig.file}" if rig else reactions.body
     if len(files) == 1:
         name = reactions.name
         last = f" ... {name}#{samples - 1:04d}" if samples > 1 else ""

@@ -430,7 +430,7 @@ def test_a_noisy_partner_and_bodies_of_another_size_are_said() -> None:
     noisy[12:, 1, 2] += 0.4  # 360 m/s²
     assert not any("tall" in line or "noisy" in line for line in lines_of(partner, partner[None]))
     (_, size, *_) = lines_of(partner, np.stack([giant, giant]))
-    assert size == "bodies are 1.30 times as tall as the partner: --rig names another"
+    assert size == "bodies are 1.30 times as tall as the partner (--body, --rig)"
     said = [line for line in lines_of(noisy, giant[None]) if "the capture itself" in line]
     joint = "acceleration of a joint 360 m/s²"
     assert len(said) == 1 and f"beyond limits: {joint}; turn of a bone in 1/30 s" in said[0]

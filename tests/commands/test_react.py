@@ -16,6 +16,7 @@ from typer.testing import CliRunner, Result
 from pacmo_core.api import synthesise
 from pacmo_core.commands import captures
 from pacmo_core.commands.cli import app
+from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.finish.stance import find_stance
@@ -419,6 +420,39 @@ def test_an_action_is_refused_by_weights_without_labels(weights: Path, tmp_path:
     partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
     words = ["--weights", weights, "--action", "hug", "--out", tmp_path / "out.parquet"]
     refused(pacmo(partner, *words), "--action hug: the weights were not trained with labels")
+
+
+@pytest.mark.parametrize("person", ["a", "b"])
+def test_a_reaction_gets_the_bones_of_the_partner_or_of_the_captured_person(
+    weights: Path, tmp_path: Path, person: str
+) -> None:
+    # Person b is a third taller.
+    pair = replace(CLIP, person_b=1.3 * CLIP.person_b)
+    stored, out = tmp_path / "pair.parquet", tmp_path / "out.parquet"
+    with write_motions(stored, SBU15) as writer:
+        writer.add("one", pair)
+    words = [stored, "--clip", "one", "--person", person, "--weights", weights, "--out", out]
+    people = {"partner": getattr(pair, f"person_{person}"),
+              "captured": pair.person_b if person == "a" else pair.person_a}  # fmt: skip
+    for body, motion in people.items():
+        said = pacmo(*words, "--body", body)
+        assert said.exit_code == 0, said.output
+        assert f"with the bone lengths of the {body}" in said.stdout
+        ((_, made),) = stream_motions(out)
+        wanted = np.median(bone_lengths(motion, SBU15), axis=0)
+        np.testing.assert_allclose(bone_lengths(made.person_b, SBU15)[9], wanted, rtol=1e-3)
+
+
+def test_a_body_that_is_not_there_or_not_used_is_refused(weights: Path, tmp_path: Path) -> None:
+    partner = tmp_path / "alone.bvh"
+    partner.write_text(format_bvh(CLIP.person_a, 15, SBU15))
+    words = [partner, "--weights", weights, "--out", tmp_path / "o.parquet"]
+    refused(pacmo(*words, "--body", "captured"), "--body captured wants a capture of two people")
+    refused(pacmo(*words, "--body", "partner", "--no-finish"), "--body partner: the finish makes")
+    both = ["--body", "partner", "--rig", partner]
+    refused(pacmo(*words, *both), "alone.bvh and --body partner: wanted one of them")
+    refused(pacmo("--stream", "--weights", weights, "--body", "partner"), "leave out --body")
+    assert pacmo(*words, "--body", "ben").exit_code == 2
 
 
 def test_the_temperature_scales_how_much_samples_differ(weights: Path, tmp_path: Path) -> None:
