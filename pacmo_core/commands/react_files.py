@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from pacmo_core.commands.bvh_fidelity import Fidelity, planted_weights
 from pacmo_core.commands.captures import OutputSpace, bvh_text, is_parquet, read_file
-from pacmo_core.commands.export import WRITERS as EXPORTED
 from pacmo_core.commands.reading import check_axis, check_unit
 from pacmo_core.commands.rig import TargetRig
 from pacmo_core.data.interaction import Interaction, Motion
@@ -56,6 +55,9 @@ class Reactions:
 def check_reactions_output(out: Path, space: OutputSpace) -> None:
     """Reject an output without a known suffix, or one that has another unit or axis."""
     if out.suffix.lower() not in (".parquet", ".bvh", "") and not out.is_dir():
+        # Its plots take half a second to import.
+        from pacmo_core.commands.export import WRITERS as EXPORTED  # noqa: PLC0415
+
         wanted = f"{out}: wanted a .parquet or .bvh file, or a folder for BVH files"
         if out.suffix.lower() not in EXPORTED:
             others = ", ".join(suffix for suffix in EXPORTED if suffix not in (".parquet", ".bvh"))
