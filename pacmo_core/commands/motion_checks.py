@@ -20,6 +20,7 @@ from pacmo_core.commands.sample_table import (
     format_range,
     limit_lines,
     table_lines,
+    within_limits,
 )
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.posture import measure_posture
@@ -451,8 +452,7 @@ def _likeness(samples: Motion) -> Measurement:
 
 def _most_alike(likeness: Measurement, limits: Sequence[Measurement]) -> list[str]:
     """Name the sample within every limit that is nearest to all others; none if they are alike."""
-    beyond = {number for one in limits for number in one.beyond}
-    within = [number for number in range(len(likeness.values)) if number not in beyond]
+    within = within_limits(limits)
     if len({likeness.range_of([number]) for number in within}) < 2:
         return []
     nearest = min(within, key=lambda number: likeness.values[number])

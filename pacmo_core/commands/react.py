@@ -438,9 +438,12 @@ def _read(
         (partner,) = to_model_joints([read.motion], skeleton, [source], options)
         if body is None:
             return ReactingPeople(partner)
-        other = _other_person(source, skeleton, options, clip) if body == "captured" else partner
-        text = f"the bone lengths of the {'captured person' if other is not partner else 'partner'}"
-        return ReactingPeople(partner, measured=other, body_text=text)
+        measured, whose = partner, "partner"
+        if body == BodyOf.captured:
+            measured, whose = _other_person(source, skeleton, options, clip), "captured person"
+        return ReactingPeople(
+            partner, measured=measured, body_text=f"the bone lengths of the {whose}"
+        )
     is_bvh = not names_clips(source.file, clip) and of_partner.format_of(source.file) == "bvh"
     own = _partner_rig(source, read, skeleton, options) if is_bvh else None
     if own is None:

@@ -101,6 +101,12 @@ class Measurement:
         return f"sample {number}{said}{place}"
 
 
+def within_limits(limits: Sequence[Measurement]) -> list[int]:
+    """Return the numbers of the samples within every limit, of which there is at least one."""
+    beyond = {number for one in limits for number in one.beyond}
+    return [number for number in range(len(limits[0].values)) if number not in beyond]
+
+
 def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list[str]:
     """Return the lines of all limits, and one on what to do; one if all samples are within.
 
@@ -122,8 +128,7 @@ def limit_lines(limits: Sequence[Measurement], untouched: Sequence[int]) -> list
             "train on captures like this one (docs/react.md)"
         )
         return [*lines, "; ".join([*without, hint])]
-    beyond = {number for one in limits for number in one.beyond}
-    within = [number for number in range(count) if number not in beyond]
+    within = within_limits(limits)
     of_none = ["no sample is within every limit"] if count > 1 else []
     within_text = [f"within every limit: {_samples(within)}"] if within else of_none
     other = (
