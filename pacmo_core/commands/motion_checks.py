@@ -8,7 +8,6 @@ with frame and time.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 from math import inf
 
 import numpy as np
@@ -22,15 +21,15 @@ from pacmo_core.commands.sample_table import (
     table_lines,
     within_limits,
 )
+from pacmo_core.commands.touching import least_gap, touches
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.posture import measure_posture
-from pacmo_core.data.segments import feet, segments
+from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
 from pacmo_core.finish.bones import leg_length, median_lengths
 from pacmo_core.finish.floor import find_floor
 from pacmo_core.finish.stance import find_stance
-from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import frame_rate
 from pacmo_core.interaction_mesh.capsules import penetration_depths
@@ -63,8 +62,6 @@ MAX_GLIDE_SPEED = 0.3
 # stretches, push-ups and embraces, 2.7 in the default; whoever receives an object may stand still.
 MAX_SPEED_RATIO = 3.0
 MIN_SPEED = 0.03  # metres per second: who stands and breathes is no slower
-# Metres from the axis of a trunk to the skin, where a hand touches it.
-SKIN_DISTANCE = 0.18
 STATURE = "stature by the legs, m"
 LEAN = "lean of the trunk, °"
 # Degrees by which a partner leans who bows, or was seen by a tilted camera: of SBU's people, in the
@@ -409,34 +406,18 @@ def _nearness(
     Rows of the table, and the numbers of the samples in which neither's hand touches the other;
     none of people without hands
     """
-    every = list(range(len(skeleton.joints)))
     roots = np.linalg.norm(partner[:, skeleton.root] - samples[:, :, skeleton.root], axis=-1)
-    nearest = [100 * float(_gaps(partner, sample, every, every).min()) for sample in samples]
+    nearest = [100 * least_gap(partner, sample) for sample in samples]
     rows = [
         Measurement("pelvises apart at least, m", roots.min(axis=1).tolist(), decimals=2),
         Measurement("nearest joints apart, cm", nearest),
     ]
-    hands = _hands(skeleton)
-    if not hands:
+    every_touch = touches(skeleton)
+    if not every_touch:
         return rows, []
-    hand = [joint for joints in hands.values() for joint in joints]
-    body = [joint for joint in every if joint not in hand]
-    # Of each: the distance of a touch, and the joints of the reaction and the partner that touch.
-    touches = {
-        f"{side} hand to {side}": (CONTACT_DISTANCE, [(joints, joints)])
-        for side, joints in hands.items()
-    }
-    if len(hands) == 2:
-        left, right = hands.values()
-        touches["a left hand to a right"] = CONTACT_DISTANCE, [(left, right), (right, left)]
-    touches["a hand to the partner's body"] = SKIN_DISTANCE, [(hand, body)]
-    touches["the partner's hand to the body"] = SKIN_DISTANCE, [(body, hand)]
-    for name, (distance, pairs) in touches.items():
-        gaps = [
-            np.min([_gaps(partner, sample, *pair) for pair in pairs], axis=0) for sample in samples
-        ]
-        frames = [int((gap < distance).sum()) for gap in gaps]
-        rows.append(Measurement(f"frames of {len(partner)}: {name}", frames, decimals=0))
+    for touch in every_touch.values():
+        frames = [int(touch.frames(partner, sample).sum()) for sample in samples]
+        rows.append(Measurement(f"frames of {len(partner)}: {touch.name}", frames, decimals=0))
     touched = np.any([row.values for row in rows[2:]], axis=0)
     return rows, np.flatnonzero(~touched).tolist()
 
@@ -457,22 +438,6 @@ def _most_alike(likeness: Measurement, limits: Sequence[Measurement]) -> list[st
         return []
     nearest = min(within, key=lambda number: likeness.values[number])
     return [f"most like the other samples: sample {nearest}"]
-
-
-def _hands(skeleton: Skeleton) -> dict[str, list[int]]:
-    """Return the joints of each hand, from the wrist on, by its side."""
-    hands: dict[str, list[int]] = {}
-    for end, of in zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True):
-        if of.part == "arm" and of.kind != "upper_arm":
-            hands.setdefault(of.name.partition("_")[0], []).append(end)
-    return hands
-
-
-def _gaps(partner: Motion, sample: Motion, own: list[int], other: list[int]) -> Array:
-    """Return the least distance of ``own`` joints from the partner's ``other``, ``(T,)``."""
-    pairs = ((sample[:, i] - partner[:, j]) for i in own for j in other)
-    gaps: Array = reduce(np.minimum, (np.linalg.norm(pair, axis=-1) for pair in pairs))
-    return gaps
 
 
 def _apart(motion: Motion, skeleton: Skeleton) -> Motion:

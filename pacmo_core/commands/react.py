@@ -4,7 +4,6 @@ import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,9 +19,6 @@ from pacmo_core.commands.captures import (
     check_outputs,
     is_parquet,
     meant_times,
-    names_clips,
-    read_clip,
-    some_clips,
 )
 from pacmo_core.commands.motion_checks import motion_lines
 from pacmo_core.commands.react_files import (
@@ -32,8 +28,8 @@ from pacmo_core.commands.react_files import (
     output_files,
     write_reactions,
 )
+from pacmo_core.commands.reacting_people import BodyOf, read_reacting_people
 from pacmo_core.commands.reading import (
-    PEOPLE,
     FormatName,
     FromFps,
     FromUnit,
@@ -41,15 +37,16 @@ from pacmo_core.commands.reading import (
     Joints,
     Preset,
     ReadOptions,
-    ReadPerson,
     Source,
     capture_name,
     parse_unit,
-    read_people,
-    say_names,
-    to_model_joints,
 )
-from pacmo_core.commands.rig import TargetRig, read_rig, rig_of
+from pacmo_core.commands.touching import (
+    TouchName,
+    draw_until,
+    is_as_asked,
+    touches_asked,
+)
 from pacmo_core.commands.weights import (
     TRAINED_HERE,
     check_weights,
@@ -59,14 +56,8 @@ from pacmo_core.commands.weights import (
 )
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
-from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.finish.body import Body, body_of
-from pacmo_core.formats.registry import (
-    ONE_PERSON_FORMATS,
-    PersonMotion,
-    holds_one_person,
-    select_person,
-)
+from pacmo_core.finish.body import Body
+from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import sample_times
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
@@ -178,19 +169,20 @@ Rig = Annotated[
 ]
 
 
-class BodyOf(StrEnum):
-    """Whose bone lengths a reaction gets."""
-
-    partner = "partner"
-    captured = "captured"
-
-
 Bones = Annotated[
     BodyOf | None,
     typer.Option(
         "--body",
         help="bone lengths of the reaction: those of the partner, or of the other person of the "
         "capture; default: the model's choice",
+    ),
+]
+Touching = Annotated[
+    TouchName | None,
+    typer.Option(
+        "--touch",
+        help="what touches in some frame: right or left hands, any hands, a hand of one the "
+        "other's body, or nothing; other reactions are dropped and further ones sampled",
     ),
 ]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
@@ -215,6 +207,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     joints: Joints = [],  # noqa: B006
     rig: Rig = None,
     body: Bones = None,
+    touch: Touching = None,
     to_unit: ToUnit = None,
     to_up: ToUp = None,
     to_fps: ToFps = None,
@@ -247,6 +240,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     --temperature 0.6 samples nearer to what is most usual, where a reaction of each kind is not
     wanted.
 
+    --touch right-hands keeps the reactions in which the right hands touch, as in a handshake, and
+    samples until there are as many as --samples asks for. body is for hugs, none for no touch.
+
     The body of a reaction is the model's choice. --body partner gives it the partner's bone
     lengths, --body captured those of the other person of the capture. --rig names a BVH file of the
     person who reacts: the reaction is finished with that body's bone lengths, and BVH files are on
@@ -266,8 +262,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         random = torch.Generator().manual_seed(seed)
         if stream:
             given = {"PARTNER": partner, "--out": out, "--clip": clip, "--rig": rig, "--body": body}
-            space_of_files = {"--to-unit": to_unit, "--to-up": to_up, "--to-fps": to_fps}
-            _check_stream({**given, "--person": person, **space_of_files, **options.given()})
+            of_files = {"--to-unit": to_unit, "--to-up": to_up, "--to-fps": to_fps}
+            of_files |= {"--person": person, "--touch": touch}
+            _check_stream({**given, **of_files, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(_load(chosen, temperature, samples), chosen, live)
             return
@@ -277,7 +274,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         check_outputs(out, output_files(out, name, samples), filter(None, (file, rig)))
         model, source = _load(chosen, temperature, samples), Source(file, person or "a", person)
         told = _action_line(model, action)
-        people = _read(source, rig, model.skeleton, options, clip, body)
+        people = read_reacting_people(source, rig, model.skeleton, options, clip, body)
         typer.echo(
             trained_on_line(chosen, synthetic_capture=is_synthetic(file, clip))
             + told
@@ -287,9 +284,8 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         at = _sample_times(capture, to_fps, name)
         check_total(samples, len(at), len(model.skeleton.joints))
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
-        motions = _samples(model, partner_motion, samples, random)
-        if finish:
-            motions = finish_reactions(model, partner_motion, motions, people.body)
+        sampling = Sampling(model, partner_motion, people.body, finish, random)
+        motions = _touching(sampling, samples, touch) if touch else sampling.draw_all(samples)
         space = _space(to_unit, to_up, people.space)
         reactions = Reactions(
             name, model.skeleton, at - at[0],
@@ -335,19 +331,63 @@ def _length_line(model: ReactionModel, capture: PersonMotion) -> str:
     )
 
 
-def _samples(
-    model: ReactionModel, partner: PartnerMotion, samples: int, random: torch.Generator
-) -> Motion:
-    """Generate reactions, ``(S, T, J, 3)`` metres, each the same to the bit however many there are.
+@dataclass(frozen=True)
+class Sampling:
+    """How reactions to a partner are generated.
 
-    In a batch of another size sums are rounded otherwise, by a micrometre, of which the rotations
-    of a rig may make millimetres.
+    Parameters
+    ----------
+    model, partner : ReactionModel, PartnerMotion
+    body : of who reacts; None for the model's choice
+    finish : whether reactions are finished
+    random : generator of the noise
     """
-    if is_deterministic(model):
-        return react_all(model, [partner], n_samples=samples, random=random)[0]
-    return np.concatenate(
-        [react_all(model, [partner], n_samples=1, random=random)[0] for _ in range(samples)]
+
+    model: ReactionModel
+    partner: PartnerMotion
+    body: Body | None
+    finish: bool
+    random: torch.Generator
+
+    def draw(self, samples: int = 1) -> Motion:
+        """Generate the next reactions, ``(S, T, J, 3)`` metres."""
+        motions = react_all(self.model, [self.partner], n_samples=samples, random=self.random)[0]
+        if not self.finish:
+            return motions
+        return finish_reactions(self.model, self.partner, motions, self.body)
+
+    def draw_all(self, samples: int) -> Motion:
+        """Generate reactions, each the same to the bit however many there are.
+
+        In a batch of another size sums are rounded otherwise, by a micrometre, of which the
+        rotations of a rig may make millimetres.
+        """
+        if is_deterministic(self.model):
+            return self.draw(samples)
+        return np.concatenate([self.draw() for _ in range(samples)])
+
+
+def _touching(sampling: Sampling, samples: int, touch: TouchName) -> Motion:
+    """Generate reactions that touch as asked; say how many others were dropped."""
+    if is_deterministic(sampling.model):
+        raise CommandError(f"--touch {touch}: the model gives one reaction; leave it out")
+    partner = sample_poses(
+        Spline(sampling.partner.times, sampling.partner.motion), sampling.partner.out_times
     )
+    try:
+        asked = touches_asked(touch, sampling.model.skeleton)
+    except ValueError as fault:
+        raise CommandError(f"--touch {fault}") from fault
+    kept, drawn = draw_until(
+        sampling.draw, lambda drawn: is_as_asked(touch, asked, partner, drawn[0]), samples
+    )
+    if len(kept) < samples:
+        fewer = f"; --samples {len(kept)} writes those" if kept else ""
+        raise CommandError(
+            f"--touch {touch}: so do {len(kept)} of {drawn} reactions, wanted {samples}{fewer}"
+        )
+    typer.echo(f"--touch {touch}: so do {len(kept)} of {drawn} reactions; the others are dropped")
+    return np.concatenate(kept)
 
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
@@ -379,139 +419,6 @@ def _space(to_unit: str | None, to_up: str | None, default: OutputSpace) -> Outp
     )
 
 
-@dataclass(frozen=True)
-class ReactingPeople:
-    """The partner, and who reacts.
-
-    Parameters
-    ----------
-    partner : on the joints of the model
-    rig : of the person who reacts; None to leave the body to the model
-    partner_rig : the partner's, if that is a BVH file and the other's is known
-    measured : whose bone lengths the reaction gets, on the joints of the model; None for the rig's,
-        or those of the model's choosing
-    body_text : whose these are, in words
-    """
-
-    partner: PersonMotion
-    rig: TargetRig | None = None
-    partner_rig: TargetRig | None = None
-    measured: PersonMotion | None = None
-    body_text: str = Reactions.body
-
-    @property
-    def body(self) -> Body | None:
-        """The body of the person who reacts, if it is known."""
-        if self.measured:
-            return body_of(self.measured.motion, self.measured.skeleton)
-        return self.rig.body if self.rig else None
-
-    @property
-    def space(self) -> OutputSpace:
-        """The unit and axis of BVH files, unless others are stated."""
-        return self.rig.space if self.rig else OutputSpace()
-
-    def copied_partner(self, at: NDArray[np.float64], space: OutputSpace) -> TargetRig | None:
-        """Return the partner's rig if a file at these times can hold the capture itself."""
-        own = self.partner_rig
-        times = self.partner.times
-        # The frame rate of a BVH file is rounded to six digits: --to-fps 30 is its own.
-        has_same_times = len(at) == len(times) and np.allclose(at, times, rtol=1e-4, atol=1e-6)
-        return own if own and has_same_times and own.space.up == space.up else None
-
-
-def _read(
-    source: Source,
-    rig: Path | None,
-    skeleton: Skeleton,
-    options: ReadOptions,
-    clip: str,
-    body: BodyOf | None,
-) -> ReactingPeople:
-    """Read the partner, and the rig or the body of the other, each with its own options."""
-    if rig and body:
-        raise CommandError(f"--rig {rig} and --body {body}: wanted one of them")
-    of_partner = options.of_person(source.label) if rig else options
-    _check_person(source, of_partner, clip, rig)
-    read = _capture(source, of_partner, clip)
-    if rig is None:
-        (partner,) = to_model_joints([read.motion], skeleton, [source], options)
-        if body is None:
-            return ReactingPeople(partner)
-        measured, whose = partner, "partner"
-        if body == BodyOf.captured:
-            measured, whose = _other_person(source, skeleton, options, clip), "captured person"
-        return ReactingPeople(
-            partner, measured=measured, body_text=f"the bone lengths of the {whose}"
-        )
-    is_bvh = not names_clips(source.file, clip) and of_partner.format_of(source.file) == "bvh"
-    own = _partner_rig(source, read, skeleton, options) if is_bvh else None
-    if own is None:
-        (partner,) = to_model_joints([read.motion], skeleton, [source], options)
-        of_rig = _read_rig(rig, source, skeleton, options)
-        say_names([(rig, of_rig.named)])
-        return ReactingPeople(partner, of_rig)
-    of_rig = _read_rig(rig, source, skeleton, options)
-    say_names([(source.file, own.named), (rig, of_rig.named)])
-    return ReactingPeople(own.motion, of_rig, own)
-
-
-def _other_person(
-    source: Source, skeleton: Skeleton, options: ReadOptions, clip: str
-) -> PersonMotion:
-    """Read the other person of a capture of two, on the joints of the model."""
-    if not source.person:
-        raise CommandError(
-            f"{source.file}: --body captured wants a capture of two people, of whom --person names "
-            "the partner"
-        )
-    label = PEOPLE[source.person == PEOPLE[0]]
-    other = Source(source.file, label, label)
-    (person,) = to_model_joints([_capture(other, options, clip).motion], skeleton, [other], options)
-    return person
-
-
-def _read_rig(file: Path, partner: Source, skeleton: Skeleton, options: ReadOptions) -> TargetRig:
-    """Read the rig; where it cannot be read by words that are for both people, say so."""
-    label = PEOPLE[partner.label == PEOPLE[0]]
-    try:
-        return read_rig(Source(file, label, None), skeleton, options.of_person(label))
-    except CommandError as fault:
-        both = options.for_both()
-        if not both:
-            if "--joints" not in str(fault):
-                raise
-            raise CommandError(f"{fault}; words of the rig begin with {label}=") from fault
-        option, word = both[0]
-        raise CommandError(
-            f"{fault}; {', '.join(' '.join(one) for one in both)}: for partner and rig alike; "
-            f"{option} {partner.label}={word} is for the partner alone"
-        ) from fault
-
-
-def _partner_rig(
-    source: Source, read: ReadPerson, skeleton: Skeleton, options: ReadOptions
-) -> TargetRig | None:
-    """Return the partner's rig; None if joints must be estimated: then it is not copied."""
-    try:
-        return rig_of(source, read, skeleton, options)
-    except CommandError:
-        return None
-
-
-def _check_person(source: Source, options: ReadOptions, clip: str, rig: Path | None) -> None:
-    """Refuse to select one of two people in a file of one; with a rig they name its role."""
-    if source.person not in (None, *PEOPLE):
-        raise CommandError(f"--person: wanted a or b; got {source.person}")
-    if not source.person or rig or names_clips(source.file, clip):
-        return
-    form = options.format_of(source.file)
-    if form in ONE_PERSON_FORMATS or holds_one_person(
-        source.file, form, options.settings(form, source.label)
-    ):
-        raise CommandError(f"{source.file} holds one person: leave out --person {source.person}")
-
-
 def _check_files(
     partner: list[Path], out: Path | None, bodies: Mapping[str, object]
 ) -> tuple[Path, Path]:
@@ -530,20 +437,6 @@ def _check_files(
             "people, use pacmo augment or pacmo vary"
         )
     return partner[0], out
-
-
-def _capture(source: Source, options: ReadOptions, clip: str) -> ReadPerson:
-    if names_clips(source.file, clip):
-        if not clip:
-            raise CommandError(
-                f"{source.file}: name the clip with --clip: {some_clips(source.file)}"
-            )
-        if options.describes_files:
-            raise CommandError(f"{source.file}: clips of a store take no option of other formats")
-        clip_of_store = read_clip(source.file, clip)
-        return ReadPerson(select_person(clip_of_store, source.person, clip), {})
-    (person,) = read_people([source], options.of_captures([source.file]), clip)
-    return person
 
 
 def _at_meant_times(capture: PersonMotion) -> PersonMotion:

@@ -1,0 +1,125 @@
+"""Truth: distances of joints, and the samples that the same seed gives without ``--touch``."""
+
+import re
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from pacmo_core.api import synthesise
+from pacmo_core.commands import touching
+from pacmo_core.commands.cli import app
+from pacmo_core.commands.touching import TouchName, draw_until, is_as_asked, touches_asked
+from pacmo_core.data.interaction import Interaction, Motion
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.reaction.inference import PACKAGED
+from pacmo_core.store.motions import stream_motions, write_motions
+
+ACTS = synthesise(11)
+HANDSHAKE, HUG = ACTS["handshake-1"], ACTS["hug-1"]
+
+
+def touch(name: TouchName, clip: Interaction, reaction: Motion) -> bool:
+    return is_as_asked(name, touches_asked(name, clip.skeleton), clip.person_a, reaction)
+
+
+def right_gap(clip: Interaction) -> float:
+    hand = clip.skeleton.joints.index("right_wrist")
+    return float(np.linalg.norm(clip.person_a[:, hand] - clip.person_b[:, hand], axis=-1).min())
+
+
+@pytest.mark.parametrize(
+    ("clip", "right", "body"), [(HANDSHAKE, True, False), (HUG, False, True)], ids=["shake", "hug"]
+)
+def test_a_handshake_is_of_right_hands_and_a_hug_of_bodies(
+    clip: Interaction, right: bool, body: bool
+) -> None:
+    assert touch(TouchName.right_hands, clip, clip.person_b) == right
+    assert touch(TouchName.body, clip, clip.person_b) == body
+    assert not touch(TouchName.none, clip, clip.person_b)
+    if right:
+        assert touch(TouchName.hands, clip, clip.person_b)
+        assert right_gap(clip) < 0.3  # wrists, of hands that shake
+
+
+@pytest.mark.parametrize("name", list(TouchName))
+def test_at_a_distance_nothing_touches(name: TouchName) -> None:
+    far = HANDSHAKE.person_b + np.array([9, 0, 0], np.float32)
+    assert touch(name, HANDSHAKE, far) == (name == TouchName.none)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_hands_of_a_side_are_those_of_the_skeleton(side: str) -> None:
+    """Bring one hand of a far person to the partner's of the same side, in one frame."""
+    clip = HANDSHAKE
+    far = clip.person_b + np.array([9, 0, 0], np.float32)
+    hand = clip.skeleton.joints.index(f"{side}_hand")
+    far[10, hand] = clip.person_a[10, hand] + np.array([0.02, 0, 0], np.float32)
+    found = {name for name in TouchName if touch(name, clip, far)}
+    assert found - {TouchName.body} == {TouchName(f"{side}-hands"), TouchName.hands}
+
+
+def test_a_skeleton_without_hands_is_refused() -> None:
+    stick = Skeleton("stick", ("pelvis", "chest", "head"), (-1, 0, 1))
+    with pytest.raises(ValueError, match="wanted a skeleton with a left and a right hand"):
+        touches_asked(TouchName.hands, stick)
+
+
+@pytest.mark.parametrize(("wanted", "kept", "drawn"), [(2, [3, 6], 7), (100, None, 128)])
+def test_the_first_wanted_ones_are_kept(wanted: int, kept: list[int] | None, drawn: int) -> None:
+    numbers = count(1)
+    motions, n_drawn = draw_until(
+        lambda: np.full((1, 1, 1, 3), next(numbers), np.float32),
+        lambda motion: int(motion[0, 0, 0, 0]) % 3 == 0,
+        wanted,
+    )
+    found = [int(motion[0, 0, 0, 0]) for motion in motions]
+    assert found == (kept or list(range(3, 129, 3)))
+    assert n_drawn == (6 if wanted == 2 else drawn)
+
+
+def react(partner: Path, out: Path, *words: object) -> Result:
+    given = [partner, "--clip", "shake", "--person", "a", "--weights", PACKAGED, "--out", out]
+    return CliRunner().invoke(app, ["react", *map(str, given), *map(str, words)])
+
+
+@pytest.fixture(scope="module")
+def partner(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("partner") / "motions.parquet"
+    with write_motions(path, HANDSHAKE.skeleton) as writer:
+        writer.add("shake", HANDSHAKE)
+    return path
+
+
+def test_what_is_kept_are_the_samples_of_the_seed_that_touch(partner: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o.parquet"
+    assert react(partner, out, "--samples", 8, "--temperature", 2).exit_code == 0
+    every = [clip for _, clip in stream_motions(out)]
+    shaking = [clip.person_b for clip in every if touch(TouchName.right_hands, clip, clip.person_b)]
+    assert 0 < len(shaking) < 8
+    words = ["--samples", len(shaking), "--temperature", 2, "--touch", "right-hands"]
+    said = react(partner, out, *words)
+    assert said.exit_code == 0, said.output
+    (drawn,) = re.findall(rf"right-hands: so do {len(shaking)} of (\d) reactions", said.stdout)
+    assert len(shaking) <= int(drawn) <= 8
+    kept = [clip.person_b for _, clip in stream_motions(out)]
+    np.testing.assert_array_equal(kept, shaking)
+
+
+def test_too_few_are_refused_with_their_number(
+    partner: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(touching, "MAX_DRAWN", 3)
+    out = tmp_path / "o.parquet"
+    said = react(partner, out, "--touch", "none")
+    assert said.exit_code == 1
+    assert said.stderr == "pacmo: --touch none: so do 0 of 3 reactions, wanted 1\n"
+    assert not out.exists()
+    said = react(partner, out, "--touch", "right-hands", "--samples", 9)
+    assert said.stderr.endswith("so do 3 of 3 reactions, wanted 9; --samples 3 writes those\n")
+    assert react(partner, out, "--touch", "feet").exit_code == 2
+    said = CliRunner().invoke(app, ["react", "--stream", "--touch", "none"])
+    assert "leave out --touch" in said.stderr
