@@ -47,7 +47,8 @@ def main() -> None:
     for act, of_act in clips.acts.items():
         found_before = len(is_found)
         for clip in of_act:
-            drawn = list(until_told(model, clip, options.drawn))
+            random = torch.Generator().manual_seed(len(told))
+            drawn = list(until_told(model, clip, options.drawn, random))
             *_, (last, is_as_told) = drawn
             untold.append((clip, drawn[0][0]))
             told.append((clip, last if is_as_told else drawn[0][0]))
@@ -72,13 +73,14 @@ def captured_touch(clip: Interaction) -> TouchName:
     return TouchName.none
 
 
-def until_told(model: Generator, clip: Interaction, most: int) -> Iterator[tuple[Motion, bool]]:
+def until_told(
+    model: Generator, clip: Interaction, most: int, random: torch.Generator
+) -> Iterator[tuple[Motion, bool]]:
     """Yield reactions ``(1, T, J, 3)``, up to the first that touches as the captured pair does."""
     name = captured_touch(clip)
     asked = touches_asked(name, clip.skeleton)
     times = clip.times - clip.times[0]
     partner = PartnerMotion(clip.person_a, times, times)
-    random = torch.Generator().manual_seed(1)
     for _ in range(most):
         (made,) = react_all(model, [partner], n_samples=1, random=random)
         made = finished(model, clip, made)

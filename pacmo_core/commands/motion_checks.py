@@ -177,17 +177,7 @@ def motion_lines(
         accelerate and may be below the floor
     sole : metres by which the soles of the rig are lower, under its joints, than the partner's
     """
-    rows = [*_postures(skeleton, partner, samples), _speed_ratios(times, partner, samples)]
-    if ankles := list(find_body_joints(skeleton).ankles):
-        rows.append(_glides(times, partner[:, ankles], samples[:, :, ankles]))
-    if feet(skeleton):
-        rows += _heights(skeleton, times, partner, samples, people, sole)
-    unmeasured = []
-    try:
-        rows += _depths(skeleton, times, partner, samples)
-    except ValueError as fault:
-        unmeasured = [f"how deep the bodies are in each other is not measured ({fault})"]
-    rows += [_jolts(times, people), _turns(times, people)]
+    rows, unmeasured = _measured(skeleton, times, partner, samples, people, sole)
     nearness, untouched = _nearness(skeleton, partner, samples)
     limits = [row for row in rows if row.limit < inf]
     alike = [_likeness(samples)] if len(samples) > 2 else []
@@ -198,6 +188,35 @@ def motion_lines(
         *(line for row in alike for line in _most_alike(row, limits)),
         *limit_lines(limits, untouched),
     ]
+
+
+def is_within_limits(skeleton: Skeleton, times: Array, partner: Motion, reaction: Motion) -> bool:
+    """Return whether a reaction ``(T, J, 3)`` is within every limit, before it is on a rig."""
+    people = [PersonMotion(skeleton, times, motion) for motion in (partner, reaction)]
+    rows, _ = _measured(skeleton, times, partner, reaction[None], people, 0.0)
+    return not any(row.beyond for row in rows)
+
+
+def _measured(
+    skeleton: Skeleton,
+    times: Array,
+    partner: Motion,
+    samples: Motion,
+    people: Sequence[PersonMotion],
+    sole: float,
+) -> tuple[list[Measurement], list[str]]:
+    """Measure what may have a limit; return it, and lines on what cannot be measured."""
+    rows = [*_postures(skeleton, partner, samples), _speed_ratios(times, partner, samples)]
+    if ankles := list(find_body_joints(skeleton).ankles):
+        rows.append(_glides(times, partner[:, ankles], samples[:, :, ankles]))
+    if feet(skeleton):
+        rows += _heights(skeleton, times, partner, samples, people, sole)
+    unmeasured = []
+    try:
+        rows += _depths(skeleton, times, partner, samples)
+    except ValueError as fault:
+        unmeasured = [f"how deep the bodies are in each other is not measured ({fault})"]
+    return [*rows, _jolts(times, people), _turns(times, people)], unmeasured
 
 
 def _partner_lines(rows: Sequence[Measurement]) -> list[str]:

@@ -20,7 +20,7 @@ from pacmo_core.commands.captures import (
     is_parquet,
     meant_times,
 )
-from pacmo_core.commands.motion_checks import motion_lines
+from pacmo_core.commands.motion_checks import is_within_limits, motion_lines
 from pacmo_core.commands.react_files import (
     Reactions,
     check_reactions_output,
@@ -185,6 +185,13 @@ Touching = Annotated[
         "other's body, or nothing; other reactions are dropped and further ones sampled",
     ),
 ]
+WithinLimits = Annotated[
+    bool,
+    typer.Option(
+        "--within-limits",
+        help="drop the reactions that are beyond a limit of the table, and sample further ones",
+    ),
+]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
 
 
@@ -208,6 +215,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     rig: Rig = None,
     body: Bones = None,
     touch: Touching = None,
+    within_limits: WithinLimits = False,
     to_unit: ToUnit = None,
     to_up: ToUp = None,
     to_fps: ToFps = None,
@@ -242,6 +250,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
 
     --touch right-hands keeps the reactions in which the right hands touch, as in a handshake, and
     samples until there are as many as --samples asks for. body is for hugs, none for no touch.
+    --within-limits keeps those that are within every limit of the table that is printed.
 
     The body of a reaction is the model's choice. --body partner gives it the partner's bone
     lengths, --body captured those of the other person of the capture. --rig names a BVH file of the
@@ -263,7 +272,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         if stream:
             given = {"PARTNER": partner, "--out": out, "--clip": clip, "--rig": rig, "--body": body}
             of_files = {"--to-unit": to_unit, "--to-up": to_up, "--to-fps": to_fps}
-            of_files |= {"--person": person, "--touch": touch}
+            of_files |= {"--person": person, "--touch": touch, "--within-limits": within_limits}
             _check_stream({**given, **of_files, **options.given()})
             live = {"n_samples": samples, "random": random, "action": action, "finish": finish}
             _stream(_load(chosen, temperature, samples), chosen, live)
@@ -285,7 +294,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
         check_total(samples, len(at), len(model.skeleton.joints))
         partner_motion = PartnerMotion(capture.motion, capture.times, at, action)
         sampling = Sampling(model, partner_motion, people.body, finish, random)
-        motions = _touching(sampling, samples, touch) if touch else sampling.draw_all(samples)
+        motions = _chosen(sampling, samples, touch, within_limits)
         space = _space(to_unit, to_up, people.space)
         reactions = Reactions(
             name, model.skeleton, at - at[0],
@@ -367,26 +376,38 @@ class Sampling:
         return np.concatenate([self.draw() for _ in range(samples)])
 
 
-def _touching(sampling: Sampling, samples: int, touch: TouchName) -> Motion:
-    """Generate reactions that touch as asked; say how many others were dropped."""
+def _chosen(
+    sampling: Sampling, samples: int, touch: TouchName | None, within_limits: bool
+) -> Motion:
+    """Generate reactions; of those that are asked for only, and say how many others there were."""
+    options = [f"--touch {touch}"] if touch else []
+    options += ["--within-limits"] if within_limits else []
+    if not options:
+        return sampling.draw_all(samples)
+    asked = ", ".join(options)
     if is_deterministic(sampling.model):
-        raise CommandError(f"--touch {touch}: the model gives one reaction; leave it out")
-    partner = sample_poses(
-        Spline(sampling.partner.times, sampling.partner.motion), sampling.partner.out_times
-    )
+        raise CommandError(f"{asked}: the model gives one reaction; leave it out")
+    skeleton, times = sampling.model.skeleton, sampling.partner.out_times
+    partner = sample_poses(Spline(sampling.partner.times, sampling.partner.motion), times)
     try:
-        asked = touches_asked(touch, sampling.model.skeleton)
+        touches = touches_asked(touch, skeleton) if touch else []
     except ValueError as fault:
         raise CommandError(f"--touch {fault}") from fault
-    kept, drawn = draw_until(
-        sampling.draw, lambda drawn: is_as_asked(touch, asked, partner, drawn[0]), samples
-    )
+
+    def is_wanted(motions: Motion) -> bool:
+        (motion,) = motions
+        touching = touch is None or is_as_asked(touch, touches, partner, motion)
+        return touching and (
+            not within_limits or is_within_limits(skeleton, times, partner, motion)
+        )
+
+    kept, drawn = draw_until(sampling.draw, is_wanted, samples)
     if len(kept) < samples:
         fewer = f"; --samples {len(kept)} writes those" if kept else ""
         raise CommandError(
-            f"--touch {touch}: so do {len(kept)} of {drawn} reactions, wanted {samples}{fewer}"
+            f"{asked}: so are {len(kept)} of {drawn} reactions, wanted {samples}{fewer}"
         )
-    typer.echo(f"--touch {touch}: so do {len(kept)} of {drawn} reactions; the others are dropped")
+    typer.echo(f"{asked}: so are {len(kept)} of {drawn} reactions; the others are dropped")
     return np.concatenate(kept)
 
 

@@ -50,9 +50,12 @@ PEOPLE = ("a", "b")
 _PREFIXES = ("a=", "b=")  # of words that are for one person
 
 FormatName = Annotated[
-    str | None, typer.Option("--format", help="format of the capture; default: by its suffix")
+    str | None,
+    typer.Option("--format", help=f"{', '.join(FORMATS)}; default: by the suffix of the capture"),
 ]
-Preset = Annotated[str | None, typer.Option(help="preset of BVH files: duo_mocap, cmu_18_19, ...")]
+Preset = Annotated[
+    str | None, typer.Option(help=f"preset of a dataset's BVH files: {', '.join(PRESETS)}")
+]
 FromUnit = Annotated[
     list[str],
     typer.Option(

@@ -103,7 +103,7 @@ def test_what_is_kept_are_the_samples_of_the_seed_that_touch(partner: Path, tmp_
     words = ["--samples", len(shaking), "--temperature", 2, "--touch", "right-hands"]
     said = react(partner, out, *words)
     assert said.exit_code == 0, said.output
-    (drawn,) = re.findall(rf"right-hands: so do {len(shaking)} of (\d) reactions", said.stdout)
+    (drawn,) = re.findall(rf"right-hands: so are {len(shaking)} of (\d) reactions", said.stdout)
     assert len(shaking) <= int(drawn) <= 8
     kept = [clip.person_b for _, clip in stream_motions(out)]
     np.testing.assert_array_equal(kept, shaking)
@@ -116,10 +116,25 @@ def test_too_few_are_refused_with_their_number(
     out = tmp_path / "o.parquet"
     said = react(partner, out, "--touch", "none")
     assert said.exit_code == 1
-    assert said.stderr == "pacmo: --touch none: so do 0 of 3 reactions, wanted 1\n"
+    assert said.stderr == "pacmo: --touch none: so are 0 of 3 reactions, wanted 1\n"
     assert not out.exists()
     said = react(partner, out, "--touch", "right-hands", "--samples", 9)
-    assert said.stderr.endswith("so do 3 of 3 reactions, wanted 9; --samples 3 writes those\n")
+    assert said.stderr.endswith("so are 3 of 3 reactions, wanted 9; --samples 3 writes those\n")
     assert react(partner, out, "--touch", "feet").exit_code == 2
     said = CliRunner().invoke(app, ["react", "--stream", "--touch", "none"])
     assert "leave out --touch" in said.stderr
+
+
+def test_of_those_within_limits_none_is_beyond_one(partner: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o.parquet"
+    words = ["--samples", 8, "--temperature", 2, "--no-finish"]
+    said = react(partner, out, *words)
+    (within,) = re.findall(r"within every limit: samples ([0-9, ]+);", said.stdout)
+    wanted = [clip.person_b for _, clip in stream_motions(out)]
+    numbers = [int(number) for number in within.split(", ")]
+    assert 0 < len(numbers) < 8
+    said = react(partner, out, "--samples", len(numbers), *words[2:], "--within-limits")
+    assert f"--within-limits: so are {len(numbers)} of " in said.stdout
+    assert "another --seed" not in said.stdout
+    kept = [clip.person_b for _, clip in stream_motions(out)]
+    np.testing.assert_array_equal(kept, [wanted[number] for number in numbers])
