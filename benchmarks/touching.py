@@ -4,15 +4,21 @@ Usage: python -m benchmarks.touching [--weights FILE] [--drawn N] [--json]
 
 Of each captured pair it is taken what touches: the first that does in any frame of right hands,
 left hands, any hands, a hand of one the other's body, else nothing. A user who animates knows as
-much. Reactions to either person are sampled until one touches so (``told_...``), at most N, else
-the first is kept; ``found`` is the share of the partners to whom one was, ``drawn`` the mean number
-of reactions that were sampled, and ``untold_...`` are of the first of them. The scores, their 95 %
-intervals over pairs of people and those of the difference (``..._less_untold_...``) are those of
-``benchmarks.recorded``; one reaction each, so that its energy score is its APE. ``found_ACT`` is of
-one act.
+much, and it is a part of what is scored. Reactions to either person are sampled until one touches
+so, at most N, else the first is kept (``told_...``; ``untold_...`` are of the first). ``another``
+is the same with captured reactions of other clips of the act, in the order of the clips, in their
+place beside the partner and finished as the model's: a peer who is told the act, and with
+``another_told_...`` what touches.
+
+``..._found`` is the share of the partners for whom one was found, ``..._drawn`` the mean number
+that was looked at, ``found_ACT`` is of one act. The scores, their 95 % intervals over pairs of
+people and those of differences (``told_f1_less_untold_low``) are those of ``benchmarks.recorded``;
+one reaction each, so that its energy score is its APE.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +29,35 @@ from benchmarks.recorded import counted, finished, intervals, model_at, pooled, 
 from pacmo_core.commands.touching import TouchName, is_as_asked, touches_asked
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.formats.sbu import Sbu
+from pacmo_core.reaction.data import replace_reaction, to_partner_frame
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import PACKAGED, react_all
 from pacmo_core.reaction.windows import PartnerMotion
 
 ORDER = (TouchName.right_hands, TouchName.left_hands, TouchName.hands, TouchName.body)
+
+
+@dataclass
+class Row:
+    """Reactions of one source: the first to each partner, and the first that touches as told."""
+
+    untold: list[tuple[Interaction, Motion]] = field(default_factory=list)
+    told: list[tuple[Interaction, Motion]] = field(default_factory=list)
+    found: list[bool] = field(default_factory=list)
+    drawn: list[int] = field(default_factory=list)
+
+    def add(self, clip: Interaction, candidates: Iterator[Motion], name: TouchName) -> None:
+        """Look at reactions ``(1, T, J, 3)`` until one touches as told."""
+        asked = touches_asked(name, clip.skeleton)
+        looked_at: list[Motion] = []
+        is_found = False
+        while not is_found and (made := next(candidates, None)) is not None:
+            looked_at.append(made)
+            is_found = is_as_asked(name, asked, clip.person_a, made[0])
+        self.untold.append((clip, looked_at[0]))
+        self.told.append((clip, looked_at[-1 if is_found else 0]))
+        self.found.append(is_found)
+        self.drawn.append(len(looked_at))
 
 
 def main() -> None:
@@ -40,27 +70,31 @@ def main() -> None:
     model = model_at(options.weights, None)
     clips = recorded(model.skeleton, Sbu(fps=15))["sbu"]
     figures: dict[str, float] = {}
-    untold: list[tuple[Interaction, Motion]] = []
-    told: list[tuple[Interaction, Motion]] = []
-    is_found: list[bool] = []
-    n_drawn: list[int] = []
+    ours, others = Row(), Row()
     for act, of_act in clips.acts.items():
-        found_before = len(is_found)
-        for clip in of_act:
-            random = torch.Generator().manual_seed(len(told))
-            drawn = list(until_told(model, clip, options.drawn, random))
-            *_, (last, is_as_told) = drawn
-            untold.append((clip, drawn[0][0]))
-            told.append((clip, last if is_as_told else drawn[0][0]))
-            is_found.append(is_as_told)
-            n_drawn.append(len(drawn))
-        figures[f"found_{act.replace(' ', '_')}"] = float(np.mean(is_found[found_before:]))
-    figures |= {"found": float(np.mean(is_found)), "drawn": float(np.mean(n_drawn))}
-    counts = {"untold": counted(untold), "told": counted(told)}
-    for row, pairs in (("untold", untold), ("told", told)):
-        rivals = {"untold": counts["untold"]} if row == "told" else {}
-        found = pooled(pairs, counts[row]) | intervals(counts[row], rivals, clips.people)
-        figures |= {f"{row}_{key}": value for key, value in found.items()}
+        for number, clip in enumerate(to_partner_frame(one) for one in of_act):
+            name = captured_touch(clip)
+            random = torch.Generator().manual_seed(len(ours.told))
+            ours.add(clip, islice(sampled(model, clip, random), options.drawn), name)
+            captured = captured_of_others(model, of_act, number)
+            others.add(clip, islice(captured, options.drawn), name)
+        of_these = ours.found[-len(of_act) :]
+        figures[f"found_{act.replace(' ', '_')}"] = float(np.mean(of_these))
+    rows = {
+        "untold": ours.untold,
+        "told": ours.told,
+        "another": others.untold,
+        "another_told": others.told,
+    }
+    counts = {name: counted(pairs) for name, pairs in rows.items()}
+    for prefix, row in (("", ours), ("another_", others)):
+        figures[f"{prefix}found"] = float(np.mean(row.found))
+        figures[f"{prefix}drawn"] = float(np.mean(row.drawn))
+    for row_name, pairs in rows.items():
+        rivals = {name: of for name, of in counts.items() if name != row_name == "told"}
+        scores = pooled(pairs, counts[row_name])
+        scores |= intervals(counts[row_name], rivals, clips.people)
+        figures |= {f"{row_name}_{key}": value for key, value in scores.items()}
     show(figures, as_json=options.json)
 
 
@@ -73,21 +107,28 @@ def captured_touch(clip: Interaction) -> TouchName:
     return TouchName.none
 
 
-def until_told(
-    model: Generator, clip: Interaction, most: int, random: torch.Generator
-) -> Iterator[tuple[Motion, bool]]:
-    """Yield reactions ``(1, T, J, 3)``, up to the first that touches as the captured pair does."""
-    name = captured_touch(clip)
-    asked = touches_asked(name, clip.skeleton)
+def sampled(model: Generator, clip: Interaction, random: torch.Generator) -> Iterator[Motion]:
+    """Yield finished reactions ``(1, T, J, 3)`` of the model, without an end."""
     times = clip.times - clip.times[0]
     partner = PartnerMotion(clip.person_a, times, times)
-    for _ in range(most):
+    while True:
         (made,) = react_all(model, [partner], n_samples=1, random=random)
-        made = finished(model, clip, made)
-        is_as_told = is_as_asked(name, asked, clip.person_a, made[0])
-        yield made, is_as_told
-        if is_as_told:
-            return
+        yield finished(model, clip, made)
+
+
+def captured_of_others(
+    model: Generator, of_act: Sequence[Interaction], number: int
+) -> Iterator[Motion]:
+    """Yield the captured reactions of the further clips of an act, in place and finished.
+
+    The second half of the clips are the first with people exchanged: they stay apart.
+    """
+    here, half = to_partner_frame(of_act[number]), len(of_act) // 2
+    first = half * (number >= half)
+    for step in range(1, half):
+        other = of_act[first + (number - first + step) % half]
+        placed = replace_reaction(here, to_partner_frame(other)).person_b
+        yield finished(model, here, placed[None])
 
 
 if __name__ == "__main__":
