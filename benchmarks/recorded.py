@@ -16,8 +16,9 @@ which they are; ``f1`` of frames within 10 cm; ``hands``, of the partners whose 
 hands come within 10 cm of, the share of reactions in which hands do so too, and ``false_hands`` of
 the others; ``energy_score`` and ``ape`` in metres, of the mean distance of joints. One reaction, as
 of a regression, has no spread: its energy score is its ape. ``SET_permuted_...`` are the same of
-the captured reaction of the next clip of the same act (one act each: CMU's takes, and handover's),
-in its place beside that partner: somebody who does what the act wants and does not see whom with;
+the captured reaction of the next clip of the same act with other people (CMU and handover have one
+couple and one act each: the next clip), in its place beside that partner: somebody who does what
+the act wants and does not see whom with;
 ``SET_permuted_finished_...`` the same, finished as the reactions of the first model.
 ``SET_handshake_to_a`` and ``..._b`` are, of eight reactions to one person of each handshake (CMU's
 is 18_01), the share in which right hands come within 10 cm, and ``SET_handshake_usual_to_a`` the
@@ -88,13 +89,18 @@ Counts = dict[str, Array]  # (2, clips): a sum over each clip, and the number it
 class Recorded:
     """A set: the clips of each act, its handshakes and its blows; either person as the partner.
 
-    ``people`` are the pair of people of each clip, of all acts in turn.
+    ``people`` are the pair of people of each clip.
     """
 
     acts: dict[str, list[Interaction]]
-    people: list[str]
+    people: dict[str, list[str]]
     handshakes: list[Interaction]
     blows: dict[str, list[Interaction]]
+
+    @property
+    def pairs_of_people(self) -> list[str]:
+        """The pair of people of each clip, of all acts in turn."""
+        return [pair for of_act in self.people.values() for pair in of_act]
 
 
 def main() -> None:
@@ -131,7 +137,7 @@ def main() -> None:
                 others, rivals[name] = permuted_rows(model, clips)
                 figures |= {f"{name}_{key}": value for key, value in others.items()}
             if name == "sbu":
-                found |= intervals(counts, rivals[name], clips.people)
+                found |= intervals(counts, rivals[name], clips.pairs_of_people)
             rivals[name].setdefault("first", counts)
             figures |= {f"{prefix}{way}{name}_{key}": value for key, value in found.items()}
     show(figures, as_json=options.json)
@@ -171,7 +177,9 @@ def reactions_to_some(
 
 def permuted_rows(model: Generator, clips: Recorded) -> tuple[dict[str, float], dict[str, Counts]]:
     """Score others' captured reactions, as they are and finished, and count the latter's frames."""
-    others = [pair for act in clips.acts.values() for pair in permuted(act)]
+    others = [
+        pair for act, of_act in clips.acts.items() for pair in permuted(of_act, clips.people[act])
+    ]
     rows = {
         "permuted": others,
         "permuted_finished": [(clip, finished(model, clip, motions)) for clip, motions in others],
@@ -216,7 +224,7 @@ def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
             shaken = expand_directions(handshakes, both=True)
             blows = {act: [clip for clip in both[act] if _is_given_way(clip)]
                      for act in BLOWS if act in both}  # fmt: skip
-            of_clips = [pair for pairs in people.values() for pair in 2 * pairs]
+            of_clips = {act: 2 * pairs for act, pairs in people.items()}
             sets[name] = Recorded(both, of_clips, shaken, blows)
     return sets
 
@@ -266,13 +274,34 @@ def finished(model: Generator, clip: Interaction, reactions: Motion) -> Motion:
     return finish_reactions(model, PartnerMotion(clip.person_a, times, times), reactions)
 
 
-def permuted(partners: Sequence[Interaction]) -> Iterator[tuple[Interaction, Motion]]:
-    """Give each partner the captured reaction to the next one of the same act."""
-    half = len(partners) // 2  # the second half are the first with people exchanged
-    for clips in (partners[:half], partners[half:]):
-        for clip, other in zip(clips, [*clips[1:], clips[0]], strict=True):
-            here, there = to_partner_frame(clip), to_partner_frame(other)
-            yield here, replace_reaction(here, there).person_b[None]
+def permuted(
+    partners: Sequence[Interaction], people: Sequence[str]
+) -> Iterator[tuple[Interaction, Motion]]:
+    """Give each partner the captured reaction to the next one of the same act with other people."""
+    for number, clip in enumerate(partners):
+        here = to_partner_frame(clip)
+        yield here, next(others_reactions(partners, people, number))[None]
+
+
+def others_reactions(
+    partners: Sequence[Interaction], people: Sequence[str], number: int
+) -> Iterator[Motion]:
+    """Yield the captured reactions of further clips of an act, in their place beside a partner.
+
+    Of other people, where the act has some: the next clip is most often of the same two.
+
+    Parameters
+    ----------
+    partners : of one act; the second half are the first with people exchanged, and stay apart
+    people : the pair of people of each
+    number : of the partner
+    """
+    here, half = to_partner_frame(partners[number]), len(partners) // 2
+    first = half * (number >= half)
+    further = [first + (number - first + step) % half for step in range(1, half)]
+    others = [other for other in further if people[other] != people[number]]
+    for other in others or further:
+        yield replace_reaction(here, to_partner_frame(partners[other])).person_b
 
 
 def pooled(pairs: Sequence[tuple[Interaction, Motion]], counts: Counts) -> dict[str, float]:

@@ -3,12 +3,12 @@
 Usage: python -m benchmarks.touching [--weights FILE] [--drawn N] [--json]
 
 Of each captured pair it is taken what touches: the first that does in any frame of right hands,
-left hands, any hands, a hand of one the other's body, else nothing. A user who animates knows as
+left hands, any hands, a hand of one the other's body, else no hand. A user who animates knows as
 much, and it is a part of what is scored. Reactions to either person are sampled until one touches
 so, at most N, else the first is kept (``told_...``; ``untold_...`` are of the first). ``another``
-is the same with captured reactions of other clips of the act, in the order of the clips, in their
-place beside the partner and finished as the model's: a peer who is told the act, and with
-``another_told_...`` what touches.
+is the same with captured reactions of clips of the act with other people, in the order of the
+clips, in their place beside the partner and finished as the model's: a peer who is told the act,
+and in ``another_told_...`` what touches.
 
 ``..._found`` is the share of the partners for whom one was found, ``..._drawn`` the mean number
 that was looked at, ``found_ACT`` is of one act. The scores, their 95 % intervals over pairs of
@@ -16,7 +16,7 @@ people and those of differences (``told_f1_less_untold_low``) are those of ``ben
 one reaction each, so that its energy score is its APE.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -25,11 +25,19 @@ import numpy as np
 import torch
 
 from benchmarks._figures import arguments, show
-from benchmarks.recorded import counted, finished, intervals, model_at, pooled, recorded
+from benchmarks.recorded import (
+    counted,
+    finished,
+    intervals,
+    model_at,
+    others_reactions,
+    pooled,
+    recorded,
+)
 from pacmo_core.commands.touching import TouchName, is_as_asked, touches_asked
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.formats.sbu import Sbu
-from pacmo_core.reaction.data import replace_reaction, to_partner_frame
+from pacmo_core.reaction.data import to_partner_frame
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import PACKAGED, react_all
 from pacmo_core.reaction.windows import PartnerMotion
@@ -76,8 +84,9 @@ def main() -> None:
             name = captured_touch(clip)
             random = torch.Generator().manual_seed(len(ours.told))
             ours.add(clip, islice(sampled(model, clip, random), options.drawn), name)
-            captured = captured_of_others(model, of_act, number)
-            others.add(clip, islice(captured, options.drawn), name)
+            captured = others_reactions(of_act, clips.people[act], number)
+            placed = (finished(model, clip, motion[None]) for motion in captured)
+            others.add(clip, islice(placed, options.drawn), name)
         of_these = ours.found[-len(of_act) :]
         figures[f"found_{act.replace(' ', '_')}"] = float(np.mean(of_these))
     rows = {
@@ -93,7 +102,7 @@ def main() -> None:
     for row_name, pairs in rows.items():
         rivals = {name: of for name, of in counts.items() if name != row_name == "told"}
         scores = pooled(pairs, counts[row_name])
-        scores |= intervals(counts[row_name], rivals, clips.people)
+        scores |= intervals(counts[row_name], rivals, clips.pairs_of_people)
         figures |= {f"{row_name}_{key}": value for key, value in scores.items()}
     show(figures, as_json=options.json)
 
@@ -104,7 +113,7 @@ def captured_touch(clip: Interaction) -> TouchName:
         asked = touches_asked(name, clip.skeleton)
         if is_as_asked(name, asked, clip.person_a, clip.person_b):
             return name
-    return TouchName.none
+    return TouchName.no_hands
 
 
 def sampled(model: Generator, clip: Interaction, random: torch.Generator) -> Iterator[Motion]:
@@ -114,21 +123,6 @@ def sampled(model: Generator, clip: Interaction, random: torch.Generator) -> Ite
     while True:
         (made,) = react_all(model, [partner], n_samples=1, random=random)
         yield finished(model, clip, made)
-
-
-def captured_of_others(
-    model: Generator, of_act: Sequence[Interaction], number: int
-) -> Iterator[Motion]:
-    """Yield the captured reactions of the further clips of an act, in place and finished.
-
-    The second half of the clips are the first with people exchanged: they stay apart.
-    """
-    here, half = to_partner_frame(of_act[number]), len(of_act) // 2
-    first = half * (number >= half)
-    for step in range(1, half):
-        other = of_act[first + (number - first + step) % half]
-        placed = replace_reaction(here, to_partner_frame(other)).person_b
-        yield finished(model, here, placed[None])
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from pacmo_core.data.skeleton import NTU25
 from pacmo_core.formats.sbu import Sbu
 from pacmo_core.formats.table import Table
 from pacmo_core.reaction import wgan
+from pacmo_core.reaction.data import to_partner_frame
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.weights import write_weights
 from pacmo_core.training.state import model_config, model_state
@@ -83,13 +84,22 @@ def test_intervals_resample_pairs_of_people_and_not_their_clips(handshake: Inter
     assert alike["met_low"] == alike["met_high"] == pytest.approx(0.75)
 
 
-def test_reactions_are_permuted_within_an_act_and_not_across_people(handshake: Interaction) -> None:
-    longer = replace(handshake, times=2 * handshake.times)
-    clips = [handshake, longer, handshake.swapped(), longer.swapped()]
-    found = list(permuted(clips))
-    assert len(found) == 4
-    for clip, motions in found:
-        np.testing.assert_allclose(motions[0], clip.person_b, atol=1e-4)
+@pytest.mark.parametrize(
+    ("people", "others"), [("ab ab cd ab", [2, 2, 3, 2]), ("ab ab ab ab", [1, 2, 3, 0])]
+)
+def test_another_s_reaction_is_that_to_the_next_other_people(
+    handshake: Interaction, people: str, others: list[int]
+) -> None:
+    """Reactions are raised by their number, partners are the same."""
+    raised = [
+        replace(handshake, person_b=handshake.person_b + np.array([0, number, 0], np.float32))
+        for number in range(4)
+    ]
+    clips = [*raised, *(clip.swapped() for clip in raised)]
+    found = list(permuted(clips, 2 * people.split()))
+    assert len(found) == 8
+    for (_, (made,)), other in zip(found, [*others, *(4 + one for one in others)], strict=True):
+        np.testing.assert_allclose(made, to_partner_frame(clips[other]).person_b, atol=1e-4)
 
 
 def test_both_people_are_lowered_alike(handshake: Interaction) -> None:
@@ -124,7 +134,7 @@ def test_what_is_told_and_the_temperature_reach_the_reactions(
     model = wgan.build_training(clips, settings, actions=labels).finish()
     weights = tmp_path / "weights.safetensors"
     write_weights(weights, {"model": "pacmo", "config": model_config(model)}, model_state(model))
-    sets = {"sbu": Recorded({"hugging": clips}, ["ab", "cd", "ef", "gh"], [], {})}
+    sets = {"sbu": Recorded({"hugging": clips}, {"hugging": ["ab", "cd", "ef", "gh"]}, [], {})}
     monkeypatch.setattr(benchmark, "recorded", lambda *_: sets)
 
     def scores(*words: object) -> dict[str, float]:
@@ -151,7 +161,7 @@ def test_every_act_of_sbu_and_the_couples_are_read() -> None:
     assert (
         len(sbu.acts) == 8 and sum(map(len, sbu.acts.values())) == 564 and len(sbu.handshakes) == 36
     )
-    assert len(sbu.people) == 564 and len(set(sbu.people)) == 13
+    assert len(sbu.pairs_of_people) == 564 and len(set(sbu.pairs_of_people)) == 13
     # About one of the two gives way in each of 135 blows.
     assert sum(map(len, sbu.blows.values())) == 114
     real_folder("cmu_18_19")

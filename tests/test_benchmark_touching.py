@@ -19,7 +19,7 @@ def test_a_captured_handshake_is_told_as_one_of_right_hands() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "drawn", "told"), [(TouchName.right_hands, 3, 2), (TouchName.none, 1, 0)]
+    ("name", "drawn", "told"), [(TouchName.right_hands, 3, 2), (TouchName.no_hands, 1, 0)]
 )
 def test_the_first_that_touches_as_told_is_taken(name: TouchName, drawn: int, told: int) -> None:
     motions = [AWAY[None], AWAY[None] + 1, CLIP.person_b[None], CLIP.person_b[None] + 0.001]

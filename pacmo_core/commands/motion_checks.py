@@ -1,7 +1,8 @@
 """What commands say of a motion: bones that turn fast, jolts; of a reaction also feet and depth.
 
-Of the motion as it is in the files, all joints and End Sites. No captured reaction is needed: feet
-and turns are compared with the partner's, the rest with limits that captured people keep. Means and
+Of the motion as it is in the files, all joints and End Sites. No captured reaction is needed:
+limits are what captured people keep; those of heights, of the speed beside the partner's and of
+crossed legs depend on the partner. Means and
 percentiles over time hide a jump in one frame, which everybody sees: bones and joints are named
 with frame and time.
 """
@@ -142,7 +143,7 @@ def bone_turns(skeleton: Skeleton, motion: Motion) -> Array:
 
 def max_turn(times: Array) -> float:
     """Return the largest turn from a frame to the next that people make, in degrees."""
-    return MAX_TURN_SPEED / frame_rate(times)
+    return min(MAX_TURN_SPEED / frame_rate(times), 180.0)
 
 
 def bone_names(skeleton: Skeleton) -> tuple[str, ...]:
@@ -346,7 +347,7 @@ def _speeds(paths: Motion, times: Array) -> Array:
 
 
 def _jolts(times: Array, people: Sequence[PersonMotion]) -> Measurement:
-    """Compare the largest acceleration of each sample with that of people."""
+    """Measure the largest acceleration of a joint of each sample, and of the partner."""
     values, places = [], []
     for person in people:
         accelerations = joint_accelerations(times, person.motion)
@@ -366,7 +367,7 @@ def _jolts(times: Array, people: Sequence[PersonMotion]) -> Measurement:
 
 
 def _turns(times: Array, people: Sequence[PersonMotion]) -> Measurement:
-    """Compare the largest turn of a bone from a frame to the next of each sample with people's."""
+    """Measure the largest turn of a bone from a frame to the next, and the partner's."""
     partner, *samples = (bone_turns(person.skeleton, person.motion) for person in people)
     peaks = [
         find_peak(turns, bone_names(person.skeleton), times)

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -42,6 +42,7 @@ from pacmo_core.commands.reading import (
     parse_unit,
 )
 from pacmo_core.commands.touching import (
+    MAX_DRAWN,
     TouchName,
     draw_until,
     is_as_asked,
@@ -62,6 +63,7 @@ from pacmo_core.formats.resample import sample_times
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
+from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.stream import ReactionStream
 from pacmo_core.reaction.windows import (
@@ -111,7 +113,7 @@ def _parse_frame(line: str, n_joints: int) -> tuple[float, Motion, bool]:
 
 
 def _json(time: float, reactions: Motion) -> str:
-    return json.dumps({"time": time, "reactions": reactions.round(6).tolist()})
+    return json.dumps({"time": time, "reactions": reactions.astype(np.float64).round(6).tolist()})
 
 
 def _numbers(time: float, reactions: Motion) -> str:
@@ -182,14 +184,15 @@ Touching = Annotated[
     typer.Option(
         "--touch",
         help="what touches in some frame: right or left hands, any hands, a hand of one the "
-        "other's body, or nothing; other reactions are dropped and further ones sampled",
+        "other's body, or no hand; other reactions are dropped and further ones sampled",
     ),
 ]
 WithinLimits = Annotated[
     bool,
     typer.Option(
         "--within-limits",
-        help="drop the reactions that are beyond a limit of the table, and sample further ones",
+        help="drop the reactions that are, as generated, beyond a limit of the table, and sample "
+        "further ones",
     ),
 ]
 Live = Annotated[bool, typer.Option("--stream", help="react to frames on standard input")]
@@ -249,8 +252,9 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     wanted.
 
     --touch right-hands keeps the reactions in which the right hands touch, as in a handshake, and
-    samples until there are as many as --samples asks for. body is for hugs, none for no touch.
-    --within-limits keeps those that are within every limit of the table that is printed.
+    samples until there are as many as --samples asks for. body is for hugs.
+    --within-limits keeps those that are within every limit of the table that is printed, before
+    they are fitted to a rig.
 
     The body of a reaction is the model's choice. --body partner gives it the partner's bone
     lengths, --body captured those of the other person of the capture. --rig names a BVH file of the
@@ -380,35 +384,40 @@ def _chosen(
     sampling: Sampling, samples: int, touch: TouchName | None, within_limits: bool
 ) -> Motion:
     """Generate reactions; of those that are asked for only, and say how many others there were."""
-    options = [f"--touch {touch}"] if touch else []
-    options += ["--within-limits"] if within_limits else []
-    if not options:
-        return sampling.draw_all(samples)
-    asked = ", ".join(options)
-    if is_deterministic(sampling.model):
-        raise CommandError(f"{asked}: the model gives one reaction; leave it out")
     skeleton, times = sampling.model.skeleton, sampling.partner.out_times
     partner = sample_poses(Spline(sampling.partner.times, sampling.partner.motion), times)
-    try:
-        touches = touches_asked(touch, skeleton) if touch else []
-    except ValueError as fault:
-        raise CommandError(f"--touch {fault}") from fault
-
-    def is_wanted(motions: Motion) -> bool:
-        (motion,) = motions
-        touching = touch is None or is_as_asked(touch, touches, partner, motion)
-        return touching and (
-            not within_limits or is_within_limits(skeleton, times, partner, motion)
+    tests: dict[str, Callable[[Motion], bool]] = {}
+    if touch:
+        try:
+            asked = touches_asked(touch, skeleton)
+        except ValueError as fault:
+            raise CommandError(f"--touch {fault}") from fault
+        tests[f"--touch {touch}"] = lambda drawn: is_as_asked(touch, asked, partner, drawn[0])
+    if within_limits:
+        tests["--within-limits"] = lambda drawn: is_within_limits(
+            skeleton, times, partner, drawn[0]
         )
-
-    kept, drawn = draw_until(sampling.draw, is_wanted, samples)
+    if not tests:
+        return sampling.draw_all(samples)
+    if samples > MAX_DRAWN:
+        raise CommandError(f"{', '.join(tests)}: --samples must be 1 to {MAX_DRAWN}; got {samples}")
+    if _gives_one(sampling.model):
+        raise CommandError(f"{', '.join(tests)}: there is one reaction to choose from")
+    kept, drawn, passed = draw_until(sampling.draw, tests, samples)
+    names = [f"{name} ({number})" if len(tests) > 1 else name for name, number in passed.items()]
+    text = f"{len(kept)} of {drawn} reactions pass {' and '.join(names)}"
     if len(kept) < samples:
         fewer = f"; --samples {len(kept)} writes those" if kept else ""
-        raise CommandError(
-            f"{asked}: so are {len(kept)} of {drawn} reactions, wanted {samples}{fewer}"
-        )
-    typer.echo(f"{asked}: so are {len(kept)} of {drawn} reactions; the others are dropped")
+        raise CommandError(f"{text}; wanted {samples}{fewer}")
+    typer.echo(f"{text}; the others are dropped")
     return np.concatenate(kept)
+
+
+def _gives_one(model: ReactionModel) -> bool:
+    """Whether a model has one reaction to a partner: it takes no noise, or none of it."""
+    return is_deterministic(model) or (
+        isinstance(model, Generator) and not float(model.temperature)
+    )
 
 
 def _write(reactions: Reactions, out: Path, space: OutputSpace) -> None:
@@ -504,7 +513,7 @@ def check_total(samples: int, frames: int, joints: int) -> None:
 
 def _check_stream(given: Mapping[str, object]) -> None:
     """Refuse options of files, by their names, where frames come from standard input."""
-    refused = [name for name, value in given.items() if value]
+    refused = [name for name, value in given.items() if value not in (None, "", [], False)]
     if refused:
         raise CommandError(
             f"--stream reads frames in metres, y up, from standard input; leave out "

@@ -1,6 +1,6 @@
 """What hands touch: counted in the table of ``pacmo react``, and asked for by ``--touch``."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import reduce
@@ -13,8 +13,9 @@ from pacmo_core.data.segments import segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
 
-# Metres from the axis of a trunk to the skin, where a hand touches it.
+# Metres from the axis of a trunk or a head to the skin, where a hand touches it.
 SKIN_DISTANCE = 0.18
+_LIMBS = ("upper_arm", "thigh", "shin", "foot", "toes")
 # Reactions that are generated, at most, to find those that touch as they should.
 MAX_DRAWN = 128
 
@@ -22,13 +23,13 @@ Joints = list[int]
 
 
 class TouchName(StrEnum):
-    """What should touch in a reaction."""
+    """What should touch in a reaction: hands, a hand of one the other's body, or no hand."""
 
     right_hands = "right-hands"
     left_hands = "left-hands"
     hands = "hands"
     body = "body"
-    none = "none"
+    no_hands = "no-hands"
 
 
 @dataclass(frozen=True)
@@ -38,17 +39,20 @@ class Touch:
     Parameters
     ----------
     name : in words
-    distance : metres between joints, of less than which is a touch
-    pairs : joints of the reaction, and those of the partner that they touch
+    pairs : joints of the reaction, those of the partner that they touch, and metres between joints
+        of less than which is a touch
     """
 
     name: str
-    distance: float
-    pairs: Sequence[tuple[Joints, Joints]]
+    pairs: Sequence[tuple[Joints, Joints, float]]
 
     def frames(self, partner: Motion, reaction: Motion) -> NDArray[np.bool_]:
         """Return in which frames of motions ``(T, J, 3)`` they touch, ``(T,)``."""
-        return _gaps(partner, reaction, self.pairs) < self.distance
+        found = [
+            _gaps(partner, reaction, own, others) < distance for own, others, distance in self.pairs
+        ]
+        touching: NDArray[np.bool_] = np.any(found, axis=0)
+        return touching
 
 
 def touches(skeleton: Skeleton) -> dict[str, Touch]:
@@ -57,17 +61,20 @@ def touches(skeleton: Skeleton) -> dict[str, Touch]:
     if not hands:
         return {}
     hand = [joint for joints in hands.values() for joint in joints]
-    body = [joint for joint in range(len(skeleton.joints)) if joint not in hand]
+    limbs = _ends(skeleton, _LIMBS)
+    trunk = [joint for joint in range(len(skeleton.joints)) if joint not in (*hand, *limbs)]
+    body = [(trunk, SKIN_DISTANCE), *([(limbs, CONTACT_DISTANCE)] if limbs else [])]
     found = {
-        f"{side}-hands": Touch(f"{side} hand to {side}", CONTACT_DISTANCE, [(joints, joints)])
+        f"{side}-hands": Touch(f"{side} hand to {side}", [(joints, joints, CONTACT_DISTANCE)])
         for side, joints in hands.items()
     }
     if len(hands) == 2:
         left, right = hands.values()
-        pairs = [(left, right), (right, left)]
-        found["left-to-right"] = Touch("a left hand to a right", CONTACT_DISTANCE, pairs)
-    found["body"] = Touch("a hand to the partner's body", SKIN_DISTANCE, [(hand, body)])
-    found["by-partner"] = Touch("the partner's hand to the body", SKIN_DISTANCE, [(body, hand)])
+        pairs = [(left, right, CONTACT_DISTANCE), (right, left, CONTACT_DISTANCE)]
+        found["left-to-right"] = Touch("a left hand to a right", pairs)
+    found["body"] = Touch("a hand to the partner's body", [(hand, *of) for of in body])
+    of_partner = [(joints, hand, distance) for joints, distance in body]
+    found["by-partner"] = Touch("the partner's hand to the body", of_partner)
     return found
 
 
@@ -83,7 +90,7 @@ def touches_asked(name: TouchName, skeleton: Skeleton) -> list[Touch]:
     asked = {
         TouchName.hands: ["left-hands", "right-hands", "left-to-right"],
         TouchName.body: ["body", "by-partner"],
-        TouchName.none: list(every),
+        TouchName.no_hands: list(every),
     }.get(name, [name.value])
     if not every or not set(asked) <= set(every):
         raise ValueError(f"{name}: wanted a skeleton with a left and a right hand")
@@ -91,7 +98,7 @@ def touches_asked(name: TouchName, skeleton: Skeleton) -> list[Touch]:
 
 
 def is_as_asked(name: TouchName, asked: Sequence[Touch], partner: Motion, reaction: Motion) -> bool:
-    """Return whether one of the touches is in a frame; of ``none``, whether in no frame.
+    """Return whether one of the touches is in a frame; of ``no-hands``, whether in no frame.
 
     Parameters
     ----------
@@ -99,37 +106,43 @@ def is_as_asked(name: TouchName, asked: Sequence[Touch], partner: Motion, reacti
     partner, reaction : (T, J, 3) metres
     """
     is_touched = any(touch.frames(partner, reaction).any() for touch in asked)
-    return is_touched != (name == TouchName.none)
+    return is_touched != (name == TouchName.no_hands)
 
 
 def draw_until(
-    draw: Callable[[], Motion],
-    is_wanted: Callable[[Motion], bool],
-    count: int,
-) -> tuple[list[Motion], int]:
-    """Draw motions until ``count`` of them are wanted, ``MAX_DRAWN`` at most.
+    draw: Callable[[], Motion], tests: Mapping[str, Callable[[Motion], bool]], count: int
+) -> tuple[list[Motion], int, dict[str, int]]:
+    """Draw motions until ``count`` of them pass every test, ``MAX_DRAWN`` at most.
 
-    What is kept has the distribution of the motions that are drawn, given that they are wanted
+    What is kept has the distribution of the motions that are drawn, given that they pass
     (rejection sampling).
 
     Returns
     -------
-    The wanted ones, ``count`` or fewer, and how many were drawn
+    Those that pass, ``count`` or fewer, how many were drawn, and how many pass each test
     """
     kept: list[Motion] = []
-    drawn = 0
+    drawn, passed = 0, dict.fromkeys(tests, 0)
     while len(kept) < count and drawn < MAX_DRAWN:
         motion = draw()
         drawn += 1
-        if is_wanted(motion):
+        results = {name: test(motion) for name, test in tests.items()}
+        passed = {name: number + results[name] for name, number in passed.items()}
+        if all(results.values()):
             kept.append(motion)
-    return kept, drawn
+    return kept, drawn, passed
 
 
 def least_gap(partner: Motion, reaction: Motion) -> float:
     """Return the least distance of any two joints of motions ``(T, J, 3)``, in metres."""
     every = list(range(partner.shape[1]))
-    return float(_gaps(partner, reaction, [(every, every)]).min())
+    return float(_gaps(partner, reaction, every, every).min())
+
+
+def _ends(skeleton: Skeleton, kinds: Sequence[str]) -> Joints:
+    """Return the joints at the ends of segments of some kinds."""
+    ends = zip(skeleton.bones[:, 1].tolist(), segments(skeleton), strict=True)
+    return [end for end, of in ends if of.kind in kinds]
 
 
 def _hands(skeleton: Skeleton) -> dict[str, Joints]:
@@ -141,13 +154,9 @@ def _hands(skeleton: Skeleton) -> dict[str, Joints]:
     return hands
 
 
-def _gaps(
-    partner: Motion, reaction: Motion, pairs: Sequence[tuple[Joints, Joints]]
-) -> NDArray[np.float64]:
+def _gaps(partner: Motion, reaction: Motion, own: Joints, others: Joints) -> NDArray[np.float64]:
     """Return the least distance of the reaction's joints from the partner's, ``(T,)`` metres."""
-    differences = (
-        reaction[:, i] - partner[:, j] for own, others in pairs for i in own for j in others
-    )
+    differences = (reaction[:, i] - partner[:, j] for i in own for j in others)
     gaps: NDArray[np.float64] = reduce(
         np.minimum, (np.linalg.norm(difference, axis=-1) for difference in differences)
     )

@@ -1,6 +1,7 @@
 """Truth: distances of joints, and the samples that the same seed gives without ``--touch``."""
 
 import re
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from pacmo_core.api import synthesise
+from pacmo_core.commands import react as react_command
 from pacmo_core.commands import touching
 from pacmo_core.commands.cli import app
 from pacmo_core.commands.touching import TouchName, draw_until, is_as_asked, touches_asked
@@ -39,7 +41,7 @@ def test_a_handshake_is_of_right_hands_and_a_hug_of_bodies(
 ) -> None:
     assert touch(TouchName.right_hands, clip, clip.person_b) == right
     assert touch(TouchName.body, clip, clip.person_b) == body
-    assert not touch(TouchName.none, clip, clip.person_b)
+    assert not touch(TouchName.no_hands, clip, clip.person_b)
     if right:
         assert touch(TouchName.hands, clip, clip.person_b)
         assert right_gap(clip) < 0.3  # wrists, of hands that shake
@@ -48,7 +50,7 @@ def test_a_handshake_is_of_right_hands_and_a_hug_of_bodies(
 @pytest.mark.parametrize("name", list(TouchName))
 def test_at_a_distance_nothing_touches(name: TouchName) -> None:
     far = HANDSHAKE.person_b + np.array([9, 0, 0], np.float32)
-    assert touch(name, HANDSHAKE, far) == (name == TouchName.none)
+    assert touch(name, HANDSHAKE, far) == (name == TouchName.no_hands)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -68,17 +70,22 @@ def test_a_skeleton_without_hands_is_refused() -> None:
         touches_asked(TouchName.hands, stick)
 
 
-@pytest.mark.parametrize(("wanted", "kept", "drawn"), [(2, [3, 6], 7), (100, None, 128)])
-def test_the_first_wanted_ones_are_kept(wanted: int, kept: list[int] | None, drawn: int) -> None:
+@pytest.mark.parametrize(("wanted", "n_drawn"), [(2, 12), (100, 128)])
+def test_the_first_that_pass_all_tests_are_kept(wanted: int, n_drawn: int) -> None:
     numbers = count(1)
-    motions, n_drawn = draw_until(
+
+    def is_multiple(of: int) -> Callable[[Motion], bool]:
+        return lambda motion: int(motion[0, 0, 0, 0]) % of == 0
+
+    motions, drawn, passed = draw_until(
         lambda: np.full((1, 1, 1, 3), next(numbers), np.float32),
-        lambda motion: int(motion[0, 0, 0, 0]) % 3 == 0,
+        {"even": is_multiple(2), "threes": is_multiple(3)},
         wanted,
     )
     found = [int(motion[0, 0, 0, 0]) for motion in motions]
-    assert found == (kept or list(range(3, 129, 3)))
-    assert n_drawn == (6 if wanted == 2 else drawn)
+    assert found == list(range(6, 129, 6))[:wanted]
+    assert drawn == n_drawn
+    assert passed == {"even": n_drawn // 2, "threes": n_drawn // 3}
 
 
 def react(partner: Path, out: Path, *words: object) -> Result:
@@ -103,25 +110,37 @@ def test_what_is_kept_are_the_samples_of_the_seed_that_touch(partner: Path, tmp_
     words = ["--samples", len(shaking), "--temperature", 2, "--touch", "right-hands"]
     said = react(partner, out, *words)
     assert said.exit_code == 0, said.output
-    (drawn,) = re.findall(rf"right-hands: so are {len(shaking)} of (\d) reactions", said.stdout)
+    (drawn,) = re.findall(
+        rf"{len(shaking)} of (\d) reactions pass --touch right-hands;", said.stdout
+    )
     assert len(shaking) <= int(drawn) <= 8
-    kept = [clip.person_b for _, clip in stream_motions(out)]
-    np.testing.assert_array_equal(kept, shaking)
+    written = [clip.person_b for _, clip in stream_motions(out)]
+    np.testing.assert_array_equal(written, shaking)
 
 
 def test_too_few_are_refused_with_their_number(
     partner: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(touching, "MAX_DRAWN", 3)
+    monkeypatch.setattr(react_command, "MAX_DRAWN", 3)
     out = tmp_path / "o.parquet"
-    said = react(partner, out, "--touch", "none")
+    said = react(partner, out, "--touch", "no-hands")
     assert said.exit_code == 1
-    assert said.stderr == "pacmo: --touch none: so are 0 of 3 reactions, wanted 1\n"
+    assert said.stderr == "pacmo: 0 of 3 reactions pass --touch no-hands; wanted 1\n"
     assert not out.exists()
     said = react(partner, out, "--touch", "right-hands", "--samples", 9)
-    assert said.stderr.endswith("so are 3 of 3 reactions, wanted 9; --samples 3 writes those\n")
+    assert "--touch right-hands: --samples must be 1 to 3; got 9" in said.stderr
+    both = ["--touch", "right-hands", "--within-limits"]
+    said = react(partner, out, *both, "--samples", 3, "--temperature", 2)
+    assert re.search(
+        r"[12] of 3 reactions pass --touch right-hands \(\d\) and --within-limits \(\d\); wanted "
+        r"3; --samples [12] writes those\n$",
+        said.stderr,
+    )
+    said = react(partner, out, *both, "--temperature", 0)
+    assert "--within-limits: there is one reaction to choose from" in said.stderr
     assert react(partner, out, "--touch", "feet").exit_code == 2
-    said = CliRunner().invoke(app, ["react", "--stream", "--touch", "none"])
+    said = CliRunner().invoke(app, ["react", "--stream", "--touch", "no-hands"])
     assert "leave out --touch" in said.stderr
 
 
@@ -134,7 +153,10 @@ def test_of_those_within_limits_none_is_beyond_one(partner: Path, tmp_path: Path
     numbers = [int(number) for number in within.split(", ")]
     assert 0 < len(numbers) < 8
     said = react(partner, out, "--samples", len(numbers), *words[2:], "--within-limits")
-    assert f"--within-limits: so are {len(numbers)} of " in said.stdout
+    assert (
+        f"{len(numbers)} of {numbers[-1] + 1} reactions pass --within-limits; the others"
+        in said.stdout
+    )
     assert "another --seed" not in said.stdout
     kept = [clip.person_b for _, clip in stream_motions(out)]
     np.testing.assert_array_equal(kept, [wanted[number] for number in numbers])

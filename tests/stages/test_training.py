@@ -124,6 +124,21 @@ def test_weights_say_what_they_are_and_what_made_them(stage):
     )
 
 
+@pytest.mark.parametrize("stage", ["train_autoencoder", "train_pacmo", "train_regression"])
+def test_what_dvc_plots_draws_is_a_column_of_the_curve(stage):
+    run(stage)
+    plots = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["plots"]
+    model = stage.removeprefix("train_")
+    (names,) = (
+        names
+        for plot in plots
+        for facts in plot.values()
+        for file, names in facts["y"].items()
+        if model in file
+    )
+    assert set(names) <= set(read_curve(CURVE))
+
+
 def test_live_curves_hold_every_epoch_and_touch_nothing_else(project):
     run("train_gru")
     rows = (project / "live/models/m/plots/metrics/loss.tsv").read_text().splitlines()
