@@ -126,6 +126,7 @@ def test_weights_say_what_they_are_and_what_made_them(stage):
 
 @pytest.mark.parametrize("stage", ["train_autoencoder", "train_pacmo", "train_regression"])
 def test_what_dvc_plots_draws_is_a_column_of_the_curve(stage):
+    change("train_pacmo", bone_length_weight=1.0)
     run(stage)
     plots = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["plots"]
     model = stage.removeprefix("train_")
