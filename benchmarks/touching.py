@@ -13,7 +13,7 @@ and in ``another_told_...`` what touches.
 ``..._found`` is the share of the partners for whom one was found, ``..._drawn`` the mean number
 that was looked at, ``found_ACT`` is of one act. The scores, their 95 % intervals over pairs of
 people and those of differences (``told_f1_less_untold_low``) are those of ``benchmarks.recorded``;
-one reaction each, so that its energy score is its APE.
+one reaction each.
 """
 
 from collections.abc import Iterator
@@ -34,9 +34,9 @@ from benchmarks.recorded import (
     pooled,
     recorded,
 )
-from pacmo_core.commands.touching import TouchName, is_as_asked, touches_asked
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.formats.sbu import Sbu
+from pacmo_core.metrics.touching import TouchName, is_as_asked, touches_asked
 from pacmo_core.reaction.data import to_partner_frame
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import PACKAGED, react_all

@@ -50,6 +50,11 @@ class Params:
     n_runs: int
     n_promoted: int
 
+    def __post_init__(self) -> None:
+        for name in ("max_cache_days", "n_runs", "n_promoted"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name} must be at least 0; got {getattr(self, name)}")
+
 
 @flow(persist_result=False)
 def prune() -> None:
@@ -75,7 +80,8 @@ def run_prune() -> RunRecord:
 def remove_models(n_last: int) -> list[int]:
     """Remove promoted models except the last and the current one; return their numbers."""
     current = promotion.current_model(PROMOTED_MODELS)
-    numbers = promotion.list_models(PROMOTED_MODELS)[:-n_last]
+    numbers = promotion.list_models(PROMOTED_MODELS)
+    numbers = numbers[: max(0, len(numbers) - n_last)]
     removed = [number for number in numbers if number != current]
     for number in removed:
         promotion.remove_model(PROMOTED_MODELS, number)
@@ -84,7 +90,8 @@ def remove_models(n_last: int) -> list[int]:
 
 def remove_records(n_last: int) -> int:
     """Remove records of runs except the last; return how many."""
-    removed = sorted(RUNS.glob("[0-9]*.json"))[:-n_last]
+    records = sorted(RUNS.glob("[0-9]*.json"))
+    removed = records[: max(0, len(records) - n_last)]
     for path in removed:
         path.unlink()
     return len(removed)

@@ -6,7 +6,7 @@ arguments and raises a ``TypeError`` or ``ValueError`` of one line that names th
 wanted and what was got. ``import pacmo_core`` offers all of them.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -23,7 +23,7 @@ from torch import nn
 
 from pacmo_core.augmentation.bodies import measure_body, profile_scales, segment_scales
 from pacmo_core.augmentation.plan import check_scale
-from pacmo_core.data.interaction import Interaction
+from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.viewer import MAX_CLIPS, Scene, render_viewer
 from pacmo_core.formats.base import read_capture
@@ -48,6 +48,7 @@ from pacmo_core.metrics.f2id import f2id
 from pacmo_core.metrics.mmd import median_bandwidth as kernel_bandwidth
 from pacmo_core.metrics.mmd import mmd_a, mmd_s
 from pacmo_core.metrics.reactions import stack_motions
+from pacmo_core.metrics.touching import TouchName, draw_until, is_as_asked, touches_asked
 from pacmo_core.models import MODELS, Model, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.baselines import Gru
@@ -279,6 +280,7 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     n_samples: int = 1,
     random_seed: int = 1,
     temperature: float | None = None,
+    touch: str = "",
     finish: bool = True,
 ) -> list[Interaction]:
     """Generate reactions to one person of a clip, at the clip's frames.
@@ -295,6 +297,9 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     random_seed : of the noise
     temperature : standard deviation of the noise, below 1 for more alike and usual reactions; None
         for the model's
+    touch : what touches in each, of ``right-hands``, ``left-hands``, ``hands``, ``body`` (a hand of
+        one the other's body) and ``no-hands``: others are dropped and further ones sampled, 128 at
+        most; empty for all
     finish : whether bones get exact lengths, feet are planted and predicted contacts closed
 
     Returns
@@ -304,7 +309,8 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     Raises
     ------
     ValueError
-        If an argument is wrong, or a joint of the model cannot be named in the partner's.
+        If an argument is wrong, a joint of the model cannot be named in the partner's, or fewer
+        reactions than are wanted touch so.
     """
     _check("partner", partner, Interaction, PersonMotion)
     _check_positive("n_samples", n_samples)
@@ -320,11 +326,28 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     seen = _in_joints(partner, person, loaded.skeleton)
     random = torch.Generator().manual_seed(random_seed)
     seen_motion = PartnerMotion(seen.motion, seen.times, seen.times, action)
+
+    def draw(samples: int = 1) -> Motion:
+        (motions,) = react_all(loaded, [seen_motion], n_samples=samples, random=random)
+        return finish_reactions(loaded, seen_motion, motions) if finish else motions
+
     with _at_temperature(loaded, temperature):
-        (motions,) = react_all(loaded, [seen_motion], n_samples=n_samples, random=random)
-    if finish:
-        motions = finish_reactions(loaded, seen_motion, motions)
+        motions = _touching(draw, touch, n_samples, seen) if touch else draw(n_samples)
     return [Interaction(seen.skeleton, seen.times, seen.motion, motion) for motion in motions]
+
+
+def _touching(draw: Callable[[], Motion], touch: str, count: int, partner: PersonMotion) -> Motion:
+    """Draw reactions until enough of them touch as asked."""
+    if touch not in [name.value for name in TouchName]:
+        raise ValueError(f"touch must be one of {', '.join(TouchName)}; got {touch!r}")
+    name = TouchName(touch)
+    asked = touches_asked(name, partner.skeleton)
+    kept, drawn, _ = draw_until(
+        draw, {touch: lambda motion: is_as_asked(name, asked, partner.motion, motion[0])}, count
+    )
+    if len(kept) < count:
+        raise ValueError(f"touch {touch}: wanted {count} reactions; {len(kept)} of {drawn} do so")
+    return np.concatenate(kept)
 
 
 def retarget(

@@ -15,7 +15,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
-from fnmatch import fnmatch
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -51,7 +50,7 @@ from pacmo_core.augmentation.run import (
 )
 from pacmo_core.augmentation.solutions import Solution
 from pacmo_core.data.interaction import Interaction
-from pacmo_core.data.names import clip_name
+from pacmo_core.data.names import clip_name, matches_any
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.segments import segments
 from pacmo_core.data.splits import check_clip_seconds, window_edges
@@ -174,15 +173,11 @@ def _read_captures(second: SecondDataset, raw: Path) -> Iterator[tuple[ClipRecor
     included = [
         sequence
         for sequence in sequences
-        if _is_included(sequence.files[0].relative_to(raw).as_posix(), second.include)
+        if matches_any(sequence.files[0].relative_to(raw).as_posix(), second.include)
     ]
     for outcome in read_sequences(settings, included):
         if not isinstance(outcome, QuarantineRecord):
             yield outcome
-
-
-def _is_included(name: str, patterns: tuple[str, ...]) -> bool:
-    return any(fnmatch(name, pattern) for pattern in patterns)
 
 
 def _select_clips(
@@ -192,7 +187,7 @@ def _select_clips(
     where: Path,
 ) -> dict[str, ClipRecord]:
     """Select clips; motions are read only of sequences from which clips may be left out."""
-    rows = [row for row in facts.values() if _is_included(row.clip, selection.include)]
+    rows = [row for row in facts.values() if matches_any(row.clip, selection.include)]
     if not rows:
         raise ValueError(f"{where}: no clip matches {', '.join(selection.include)}")
     n_clips = Counter(row.sequence for row in rows)

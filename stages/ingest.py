@@ -13,11 +13,11 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from fnmatch import fnmatch
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from pacmo_core.data.names import matches_any
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.formats.base import RawSequence, check_fps
 from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
@@ -105,7 +105,7 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
 def is_included(sequence: RawSequence, root: Path, patterns: tuple[str, ...]) -> bool:
     """Return whether a pattern matches the path of the sequence's first file under the root."""
     path = sequence.files[0].relative_to(root).as_posix()
-    return any(fnmatch(path, pattern) for pattern in patterns)
+    return matches_any(path, patterns)
 
 
 def split_usable(

@@ -135,8 +135,22 @@ def read_fold(file: Path) -> dict[str, dict[str, dict[int, Estimate]]]:
 
 
 def align_folds(folds: list[dict[str, dict[str, dict[int, Estimate]]]]) -> Folds:
-    """List each metric of each row by fold; drop those that a fold or a seed lacks."""
+    """List each metric of each row by fold; drop those that a fold or a seed lacks.
+
+    Rows of clips of one action are lacking where no action has several.
+
+    Raises
+    ------
+    ValueError
+        If PaCMO was trained with variations in some folds only: it would vanish from the tables.
+    """
     first = folds[0]
+    n_augmented = sum(WITH in fold for fold in folds)
+    if 0 < n_augmented < len(folds):
+        raise ValueError(
+            f"augmented.folds: wanted all {len(folds)} folds of runs.folds, or none; got "
+            f"{n_augmented}"
+        )
     return {
         row: {
             metric: [fold[row][metric] for fold in folds]

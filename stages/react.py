@@ -13,7 +13,7 @@ from pathlib import Path
 import torch
 
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.models import load_reaction_model
+from pacmo_core.models import load_reaction_model, model_names
 from pacmo_core.reaction.inference import finish_reactions, react_all
 from pacmo_core.reaction.inputs import UNLABELLED
 from pacmo_core.reaction.windows import PartnerMotion, is_deterministic, needs_label
@@ -31,6 +31,12 @@ class Params:
     random_seed: int
     n_samples: int  # reactions to each partner, of a generative model
     finish: list[str]  # models whose reactions are finished
+
+    def __post_init__(self) -> None:
+        unknown = sorted(set(self.finish) - set(model_names("reaction")))
+        if unknown:
+            known = ", ".join(model_names("reaction"))
+            raise ValueError(f"finish must be some of {known}; got {', '.join(unknown)}")
 
 
 def main(paths: argparse.Namespace) -> None:

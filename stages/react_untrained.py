@@ -39,13 +39,16 @@ def main(row: str, clips: Path, splits: Path, reactions: Path) -> None:
     react: React = data.mean if row == "mean" else data.nearest
     if row == "nearest_neighbour_finished":
         validation = [interaction for _, interaction in stream_split(clips, splits, "validation")]
-        react = finished(data.nearest, validation, training[0].skeleton)
+        react = finished(data.nearest, validation or training, training[0].skeleton)
     write_reactions(clips, splits, reactions, lambda _, __, directed: [react(directed)])
 
 
-def finished(react: React, validation: Sequence[Interaction], skeleton: Skeleton) -> React:
-    """Finish reactions as those of a model are, by what reactions to validation partners teach."""
-    directed = [clip for one in validation for clip in (one, one.swapped())]
+def finished(react: React, known: Sequence[Interaction], skeleton: Skeleton) -> React:
+    """Finish reactions as those of a model are: by what reactions to the partners of clips teach.
+
+    These are validation clips; training clips where there are none.
+    """
+    directed = [clip for one in known for clip in (one, one.swapped())]
     learnt = learn([(clip, react(clip)) for clip in directed], skeleton)
     return lambda clip: finish(react(clip), clip.person_a, clip.times, skeleton, learnt)
 

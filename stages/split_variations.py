@@ -9,10 +9,9 @@ import argparse
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
-from pacmo_core.data.names import sort_clips
+from pacmo_core.data.names import matches_any, sort_clips
 from pacmo_core.data.variation_splits import (
     SPLITS,
     SplitSettings,
@@ -110,7 +109,7 @@ def held_out_sources(sources: Sequence[str], fold: int | None, params: Params) -
     if fold is not None and not params.folds:
         return frozenset(sources[fold - 1 :: n_folds])
     patterns = params.held_out if fold is None else params.folds[fold - 1]
-    return frozenset(s for s in sources if any(fnmatchcase(s, p) for p in patterns))
+    return frozenset(s for s in sources if matches_any(s, patterns))
 
 
 def arguments() -> argparse.Namespace:

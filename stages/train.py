@@ -4,9 +4,9 @@ Usage: python -m stages.train --model=NAME [--seed=S] [--variations=DIR --share=
            CLIPS SPLITS.parquet MODEL CURVE.csv
 
 NAME is a row of pacmo_core/models.py; settings are its section of params.yaml, of which a variant
-replaces some. DIR holds variations
-of the clips, which replace a clip in a share X of the times that it is shown. Processes can share
-each batch: torchrun --standalone --nproc-per-node 2 -m stages.train ...
+replaces some. DIR holds variations of the clips, which replace a clip in a share X of the times
+that it is shown. Processes can share each batch:
+    torchrun --standalone --nproc-per-node 2 -m stages.train ...
 """
 
 import argparse
@@ -18,29 +18,37 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import split_variation_name
 from pacmo_core.models import MODELS, Model
 from pacmo_core.reaction.variations import TrainingVariations
+from pacmo_core.store.files import StoreError, file_hash
 from pacmo_core.store.motions import stream_folder
-from pacmo_core.store.weights import TrainedOn
+from pacmo_core.store.weights import TrainedOn, read_trained_on
 from pacmo_core.training.loop import TrainingData
 from stages.common.clips import stream_split
-from stages.common.params import read_params, run_stage
+from stages.common.params import ParamsError, StageError, read_params, run_stage
 from stages.common.training import Task, train
 
 
 def main(paths: argparse.Namespace) -> None:
+    if paths.model_name not in MODELS:
+        raise ParamsError(
+            "runs.models", f"wanted some of {', '.join(MODELS)}; got {paths.model_name}"
+        )
     model = MODELS[paths.model_name]
     params = read_settings(model, paths)
+    trained_on = read_trained_on_before(params)
     data = read_training_data(paths.clips, paths.splits)
+    records = (facts for facts, _ in stream_split(paths.clips, paths.splits, "train"))
+    trained_on += TrainedOn.of(records)
     extra: dict[str, Any] = {}
-    interaction = data
+    checkpoint_data = data
     if paths.variations:
         extra["variations"] = read_variations(paths)
         # All that it is trained on, and so what a checkpoint depends on.
-        interaction = replace(data, train=[*data.train, *extra["variations"].interactions])
+        checkpoint_data = replace(data, train=[*data.train, *extra["variations"].interactions])
     task = Task(
         model,
         params,
-        interaction,
-        TrainedOn.of(facts for facts, _ in stream_split(paths.clips, paths.splits, "train")),
+        checkpoint_data,
+        trained_on,
         lambda device: model.build_training(data, params, device=device, **extra),
     )
     train(task, paths.model, paths.curve)
@@ -59,6 +67,27 @@ def read_settings(model: Model, paths: argparse.Namespace) -> Any:
         "Params", fields, bases=(model.settings_class(),), frozen=True, kw_only=True
     )
     return read_params(model.section, kind, given=given, changes=model.changes)
+
+
+def read_trained_on_before(params: Any) -> TrainedOn:
+    """Return what the weights that a training continues from were trained on; else nothing.
+
+    Raises
+    ------
+    StageError
+        If their file is missing, or another than stated.
+    """
+    start = getattr(params, "start", None)
+    if start is None or not start.weights:
+        return TrainedOn((), 0, 0)
+    file = Path(start.weights)
+    try:
+        found = file_hash(file)
+        if found != start.sha256:
+            raise StageError(f"{file}: wanted the SHA-256 {start.sha256}; got {found}")
+        return read_trained_on(file) or TrainedOn((), 0, 0)
+    except (OSError, StoreError) as fault:
+        raise StageError(f"train_pacmo.start: {fault}") from fault
 
 
 def read_training_data(clips: Path, splits: Path) -> TrainingData[Interaction]:

@@ -107,6 +107,17 @@ def test_a_temperature_of_0_gives_one_reaction_and_leaves_the_model_as_it_was(cl
     np.testing.assert_array_equal(pacmo_core.react(model, clips[0])[0].person_b, before)
 
 
+def test_reactions_that_touch_as_asked_are_those_of_the_seed():
+    clip = pacmo_core.synthesise(10)["handshake-1"]
+    every = pacmo_core.react(None, clip, n_samples=6, temperature=2)
+    hand = clip.skeleton.joints.index("right_hand")
+    gaps = [np.linalg.norm((one.person_a - one.person_b)[:, hand], axis=-1).min() for one in every]
+    near = [one.person_b for one, gap in zip(every, gaps, strict=True) if gap < 0.1]
+    assert 0 < len(near) < 6
+    kept = pacmo_core.react(None, clip, n_samples=len(near), temperature=2, touch="right-hands")
+    np.testing.assert_allclose([one.person_b for one in kept], near, atol=1e-3)
+
+
 def test_a_model_without_noise_has_no_temperature(clips, regression):
     with pytest.raises(ValueError, match="the model has no noise"):
         pacmo_core.react(regression, clips[0], temperature=0.5)
@@ -207,6 +218,11 @@ def test_defaults_are_those_of_params_yaml():
         (lambda c: pacmo_core.load_clips(".", "bvh", fbs=3), ValueError, "unknown ..fbs"),
         (lambda c: pacmo_core.load_person("x.bvh"), ValueError, "x.bvh: cannot be read"),
         (lambda c: pacmo_core.load_person("x.fbx"), ValueError, "belongs to no format"),
+        (
+            lambda c: pacmo_core.react(None, c[0], touch="feet"),
+            ValueError,
+            "touch must be one of right-hands, left-hands, hands, body, no-hands; got 'feet'",
+        ),
         (
             lambda c: pacmo_core.react(None, c[0], temperature=-1),
             ValueError,

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.touching import Row, captured_touch
 from pacmo_core.api import synthesise
-from pacmo_core.commands.touching import TouchName
 from pacmo_core.data.interaction import Motion
+from pacmo_core.metrics.touching import TouchName
 
 CLIP = synthesise(10)["handshake-1"]
 AWAY = CLIP.person_b + np.array([5, 0, 0], np.float32)

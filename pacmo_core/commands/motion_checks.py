@@ -22,7 +22,6 @@ from pacmo_core.commands.sample_table import (
     table_lines,
     within_limits,
 )
-from pacmo_core.commands.touching import least_gap, touches
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.posture import measure_posture
 from pacmo_core.data.segments import feet
@@ -36,6 +35,7 @@ from pacmo_core.formats.resample import frame_rate
 from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.scene import MIN_LENGTH, Scene
 from pacmo_core.metrics.plausibility import find_body_joints
+from pacmo_core.metrics.touching import least_gap, touches
 
 # Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
 MAX_ACCELERATION = 150.0

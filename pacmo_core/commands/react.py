@@ -41,13 +41,6 @@ from pacmo_core.commands.reading import (
     capture_name,
     parse_unit,
 )
-from pacmo_core.commands.touching import (
-    MAX_DRAWN,
-    TouchName,
-    draw_until,
-    is_as_asked,
-    touches_asked,
-)
 from pacmo_core.commands.weights import (
     TRAINED_HERE,
     check_weights,
@@ -60,6 +53,13 @@ from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
 from pacmo_core.finish.body import Body
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import sample_times
+from pacmo_core.metrics.touching import (
+    MAX_DRAWN,
+    TouchName,
+    draw_until,
+    is_as_asked,
+    touches_asked,
+)
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
 from pacmo_core.project.workspace import CommandError, reading_errors_in_one_line
@@ -481,11 +481,9 @@ def _sample_times(capture: PersonMotion, fps: float | None, name: str) -> NDArra
     if fps is None:
         return capture.times
     try:
-        at = sample_times(capture.times, fps)
+        return sample_times(capture.times, fps)
     except ValueError as fault:
         raise CommandError(f"{name}, --to-fps: {fault}") from fault
-    within: NDArray[np.float64] = np.minimum(at, capture.times[-1])
-    return within
 
 
 def check_samples(samples: int) -> None:

@@ -16,6 +16,7 @@ import hashlib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Literal
 
 Direction = Literal["a", "b"]
@@ -154,3 +155,8 @@ def nearest_first(name: str, known: Iterable[str]) -> str:
     names = list(known)
     near = nearest_names(name, names)
     return ", ".join([*near, *(other for other in names if other not in near)])
+
+
+def matches_any(name: str, patterns: Iterable[str]) -> bool:
+    """Return whether a name matches one of the patterns of a shell, such as ``01/*``."""
+    return any(fnmatchcase(name, pattern) for pattern in patterns)

@@ -31,7 +31,8 @@ def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
         raise ValueError(f"wanted at most {MAX_POSITIONS} frames; got {count} at {fps:g} fps")
     if count < 2:
         raise ValueError(f"{times[-1] - times[0]:g} s are too short for two frames at {fps:g} fps")
-    at: NDArray[np.float64] = times[0] + np.arange(count) / fps
+    # A file's frame rate is rounded, and so the last time may be after the last frame's.
+    at: NDArray[np.float64] = np.minimum(times[0] + np.arange(count) / fps, times[-1])
     return at
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
     from pacmo_core.reaction.data import to_partner_frame
     from pacmo_core.reaction.generator import Generator
-    from pacmo_core.reaction.inference import finish_reactions, react, react_all, sample_times
+    from pacmo_core.reaction.inference import finish_reactions, react, react_all
     from pacmo_core.reaction.stream import ReactionStream
     from pacmo_core.reaction.windows import PartnerMotion, ReactionModel, is_deterministic
 
@@ -29,7 +29,6 @@ __all__ = [
     "is_deterministic",
     "react",
     "react_all",
-    "sample_times",
     "to_partner_frame",
 ]
 _MODULES = {

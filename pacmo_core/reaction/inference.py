@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from pacmo_core.data.interaction import Interaction, Motion
-from pacmo_core.data.limits import MAX_POSITIONS
 from pacmo_core.finish.body import Body
 from pacmo_core.finish.finish import finish
 from pacmo_core.finish.learning import learn
@@ -176,17 +175,6 @@ def _examples(
             partner = PartnerMotion(directed.person_a, times, times, label)
             (reactions,) = react_all(model, [partner], n_samples=n_samples, random=random)
             yield from ((directed, reaction) for reaction in reactions)
-
-
-def sample_times(times: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
-    """List times at a constant frame rate, from the first of ``times`` to the last at most."""
-    if not 0 < fps <= MAX_POSITIONS / max(times[-1] - times[0], 1.0):
-        reason = f"fps must be > 0 and give at most {MAX_POSITIONS} frames"
-        raise ValueError(f"{reason}; got {fps:g} for {times[-1] - times[0]:g} s")
-    # The last frame is included despite rounding errors.
-    count = int(np.floor((times[-1] - times[0]) * fps + 1e-6)) + 1
-    result: NDArray[np.float64] = np.minimum(times[0] + np.arange(count) / fps, times[-1])
-    return result
 
 
 def _check_partner(partner: PartnerMotion, n_joints: int) -> None:

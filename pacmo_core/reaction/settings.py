@@ -285,6 +285,7 @@ class PacmoSettings:
 
     def __post_init__(self) -> None:
         check_positive(self, *LOOP_COUNTS)
+        self._check_numbers()
         if self.n_critic < 0 or not (self.n_critic or self.energy_score_weight):
             raise ValueError(
                 "n_critic must be at least 0, and 0 wants an energy_score_weight above 0: the "
@@ -316,6 +317,17 @@ class PacmoSettings:
                 f"energy_score_weight {self.energy_score_weight}"
             )
         self._check_labels()
+
+    def _check_numbers(self) -> None:
+        for name in ("n_points", "validation_samples"):  # a grid; an energy score
+            if getattr(self, name) < 2:
+                raise ValueError(f"{name} must be at least 2; got {getattr(self, name)}")
+        for name in ("gradient_penalty", "energy_score", "bone_symmetry", "bone_length"):
+            weight = getattr(self, f"{name}_weight")
+            if weight < 0:
+                raise ValueError(f"{name}_weight must be at least 0; got {weight}")
+        if not 0 <= self.ema_decay < 1:
+            raise ValueError(f"ema_decay must be at least 0 and less than 1; got {self.ema_decay}")
 
     def _check_labels(self) -> None:
         if not 0 <= self.action_dropout < 1 or (self.action_dropout and not self.action_channels):

@@ -43,6 +43,12 @@ class TrainedOn:
         datasets = tuple(sorted({row.dataset for row in rows}))
         return cls(datasets, len(rows), sum(row.synthetic for row in rows))
 
+    def __add__(self, other: "TrainedOn") -> "TrainedOn":
+        """Return what two trainings, one after the other, were on; a clip of both counts twice."""
+        datasets = tuple(sorted({*self.datasets, *other.datasets}))
+        synthetic = self.synthetic_clips + other.synthetic_clips
+        return TrainedOn(datasets, self.clips + other.clips, synthetic)
+
     @property
     def is_synthetic(self) -> bool:
         """Whether no clip was recorded."""

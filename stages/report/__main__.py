@@ -11,7 +11,6 @@ holds all figures with intervals.
 """
 
 import argparse
-import hashlib
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -32,7 +31,7 @@ from pacmo_core.figures.numbers import format_estimate, format_number
 from pacmo_core.figures.report import DataSummary, QuarantineRow, Report, render_report
 from pacmo_core.figures.skeleton_prior import select_source
 from pacmo_core.models import MODELS, model_names
-from pacmo_core.store.files import write_text
+from pacmo_core.store.files import file_hash, write_text
 from pacmo_core.store.tables import QuarantineRecord, read_rows
 from stages.common.files import (
     ALL_SOURCES,
@@ -204,14 +203,9 @@ def hashes(clips: Path, reactions: dict[str, Path]) -> dict[str, str]:
     """Return the beginnings of the SHA-256 of clips, reactions and parameters."""
     files = {name: folder / MOTIONS for name, folder in {"clips": clips, **reactions}.items()}
     return {
-        f"SHA-256, {row_label(name)}": f"{_sha256(file)[:16]} {file.as_posix()}"
+        f"SHA-256, {row_label(name)}": f"{file_hash(file)[:16]} {file.as_posix()}"
         for name, file in files.items()
-    } | {"SHA-256, parameters": _sha256(PARAMS)[:16]}
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    } | {"SHA-256, parameters": file_hash(PARAMS)[:16]}
 
 
 def captures_text(ingest: dict[str, Any]) -> str:

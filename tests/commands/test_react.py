@@ -22,12 +22,13 @@ from pacmo_core.data.skeleton import SBU15
 from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
+from pacmo_core.formats.resample import sample_times
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.baselines import build_regression_training
-from pacmo_core.reaction.inference import PACKAGED, finish_reactions, react, sample_times
+from pacmo_core.reaction.inference import PACKAGED, finish_reactions, react
 from pacmo_core.reaction.windows import PartnerMotion
 from pacmo_core.store.motions import stream_motions, write_motions
 from pacmo_core.store.weights import write_weights

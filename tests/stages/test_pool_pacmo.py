@@ -68,6 +68,14 @@ def test_rows_are_means_over_seeds_and_folds_with_the_floors_beside_them(pooled)
     assert pooled["matcher_sha256"] == {"1": "m1", "2": "m2"}
 
 
+def test_a_row_with_variations_in_some_folds_only_is_refused() -> None:
+    row = {"f2id": {1: pool_pacmo.Estimate(0.1, np.array([0.1, 0.2]))}}
+    both = {"pacmo": row, "pacmo_augmented": row}
+    assert set(pool_pacmo.align_folds([both, both])) == {"pacmo", "pacmo_augmented"}
+    with pytest.raises(ValueError, match=r"augmented.folds: wanted all 2 folds .* or none; got 1"):
+        pool_pacmo.align_folds([both, {"pacmo": row}])
+
+
 def test_a_metric_that_one_fold_is_without_is_left_out_with_the_reason(pooled):
     assert "multimodality" not in pooled["rows"]["gru"]
     assert pooled["absent"]["gru"]["multimodality"] == "one reaction per partner"

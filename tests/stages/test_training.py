@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,13 +16,14 @@ from ruamel.yaml import YAML
 from safetensors import safe_open
 from torch import nn
 
-from pacmo_core.store.files import StoreError
-from pacmo_core.store.weights import read_weights, write_weights
+from pacmo_core.store.files import StoreError, file_hash
+from pacmo_core.store.weights import read_trained_on, read_weights, write_weights
 from pacmo_core.training.checkpoints import Checkpoint, data_hash
 from pacmo_core.training.devices import DeviceError, training_device
 from pacmo_core.training.loop import TrainingLoop
 from stages import train
 from stages.common.files import read_curve
+from stages.common.params import ParamsError, StageError
 from stages.train import read_training_data
 from tests.reaction.problems import clips
 from tests.stages.training import SECTIONS, SEEDED, prepare
@@ -122,6 +124,38 @@ def test_weights_say_what_they_are_and_what_made_them(stage):
     assert chosen["score"] == pytest.approx(
         min(value for value in curve["validation"] if value == value), rel=1e-5
     )
+
+
+def test_a_model_that_is_not_there_is_one_line():
+    with pytest.raises(ParamsError, match=r"runs.models: wanted some of .*gru.*; got pacmoo"):
+        run("train_pacmoo")
+
+
+def test_a_start_that_is_another_file_is_said_before_data_are_read(monkeypatch):
+    def read(*_: object) -> None:
+        raise AssertionError("the data were read")
+
+    monkeypatch.setattr(train, "read_training_data", read)
+    write_weights(Path("start.safetensors"), {"model": "pacmo"}, {"x": torch.zeros(1)})
+    change("train_pacmo", start={"weights": "start.safetensors", "sha256": "0" * 64})
+    with pytest.raises(StageError, match="start.safetensors: wanted the SHA-256 000"):
+        run("train_pacmo")
+    change("train_pacmo", start={"weights": "gone.safetensors", "sha256": "0" * 64})
+    with pytest.raises(StageError, match="train_pacmo.start: .*gone.safetensors"):
+        run("train_pacmo")
+
+
+def test_what_the_weights_of_the_start_were_trained_on_counts():
+    run("train_pacmo")
+    first = read_trained_on(MODEL / "weights.safetensors")
+    shutil.copy(MODEL / "weights.safetensors", "start.safetensors")
+    sha256 = file_hash(Path("start.safetensors"))
+    change("train_pacmo", start={"weights": "start.safetensors", "sha256": sha256})
+    run("train_pacmo")
+    assert first is not None
+    assert read_trained_on(MODEL / "weights.safetensors") == first + first
+    assert (first + first).clips == 2 * first.clips
+    assert (first + first).datasets == first.datasets
 
 
 @pytest.mark.parametrize("stage", ["train_autoencoder", "train_pacmo", "train_regression"])

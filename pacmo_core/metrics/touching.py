@@ -1,4 +1,4 @@
-"""What hands touch: counted in the table of ``pacmo react``, and asked for by ``--touch``."""
+"""What hands touch: counted in the table of ``pacmo react``, and asked for by its ``--touch``."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

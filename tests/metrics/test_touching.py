@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from pacmo_core.api import synthesise
 from pacmo_core.commands import react as react_command
-from pacmo_core.commands import touching
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.touching import TouchName, draw_until, is_as_asked, touches_asked
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.metrics import touching
+from pacmo_core.metrics.touching import TouchName, draw_until, is_as_asked, touches_asked
 from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.motions import stream_motions, write_motions
 
