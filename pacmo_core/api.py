@@ -48,7 +48,7 @@ from pacmo_core.metrics.f2id import f2id
 from pacmo_core.metrics.mmd import median_bandwidth as kernel_bandwidth
 from pacmo_core.metrics.mmd import mmd_a, mmd_s
 from pacmo_core.metrics.reactions import stack_motions
-from pacmo_core.metrics.touching import TouchName, draw_until, is_as_asked, touches_asked
+from pacmo_core.metrics.touching import TouchName, check_hands, draw_until, is_as_asked
 from pacmo_core.models import MODELS, Model, load_reaction_model
 from pacmo_core.reaction.autoencoder import Autoencoder, encode_features
 from pacmo_core.reaction.baselines import Gru
@@ -297,9 +297,10 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
     random_seed : of the noise
     temperature : standard deviation of the noise, below 1 for more alike and usual reactions; None
         for the model's
-    touch : what touches in each, of ``right-hands``, ``left-hands``, ``hands``, ``body`` (a hand of
-        one the other's body) and ``no-hands``: others are dropped and further ones sampled, 128 at
-        most; empty for all
+    touch : what touches in each for 0.1 s or more, of ``right-hands``, ``left-hands``, ``hands``,
+        ``embrace``, ``body`` (a hand the partner's body), ``by-partner`` (the partner's hand the
+        reaction's) and ``no-hands``: others are dropped and further ones sampled, 128 at most;
+        empty for all
     finish : whether bones get exact lengths, feet are planted and predicted contacts closed
 
     Returns
@@ -341,10 +342,12 @@ def _touching(draw: Callable[[], Motion], touch: str, count: int, partner: Perso
     if touch not in [name.value for name in TouchName]:
         raise ValueError(f"touch must be one of {', '.join(TouchName)}; got {touch!r}")
     name = TouchName(touch)
-    asked = touches_asked(name, partner.skeleton)
-    kept, drawn, _ = draw_until(
-        draw, {touch: lambda motion: is_as_asked(name, asked, partner.motion, motion[0])}, count
-    )
+    check_hands(name, partner.skeleton)
+
+    def touches(drawn: Motion) -> bool:
+        return is_as_asked(name, partner.skeleton, partner.times, partner.motion, drawn[0])
+
+    kept, drawn, _ = draw_until(draw, {touch: touches}, count)
     if len(kept) < count:
         raise ValueError(f"touch {touch}: wanted {count} reactions; {len(kept)} of {drawn} do so")
     return np.concatenate(kept)

@@ -221,7 +221,7 @@ def test_defaults_are_those_of_params_yaml():
         (
             lambda c: pacmo_core.react(None, c[0], touch="feet"),
             ValueError,
-            "touch must be one of right-hands, left-hands, hands, body, no-hands; got 'feet'",
+            "touch must be one of right-hands, left-hands, hands, embrace, body, by-partner, no",
         ),
         (
             lambda c: pacmo_core.react(None, c[0], temperature=-1),

@@ -1,4 +1,4 @@
-"""What is wrong with captures that commands use all the same: lost bones, and two floors."""
+"""What is wrong with captures that commands use all the same: bones, legs, floors."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.interaction import Motion
-from pacmo_core.data.segments import segments
+from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.finish.bones import leg_length, median_lengths
 from pacmo_core.formats.registry import PersonMotion
 
 # Metres by which the lowest points of one person stay above those of the other: at most 1 cm in
@@ -15,6 +16,9 @@ from pacmo_core.formats.registry import PersonMotion
 # handover, and in 15 of the 282 of SBU.
 MAX_FLOOR_GAP = 0.08
 MIN_BONE_LENGTH = 1e-3  # metres
+# Of the length of a leg: an ankle that stays this much above the other belongs to a leg that was
+# not tracked. People who walk, dance or kick put it down.
+MAX_RAISED = 0.3
 _PLURALS = {"trunk": "trunk", "arm": "arms", "leg": "legs", "foot": "feet"}
 
 
@@ -26,7 +30,8 @@ def doubts(files: Sequence[Path], people: Sequence[PersonMotion]) -> list[str]:
     files : of each person
     people : of one world, metres, y up
     """
-    lines = [_lost_text(file, person) for file, person in zip(files, people, strict=True)]
+    by_person = list(zip(files, people, strict=True))
+    lines = [text(*one) for text in (_lost_text, _raised_text) for one in by_person]
     if len(people) == 2:
         lines.append(_floors_text(files, people[0], people[1]))
     return list(dict.fromkeys(filter(None, lines)))
@@ -49,6 +54,24 @@ def _lost_text(file: Path, person: PersonMotion) -> str:
         f"{file}: bones of length zero, as a conversion loses them: {'; '.join(places)}: "
         f"{_listed([*parts])} too short, and touches may be missed; wanted another conversion"
     )
+
+
+def _raised_text(file: Path, person: PersonMotion) -> str:
+    """Say that one foot is in the air throughout; nothing if none is, or legs have no names."""
+    ankles = [foot[0] for foot in feet(person.skeleton)]
+    if len(ankles) != 2:
+        return ""
+    heights = person.motion[:, ankles, 1].astype(np.float64)
+    leg = leg_length(median_lengths(person.motion, person.skeleton), person.skeleton)
+    for side, sign in enumerate((1, -1)):
+        raised = float(np.quantile(sign * (heights[:, 0] - heights[:, 1]), 0.05))
+        if raised > MAX_RAISED * leg:
+            return (
+                f"{file}: {person.skeleton.joints[ankles[side]]} is over {100 * raised:.0f} cm "
+                "above the other throughout, as of a leg that was not tracked: bodies get in its "
+                "way; wanted another capture or the other person"
+            )
+    return ""
 
 
 def _floors_text(files: Sequence[Path], a: PersonMotion, b: PersonMotion) -> str:

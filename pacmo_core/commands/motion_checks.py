@@ -39,6 +39,7 @@ from pacmo_core.metrics.touching import least_gap, touches
 
 # Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
 MAX_ACCELERATION = 150.0
+ACCELERATION_STEP = 1 / 30  # seconds between the positions of which it is measured
 # Degrees a second that a bone turns between two frames: 25 degrees at 30 frames a second. In 99.9 %
 # of 30,000 recorded frames (salsa, acts, embraces, walking) none turns by more than 22.8 degrees,
 # and by 24.2 at most in 46 of the 48 files; in the other two single markers flicker.
@@ -56,6 +57,8 @@ MAX_BELOW = 0.01
 # Metres by which the lowest point is above the partner's in half of the frames: 99 of 100 captured
 # motions of the default are below 5.6 cm.
 MAX_HOVER = 0.06
+# Metres by which the feet of a person who stands differ in height, in the median frame: the pose.
+MAX_FOOT_GAP = 0.05
 # Metres per second: the mean speed of the slower foot, 99 of 100 captured motions are below 28.5
 # cm/s.
 MAX_GLIDE_SPEED = 0.3
@@ -112,13 +115,13 @@ def find_peak(values: Array, joints: tuple[str, ...], times: Array) -> Peak:
 
     Parameters
     ----------
-    values : (T, J), (T - 1, E) or (T - 2, J)
+    values : (T, J), (T - 1, E) or (T - 2 k, J)
     joints : the name of each column
     times : (T,) seconds
     """
     row, column = (int(i) for i in np.unravel_index(values.argmax(), values.shape))
-    # Turns and accelerations begin with that of frame 1.
-    frame = row + int(len(values) < len(times))
+    # Turns are of the second of two frames, accelerations of the middle one of three.
+    frame = row + (len(times) - len(values) + 1) // 2
     return Peak(row, column, joints[column], frame, float(times[frame] - times[0]))
 
 
@@ -152,10 +155,16 @@ def bone_names(skeleton: Skeleton) -> tuple[str, ...]:
 
 
 def joint_accelerations(times: Array, motion: Motion) -> Array:
-    """Return the acceleration of each joint between neighbouring frames, ``(T - 2, J)`` m/s²."""
-    steps = np.diff(times)[:, None, None]
-    velocity = np.diff(motion.astype(np.float64), axis=0) / steps
-    change = np.diff(velocity, axis=0) / ((steps[1:] + steps[:-1]) / 2)
+    """Return the acceleration of each joint, ``(T - 2 k, J)`` m/s², from frames k apart.
+
+    These are 1/30 s apart, or neighbours at lower frame rates: between the frames of 120 a second
+    the same motion would accelerate several times as much, by the noise of capture and fit.
+    """
+    lag = min(max(1, round(frame_rate(times) * ACCELERATION_STEP)), max(1, (len(times) - 1) // 2))
+    steps = (times[lag:] - times[:-lag])[:, None, None]
+    positions = motion.astype(np.float64)
+    velocity = (positions[lag:] - positions[:-lag]) / steps
+    change = (velocity[lag:] - velocity[:-lag]) / ((steps[lag:] + steps[:-lag]) / 2)
     accelerations: Array = np.linalg.norm(change, axis=-1)
     return accelerations
 
@@ -186,7 +195,7 @@ def motion_lines(
         "the motion of the reaction, measured in what was written (docs/react.md):",
         *(f"  {line}" for line in [*table_lines([*rows, *nearness, *alike]), *unmeasured]),
         *_partner_lines(rows),
-        *(line for row in alike for line in _most_alike(row, limits)),
+        *(line for row in alike for line in _most_alike(row, limits, untouched)),
         *limit_lines(limits, untouched),
     ]
 
@@ -224,9 +233,10 @@ def _partner_lines(rows: Sequence[Measurement]) -> list[str]:
     """Say that the partner is beyond limits or leans, and that bodies are of other sizes."""
     lines = []
     beyond = [
-        f"{row.name.rpartition(', ')[0]} {format_fixed(row.partner, row.decimals)}{row.unit}"
+        f"{row.name.rpartition(', ')[0]} {format_fixed(row.partner, row.decimals)}{row.unit}, "
+        f"{row.partner_place}"
         for row in rows
-        if row.partner is not None and row.places and row.partner > row.limit
+        if row.partner is not None and row.partner_place and row.partner > row.limit
     ]
     if beyond:
         text = "; ".join(beyond)
@@ -241,7 +251,7 @@ def _partner_lines(rows: Sequence[Measurement]) -> list[str]:
     ratios = [value / row.partner for row in sizes for value in row.values if row.partner]
     if any(not 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO for ratio in ratios):
         times = format_range(ratios, 2)
-        lines.append(f"bodies are {times} times as tall as the partner (--body, --rig)")
+        lines.append(f"bodies are {times} times as tall as the partner (--body partner, --rig)")
     return lines
 
 
@@ -308,13 +318,18 @@ def _heights(
         [f"{peak.joint} {peak.place}" for peak in peaks],
     )
     usual = float(np.median(own.min(axis=1)))
+    # A person who is seen by a tilted camera stands with one foot higher: the floor is between.
+    sides = [list(foot) for foot in feet(people[0].skeleton)]
+    soles = [float(np.median(own[:, side].min(axis=1))) for side in sides]
+    slant = max(soles) - min(soles) if soles else 0.0
+    slant = slant / 2 if slant > MAX_FOOT_GAP else 0.0
     above = Measurement(
         "above the partner's lowest point, cm",
         [
             100 * max(0.0, float(np.median(of.min(axis=1)) - usual * leg / own_leg))
             for leg, of in zip(legs, heights, strict=True)
         ],
-        100 * MAX_HOVER,
+        100 * (MAX_HOVER + slant),
         "in the median frame that lowest point is {} above the partner's",
         " cm",
     )
@@ -363,16 +378,18 @@ def _jolts(times: Array, people: Sequence[PersonMotion]) -> Measurement:
         places[1:],
         0,
         values[0],
+        places[0],
     )
 
 
 def _turns(times: Array, people: Sequence[PersonMotion]) -> Measurement:
     """Measure the largest turn of a bone from a frame to the next, and the partner's."""
-    partner, *samples = (bone_turns(person.skeleton, person.motion) for person in people)
-    peaks = [
+    every = [bone_turns(person.skeleton, person.motion) for person in people]
+    own, *peaks = (
         find_peak(turns, bone_names(person.skeleton), times)
-        for turns, person in zip(samples, people[1:], strict=True)
-    ]
+        for turns, person in zip(every, people, strict=True)
+    )
+    partner, *samples = every
     return Measurement(
         f"turn of a bone in 1/{frame_rate(times):.3g} s, °",
         [float(turns.max()) for turns in samples],
@@ -381,6 +398,7 @@ def _turns(times: Array, people: Sequence[PersonMotion]) -> Measurement:
         "°",
         [f"that to {peak.joint} {peak.place}" for peak in peaks],
         partner=float(partner.max()),
+        partner_place=f"that to {own.joint} {own.place}",
     )
 
 
@@ -431,6 +449,11 @@ def _nearness(
     rows = [
         Measurement("pelvises apart at least, m", roots.min(axis=1).tolist(), decimals=2),
         Measurement("nearest joints apart, cm", nearest),
+        Measurement(
+            "away from the partner after that, cm",
+            [100 * _way(partner[:, skeleton.root], one[:, skeleton.root]) for one in samples],
+            decimals=0,
+        ),
     ]
     every_touch = touches(skeleton)
     if not every_touch:
@@ -438,8 +461,20 @@ def _nearness(
     for touch in every_touch.values():
         frames = [int(touch.frames(partner, sample).sum()) for sample in samples]
         rows.append(Measurement(f"frames of {len(partner)}: {touch.name}", frames, decimals=0))
-    touched = np.any([row.values for row in rows[2:]], axis=0)
+    touched = np.any([row.values for row in rows[3:]], axis=0)
     return rows, np.flatnonzero(~touched).tolist()
+
+
+def _way(partner: Motion, person: Motion) -> float:
+    """Return how far one moves away, once nearest, from where the other then is, in metres.
+
+    Parameters
+    ----------
+    partner, person : (T, 3) metres, their pelvises
+    """
+    nearest = int(np.linalg.norm(partner - person, axis=-1).argmin())
+    apart = np.linalg.norm((person[nearest:] - partner[nearest])[:, [0, 2]], axis=-1)
+    return float(apart.max() - apart[0])
 
 
 def _likeness(samples: Motion) -> Measurement:
@@ -451,9 +486,15 @@ def _likeness(samples: Motion) -> Measurement:
     return Measurement("apart from the other samples, cm", apart)
 
 
-def _most_alike(likeness: Measurement, limits: Sequence[Measurement]) -> list[str]:
-    """Name the sample within every limit that is nearest to all others; none if they are alike."""
-    within = within_limits(limits)
+def _most_alike(
+    likeness: Measurement, limits: Sequence[Measurement], untouched: Sequence[int]
+) -> list[str]:
+    """Name the sample that is nearest to all others; none if they are alike.
+
+    Of those within every limit, and of those in which a hand touches if it does in most samples.
+    """
+    mostly_touches = 2 * len(untouched) < len(likeness.values)
+    within = [number for number in within_limits(limits) if (number in untouched) != mostly_touches]
     if len({likeness.range_of([number]) for number in within}) < 2:
         return []
     nearest = min(within, key=lambda number: likeness.values[number])

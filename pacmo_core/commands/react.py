@@ -56,9 +56,9 @@ from pacmo_core.formats.resample import sample_times
 from pacmo_core.metrics.touching import (
     MAX_DRAWN,
     TouchName,
+    check_hands,
     draw_until,
     is_as_asked,
-    touches_asked,
 )
 from pacmo_core.models import load_reaction_model
 from pacmo_core.operators.spline import Spline
@@ -183,8 +183,8 @@ Touching = Annotated[
     TouchName | None,
     typer.Option(
         "--touch",
-        help="what touches in some frame: right or left hands, any hands, a hand of one the "
-        "other's body, or no hand; other reactions are dropped and further ones sampled",
+        help="what touches for 0.1 s or more: right or left hands, any hands, bodies in an "
+        "embrace, a hand the other's body, or no hand; others are dropped, further ones sampled",
     ),
 ]
 WithinLimits = Annotated[
@@ -252,7 +252,7 @@ def react(  # noqa: PLR0913  # typer reads the options off the signature
     wanted.
 
     --touch right-hands keeps the reactions in which the right hands touch, as in a handshake, and
-    samples until there are as many as --samples asks for. body is for hugs.
+    samples until there are as many as --samples asks for. embrace is for hugs.
     --within-limits keeps those that are within every limit of the table that is printed, before
     they are fitted to a rig.
 
@@ -389,10 +389,12 @@ def _chosen(
     tests: dict[str, Callable[[Motion], bool]] = {}
     if touch:
         try:
-            asked = touches_asked(touch, skeleton)
+            check_hands(touch, skeleton)
         except ValueError as fault:
             raise CommandError(f"--touch {fault}") from fault
-        tests[f"--touch {touch}"] = lambda drawn: is_as_asked(touch, asked, partner, drawn[0])
+        tests[f"--touch {touch}"] = lambda drawn: is_as_asked(
+            touch, skeleton, times, partner, drawn[0]
+        )
     if within_limits:
         tests["--within-limits"] = lambda drawn: is_within_limits(
             skeleton, times, partner, drawn[0]
@@ -407,7 +409,12 @@ def _chosen(
     names = [f"{name} ({number})" if len(tests) > 1 else name for name, number in passed.items()]
     text = f"{len(kept)} of {drawn} reactions pass {' and '.join(names)}"
     if len(kept) < samples:
-        fewer = f"; --samples {len(kept)} writes those" if kept else ""
+        fewer = (
+            f"; --samples {len(kept)} writes those"
+            if kept
+            else ": the model expects nothing of the kind; leave the option out, or try another "
+            "--touch or part of the capture (pacmo export --seconds)"
+        )
         raise CommandError(f"{text}; wanted {samples}{fewer}")
     typer.echo(f"{text}; the others are dropped")
     return np.concatenate(kept)

@@ -31,6 +31,7 @@ class Measurement:
     places : (S,) where each value is, such as its frame; empty if it is of the whole motion
     decimals : of the values
     partner : the same of the partner, if it has one
+    partner_place : where that is
     """
 
     name: str
@@ -41,6 +42,7 @@ class Measurement:
     places: Sequence[str] = ()
     decimals: int = 1
     partner: float | None = None
+    partner_place: str = ""
 
     @property
     def wanted(self) -> str:

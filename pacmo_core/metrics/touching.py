@@ -15,6 +15,7 @@ from pacmo_core.formats.inverse_kinematics import CONTACT_DISTANCE
 
 # Metres from the axis of a trunk or a head to the skin, where a hand touches it.
 SKIN_DISTANCE = 0.18
+MIN_SECONDS = 0.1  # in which people touch, of the whole motion
 _LIMBS = ("upper_arm", "thigh", "shin", "foot", "toes")
 # Reactions that are generated, at most, to find those that touch as they should.
 MAX_DRAWN = 128
@@ -23,12 +24,14 @@ Joints = list[int]
 
 
 class TouchName(StrEnum):
-    """What should touch in a reaction: hands, a hand of one the other's body, or no hand."""
+    """What should touch in a reaction: hands, the other's body, or neither."""
 
     right_hands = "right-hands"
     left_hands = "left-hands"
     hands = "hands"
-    body = "body"
+    embrace = "embrace"  # a hand of each is on the other's body
+    body = "body"  # a hand of the reaction on the partner's body
+    by_partner = "by-partner"  # a hand of the partner on the reaction's body
     no_hands = "no-hands"
 
 
@@ -78,35 +81,43 @@ def touches(skeleton: Skeleton) -> dict[str, Touch]:
     return found
 
 
-def touches_asked(name: TouchName, skeleton: Skeleton) -> list[Touch]:
-    """Return the touches of which one is asked for, or none of which.
+def check_hands(name: TouchName, skeleton: Skeleton) -> None:
+    """Refuse to ask for a touch of a skeleton that has not both hands.
 
     Raises
     ------
     ValueError
-        If the skeleton has not the hands.
+        With the name of the touch.
     """
-    every = touches(skeleton)
-    asked = {
-        TouchName.hands: ["left-hands", "right-hands", "left-to-right"],
-        TouchName.body: ["body", "by-partner"],
-        TouchName.no_hands: list(every),
-    }.get(name, [name.value])
-    if not every or not set(asked) <= set(every):
+    if len(_hands(skeleton)) != 2:
         raise ValueError(f"{name}: wanted a skeleton with a left and a right hand")
-    return [every[one] for one in asked]
 
 
-def is_as_asked(name: TouchName, asked: Sequence[Touch], partner: Motion, reaction: Motion) -> bool:
-    """Return whether one of the touches is in a frame; of ``no-hands``, whether in no frame.
+def is_as_asked(
+    name: TouchName,
+    skeleton: Skeleton,
+    times: NDArray[np.float64],
+    partner: Motion,
+    reaction: Motion,
+) -> bool:
+    """Return whether two people touch as asked for ``MIN_SECONDS``; of ``no-hands``: in no frame.
 
     Parameters
     ----------
-    asked : of ``touches_asked``
+    skeleton : with two hands, of both
+    times : (T,) seconds
     partner, reaction : (T, J, 3) metres
     """
-    is_touched = any(touch.frames(partner, reaction).any() for touch in asked)
-    return is_touched != (name == TouchName.no_hands)
+    found = {key: touch.frames(partner, reaction) for key, touch in touches(skeleton).items()}
+    of_hands = found["left-hands"] | found["right-hands"] | found["left-to-right"]
+    if name == TouchName.no_hands:
+        return not (of_hands | found["body"] | found["by-partner"]).any()
+    frames = {
+        TouchName.hands: of_hands,
+        TouchName.embrace: found["body"] & found["by-partner"],
+    }.get(name, found.get(name.value, of_hands))
+    # A hand that passes by touches too: for fewer frames.
+    return int(frames.sum()) >= max(1, round(MIN_SECONDS / float(np.median(np.diff(times)))))
 
 
 def draw_until(

@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.doubts import lost_bones
+from pacmo_core.commands.doubts import doubts, lost_bones
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
-from pacmo_core.formats.registry import read_partner
+from pacmo_core.formats.registry import PersonMotion, read_partner
 from pacmo_core.formats.write_bvh import format_bvh
 from tests.formats.real_files import real_folder
 from tests.formats.rigged import mixamo, people
@@ -106,3 +106,19 @@ def test_a_person_who_is_lifted_for_a_while_is_on_the_same_floor(tmp_path: Path)
     facts = {"joints": BODY.joints, "parents": BODY.parents, "fps": 30, "unit": 1.0, "up": "y"}
     np.savez(file, person_a=MOTION, person_b=lifted, **facts)
     assert view(tmp_path, file).stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("side", "raised", "is_named"), [("Left", 0.4, True), ("Right", 0.1, False)]
+)
+def test_a_leg_in_the_air_throughout_is_named(side: str, raised: float, is_named: bool) -> None:
+    motion = MOTION.copy()
+    foot = [number for number, name in enumerate(BODY.joints) if name.startswith(f"{side}Foot")]
+    foot += [number for number, name in enumerate(BODY.joints) if name.startswith(f"{side}Toe")]
+    motion[:, foot, 1] += np.float32(raised)
+    person = PersonMotion(BODY, CLIP.times, motion)
+    lines = doubts([Path("x.bvh")], [person])
+    found = [line for line in lines if "above the other throughout" in line]
+    assert len(found) == is_named
+    if found:
+        assert found[0].startswith(f"x.bvh: {side}Foot is over 3")

@@ -7,10 +7,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pacmo_core.api import synthesise
-from pacmo_core.commands.motion_checks import _mean_speed, angles, motion_lines
-from pacmo_core.commands.sample_table import RIGHT_ACTION
+from pacmo_core.commands.motion_checks import (
+    _mean_speed,
+    _most_alike,
+    angles,
+    find_peak,
+    joint_accelerations,
+    motion_lines,
+)
+from pacmo_core.commands.sample_table import RIGHT_ACTION, Measurement
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.posture import measure_posture
+from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton, mirror_by_name
 from pacmo_core.finish.floor import find_floor
 from pacmo_core.finish.stance import find_stance
@@ -430,10 +438,11 @@ def test_a_noisy_partner_and_bodies_of_another_size_are_said() -> None:
     noisy[12:, 1, 2] += 0.4  # 360 m/s²
     assert not any("tall" in line or "noisy" in line for line in lines_of(partner, partner[None]))
     (_, size, *_) = lines_of(partner, np.stack([giant, giant]))
-    assert size == "bodies are 1.30 times as tall as the partner (--body, --rig)"
+    assert size == "bodies are 1.30 times as tall as the partner (--body partner, --rig)"
     said = [line for line in lines_of(noisy, giant[None]) if "the capture itself" in line]
     joint = "acceleration of a joint 360 m/s²"
-    assert len(said) == 1 and f"beyond limits: {joint}; turn of a bone in 1/30 s" in said[0]
+    assert len(said) == 1 and f"beyond limits: {joint}, spine_mid in frame 11" in said[0]
+    assert "(0.37 s); turn of a bone in 1/30 s 72.0°, that to spine_shoulder in frame 12" in said[0]
 
 
 def test_a_hand_on_a_trunk_is_on_its_skin_from_either_side() -> None:
@@ -445,3 +454,50 @@ def test_a_hand_on_a_trunk_is_on_its_skin_from_either_side() -> None:
     line = lines_of(partner, sample[None])[0]
     assert row(line, "frames of 60: a hand to the partner's body") == ["10"]
     assert row(line, "frames of 60: the partner's hand to the body") == ["5"]
+
+
+def test_a_partner_with_one_foot_higher_is_on_a_slanted_floor() -> None:
+    """As before a tilted camera: the reaction may be half the difference higher."""
+    partner = standing()
+    (left, right) = feet(SKELETON)
+    partner[:, list(left), 1] += np.float32(0.12)
+    lowest = {side: float(partner[0, list(side), 1].min()) for side in (left, right)}
+    gap = lowest[left] - lowest[right]
+    (wanted, limit, *_) = row(
+        lines_of(partner, partner[None])[0], "above the partner's lowest point, cm"
+    )
+    assert wanted == "<="
+    assert float(limit) == pytest.approx(6 + 50 * gap, abs=0.06)
+
+
+@pytest.mark.parametrize("fps", [15, 30, 60, 120])
+def test_accelerations_are_alike_at_every_frame_rate(fps: int) -> None:
+    times = np.arange(2 * fps) / fps
+    motion = np.zeros((len(times), 2, 3), np.float32)
+    motion[:, 1, 0] = 0.1 * np.cos(10 * times)  # 10 m/s^2
+    found = joint_accelerations(times, motion)
+    assert found[:, 0].max() == 0
+    assert found.max() == pytest.approx(10, rel=0.06)
+    peak = find_peak(found, ("a", "b"), times)
+    assert abs(np.cos(10 * times[peak.frame])) == pytest.approx(1, abs=0.05)
+
+
+def test_who_gives_way_is_measured_from_the_nearest_moment() -> None:
+    partner = standing()
+    moving = partner + np.float32([0, 0, 1])
+    moving[20:40, :, 2] -= np.linspace(0, 0.3, 20, dtype=np.float32)[:, None]
+    moving[40:, :, 2] += np.float32(0.1)
+    assert row(lines_of(partner, moving[None])[0], "away from the partner after that, cm") == ["40"]
+
+
+@pytest.mark.parametrize(
+    ("beyond", "untouched", "named"),
+    [([], [], 1), ([1], [], 2), ([], [1], 2), ([], [0, 2, 3], 2), ([], [1, 2, 3], 1)],
+)
+def test_the_usual_sample_is_within_limits_and_touches_if_most_do(
+    beyond: list[int], untouched: list[int], named: int
+) -> None:
+    apart = Measurement("apart from the other samples, cm", [4.0, 1.0, 2.0, 3.0])
+    limit = Measurement("x", [float(number in beyond) for number in range(4)], limit=0.5)
+    said = f"most like the other samples: sample {named}"
+    assert _most_alike(apart, [limit], untouched) == [said]

@@ -16,7 +16,7 @@ from pacmo_core.commands.cli import app
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.metrics import touching
-from pacmo_core.metrics.touching import TouchName, draw_until, is_as_asked, touches_asked
+from pacmo_core.metrics.touching import MIN_SECONDS, TouchName, check_hands, draw_until, is_as_asked
 from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.motions import stream_motions, write_motions
 
@@ -25,7 +25,7 @@ HANDSHAKE, HUG = ACTS["handshake-1"], ACTS["hug-1"]
 
 
 def touch(name: TouchName, clip: Interaction, reaction: Motion) -> bool:
-    return is_as_asked(name, touches_asked(name, clip.skeleton), clip.person_a, reaction)
+    return is_as_asked(name, clip.skeleton, clip.times, clip.person_a, reaction)
 
 
 def right_gap(clip: Interaction) -> float:
@@ -41,6 +41,8 @@ def test_a_handshake_is_of_right_hands_and_a_hug_of_bodies(
 ) -> None:
     assert touch(TouchName.right_hands, clip, clip.person_b) == right
     assert touch(TouchName.body, clip, clip.person_b) == body
+    assert touch(TouchName.by_partner, clip, clip.person_b) == body
+    assert touch(TouchName.embrace, clip, clip.person_b) == body
     assert not touch(TouchName.no_hands, clip, clip.person_b)
     if right:
         assert touch(TouchName.hands, clip, clip.person_b)
@@ -54,20 +56,26 @@ def test_at_a_distance_nothing_touches(name: TouchName) -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_hands_of_a_side_are_those_of_the_skeleton(side: str) -> None:
-    """Bring one hand of a far person to the partner's of the same side, in one frame."""
+@pytest.mark.parametrize(("seconds", "is_touch"), [(MIN_SECONDS, True), (0.05, False)])
+def test_hands_of_a_side_touch_for_a_tenth_of_a_second(
+    side: str, seconds: float, is_touch: bool
+) -> None:
+    """Bring one hand of a far person to the partner's of the same side, for some frames."""
     clip = HANDSHAKE
     far = clip.person_b + np.array([9, 0, 0], np.float32)
     hand = clip.skeleton.joints.index(f"{side}_hand")
-    far[10, hand] = clip.person_a[10, hand] + np.array([0.02, 0, 0], np.float32)
+    frames = slice(10, 10 + round(seconds / float(np.diff(clip.times)[0])))
+    far[frames, hand] = clip.person_a[frames, hand] + np.array([0.02, 0, 0], np.float32)
     found = {name for name in TouchName if touch(name, clip, far)}
-    assert found - {TouchName.body} == {TouchName(f"{side}-hands"), TouchName.hands}
+    hands = {TouchName(f"{side}-hands"), TouchName.hands}
+    assert found - {TouchName.body, TouchName.by_partner} == (hands if is_touch else set())
+    assert TouchName.no_hands not in found
 
 
 def test_a_skeleton_without_hands_is_refused() -> None:
     stick = Skeleton("stick", ("pelvis", "chest", "head"), (-1, 0, 1))
     with pytest.raises(ValueError, match="wanted a skeleton with a left and a right hand"):
-        touches_asked(TouchName.hands, stick)
+        check_hands(TouchName.hands, stick)
 
 
 @pytest.mark.parametrize(("wanted", "n_drawn"), [(2, 12), (100, 128)])
@@ -126,7 +134,8 @@ def test_too_few_are_refused_with_their_number(
     out = tmp_path / "o.parquet"
     said = react(partner, out, "--touch", "no-hands")
     assert said.exit_code == 1
-    assert said.stderr == "pacmo: 0 of 3 reactions pass --touch no-hands; wanted 1\n"
+    said_first = said.stderr.partition(":")[2].strip()
+    assert said_first.startswith("0 of 3 reactions pass --touch no-hands; wanted 1: the model exp")
     assert not out.exists()
     said = react(partner, out, "--touch", "right-hands", "--samples", 9)
     assert "--touch right-hands: --samples must be 1 to 3; got 9" in said.stderr
