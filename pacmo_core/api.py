@@ -6,6 +6,7 @@ arguments and raises a ``TypeError`` or ``ValueError`` of one line that names th
 wanted and what was got. ``import pacmo_core`` offers all of them.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -125,6 +126,18 @@ def load_clips(
     }
 
 
+@contextmanager
+def _python_words() -> Iterator[None]:
+    """Name arguments in place of a command's options in an error: ``(person=)`` for --person."""
+    try:
+        yield
+    except ValueError as fault:
+        text = re.sub(r"\(--(\w+)\)", r"(\1=)", str(fault))
+        if text == str(fault):
+            raise
+        raise ValueError(text) from fault
+
+
 def load_person(
     file: str | Path,
     *,
@@ -154,7 +167,8 @@ def load_person(
         axis, or gives a person of impossible size or posture.
     """
     path = Path(_check("file", file, str, Path))
-    name = format or format_of(path)
+    with _python_words():
+        name = format or format_of(path)
     if name not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}; got {name!r}")
     if "unit" in settings:
@@ -168,7 +182,8 @@ def load_person(
     used = {**settings, **inferred.settings}
     if person and (name in ONE_PERSON_FORMATS or holds_one_person(path, name, used)):
         raise ValueError(f"{path} holds one person: person must be None; got {person!r}")
-    loaded = read_partner(path, name, used, person=person, clip="")
+    with _python_words():
+        loaded = read_partner(path, name, used, person=person, clip="")
     if states_unit_or_axis(FORMATS[name]) and (
         fault := implausible([(loaded.skeleton, loaded.motion)], [used.get("up")])
     ):

@@ -11,6 +11,7 @@ import pacmo_core
 from pacmo_core import interaction_mesh, reaction, skeleton_prior
 from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.formats.write_ntu import format_ntu
 from pacmo_core.models import load_reaction_model
 from pacmo_core.reaction.inference import PACKAGED
 
@@ -116,6 +117,13 @@ def test_reactions_that_touch_as_asked_are_those_of_the_seed():
     assert 0 < len(near) < 6
     kept = pacmo_core.react(None, clip, n_samples=len(near), temperature=2, touch="right-hands")
     np.testing.assert_allclose([one.person_b for one in kept], near, atol=1e-3)
+
+
+def test_a_capture_of_two_people_is_refused_in_the_words_of_python(clips, tmp_path):
+    clip, file = clips[0], tmp_path / "two.skeleton"
+    file.write_bytes(format_ntu(clip, (1, 2)))
+    with pytest.raises(ValueError, match=r"holds two people: wanted one \(person=\), a or b"):
+        pacmo_core.load_person(file)
 
 
 def test_a_model_without_noise_has_no_temperature(clips, regression):
