@@ -35,7 +35,7 @@ from pacmo_core.formats.resample import frame_rate
 from pacmo_core.interaction_mesh.capsules import penetration_depths
 from pacmo_core.interaction_mesh.scene import MIN_LENGTH, Scene
 from pacmo_core.metrics.plausibility import find_body_joints
-from pacmo_core.metrics.touching import least_gap, touches
+from pacmo_core.metrics.touching import TouchName, has_hands, is_as_asked, least_gap, touches
 
 # Metres per second squared, of a joint: 99 of 100 captured motions of the default stay below.
 MAX_ACCELERATION = 150.0
@@ -47,8 +47,11 @@ MAX_TURN_SPEED = 750.0
 # Metres: a shorter bone, of which these turns move the end by 2 mm, has no turn. The last bones of
 # a child's fingers are 14 mm long, and their tips are seen to jump.
 MIN_BONE = 0.005
-# Metres: the bodies are modelled as capsules, and captured hugs are up to 8 cm deep.
+# Metres: the bodies are modelled as capsules, and nine of ten captured dances, pushes and
+# handshakes are up to 8 cm deep. SBU's captured hugs are 12 cm deep in the median.
 MAX_DEPTH = 0.08
+MAX_EMBRACE_DEPTH = 0.13
+MIN_EMBRACE = 0.15  # metres between the pelvises: 0.15 to 0.48 in SBU's
 # Metres, the same of the legs of one body: at most 6.5 cm in recorded dances, greetings, stretches
 # and walks.
 MAX_LEG_DEPTH = 0.07
@@ -426,10 +429,25 @@ def _depths(
         "the bodies are {} deep in each other",
         " cm",
         [place for _, place in found],
+        limits={
+            number: 100 * MAX_EMBRACE_DEPTH
+            for number, sample in enumerate(samples)
+            if is_embrace(skeleton, times, partner, sample)
+        },
     )
     if len(feet(skeleton)) != 2:
         return [bodies]
     return [bodies, _crossed_legs(skeleton, times, partner, samples)]
+
+
+def is_embrace(skeleton: Skeleton, times: Array, partner: Motion, sample: Motion) -> bool:
+    """Whether each has a hand on the other's body at once, and a place of its own."""
+    apart = np.linalg.norm(partner[:, skeleton.root] - sample[:, skeleton.root], axis=-1).min()
+    return (
+        apart >= MIN_EMBRACE
+        and has_hands(skeleton)
+        and is_as_asked(TouchName.embrace, skeleton, times, partner, sample)
+    )
 
 
 def _nearness(

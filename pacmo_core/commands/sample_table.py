@@ -1,7 +1,7 @@
 """Measurements of samples: a table with a column for each, and lines on those beyond a limit."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -32,6 +32,7 @@ class Measurement:
     decimals : of the values
     partner : the same of the partner, if it has one
     partner_place : where that is
+    limits : other limits than ``limit``, of samples by their numbers
     """
 
     name: str
@@ -43,19 +44,28 @@ class Measurement:
     decimals: int = 1
     partner: float | None = None
     partner_place: str = ""
+    limits: Mapping[int, float] = field(default_factory=dict)
 
-    @property
-    def wanted(self) -> str:
-        """The limit, in words."""
-        return f"wanted at most {self.limit:.3g}{self.unit}"
+    def wanted(self, numbers: Sequence[int]) -> str:
+        """Return the limit of some samples in words: one value, or least and greatest."""
+        limits = [f"{limit:.3g}" for limit in sorted({self._limit_of(one) for one in numbers})]
+        return f"wanted at most {' to '.join(limits[:: max(1, len(limits) - 1)])}{self.unit}"
+
+    def _limit_of(self, number: int) -> float:
+        return self.limits.get(number, self.limit)
 
     @property
     def beyond(self) -> list[int]:
         """The numbers of the samples beyond the limit, the worst first."""
         order = np.argsort([-value for value in self.values], kind="stable").tolist()
         # As printed: 12.51 beside a limit of 12.5 would read as equal.
-        limit = self.limit if self.limit == inf else round(self.limit, self._places)
-        return [number for number in order if round(self.values[number], self._places) > limit]
+        return [
+            number
+            for number in order
+            if self.limit < inf
+            and round(self.values[number], self._places)
+            > round(self._limit_of(number), self._places)
+        ]
 
     @property
     def _places(self) -> int:
@@ -88,7 +98,7 @@ class Measurement:
         beyond, count = self.beyond, len(self.values)
         if len(beyond) <= MAX_LINES and not self.is_beyond_in_all:
             return [
-                f"{self._sample(number, f': {self.said([number])}')}, {self.wanted}"
+                f"{self._sample(number, f': {self.said([number])}')}, {self.wanted([number])}"
                 for number in sorted(beyond)
             ]
         those = _those(count) if self.is_beyond_in_all else f"{len(beyond)} of {count} samples"
@@ -96,7 +106,7 @@ class Measurement:
         more = "; ..." if beyond[MAX_LINES:] else ""
         texts = {self.range_of([number]) for number in beyond}
         order = "alike" if len(texts) == 1 else "the worst first"
-        return [f"{those}: {self.said(beyond)}, {self.wanted} ({order}: {worst}{more})"]
+        return [f"{those}: {self.said(beyond)}, {self.wanted(beyond)} ({order}: {worst}{more})"]
 
     def _sample(self, number: int, said: str = "") -> str:
         place = f", {self.places[number]}" if self.places else ""

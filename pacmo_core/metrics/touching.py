@@ -81,6 +81,11 @@ def touches(skeleton: Skeleton) -> dict[str, Touch]:
     return found
 
 
+def has_hands(skeleton: Skeleton) -> bool:
+    """Whether a skeleton has a left and a right hand."""
+    return len(_hands(skeleton)) == 2
+
+
 def check_hands(name: TouchName, skeleton: Skeleton) -> None:
     """Refuse to ask for a touch of a skeleton that has not both hands.
 
@@ -89,7 +94,7 @@ def check_hands(name: TouchName, skeleton: Skeleton) -> None:
     ValueError
         With the name of the touch.
     """
-    if len(_hands(skeleton)) != 2:
+    if not has_hands(skeleton):
         raise ValueError(f"{name}: wanted a skeleton with a left and a right hand")
 
 

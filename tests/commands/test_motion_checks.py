@@ -501,3 +501,30 @@ def test_the_usual_sample_is_within_limits_and_touches_if_most_do(
     limit = Measurement("x", [float(number in beyond) for number in range(4)], limit=0.5)
     said = f"most like the other samples: sample {named}"
     assert _most_alike(apart, [limit], untouched) == [said]
+
+
+def test_an_embrace_may_be_deeper() -> None:
+    """Of two samples as deep, that with hands on the back, both ways, is within the limit."""
+    hug = synthesise(11)["hug-1"]
+    skeleton, times = hug.skeleton, hug.times
+    partner = hug.person_a
+    toward = (partner - hug.person_b).mean(axis=(0, 1)) * [1, 0, 1]
+    toward = (toward / np.linalg.norm(toward)).astype(np.float32)
+
+    closer = hug.person_b + np.float32(0.11) * toward
+    apart = closer.copy()
+    hands = [joint for joint, name in enumerate(skeleton.joints) if re.search("hand|wrist", name)]
+    apart[:, hands, 1] += 3  # no hand is on the partner's body
+    lines = motion_lines(
+        skeleton,
+        times,
+        partner,
+        np.stack([closer, apart]),
+        [PersonMotion(skeleton, times, motion) for motion in (partner, closer, apart)],
+    )
+    (table,) = (line for line in lines if line.strip().startswith("bodies in each other"))
+    depths = [float(cell) for cell in table.split()[-2:]]
+    assert 8 < depths[0] <= 13
+    deep = [line for line in lines if "deep in each other" in line and "bodies" in line]
+    assert not any(line.startswith("sample 0") for line in deep)
+    assert any(line.startswith("sample 1") and "wanted at most 8 cm" in line for line in deep)
