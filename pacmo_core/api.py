@@ -347,6 +347,8 @@ def react(  # noqa: PLR0913  # each is a choice of the caller
         (motions,) = react_all(loaded, [seen_motion], n_samples=samples, random=random)
         return finish_reactions(loaded, seen_motion, motions) if finish else motions
 
+    if touch and is_deterministic(loaded):
+        raise ValueError(f"touch must be empty for a deterministic model; got {touch!r}")
     with _at_temperature(loaded, temperature):
         motions = _touching(draw, touch, n_samples, seen) if touch else draw(n_samples)
     return [Interaction(seen.skeleton, seen.times, seen.motion, motion) for motion in motions]

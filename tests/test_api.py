@@ -129,6 +129,10 @@ def test_a_capture_of_two_people_is_refused_in_the_words_of_python(clips, tmp_pa
 def test_a_model_without_noise_has_no_temperature(clips, regression):
     with pytest.raises(ValueError, match="the model has no noise"):
         pacmo_core.react(regression, clips[0], temperature=0.5)
+    with pytest.raises(
+        ValueError, match="touch must be empty for a deterministic model; got 'body'"
+    ):
+        pacmo_core.react(regression, clips[0], touch="body")
 
 
 def test_the_seed_changes_the_weights_of_every_model(clips):

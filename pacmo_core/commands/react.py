@@ -528,11 +528,11 @@ def _check_stream(given: Mapping[str, object]) -> None:
 
 def _load(weights: Path, temperature: float | None, samples: int) -> ReactionModel:
     """Read a model, and set the temperature of its noise if one is given."""
+    if temperature == 0 and samples > 1:
+        raise CommandError(f"--temperature 0 gives one reaction; leave out --samples {samples}")
     model = load_reaction_model(weights)
     if temperature is None:
         return model
-    if not temperature and samples > 1:
-        raise CommandError(f"--temperature 0 gives one reaction; leave out --samples {samples}")
     try:
         set_temperature(model, temperature)
     except ValueError as fault:
