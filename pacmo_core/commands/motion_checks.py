@@ -476,10 +476,15 @@ def _nearness(
     every_touch = touches(skeleton)
     if not every_touch:
         return rows, []
-    for touch in every_touch.values():
-        frames = [int(touch.frames(partner, sample).sum()) for sample in samples]
-        rows.append(Measurement(f"frames of {len(partner)}: {touch.name}", frames, decimals=0))
-    touched = np.any([row.values for row in rows[3:]], axis=0)
+    frames = {
+        touch.name: [int(touch.frames(partner, sample).sum()) for sample in samples]
+        for touch in every_touch.values()
+    }
+    rows += [
+        Measurement(f"frames of {len(partner)}: {name}", counts, decimals=0)
+        for name, counts in frames.items()
+    ]
+    touched = np.any(list(frames.values()), axis=0)
     return rows, np.flatnonzero(~touched).tolist()
 
 
@@ -509,9 +514,9 @@ def _most_alike(
 ) -> list[str]:
     """Name the sample that is nearest to all others; none if they are alike.
 
-    Of those within every limit, and of those in which a hand touches if it does in most samples.
+    Of those within every limit, and of those in which a hand touches if it does in half of them.
     """
-    mostly_touches = 2 * len(untouched) < len(likeness.values)
+    mostly_touches = 2 * len(untouched) <= len(likeness.values)
     within = [number for number in within_limits(limits) if (number in untouched) != mostly_touches]
     if len({likeness.range_of([number]) for number in within}) < 2:
         return []
