@@ -17,10 +17,18 @@ from urllib.parse import quote
 
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.quality import QualityError, QualityLimits, check_quality, measure_quality
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import (
+    DUET15,
+    EXPI18,
+    INTERHUMAN22,
+    NTU25,
+    SBU15,
+    Skeleton,
+)
 from pacmo_core.execution import Executor, open_executor
 from pacmo_core.formats.base import Format, FormatError, RawSequence, read_capture
 from pacmo_core.formats.inference import implausible, states_unit_or_axis
+from pacmo_core.formats.joint_names import UNSTATED, StatedNames, name_joints
 from pacmo_core.store.cache import Cache, CacheEntry, code_hash, short_hash
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord
@@ -43,6 +51,8 @@ FILE_KINDS = {
     stat.S_IFDIR: "a folder",
 }
 ARRAYS = ("times", "person_a", "person_b")
+# Skeletons in which the captures of another one can be stored.
+PUBLISHED = {s.name: s for s in (NTU25, SBU15, DUET15, EXPI18, INTERHUMAN22)}
 
 Capture = tuple[ClipRecord, Interaction]
 
@@ -57,6 +67,9 @@ class IngestionSettings:
     root : the folder that file names are relative to
     format : the raw format, with its settings
     drop_joints : joints left out of every motion
+    skeleton : in whose joints motions are stored, but for those left out, such as that of weights
+        to continue from; joints that captures lack are estimated. None: the captures' own
+    joint_names : which joints of the captures these are, where names do not tell
     limits : quality limits of a usable capture
     contact_distance : metres between two joints that touch
     stated_fps : the frame rate that the dataset documents, where its files contain their own
@@ -71,6 +84,8 @@ class IngestionSettings:
     contact_distance: float
     stated_fps: float | None
     synthetic: bool = False
+    skeleton: Skeleton | None = None
+    joint_names: StatedNames = UNSTATED
 
 
 class ReadingCache:
@@ -295,7 +310,7 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
     try:
         reading = read_capture(settings.format, sequence)
         _check_plausible(settings.format, sequence, reading.interaction)
-        interaction = _without(reading.interaction, settings.drop_joints, sequence)
+        interaction = _in_joints(reading.interaction, settings, sequence)
         quality = measure_quality(interaction, contact_distance=settings.contact_distance)
         check_quality(quality, settings.limits, settings.stated_fps)
     except FormatError as error:
@@ -327,14 +342,30 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
     return record, interaction
 
 
-def _without(
-    interaction: Interaction, joints: tuple[str, ...], sequence: RawSequence
+def _in_joints(
+    interaction: Interaction, settings: IngestionSettings, sequence: RawSequence
 ) -> Interaction:
-    """Remove joints; raise FormatError if a capture does not have them."""
+    """Express both people in the joints that are stored.
+
+    Raises
+    ------
+    FormatError
+        If a capture lacks a joint.
+    """
+    setting, drop = "drop_joints", list(settings.drop_joints)
     try:
-        return interaction.without(list(joints))
+        if settings.skeleton is None:
+            return interaction.without(drop)
+        skeleton, setting = settings.skeleton.without(drop), "skeleton"
+        names = name_joints(interaction.skeleton, skeleton, settings.joint_names, estimates=True)
     except ValueError as error:
-        raise FormatError(sequence.files[0], f"drop_joints: {error}") from error
+        raise FormatError(sequence.files[0], f"{setting}: {error}") from error
+    return replace(
+        interaction,
+        skeleton=skeleton,
+        person_a=names.apply(interaction.person_a),
+        person_b=names.apply(interaction.person_b),
+    )
 
 
 def _check_plausible(form: Format, sequence: RawSequence, interaction: Interaction) -> None:

@@ -20,7 +20,14 @@ from typing import Any
 from pacmo_core.data.names import matches_any
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.formats.base import RawSequence, check_fps
-from pacmo_core.ingestion import Capture, IngestionSettings, ReadingCache, read_sequences
+from pacmo_core.formats.joint_names import parse_joints
+from pacmo_core.ingestion import (
+    PUBLISHED,
+    Capture,
+    IngestionSettings,
+    ReadingCache,
+    read_sequences,
+)
 from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, write_rows
 from stages.common.captures import find_captures, open_captures
@@ -41,6 +48,8 @@ class Params:
     settings: dict[str, Any]  # facts that files of this format lack
     include: tuple[str, ...]  # patterns of file paths under raw
     drop_joints: tuple[str, ...]
+    skeleton: str  # a published one, in whose joints motions are stored; empty: the captures' own
+    joint_names: tuple[str, ...]  # a preset of names, or words JOINT=JOINT
     limits: QualityLimits
     contact_distance: float  # metres between joints that touch
     stated_fps: float | None  # that the dataset states, for formats whose files have times
@@ -48,6 +57,11 @@ class Params:
     def __post_init__(self) -> None:
         if self.stated_fps is not None:
             check_fps(self.stated_fps, "stated_fps")
+        if self.skeleton not in ("", *PUBLISHED):
+            raise ValueError(
+                f"skeleton: wanted one of {', '.join(PUBLISHED)}, or none; got {self.skeleton!r}"
+            )
+        parse_joints(self.joint_names)
 
 
 def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
@@ -99,6 +113,8 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
         contact_distance=params.contact_distance,
         stated_fps=params.stated_fps,
         synthetic=(raw / SCRIPTS).exists(),
+        skeleton=PUBLISHED[params.skeleton] if params.skeleton else None,
+        joint_names=parse_joints(params.joint_names),
     )
 
 
