@@ -162,16 +162,16 @@ def reactions_to_some(
             for act, of_act in clips.blows.items()
             for pair in react_to(model, of_act, 2, finish, labels.get(act, ""))
         ]
-        found["gives_way"] = _mean_way(made)
-        found["gives_way_captured"] = _mean_way([(c, c.person_b[None]) for c, _ in made])
+        found["gives_way"] = mean_way(made)
+        found["gives_way_captured"] = mean_way([(c, c.person_b[None]) for c, _ in made])
     if clips.handshakes:
         label = HANDSHAKE if labels else ""
         shaken = react_to(model, clips.handshakes, 8, finish, label)
         half = len(shaken) // 2
         for person, pairs in (("a", shaken[:half]), ("b", shaken[half:])):
-            found[f"handshake_to_{person}"] = _right_hands(pairs)
+            found[f"handshake_to_{person}"] = right_hands(pairs)
             usual = [(clip, motions[[_usual(motions)]]) for clip, motions in pairs]
-            found[f"handshake_usual_to_{person}"] = _right_hands(usual)
+            found[f"handshake_usual_to_{person}"] = right_hands(usual)
     return found
 
 
@@ -216,20 +216,20 @@ def recorded(skeleton: Skeleton, sbu: Sbu) -> dict[str, Recorded]:
             if clip.duration <= MAX_SECONDS:
                 act = sequence.action if name == "sbu" else name
                 acts.setdefault(act, []).append(on_floor(in_joints(clip, skeleton)))
-                people.setdefault(act, []).append(_pair_of_people(sequence.name))
+                people.setdefault(act, []).append(pair_of_people(sequence.name))
                 if act == "shaking hands" or sequence.name == CMU_HANDSHAKE:
                     handshakes.append(acts[act][-1])
         if acts:
             both = {act: expand_directions(clips, both=True) for act, clips in acts.items()}
             shaken = expand_directions(handshakes, both=True)
-            blows = {act: [clip for clip in both[act] if _is_given_way(clip)]
+            blows = {act: [clip for clip in both[act] if is_given_way(clip)]
                      for act in BLOWS if act in both}  # fmt: skip
             of_clips = {act: 2 * pairs for act, pairs in people.items()}
             sets[name] = Recorded(both, of_clips, shaken, blows)
     return sets
 
 
-def _pair_of_people(name: str) -> str:
+def pair_of_people(name: str) -> str:
     """Return ``s02s03`` of SBU's ``s03s02/01/001``, whoever is first."""
     folder = name.partition("/")[0]
     return "".join(sorted([folder[:3], folder[3:]]))
@@ -375,7 +375,7 @@ def _usual(motions: Motion) -> int:
     return int(np.argmin(apart))
 
 
-def _right_hands(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
+def right_hands(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
     """Return the share of reactions whose right hand comes near the partner's."""
     gaps = []
     for clip, reactions in pairs:
@@ -392,11 +392,13 @@ def _way(partner: Motion, person: Motion) -> float:
     return float(along[-max(len(along) // 6, 2) :].mean() - along.min())
 
 
-def _is_given_way(clip: Interaction) -> bool:
+def is_given_way(clip: Interaction) -> bool:
+    """Return whether the captured person gives way to the partner."""
     return _way(clip.person_a, clip.person_b) > GIVES_WAY
 
 
-def _mean_way(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
+def mean_way(pairs: Sequence[tuple[Interaction, Motion]]) -> float:
+    """Return by how many metres reactions ``(S, T, J, 3)`` to blows give way on average."""
     ways = [_way(clip.person_a, motion) for clip, reactions in pairs for motion in reactions]
     return float(np.mean(ways))
 

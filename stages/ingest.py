@@ -12,7 +12,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from pacmo_core.data.names import matches_any
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.formats.base import RawSequence, check_fps
 from pacmo_core.formats.joint_names import parse_joints
+from pacmo_core.formats.rigs import RIGS
 from pacmo_core.ingestion import (
     PUBLISHED,
     Capture,
@@ -61,7 +62,11 @@ class Params:
             raise ValueError(
                 f"skeleton: wanted one of {', '.join(PUBLISHED)}, or none; got {self.skeleton!r}"
             )
-        parse_joints(self.joint_names)
+        wrong = [word for word in self.joint_names if "=" not in word and word not in RIGS]
+        if wrong:  # nor a file, which DVC would not know
+            raise ValueError(
+                f"joint_names: wanted {', '.join(RIGS)}, or words JOINT=JOINT; got {wrong[0]!r}"
+            )
 
 
 def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None) -> None:
@@ -114,7 +119,7 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
         stated_fps=params.stated_fps,
         synthetic=(raw / SCRIPTS).exists(),
         skeleton=PUBLISHED[params.skeleton] if params.skeleton else None,
-        joint_names=parse_joints(params.joint_names),
+        joint_names=replace(parse_joints(params.joint_names), option="joint_names:"),
     )
 
 

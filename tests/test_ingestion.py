@@ -44,6 +44,8 @@ ingest:
   settings: {fps: 30.0, max_gap: 5, max_link_distance: 0.3, min_visible_share: 0.5}
   include: ["*"]
   drop_joints: [left_thumb]
+  skeleton: ""
+  joint_names: []
   limits:
     min_frames: 10
     max_rate_jitter: 0.5

@@ -58,10 +58,12 @@ class StatedNames:
     ----------
     rig : name of a preset; empty to find the one that fits
     joints : of some of the model's joints, the capture's joints whose mean they are
+    option : where the user states them, for messages
     """
 
     rig: str = ""
     joints: dict[str, tuple[str, ...]] | None = None
+    option: str = "--joints"
 
 
 UNSTATED = StatedNames()
@@ -220,7 +222,7 @@ def name_joints(
     """
     explicit = _check_stated(capture, model, stated)
     wanted = [joint for joint in model.joints if joint not in explicit]
-    match = _match(capture, model, wanted, stated.rig)
+    match = _match(capture, model, wanted, stated)
     found, rig = match.found, match.rig
     shares = {
         joint: dict.fromkeys(parts, 1 / len(set(parts)))
@@ -230,7 +232,9 @@ def name_joints(
     guessed = _estimate(capture, model, missing, rig) if estimates and rig else {}
     if len(guessed) < len(missing):
         lacking = [joint for joint in missing if joint not in guessed]
-        raise ValueError(_missing_text(capture, model, lacking, {**found, **explicit}))
+        raise ValueError(
+            _missing_text(capture, model, lacking, {**found, **explicit}, stated.option)
+        )
     weights = np.zeros((len(model.joints), len(capture.joints)))
     for joint, parts in {**shares, **guessed}.items():
         for part, share in parts.items():
@@ -300,7 +304,10 @@ def _check_stated(
     return joints
 
 
-def _match(capture: Skeleton, model: Skeleton, wanted: Sequence[str], rig: str) -> _Match:
+def _match(
+    capture: Skeleton, model: Skeleton, wanted: Sequence[str], stated: StatedNames
+) -> _Match:
+    rig = stated.rig
     if not rig and set(wanted) <= set(capture.joints):
         return _Match({joint: (joint,) for joint in wanted})
     plain = _by_plain_name(capture)
@@ -323,7 +330,9 @@ def _match(capture: Skeleton, model: Skeleton, wanted: Sequence[str], rig: str) 
     same = all(matches[name].found == match.found for name in best)
     if len(match.found) == len(wanted) and not same:
         names = ", ".join(best)
-        raise ValueError(f"the presets {names} all fit the capture's joints; name one by --joints")
+        raise ValueError(
+            f"the presets {names} all fit the capture's joints; name one by {stated.option}"
+        )
     return match
 
 
@@ -372,6 +381,7 @@ def _missing_text(
     model: Skeleton,
     missing: Sequence[str],
     found: Mapping[str, tuple[str, ...]],
+    option: str,
 ) -> str:
     near = {joint: _nearest(joint, capture) or _neighbour(joint, model, found) for joint in missing}
     # Of the same name a joint may be another point: the foot of the first Kinect is an ankle.
@@ -386,8 +396,8 @@ def _missing_text(
     example = next((f"{joint}={name}" for joint, name in near.items() if name), "MODEL_JOINT=JOINT")
     return (
         f"the capture names no joint for {len(missing)} of the model's {len(model.joints)} "
-        f"({model.name}): {', '.join(listed)}{more}; name them by --joints, as in "
-        f"--joints {example}, or in a file"
+        f"({model.name}): {', '.join(listed)}{more}; name them by {option}, as in "
+        f"{option} {example}"
     )
 
 

@@ -61,6 +61,8 @@ ingest:
   settings: {{fps: 15}}
   include: ["*"]
   drop_joints: []
+  skeleton: ""
+  joint_names: []
   limits:
     min_frames: 10
     max_rate_jitter: 0.5

@@ -6,11 +6,13 @@ from pathlib import Path
 import pytest
 import torch
 
+from pacmo_core.models import get_model
 from pacmo_core.reaction import wgan
 from pacmo_core.reaction.data import Condition
 from pacmo_core.reaction.settings import StartSettings
 from pacmo_core.store.files import file_hash
 from pacmo_core.store.weights import write_weights
+from pacmo_core.training.loop import TrainingData
 from pacmo_core.training.state import model_config, model_state
 from tests.reaction.problems import PACMO, clips
 
@@ -20,7 +22,7 @@ LABELS = ["wave", "hug"] * 2
 
 
 def start(file: Path) -> StartSettings:
-    return StartSettings(str(file), file_hash(file))
+    return StartSettings(str(file), file_hash(file), keep_finish=True)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +71,7 @@ def test_another_file_than_stated_is_refused(trained: tuple[wgan.Generator, Path
     with pytest.raises(ValueError, match="weights.safetensors: wanted the SHA-256 000.*; got"):
         wgan.build_training(clips(4), replace(SHORT, start=wrong))
     with pytest.raises(ValueError, match="must both be stated, or none"):
-        StartSettings(str(file), "")
+        StartSettings(str(file), "", keep_finish=True)
 
 
 def test_noise_is_that_of_training_whatever_the_temperature_of_the_file(
@@ -121,3 +123,18 @@ def test_a_training_that_is_resumed_does_not_begin_again(
     for trainer in (first, resumed):
         trainer.train_epoch(1)
     torch.testing.assert_close(reactions(resumed.generator), reactions(first.generator))
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_the_finish_of_the_file_stays_unless_it_is_to_be_fitted_anew(
+    trained: tuple[wgan.Generator, Path], tmp_path: Path, keep: bool
+) -> None:
+    model, _ = trained
+    learnt = model_state(model) | {"learnt.contacts": torch.full_like(model.learnt.contacts, 0.25)}
+    file = tmp_path / "weights.safetensors"
+    write_weights(file, {"model": "pacmo", "config": model_config(model)}, learnt)
+    settings = replace(SHORT, start=replace(start(file), keep_finish=keep))
+    data = TrainingData(clips(4), clips(2))
+    after = get_model("pacmo", "reaction").build_training(data, settings).finish()
+    assert torch.equal(after.learnt.contacts, learnt["learnt.contacts"]) == keep
+    assert not torch.equal(reactions(after), reactions(model))

@@ -1,5 +1,6 @@
 """What the stage ingest says of captures that it cannot use. Truth: bodies of known size."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from pacmo_core.commands.cli import app
+from pacmo_core.data.skeleton import SBU15
 from pacmo_core.formats.resample import from_y_up
 from pacmo_core.formats.write_bvh import format_bvh
+from pacmo_core.store.motions import MotionReader
 from pacmo_core.store.tables import ClipRecord, QuarantineRecord, read_rows
 from stages import cut
 from stages.common.params import StageError
@@ -131,6 +134,57 @@ def test_a_wrong_setting_is_one_line(
     with pytest.raises(StageError, match=said) as fault:
         main(Path("raw"), Path("s"), Path("m.json"))
     assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize(
+    ("joints", "said"),
+    [
+        ("skeleton: ntu26", "skeleton: wanted one of ntu25, sbu15, duet15, .*; got 'ntu26'"),
+        ("joint_names: [mixamo.json]", "joint_names: wanted .*mixamo, .*; got 'mixamo.json'"),
+        # Its hand tips are no joints of Mixamo's, and nothing says where they are.
+        (
+            "skeleton: ntu25",
+            "skeleton: .* names no joint for .*joint_names:, as in joint_names: left_hand_tip=",
+        ),
+    ],
+)
+def test_joints_that_cannot_be_found_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, joints: str, said: str
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    write_pair(tmp_path / "raw", "x", 0.01, "y")
+    state_joints(tmp_path, joints)
+    with pytest.raises(StageError, match=said) as fault:
+        main(Path("raw"), Path("s"), Path("m.json"))
+    assert "\n" not in str(fault.value)
+
+
+def test_captures_are_stored_in_the_joints_of_another_skeleton(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    write_pair(tmp_path / "raw", "x", 0.01, "y")
+    state_joints(tmp_path, "skeleton: sbu15", "joint_names: [mixamo, 'torso=mixamorig:Spine1']")
+    main(Path("raw"), Path("s"), Path("m.json"))
+    stored = MotionReader(Path("s/motions.parquet")).read("x")
+    assert stored.skeleton == SBU15
+    state_joints(tmp_path, 'skeleton: ""', "joint_names: []")
+    main(Path("raw"), Path("own"), Path("m.json"))
+    whole = MotionReader(Path("own/motions.parquet")).read("x")
+    for joint, name in (("left_foot", "LeftFoot"), ("torso", "Spine1"), ("head", "Head")):
+        np.testing.assert_allclose(
+            stored.person_b[:, SBU15.joints.index(joint)],
+            whole.person_b[:, whole.skeleton.joints.index(f"mixamorig:{name}")],
+            atol=1e-6,
+        )
+
+
+def state_joints(folder: Path, *lines: str) -> None:
+    """Replace settings of the section ``ingest``."""
+    text = (folder / "params.yaml").read_text()
+    for line in lines:
+        text = re.sub(rf"(?m)^  {line.split(':')[0]}: .*$", f"  {line}", text)
+    (folder / "params.yaml").write_text(text)
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", ".nan"])
