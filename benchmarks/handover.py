@@ -64,12 +64,13 @@ def measure(file: Path) -> Iterator[list[float]]:
         at = int(np.maximum(held - HELD, reached).argmin())
         near = np.abs(reaction.times - reaction.times[at]) <= WINDOW
         row: list[float] = []
-        for names, motion in (
-            (joints, receiver),
-            (list(reaction.skeleton.joints), reaction.person_b),
+        own, pelvis = reaction.skeleton, receiver[at, joints.index(ROOT)]
+        for names, root, motion in (
+            (joints, joints.index(ROOT), receiver),
+            (list(own.joints), own.root, reaction.person_b),
         ):
             distances = to_object(names, motion, place)
-            off = motion[at, names.index(ROOT)] - receiver[at, joints.index(ROOT)]
+            off = motion[at, root] - pelvis
             row += [distances[at], distances[near].min(), float(np.hypot(off[0], off[2]))]
         yield row
 

@@ -31,6 +31,9 @@ from pacmo_core.store.tables import (
 
 CLIPS, SEQUENCES = in_project(Path("data/clips")), in_project(Path("data/sequences"))
 Folder = Annotated[Path, typer.Argument(help="such as data/clips, or FILE.parquet")]
+Folders = Annotated[
+    list[Path] | None, typer.Argument(help="such as data/clips, or several FILE.parquet")
+]
 Matching = Annotated[str, typer.Option(help="only rows that contain this text")]
 
 Splits = Annotated[
@@ -51,17 +54,17 @@ CLIP_COLUMNS = ("clip", "action", "subject_a", "subject_b", "fps", "frames", "du
 
 
 def clips(
-    folder: Folder = CLIPS,
+    folders: Folders = None,
     matching: Matching = "",
     splits: Splits = None,
     reactions: ReactionsFolder = None,
     variations: Variations = False,
 ) -> None:
-    """List the clips of a folder or of a Parquet file.
+    """List the clips of a folder or of Parquet files.
 
     pacmo clips
 
-    pacmo clips reactions.parquet
+    pacmo clips reactions.parquet others.parquet
 
     pacmo clips --splits data/splits/1.parquet --matching test
 
@@ -73,15 +76,16 @@ def clips(
     lists those of all datasets in data/variations, accepted or not, by the names that both take.
     Of a folder of captures that no run has taken in, the files and their formats are listed.
     """
-    if variations:
+    folder, *others = folders or [CLIPS]
+    if variations and not others:
         _list_variations(folder.parent / VARIATIONS_FOLDER.name, matching)
         return
     with _errors_in_one_line():
-        if folder.is_file():
-            _list_file(folder, matching)
+        if others or folder.is_file():
+            _list_files([folder, *others], matching)
             return
         if not (folder / "clips.parquet").exists() and (folder / MOTIONS).is_file():
-            _list_file(folder / MOTIONS, matching)
+            _list_files([folder / MOTIONS], matching)
             return
         if not (folder / "clips.parquet").exists() and (captures := _captures(folder)):
             _show(captures, ("capture", "format"), matching)
@@ -100,13 +104,16 @@ def clips(
     _show(cells, columns, matching)
 
 
-def _list_file(file: Path, matching: str) -> None:
-    """List the clips of a Parquet file, as view and export take them."""
-    if file.suffix.lower() != ".parquet" or not is_clip_file(file):
-        raise CommandError(
-            f"{file}: wanted a folder, or a Parquet file of clips; a capture has no names of clips"
-        )
-    _show([[printable(f"{file}:{name}")] for name in read_names(file)], ("clip",), matching)
+def _list_files(files: Sequence[Path], matching: str) -> None:
+    """List the clips of Parquet files, as view and export take them."""
+    for file in files:
+        if not file.is_file() or file.suffix.lower() != ".parquet" or not is_clip_file(file):
+            raise CommandError(
+                f"{file}: wanted one folder, or Parquet files of clips; "
+                "a capture has no names of clips"
+            )
+    lines = [[printable(f"{file}:{name}")] for file in files for name in read_names(file)]
+    _show(lines, ("clip",), matching)
 
 
 def _captures(folder: Path) -> list[list[str]]:

@@ -133,6 +133,20 @@ def test_the_clips_of_a_file_are_listed_as_view_and_export_take_them(tmp_path):
     assert pacmo("export", named[3], "--out", tmp_path / "x.glb").exit_code == 0
 
 
+def test_several_files_are_listed_one_after_the_other(tmp_path):
+    files = [tmp_path / "one.parquet", tmp_path / "two.parquet"]
+    pair = interaction(0)
+    for file in files:
+        with write_motions(file, pair.skeleton) as writer:
+            writer.add(file.stem, pair)
+    said = pacmo("clips", *files).stdout.splitlines()
+    assert said[1:] == [f"{files[0]}:one", f"{files[1]}:two", "2 of 2"]
+    for other in (tmp_path, tmp_path / "three.parquet"):
+        refused = pacmo("clips", files[0], other)
+        assert refused.exit_code == 1
+        assert refused.stderr.startswith(f"pacmo: {other}: wanted one folder, or Parquet files of clips")
+
+
 def test_a_folder_of_captures_lists_them(tmp_path):
     (tmp_path / "walk.bvh").write_text("")
     (tmp_path / "notes.md").write_text("")
