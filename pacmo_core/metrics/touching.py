@@ -117,12 +117,11 @@ def is_as_asked(
     of_hands = found["left-hands"] | found["right-hands"] | found["left-to-right"]
     if name == TouchName.no_hands:
         return not (of_hands | found["body"] | found["by-partner"]).any()
-    frames = {
-        TouchName.hands: of_hands,
-        TouchName.embrace: found["body"] & found["by-partner"],
-    }.get(name, found.get(name.value, of_hands))
+    found |= {"hands": of_hands, "embrace": found["body"] & found["by-partner"]}
     # A hand that passes by touches too: for fewer frames.
-    return int(frames.sum()) >= max(1, round(MIN_SECONDS / float(np.median(np.diff(times)))))
+    return int(found[name.value].sum()) >= max(
+        1, round(MIN_SECONDS / float(np.median(np.diff(times))))
+    )
 
 
 def draw_until(

@@ -18,6 +18,7 @@ from pacmo_core.models import MODELS, model_names
 from pacmo_core.operators.spectral import n_resolved_modes
 from pacmo_core.operators.uno import U_SHAPE_RATIOS, UnoConfig, u_shape_channels
 from pacmo_core.project.experiments import compose_params, default_params, experiment_names
+from pacmo_core.store.files import file_hash
 from stages.common.params import Runs, parse_split_name, read_params
 from stages.train import read_settings
 
@@ -75,6 +76,12 @@ def test_every_variant_of_pacmo_changes_its_settings_and_is_a_model(tmp_path):
     assert len({str(settings) for settings in found}) == 1 + len(variants)
     changed = read_settings(MODELS["no_augmentation"], paths)
     assert changed.augmentation.min_rate == 1.0 and changed.n_critic == 1
+
+
+@pytest.mark.parametrize("name", experiment_names())
+def test_an_experiment_continues_from_weights_that_are_there(name):
+    start = YAML(typ="safe").load(compose_params(name))["train_pacmo"]["start"]
+    assert not start["weights"] or file_hash(ROOT / start["weights"]) == start["sha256"]
 
 
 @pytest.mark.parametrize("name", FULL)
