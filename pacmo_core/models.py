@@ -84,8 +84,7 @@ class Model:
             extra["validation_actions"] = data.validation_actions
         build = cast("Callable[..., TrainingLoop[Any]]", _import(self.training))
         loop = build(data.train, settings, validation=data.validation, device=device, **extra)
-        # Models without the setting always begin with random weights.
-        if self.kind == "reaction" and not getattr(settings, "keeps_finish", False):
+        if self.kind == "reaction":
             fit = cast("Callable[..., None]", _import(_FINISH))
             loop.complete = lambda trained: fit(trained, data)
         return loop

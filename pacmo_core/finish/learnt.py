@@ -55,6 +55,7 @@ class LearntModule(nn.Module):
 
     def __init__(self, skeleton: Skeleton) -> None:
         super().__init__()
+        self._skeleton = skeleton
         for name, array in vars(nothing_learnt(skeleton)).items():
             self.register_buffer(name, torch.from_numpy(array).float())
 
@@ -63,6 +64,15 @@ class LearntModule(nn.Module):
         names = [entry.name for entry in fields(Learnt)]
         arrays = {name: self.get_buffer(name).cpu().numpy() for name in names}
         return Learnt(**{name: array.astype(np.float64) for name, array in arrays.items()})
+
+    @property
+    def has_learnt(self) -> bool:
+        """Whether anything was learnt."""
+        nothing = vars(nothing_learnt(self._skeleton))
+        return any(
+            not torch.equal(self.get_buffer(name).cpu(), torch.from_numpy(array).float())
+            for name, array in nothing.items()
+        )
 
     def store(self, learnt: Learnt) -> None:
         """Keep arrays of the same shapes."""

@@ -220,20 +220,17 @@ class StartSettings:
     """Weights of a generator that a training continues from, as on captures of one's own.
 
     Its normalisation is taken over too, and with it the durations that ``react`` does not divide
-    into windows. The critic begins with random weights.
+    into windows, and so is its finish: few clips, or a sensor's noise, would teach one that hands
+    which come near do not touch. The critic begins with random weights.
 
     Parameters
     ----------
     weights : file of a PaCMO of the same joints, noise and operator; empty: random weights
     sha256 : of the file, so that settings say all that a training depends on
-    keep_finish : whether the finish stays that of the file. Few clips, or a sensor's noise, teach a
-        finish that hands which come near do not touch (docs/results.md); where two people do not
-        share a floor, or clips are many, it is to be fitted anew
     """
 
     weights: str
     sha256: str
-    keep_finish: bool
 
     def __post_init__(self) -> None:
         if bool(self.weights) != bool(self.sha256):
@@ -321,11 +318,6 @@ class PacmoSettings:
                 f"energy_score_weight {self.energy_score_weight}"
             )
         self._check_labels()
-
-    @property
-    def keeps_finish(self) -> bool:
-        """Whether the finish is that of the weights that the training continues from."""
-        return bool(self.start.weights) and self.start.keep_finish
 
     def _check_numbers(self) -> None:
         for name in ("n_points", "validation_samples"):  # a grid; an energy score

@@ -22,7 +22,7 @@ LABELS = ["wave", "hug"] * 2
 
 
 def start(file: Path) -> StartSettings:
-    return StartSettings(str(file), file_hash(file), keep_finish=True)
+    return StartSettings(str(file), file_hash(file))
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_another_file_than_stated_is_refused(trained: tuple[wgan.Generator, Path
     with pytest.raises(ValueError, match="weights.safetensors: wanted the SHA-256 000.*; got"):
         wgan.build_training(clips(4), replace(SHORT, start=wrong))
     with pytest.raises(ValueError, match="must both be stated, or none"):
-        StartSettings(str(file), "", keep_finish=True)
+        StartSettings(str(file), "")
 
 
 def test_noise_is_that_of_training_whatever_the_temperature_of_the_file(
@@ -125,16 +125,19 @@ def test_a_training_that_is_resumed_does_not_begin_again(
     torch.testing.assert_close(reactions(resumed.generator), reactions(first.generator))
 
 
-@pytest.mark.parametrize("keep", [True, False])
-def test_the_finish_of_the_file_stays_unless_it_is_to_be_fitted_anew(
-    trained: tuple[wgan.Generator, Path], tmp_path: Path, keep: bool
+@pytest.mark.parametrize("has_finish", [True, False])
+def test_the_finish_of_the_file_stays_if_it_has_one(
+    trained: tuple[wgan.Generator, Path], tmp_path: Path, has_finish: bool
 ) -> None:
     model, _ = trained
-    learnt = model_state(model) | {"learnt.contacts": torch.full_like(model.learnt.contacts, 0.25)}
+    state = model_state(model)
+    known = torch.full_like(model.learnt.contacts, 0.25)
+    state |= {"learnt.contacts": known} if has_finish else {}
     file = tmp_path / "weights.safetensors"
-    write_weights(file, {"model": "pacmo", "config": model_config(model)}, learnt)
-    settings = replace(SHORT, start=replace(start(file), keep_finish=keep))
+    write_weights(file, {"model": "pacmo", "config": model_config(model)}, state)
     data = TrainingData(clips(4), clips(2))
+    settings = replace(SHORT, start=start(file))
     after = get_model("pacmo", "reaction").build_training(data, settings).finish()
-    assert torch.equal(after.learnt.contacts, learnt["learnt.contacts"]) == keep
+    assert torch.equal(after.learnt.contacts, known) == has_finish
+    assert after.learnt.has_learnt
     assert not torch.equal(reactions(after), reactions(model))
