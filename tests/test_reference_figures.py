@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.reference_figures import deviations
+from benchmarks.reference_figures import deviations, nearest
 from pacmo_core.metrics.catalogue import METRICS
 
 REFERENCE = {"pacmo": {"real": {"f2id": 0.2, "ape": 0.0}, "pacmo": {"f2id": 0.02, "ape": 0.1}}}
@@ -29,3 +29,12 @@ def test_a_figure_that_is_missing_is_beyond_every_tolerance():
 
 def test_a_figure_that_is_not_a_number_is_beyond_every_tolerance():
     assert deviation("f2id", float("nan")) == float("inf")
+
+
+def test_figures_are_compared_with_the_reference_that_they_are_nearest_to():
+    other = {"pacmo": {**REFERENCE["pacmo"], "pacmo": {"f2id": 0.03, "ape": 0.2}}}
+    found = {"pacmo": {**REFERENCE["pacmo"], "pacmo": {"f2id": 0.03, "ape": 0.21}}}
+    number, result = nearest(found, [REFERENCE, other])
+    assert number == 2
+    assert result == dict(deviations(found, other))
+    assert nearest(REFERENCE, [REFERENCE, other])[0] == 1
