@@ -8,7 +8,7 @@ each kind that the default was made on, first that of ``dvc.lock``. The figures 
 the one that they are nearest to, within the tolerances of pacmo_core/metrics/catalogue.py. A
 tolerance is relative to the reference figure, or to that of real motion where this is larger:
 differences below the noise floor mean nothing. A figure beyond its tolerance points to a mistake,
-or to a third kind of processor. ``--update`` writes the first reference, ``--add`` a further one.
+or to a third kind of processor. ``--update`` replaces all references by one, ``--add`` adds one.
 """
 
 import json
@@ -54,7 +54,7 @@ def main() -> int:
     """Read the command line, compare, print."""
     parser = arguments(__doc__.splitlines()[0])
     writes = parser.add_mutually_exclusive_group()
-    writes.add_argument("--update", action="store_true", help="write the first reference")
+    writes.add_argument("--update", action="store_true", help="replace all references by one")
     writes.add_argument("--add", action="store_true", help="add one, of a further kind")
     given = parser.parse_args()
     if not FIGURES.exists():
@@ -62,7 +62,7 @@ def main() -> int:
     figures: Tables = json.loads(FIGURES.read_text(encoding="utf-8"))
     references: list[Tables] = json.loads(REFERENCE.read_text(encoding="utf-8"))
     if given.update or given.add:
-        references = [figures, *references[1:]] if given.update else [*references, figures]
+        references = [figures] if given.update else [*references, figures]
         write_text(REFERENCE, json.dumps(references, indent=2) + "\n")
     number, result = nearest(figures, references)
     beyond = {name: value for name, value in result.items() if value > 1}

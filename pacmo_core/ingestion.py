@@ -352,11 +352,12 @@ def _in_joints(
     FormatError
         If a capture lacks a joint.
     """
-    setting, drop = "drop_joints", list(settings.drop_joints)
+    drop = list(settings.drop_joints)
+    setting = "drop_joints" if settings.skeleton is None else "skeleton"
     try:
         if settings.skeleton is None:
             return interaction.without(drop)
-        skeleton, setting = settings.skeleton.without(drop), "skeleton"
+        skeleton = settings.skeleton.without(drop)
         names = name_joints(interaction.skeleton, skeleton, settings.joint_names, estimates=True)
     except ValueError as error:
         raise FormatError(sequence.files[0], f"{setting}: {error}") from error

@@ -60,8 +60,11 @@ class Params:
             check_fps(self.stated_fps, "stated_fps")
         if self.skeleton not in ("", *PUBLISHED):
             raise ValueError(
-                f"skeleton: wanted one of {', '.join(PUBLISHED)}, or none; got {self.skeleton!r}"
+                f"skeleton: wanted one of {', '.join(PUBLISHED)}, or '' for the captures' own; "
+                f"got {self.skeleton!r}"
             )
+        if self.joint_names and not self.skeleton:
+            raise ValueError("joint_names: wanted a skeleton, whose joints they are; got none")
         wrong = [word for word in self.joint_names if "=" not in word and word not in RIGS]
         if wrong:  # nor a file, which DVC would not know
             raise ValueError(
@@ -119,7 +122,7 @@ def ingestion_settings(params: Params, raw: Path) -> IngestionSettings:
         stated_fps=params.stated_fps,
         synthetic=(raw / SCRIPTS).exists(),
         skeleton=PUBLISHED[params.skeleton] if params.skeleton else None,
-        joint_names=replace(parse_joints(params.joint_names), option="joint_names:"),
+        joint_names=replace(parse_joints(params.joint_names), how="joint_names: [{}]"),
     )
 
 

@@ -10,6 +10,7 @@ that it is shown. Processes can share each batch:
 """
 
 import argparse
+import sys
 from dataclasses import make_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -85,9 +86,11 @@ def read_trained_on_before(params: Any) -> TrainedOn:
         found = file_hash(file)
         if found != start.sha256:
             raise StageError(f"{file}: wanted the SHA-256 {start.sha256}; got {found}")
-        return read_trained_on(file) or TrainedOn((), 0, 0)
+        trained_on = read_trained_on(file) or TrainedOn((), 0, 0)
     except (OSError, StoreError) as fault:
         raise StageError(f"train_pacmo.start: {fault}") from fault
+    sys.stdout.write(f"continues from {file}, whose finish stays\n")
+    return trained_on
 
 
 def read_training_data(clips: Path, splits: Path) -> TrainingData[Interaction]:

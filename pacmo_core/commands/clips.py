@@ -107,6 +107,8 @@ def clips(
 def _list_files(files: Sequence[Path], matching: str) -> None:
     """List the clips of Parquet files, as view and export take them."""
     for file in files:
+        if not file.exists():
+            raise CommandError(f"no {file}")
         if not file.is_file() or file.suffix.lower() != ".parquet" or not is_clip_file(file):
             raise CommandError(
                 f"{file}: wanted one folder, or Parquet files of clips; "

@@ -43,8 +43,7 @@ from pacmo_core.commands.reading import (
 )
 from pacmo_core.commands.weights import (
     TRAINED_HERE,
-    check_weights,
-    default_weights,
+    find_weights,
     is_synthetic,
     trained_on_line,
 )
@@ -130,7 +129,9 @@ PartnerFile = Annotated[
 Out = Annotated[Path | None, typer.Option(help="FILE.parquet, FILE.bvh, or a folder for BVH files")]
 Weights = Annotated[
     Path | None,
-    typer.Option(help=f"a trained model; default: {TRAINED_HERE} if it exists, else the package's"),
+    typer.Option(
+        help=f"a trained model, or package; default: {TRAINED_HERE} if it is there, else package"
+    ),
 ]
 ToFps = Annotated[
     float | None, typer.Option(help="frame rate of the reaction; default: that of the partner")
@@ -503,9 +504,7 @@ def check_request(samples: int, options: ReadOptions, weights: Path | None) -> P
     """Check what takes no time, before captures are read; return the weights that are used."""
     check_samples(samples)
     options.check()
-    chosen = weights or default_weights()
-    check_weights(chosen)
-    return chosen
+    return find_weights(weights)
 
 
 def check_total(samples: int, frames: int, joints: int) -> None:

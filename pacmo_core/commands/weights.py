@@ -63,16 +63,27 @@ def default_prior() -> Path:
     return trained if trained.exists() else PACKAGED_PRIOR
 
 
-def check_weights(weights: Path) -> None:
-    """Refuse weights that do not exist, and say where weights come from.
+def find_weights(weights: Path | None) -> Path:
+    """Return the file of weights of a model of reactions.
+
+    Parameters
+    ----------
+    weights : that were named, where ``package`` is those in the package; None: the default
 
     Raises
     ------
     CommandError
-        If there is no such file.
+        If there is no such file: with where weights come from.
     """
+    if weights is None:
+        return default_weights()
+    if weights == Path("package") and not weights.exists():
+        return PACKAGED
     if not weights.exists():
-        raise CommandError(f"no {weights}: ./run trains those in models/; --weights names others")
+        raise CommandError(
+            f"no {weights}: ./run trains those in models/; --weights names others, or package"
+        )
+    return weights
 
 
 def is_synthetic(file: Path, clip: str) -> bool | None:
@@ -100,8 +111,9 @@ def trained_on_line(weights: Path, *, synthetic_capture: bool | None) -> str:
     weights : file of weights
     synthetic_capture : whether the capture is generated; None if nothing says
     """
-    packaged = weights in (PACKAGED, PACKAGED_PRIOR)
-    name = "the model in the package" if packaged else str(weights)
+    name = str(weights)
+    if (found := weights.resolve()) in (PACKAGED, PACKAGED_PRIOR):
+        weights, name = found, "the model in the package"
     trained_on = read_trained_on(weights)
     if trained_on is None:
         return f"{name} does not state what it was trained on"

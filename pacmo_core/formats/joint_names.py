@@ -58,12 +58,17 @@ class StatedNames:
     ----------
     rig : name of a preset; empty to find the one that fits
     joints : of some of the model's joints, the capture's joints whose mean they are
-    option : where the user states them, for messages
+    how : how the user states them, with {} for a word, in messages
     """
 
     rig: str = ""
     joints: dict[str, tuple[str, ...]] | None = None
-    option: str = "--joints"
+    how: str = "--joints {}, or in a file"
+
+    @property
+    def option(self) -> str:
+        """Where the user states them."""
+        return self.how.partition(" ")[0].rstrip(":")
 
 
 UNSTATED = StatedNames()
@@ -152,6 +157,8 @@ def parse_joints(words: Sequence[str]) -> StatedNames:
         if word in RIGS:
             continue
         name, equals, value = word.partition("=")
+        if equals and name in joints:
+            raise ValueError(f"{name} is stated twice, the second time as {value}")
         if equals:
             joints[name] = tuple(value.split("+"))
         elif Path(word).suffix.lower() in FILE_SUFFIXES:
@@ -228,13 +235,12 @@ def name_joints(
         joint: dict.fromkeys(parts, 1 / len(set(parts)))
         for joint, parts in {**found, **explicit}.items()
     }
+    _check_sides(shares, explicit, model)
     missing = [joint for joint in wanted if joint not in found]
     guessed = _estimate(capture, model, missing, rig) if estimates and rig else {}
     if len(guessed) < len(missing):
         lacking = [joint for joint in missing if joint not in guessed]
-        raise ValueError(
-            _missing_text(capture, model, lacking, {**found, **explicit}, stated.option)
-        )
+        raise ValueError(_missing_text(capture, model, lacking, {**found, **explicit}, stated))
     weights = np.zeros((len(model.joints), len(capture.joints)))
     for joint, parts in {**shares, **guessed}.items():
         for part, share in parts.items():
@@ -246,6 +252,23 @@ def name_joints(
     if guessed:
         description += f"; estimated from the joints around them: {', '.join(guessed)}"
     return JointNames(extended, description, toes, _rows_of("hip", model) if toes else [])
+
+
+def _check_sides(
+    shares: Mapping[str, Mapping[str, float]], stated: Mapping[str, object], model: Skeleton
+) -> None:
+    """Refuse one place for a left and a right joint, of which the user stated one.
+
+    Raises
+    ------
+    ValueError
+        With both, and the joints of the capture that they would be.
+    """
+    for pair in model.left_right:
+        left, right = (model.joints[joint] for joint in pair)
+        is_one = left in shares and shares[left] == shares.get(right)
+        if is_one and {left, right} & set(stated):
+            raise ValueError(f"{left} and {right} would both be {' + '.join(shares[left])}")
 
 
 def _estimate(
@@ -381,7 +404,7 @@ def _missing_text(
     model: Skeleton,
     missing: Sequence[str],
     found: Mapping[str, tuple[str, ...]],
-    option: str,
+    stated: StatedNames,
 ) -> str:
     near = {joint: _nearest(joint, capture) or _neighbour(joint, model, found) for joint in missing}
     # Of the same name a joint may be another point: the foot of the first Kinect is an ankle.
@@ -396,8 +419,8 @@ def _missing_text(
     example = next((f"{joint}={name}" for joint, name in near.items() if name), "MODEL_JOINT=JOINT")
     return (
         f"the capture names no joint for {len(missing)} of the model's {len(model.joints)} "
-        f"({model.name}): {', '.join(listed)}{more}; name them by {option}, as in "
-        f"{option} {example}"
+        f"({model.name}): {', '.join(listed)}{more}; name them by {stated.option}, "
+        f"as in {stated.how.format(example)}"
     )
 
 

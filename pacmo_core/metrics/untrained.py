@@ -63,7 +63,11 @@ class TrainingReactions:
         return _frame(test).to_world(mean.astype(np.float32))
 
     def nearest(self, test: Interaction) -> Motion:
-        """Return the reaction of the nearest training partner, re-timed, (T, J, 3).
+        """Return the reaction of the nearest training partner, re-timed, (T, J, 3)."""
+        return np.asarray(self.several_nearest(test, 1)[0])
+
+    def several_nearest(self, test: Interaction, n: int) -> Motion:
+        """Return the reactions of the n nearest training partners, re-timed, (n, T, J, 3).
 
         The distance of two partners is the root mean square, over joints and normalised time, of
         the distance of their joints, in metres; of equally near ones the first is taken. The
@@ -72,9 +76,12 @@ class TrainingReactions:
         grid = np.linspace(0, 1, self.partners.shape[1])
         partner = _resample(test, _frame(test).to_local(test.person_a), grid)
         squared = ((self.partners - partner) ** 2).sum(axis=-1).mean(axis=(1, 2))
-        clip = self.interactions[int(np.argmin(squared))]
-        reaction = _resample(clip, _frame(clip).to_local(clip.person_b), _normalised(test))
-        return _frame(test).to_world(reaction.astype(np.float32))
+        found = []
+        for row in np.argsort(squared, kind="stable")[:n].tolist():
+            clip = self.interactions[row]
+            reaction = _resample(clip, _frame(clip).to_local(clip.person_b), _normalised(test))
+            found.append(_frame(test).to_world(reaction.astype(np.float32)))
+        return np.stack(found)
 
 
 def _frame(clip: Interaction) -> Frame:

@@ -169,7 +169,10 @@ def copy_weights(model: Generator, file: Path, sha256: str) -> None:
         theirs = replace(theirs, uno=more, actions=own.actions, action_channels=own.action_channels)
     if theirs.skeleton.joints != own.skeleton.joints:
         wanted, got = (", ".join(of.skeleton.joints) for of in (own, theirs))
-        raise ValueError(f"{file}: wanted the joints {wanted}; got {got}")
+        raise ValueError(
+            f"{file}: wanted the joints {wanted}; got {got}; "
+            "ingest.skeleton and drop_joints say in which joints captures are stored"
+        )
     for field in ("noise", "noise_channels", "actions", "action_channels", "uno"):
         wanted, got = getattr(own, field), getattr(theirs, field)
         if got != wanted:

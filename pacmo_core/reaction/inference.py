@@ -144,8 +144,8 @@ def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
 
     Reactions to training partners are nearer to the captured ones than those to others, and would
     teach that a hand that stops short has not arrived. A model that continued from weights keeps
-    their finish: a dozen clips of a noisy sensor would teach that a hand which comes near does not
-    touch (docs/results.md, *Fine-tuned on SBU*).
+    their finish: on eight clips of SBU's noisy sensor one learnt that a hand which comes near does
+    not touch (docs/results.md, *Fine-tuned on SBU*).
 
     Parameters
     ----------

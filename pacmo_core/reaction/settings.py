@@ -220,8 +220,7 @@ class StartSettings:
     """Weights of a generator that a training continues from, as on captures of one's own.
 
     Its normalisation is taken over too, and with it the durations that ``react`` does not divide
-    into windows, and so is its finish: few clips, or a sensor's noise, would teach one that hands
-    which come near do not touch. The critic begins with random weights.
+    into windows, and so is its finish. The critic begins with random weights.
 
     Parameters
     ----------

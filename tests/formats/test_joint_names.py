@@ -330,3 +330,15 @@ def test_a_file_of_many_levels_is_refused(tmp_path: Path, kind: str, text: str) 
     (tmp_path / f"n.{kind}").write_text(text)
     with pytest.raises(ValueError, match="no mapping of joints"):
         parse_joints([str(tmp_path / f"n.{kind}")])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["left_hand=RightHand"], "left_hand and right_hand would both be RightHand"),
+        (["left_hand=LeftHand", "left_hand=LeftArm"], "left_hand is stated twice, .* as LeftArm"),
+    ],
+)
+def test_names_that_contradict_each_other_are_refused(words: list[str], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        name_joints(CAPTURES["mixamo"], SBU15, parse_joints(words))

@@ -140,11 +140,18 @@ def test_a_wrong_setting_is_one_line(
     ("joints", "said"),
     [
         ("skeleton: ntu26", "skeleton: wanted one of ntu25, sbu15, duet15, .*; got 'ntu26'"),
-        ("joint_names: [mixamo.json]", "joint_names: wanted .*mixamo, .*; got 'mixamo.json'"),
+        (
+            "joint_names: [mixamo]",
+            "joint_names: wanted a skeleton, whose joints they are; got none",
+        ),
+        (
+            "skeleton: ntu25, joint_names: [mixamo.json]",
+            "joint_names: wanted .*mixamo, .*; got 'mixamo.json'",
+        ),
         # Its hand tips are no joints of Mixamo's, and nothing says where they are.
         (
             "skeleton: ntu25",
-            "skeleton: .* names no joint for .*joint_names:, as in joint_names: left_hand_tip=",
+            r"skeleton: .* names no joint for .*joint_names, as in joint_names: \[left_hand_tip=",
         ),
     ],
 )
@@ -153,7 +160,7 @@ def test_joints_that_cannot_be_found_are_named(
 ) -> None:
     prepare(tmp_path, monkeypatch, SETTINGS)
     write_pair(tmp_path / "raw", "x", 0.01, "y")
-    state_joints(tmp_path, joints)
+    state_joints(tmp_path, *joints.split(", "))
     with pytest.raises(StageError, match=said) as fault:
         main(Path("raw"), Path("s"), Path("m.json"))
     assert "\n" not in str(fault.value)
