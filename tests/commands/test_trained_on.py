@@ -1,5 +1,6 @@
 """What weights were trained on. Truth: the records of the clips."""
 
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +10,9 @@ import torch
 from typer.testing import CliRunner
 
 from pacmo_core.commands.cli import app
-from pacmo_core.commands.weights import is_synthetic, trained_on_line
+from pacmo_core.commands.weights import find_weights, is_synthetic, trained_on_line
 from pacmo_core.data.skeleton import SBU15
+from pacmo_core.project.workspace import CommandError
 from pacmo_core.reaction.inference import PACKAGED
 from pacmo_core.store.files import StoreError
 from pacmo_core.store.motions import write_motions
@@ -21,6 +23,19 @@ from tests.reaction.problems import PACMO, clips
 from tests.stages.training import FACTS
 
 RECORDED = replace(FACTS, dataset="real", synthetic=False)
+
+
+def test_package_names_the_weights_in_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_weights(Path("package")) == PACKAGED
+    with pytest.raises(CommandError, match="no other: ./run trains those .* names others, or pack"):
+        find_weights(Path("other"))
+    Path("package").touch()
+    assert find_weights(Path("package")) == Path("package"), "a file of this name comes first"
+    line = trained_on_line(Path(os.path.relpath(PACKAGED)), synthetic_capture=None)
+    assert line.startswith("the model in the package was trained on")
 
 
 @pytest.mark.parametrize(
