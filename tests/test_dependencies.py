@@ -249,8 +249,9 @@ def test_a_stage_reads_its_own_section_of_the_parameters(stage):
     own |= {MODELS[name].section for name in models}
     own |= {MODELS[name].changes.partition(".")[0] for name in models}
     shared = {"experiment", "runs"} | ({"augment"} if "evaluate" in stage else set())
-    # Which rows are finished, and the limits that stand beside measurements of variations.
-    shared |= {"react", "augment"} if stage == "report" else set()
+    # Which rows are finished, the limits beside measurements of variations, and whether PaCMO
+    # continued from weights.
+    shared |= {"react", "augment", "train_pacmo"} if stage == "report" else set()
     assert {param.partition(".")[0] for param in STAGES[stage]["params"]} <= own | shared
 
 

@@ -93,6 +93,7 @@ def main(paths: argparse.Namespace) -> None:
     # One row without a model is finished, whatever the parameters.
     finished = [*read_params("react.finish", list[str]), FINISHED_COPY]
     limits = read_params("augment.limits", dict[str, float])
+    start = read_params("train_pacmo.start.weights", str)
     ingest, pooled, priors = map(read_json, (paths.ingest, paths.pooled, paths.prior_pooled))
     augment = read_json(paths.augment)
     splits = {fold: read_json(paths.split_reports / f"{fold}.json") for fold in runs.folds}
@@ -103,7 +104,7 @@ def main(paths: argparse.Namespace) -> None:
         findings=findings((pooled, finished), augment, priors),
         findings_note=comparison_note(pooled["confidence"], pooled),
         facts=provenance(experiment, runs, pooled) | hashes(paths.clips, reactions),
-        data=summarise(ingest, splits, paths.sequences),
+        data=summarise(ingest, splits, paths.sequences, start),
         tables=main_tables(pooled),
         notes=(
             *NOTES,
@@ -208,15 +209,22 @@ def hashes(clips: Path, reactions: dict[str, Path]) -> dict[str, str]:
     } | {"SHA-256, parameters": file_hash(PARAMS)[:16]}
 
 
-def captures_text(ingest: dict[str, Any]) -> str:
-    """Say whether what the models were trained and tested on is recorded or synthetic."""
+def captures_text(ingest: dict[str, Any], start: str) -> str:
+    """Say whether what the models were trained and tested on is recorded or synthetic.
+
+    Parameters
+    ----------
+    ingest : the metrics of the stage
+    start : the weights that PaCMO continued from, or none
+    """
     kinds = {0: "recorded", ingest["usable"]: "synthetic: not evidence for recorded motion"}
     kind = kinds.get(ingest["synthetic"], f"{ingest['synthetic']} synthetic, the others recorded")
-    return f"{kind}; all models below were trained on them"
+    trained = f"PaCMO continued on them from {start}, the other" if start else "all"
+    return f"{kind}; {trained} models below were trained on them"
 
 
 def summarise(
-    ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path
+    ingest: dict[str, Any], splits: dict[int, dict[str, Any]], sequences: Path, start: str
 ) -> DataSummary:
     """Summarise the captures, the quarantine and the splits."""
     quarantined = read_rows(sequences / QUARANTINE, QuarantineRecord)
@@ -228,7 +236,7 @@ def summarise(
         quarantined=tuple(QuarantineRow(q.file, q.line or None, q.reason) for q in quarantined),
         facts={
             "Dataset": f"{ingest['dataset']} ({ingest['format']})",
-            "Captures": captures_text(ingest),
+            "Captures": captures_text(ingest, start),
             "Sequences": f"{ingest['usable']:,} usable of {ingest['sequences_read']:,} read; "
             f"{ingest['not_included']:,} found and not included",
             "Skeleton": ingest["skeleton"],

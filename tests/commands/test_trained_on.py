@@ -140,4 +140,7 @@ def test_a_training_stage_states_its_clips(tmp_path: Path, monkeypatch: pytest.M
 
 def test_the_report_says_whether_captures_are_synthetic() -> None:
     for synthetic, text in ((0, "recorded"), (3, "synthetic: not evidence"), (1, "1 synthetic")):
-        assert captures_text({"usable": 3, "synthetic": synthetic}).startswith(text)
+        said = captures_text({"usable": 3, "synthetic": synthetic}, "")
+        assert said.startswith(text) and said.endswith("all models below were trained on them")
+    said = captures_text({"usable": 3, "synthetic": 0}, "w.safetensors")
+    assert "; PaCMO continued on them from w.safetensors, the other models" in said
