@@ -36,6 +36,8 @@ MAX_MOTIONS_PER_BATCH = 64
 MAX_TIMES_PER_BATCH = 4096
 # Of the reactions to which the finish is fitted: clips, evenly among those there are, and samples.
 MAX_FITTED_CLIPS, N_FITTED_SAMPLES, FITTING_SEED = 200, 2, 1
+# Validation clips; with fewer the finish is fitted to training clips too.
+MIN_FITTED_CLIPS = 20
 # The weights that are installed with the package.
 PACKAGED = Path(__file__).parents[1] / "commands" / "starting_weights.safetensors"
 
@@ -140,12 +142,13 @@ def finish_reactions(
 
 
 def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
-    """Learn what the finish knows, ``model.learnt``, on validation clips; else on training clips.
+    """Learn what the finish knows, ``model.learnt``, on validation clips.
 
     Reactions to training partners are nearer to the captured ones than those to others, and would
-    teach that a hand that stops short has not arrived. A model that continued from weights keeps
-    their finish: on eight clips of SBU's noisy sensor one learnt that a hand which comes near does
-    not touch (docs/results.md, *Fine-tuned on SBU*).
+    teach that a hand that stops short has not arrived. So training clips are taken only beside
+    fewer than ``MIN_FITTED_CLIPS`` others: a finish that is fitted to the eight or nine validation
+    clips of a fold of SBU costs contacts (docs/results.md, *Fine-tuned on SBU*). A model that
+    continued from weights keeps their finish.
 
     Parameters
     ----------
@@ -154,11 +157,9 @@ def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     """
     if model.learnt.has_learnt:
         return
-    clips, labels = (
-        (data.validation, data.validation_actions)
-        if data.validation
-        else (data.train, data.train_actions)
-    )
+    clips, labels = data.validation, data.validation_actions
+    if len(clips) < MIN_FITTED_CLIPS:
+        clips, labels = [*clips, *data.train], [*labels, *data.train_actions]
     labelled = list(zip(clips, labels or [""] * len(clips), strict=True))
     usable = [(clip, label if needs_label(model) else UNLABELLED) for clip, label in labelled]
     usable = [pair for pair in usable if not needs_label(model) or pair[1] in known_actions(model)]
