@@ -1,6 +1,6 @@
 """``pacmo clips`` and ``pacmo quarantine``: the tables of a folder of clips."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
@@ -77,7 +77,8 @@ def clips(
     Of a folder of captures that no run has taken in, the files and their formats are listed.
     """
     folder, *others = folders or [CLIPS]
-    if variations and not others:
+    _check_alone(others, {"--variations": variations, "--splits": splits, "--reactions": reactions})
+    if variations:
         _list_variations(folder.parent / VARIATIONS_FOLDER.name, matching)
         return
     with _errors_in_one_line():
@@ -102,6 +103,13 @@ def clips(
         }
         cells.append([_cell(more.get(name, getattr(row, name, ""))) for name in columns])
     _show(cells, columns, matching)
+
+
+def _check_alone(others: Sequence[Path], options: Mapping[str, object]) -> None:
+    """Refuse further files beside options of one folder."""
+    with errors_in_one_line():
+        if others and (given := [name for name, value in options.items() if value]):
+            raise CommandError(f"{given[0]} is of one folder; got {others[0]} too")
 
 
 def _list_files(files: Sequence[Path], matching: str) -> None:

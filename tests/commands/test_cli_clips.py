@@ -147,6 +147,13 @@ def test_several_files_are_listed_one_after_the_other(tmp_path):
         assert f"{other}{reason}" in refused.stderr or f"{reason}{other}" in refused.stderr
 
 
+@pytest.mark.parametrize("option", [["--variations"], ["--splits", "x"], ["--reactions", "x"]])
+def test_options_of_a_folder_are_refused_beside_several_files(tmp_path, option):
+    refused = pacmo("clips", "one.parquet", "two.parquet", *option)
+    assert refused.exit_code == 1
+    assert refused.stderr == f"pacmo: {option[0]} is of one folder; got two.parquet too\n"
+
+
 def test_a_folder_of_captures_lists_them(tmp_path):
     (tmp_path / "walk.bvh").write_text("")
     (tmp_path / "notes.md").write_text("")
