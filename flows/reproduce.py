@@ -105,7 +105,7 @@ def switch_experiment(experiment: str) -> None:
     """Use an experiment; log where edited parameters were saved, and which outputs were removed."""
     saved = use_experiment(experiment)
     if saved:
-        log_event(f"the edited {PARAMS} is saved as {saved}", path=saved)
+        log_event(f"{PARAMS} differed from its experiment: saved as {saved}", path=saved)
     for path in remove_unused_outputs():
         log_event(f"removed {path}, which {PARAMS} does not define", path=path)
 

@@ -187,7 +187,7 @@ def _prepare(options: Mapping[str, Any]) -> str:
         remove_dead_dvc_locks()
         saved = use_experiment(options["experiment"]) if options["experiment"] else None
         if saved:
-            sys.stderr.write(f"the edited {PARAMS} is saved as {saved}\n")
+            sys.stderr.write(f"{PARAMS} differed from its experiment: saved as {saved}\n")
         for path in remove_unused_outputs():
             sys.stderr.write(f"removed {path}, which {PARAMS} does not define\n")
         remove_corrupt_objects(skip_verified=True)

@@ -42,7 +42,7 @@ def use(name: Name) -> None:
         before = experiment_of(PARAMS.read_text("utf-8")) if PARAMS.exists() else ""
         saved = use_experiment(name)
         if saved:
-            typer.echo(f"the edited {PARAMS} is saved as {saved}")
+            typer.echo(f"{PARAMS} differed from its experiment: saved as {saved}")
         _remove_unused_outputs(f"./run repro {before or 'EXPERIMENT'}")
 
 

@@ -13,6 +13,7 @@ configurations.
 
 import os
 import subprocess
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from io import StringIO
 from pathlib import Path
@@ -21,6 +22,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from pacmo_core.data.names import nearest_names
 from pacmo_core.project.outputs import ExpectedPriors, ExpectedRuns, remove_outputs
 from pacmo_core.project.workspace import PARAMS, SAVED_PARAMS, CommandError
 from pacmo_core.store.files import write_text
@@ -188,7 +190,8 @@ def _load(yaml: YAML, name: str, derived: tuple[str, ...]) -> Any:
     """Load an experiment over its base; ``derived`` are the experiments that are based on it."""
     if name not in experiment_names():
         raise ExperimentError(
-            f"no experiment {name}; there are {', '.join(experiment_names())} in {FOLDER}/"
+            f"no experiment {name}{_meant(name, experiment_names())}; "
+            f"there are {', '.join(experiment_names())} in {FOLDER}/"
         )
     if name in derived:
         chain = f" {BASE} ".join((*derived, name))
@@ -214,12 +217,18 @@ def _load_mapping(yaml: YAML, file: Path) -> Any:
 def _override(params: Any, overlay: Any, where: str) -> None:
     for key, value in overlay.items():
         if key not in params:
-            raise ExperimentError(f"{where}.{key}: the default {PARAMS} has no such key")
+            meant = _meant(str(key), map(str, params))
+            raise ExperimentError(f"{where}.{key}: the default {PARAMS} has no such key{meant}")
         # ``settings`` depend on the raw format, so those of another format replace them whole.
         if isinstance(params[key], dict) and isinstance(value, dict) and key != "settings":
             _override(params[key], value, f"{where}.{key}")
         else:
             params[key] = value
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    nearest = nearest_names(name, known)
+    return f" (did you mean {' or '.join(nearest)}?)" if nearest else ""
 
 
 def _check_datasets(params: Any, name: str) -> None:

@@ -102,13 +102,15 @@ def test_use_writes_the_parameters_of_an_experiment(tmp_path, monkeypatch):
     assert params.read_text() == wanted
     params.write_text(wanted.replace("max_variations: 2", "max_variations: 3"))
     said = pacmo("use", "default").output
-    assert said.startswith("the edited params.yaml is saved as history/params/")
+    assert said.startswith("params.yaml differed from its experiment: saved as history/params/")
 
 
 def test_an_unknown_experiment_ends_with_1_and_one_line():
     said = pacmo("use", "largest")
     assert said.exit_code == 1
     assert "no experiment largest" in said.stderr and said.stderr.count("\n") == 1
+    assert "did you mean" not in said.stderr  # nothing that there is is like it
+    assert "did you mean sbu_finetuned?" in pacmo("use", "sbu_finetund").stderr
 
 
 def test_experiments_are_listed():

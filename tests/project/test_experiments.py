@@ -88,6 +88,13 @@ def test_experiments_that_differ_from_one_another_are_named(project):
         compose_params("one")
 
 
+def test_a_key_that_the_default_lacks_is_refused_with_the_nearest(project):
+    (project / "experiments" / "own.yaml").write_text("runs: {seed: [4]}\n")
+    said = r"own.runs.seed: the default params.yaml has no such key \(did you mean seeds\?\)"
+    with pytest.raises(ExperimentError, match=said):
+        compose_params("own")
+
+
 def test_captures_are_where_the_environment_says(project, monkeypatch):
     (project / "sets" / "real").mkdir(parents=True)
     monkeypatch.setenv("PACMO_REAL_DATA", str(project / "sets"))
