@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import Any, TypeVar
 
@@ -68,10 +68,23 @@ def ema_copy(model: Model) -> Model:
     return copy.deepcopy(model).requires_grad_(False)
 
 
-def update_ema(average: nn.Module, model: nn.Module, decay: float) -> None:
-    """Update an EMA in place: ``average = decay * average + (1 - decay) * model``."""
+def update_ema(
+    average: nn.Module,
+    model: nn.Module,
+    decay: float,
+    start: nn.Module | None = None,
+    share: float = 0.0,
+) -> None:
+    """Update an EMA in place: ``average = decay * average + (1 - decay) * model``.
+
+    With a ``start``, ``share * start + (1 - share) * model`` takes the place of the model.
+    """
+    weights: Iterable[Tensor] = model.parameters()
     with torch.no_grad():
-        for mean, weight in zip(average.parameters(), model.parameters(), strict=True):
+        if start is not None:
+            both = zip(weights, start.parameters(), strict=True)
+            weights = (torch.lerp(weight, first, share) for weight, first in both)
+        for mean, weight in zip(average.parameters(), weights, strict=True):
             mean.lerp_(weight, 1 - decay)
 
 

@@ -54,6 +54,21 @@ def test_a_training_begins_with_the_reactions_of_the_file(
     assert not torch.allclose(reactions(other), reactions(model))
 
 
+def test_the_model_keeps_a_share_of_the_weights_of_the_file(
+    trained: tuple[wgan.Generator, Path],
+) -> None:
+    model, file = trained
+    settings = replace(SHORT, start=start(file), ema_decay=0.0)
+    trainer = wgan.build_training(clips(4), settings).trainer
+    trainer.train_epoch(0)
+    before, after, kept = (
+        one.head[0].weight for one in (model.uno, trainer.generator.uno, trainer.model.uno)
+    )
+    assert not torch.allclose(before, after)
+    share = wgan.START_SHARE
+    torch.testing.assert_close(kept, share * before + (1 - share) * after)
+
+
 def test_new_labels_change_nothing_until_they_are_learnt(
     trained: tuple[wgan.Generator, Path],
 ) -> None:
