@@ -42,6 +42,8 @@ def main() -> None:
     options = parser.parse_args()
     figures: dict[str, float] = {}
     for number, file in enumerate(options.files or DEFAULT, start=1):
+        if not file.is_file():
+            raise SystemExit(f"{file}: no such file; ./run repro handover makes the reactions")
         found = np.array(list(measure(file)))
         if not len(found):
             raise SystemExit(f"{file}: no reaction to a giver of {real_data() / 'handover'}")

@@ -89,7 +89,7 @@ def read_trained_on_before(params: Any) -> TrainedOn:
         trained_on = read_trained_on(file) or TrainedOn((), 0, 0)
     except (OSError, StoreError) as fault:
         raise StageError(f"train_pacmo.start: {fault}") from fault
-    sys.stdout.write(f"continues from {file}, whose finish stays\n")
+    sys.stdout.write(f"continues from {file}\n")
     return trained_on
 
 
