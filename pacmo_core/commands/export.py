@@ -1,5 +1,6 @@
 """``pacmo export``: a clip in the format of another tool, by the suffix of the file."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -197,13 +198,26 @@ def _check_work(scene: Scene, at: NDArray[np.float64], fps: float) -> None:
         raise CommandError(f"--to-fps {fps:g}: {fault}")
 
 
-def part_of(scene: Scene, seconds: str) -> Scene:
-    """Return a part of a scene, at its times; an empty word is all of it.
+def parse_seconds(text: str) -> tuple[float, float]:
+    """Return the first and the last second of FIRST:LAST, each of which may be left out.
 
-    Parameters
-    ----------
-    seconds : FIRST:LAST from the first frame; without a number before or after the colon the part
-        is from the first frame, or to the last
+    Raises
+    ------
+    CommandError
+        If it is something else.
+    """
+    first, colon, last = text.partition(":")
+    try:
+        start, end = float(first or 0), float(last or math.inf)
+    except ValueError:
+        colon = ""
+    if text and not colon:
+        raise CommandError(f"--seconds: wanted FIRST:LAST, such as 3:7.5 or 3:; got {text!r}")
+    return start, end
+
+
+def part_of(scene: Scene, seconds: str) -> Scene:
+    """Return a part of a scene, at its times, as ``parse_seconds`` reads it; empty: all of it.
 
     Raises
     ------
@@ -212,14 +226,8 @@ def part_of(scene: Scene, seconds: str) -> Scene:
     """
     if not seconds:
         return scene
-    first, colon, last = seconds.partition(":")
     times = scene.times - scene.times[0]
-    try:
-        start, end = float(first or 0), float(last or times[-1])
-    except ValueError:
-        colon = ""
-    if not colon:
-        raise CommandError(f"--seconds: wanted FIRST:LAST, such as 3:7.5 or 3:; got {seconds!r}")
+    start, end = parse_seconds(seconds)
     half = 0.5 / frame_rate(scene.times)
     rows = np.flatnonzero((times >= start - half) & (times < end + half))
     if len(rows) < 2:
@@ -227,7 +235,7 @@ def part_of(scene: Scene, seconds: str) -> Scene:
             f"--seconds: wanted two frames or more of {scene.label}, which has {times[-1]:.6g} s; "
             f"got {seconds}"
         )
-    if end > times[-1] + half:
+    if math.inf > end > times[-1] + half:
         typer.echo(f"--seconds {seconds}: {scene.label} ends at {times[-1]:.6g} s")
     people = tuple(motion[rows] for motion in scene.people)
     return replace(scene, times=scene.times[rows], people=people)
@@ -460,6 +468,7 @@ def export(  # noqa: PLR0913  # typer reads the options off the signature
             to_fps, to_up, parse_unit(to_unit, "--to-unit"), ground, centre
         )
         form_of_file.check(out)
+        parse_seconds(seconds)  # "3 7.5" would make 7.5 a clip
         if len(clip) > 2:
             raise CommandError(f"wanted a clip, or the files of two people; got {', '.join(clip)}")
         (named,) = read_named_clips(["+".join(clip)], options)

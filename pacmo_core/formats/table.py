@@ -34,6 +34,7 @@ from pacmo_core.formats.table_traps import check_layout, parents_hint, unit_hint
 from pacmo_core.formats.tables import npz_arrays, sequence_name
 
 PEOPLE = ("person_a", "person_b")
+OBJECT = "object"
 KEYS = ("joints", "parents", "fps", "times", "unit", "up", *PEOPLE)
 _WANTED = "joints, parents, fps or times, unit, up, person_a, person_b"
 MAX_JOINTS = 1000  # a tree is checked in the square of their number
@@ -51,11 +52,14 @@ class Table:
     unit : metres per unit of the positions
     up : the axis that is up, ``y`` or ``z``
     fps : frames a second, in place of ``fps`` and ``times``
+    object : whether the array ``object`` (T, 3) of an NPZ file, the place of a thing that person a
+        holds at first, is a further joint: of person a there, of person b at the root
     """
 
     unit: float | None = None
     up: str | None = None
     fps: float | None = None
+    object: bool = False
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -92,7 +96,7 @@ class Table:
             If the file is broken, or a value that it must state is missing or impossible.
         """
         (file,) = sequence.files
-        arrays = _read_arrays(file)
+        arrays = self._read_arrays(file)
         reading = pair_people([self._person(file, arrays, name) for name in PEOPLE])
         n_frames = len(reading.interaction.times)
         times = self._times(file, arrays, n_frames)
@@ -106,7 +110,7 @@ class Table:
         FormatError
             As ``read``.
         """
-        arrays = _read_arrays(file)
+        arrays = self._read_arrays(file)
         skeleton = _skeleton(file, arrays)
         people = [
             _positions(file, arrays, name, skeleton)
@@ -129,12 +133,15 @@ class Table:
         FormatError
             As ``read``.
         """
-        arrays = _read_arrays(file)
+        arrays = self._read_arrays(file)
         if "person_b" in arrays:
             return None
         person = self._person(file, arrays, "person_a")
         motion = pair_people([person, person]).interaction.person_a
         return person.skeleton, self._times(file, arrays, len(motion)), motion
+
+    def _read_arrays(self, file: Path) -> Arrays:
+        return _with_object(file, _read_arrays(file, OBJECT)) if self.object else _read_arrays(file)
 
     def _person(self, file: Path, arrays: Arrays, name: str) -> Person:
         skeleton = _skeleton(file, arrays)
@@ -191,14 +198,43 @@ class UndescribedTable:
     unstated: list[str]
 
 
-def _read_arrays(file: Path) -> Arrays:
-    """Read the arrays that a file has of ``KEYS``."""
+def _read_arrays(file: Path, *more: str) -> Arrays:
+    """Read the arrays that a file has of ``KEYS``, and ``more`` of an NPZ file."""
     suffix = file.suffix.lower()
     if suffix == ".npz":
-        return npz_arrays(file, KEYS)
+        return npz_arrays(file, (*KEYS, *more))
     if suffix == ".csv":
         return csv_arrays(file)
     return table_arrays(file, parquet_columns(file))
+
+
+def _with_object(file: Path, arrays: Arrays) -> Arrays:
+    """Make the object a joint.
+
+    It is a child of the root, so that hands stay the ends of limbs, and a mirror image is one of
+    the same body.
+    """
+    skeleton = _skeleton(file, arrays)
+    if OBJECT not in arrays:
+        raise FormatError(
+            file, f"no {OBJECT}: wanted (T, 3) in an NPZ file; got {', '.join(arrays)}"
+        )
+    if OBJECT in skeleton.joints:
+        raise FormatError(file, f"joints: {OBJECT!r} is the name of a joint already")
+    place, held = arrays[OBJECT], _positions(file, arrays, PEOPLE[0], skeleton)
+    if place.dtype.kind not in "iuf" or place.shape != (len(held), 3):
+        raise FormatError(
+            file,
+            f"{OBJECT}: wanted ({len(held)}, 3) numbers; got {place.shape} of {place.dtype}",
+        )
+    found = dict(arrays)
+    found["joints"] = np.array([*skeleton.joints, OBJECT])
+    found["parents"] = np.array([*skeleton.parents, skeleton.root])
+    found[PEOPLE[0]] = np.concatenate([held, place[:, None].astype(np.float64)], axis=1)
+    if PEOPLE[1] in arrays:
+        other = _positions(file, arrays, PEOPLE[1], skeleton)
+        found[PEOPLE[1]] = np.concatenate([other, other[:, [skeleton.root]]], axis=1)
+    return found
 
 
 def _skeleton(file: Path, arrays: Arrays) -> Skeleton:

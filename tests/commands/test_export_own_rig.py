@@ -343,6 +343,7 @@ def test_a_part_of_a_part_is_that_part_of_the_whole(duo, out):
     ("seconds", "message"),
     [
         ("3", "--seconds: wanted FIRST:LAST, such as 3:7.5 or 3:; got '3'"),
+        ("3 7.5", "--seconds: wanted FIRST:LAST, such as 3:7.5 or 3:; got '3'"),
         ("a:b", "got 'a:b'"),
         ("nan:1", "two frames or more"),
         ("0.19:0.2", "two frames or more of anna + ben, which has 0.2 s; got 0.19:0.2"),
@@ -350,7 +351,7 @@ def test_a_part_of_a_part_is_that_part_of_the_whole(duo, out):
     ],
 )
 def test_what_is_no_part_is_refused(duo, seconds, message):
-    done = export(*duo, "--seconds", seconds, "--out", "part.bvh", *CM)
+    done = export(*duo, "--seconds", *seconds.split(), "--out", "part.bvh", *CM)
     assert done.exit_code == 1
     assert message in done.output
     assert not Path("part_A.bvh").exists()

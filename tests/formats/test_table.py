@@ -32,7 +32,7 @@ ARRAYS: dict[str, Any] = {
     "up": "z",
     "person_a": np.arange(36, dtype=np.int16).reshape(4, 3, 3),
     "person_b": np.arange(36, dtype=np.int16).reshape(4, 3, 3) + 2000,
-    "object": np.array([{"not": "ours"}], dtype=object),
+    "of_another_program": np.array([{"not": "ours"}], dtype=object),
 }
 CSV = """# fps: 30
 # unit: 0.01
@@ -109,6 +109,34 @@ def test_settings_state_what_the_file_does_not_or_replace_it(tmp_path: Path) -> 
     for fault in ({"unit": 0.0}, {"up": "x"}, {"fps": -1.0}):
         with pytest.raises(ValueError, match="must be"):
             Table(**fault)
+
+
+def test_an_object_is_a_joint_of_who_holds_it(tmp_path: Path) -> None:
+    place = np.array([[1000, -2000, 500]] * 4, np.int16)
+    file = npz(tmp_path, object=place)
+    assert read(file).interaction.skeleton.joints == ("hips", "left_foot", "right_foot")
+    back = read(file, object=True).interaction
+    assert back.skeleton.joints == ("hips", "left_foot", "right_foot", "object")
+    assert back.skeleton.parents == (-1, 0, 0, 0)
+    np.testing.assert_allclose(back.person_a[:, 3], [[0.5, 0.25, 1.0]] * 4, atol=1e-6)
+    np.testing.assert_array_equal(back.person_b[:, 3], back.person_b[:, 0])
+    np.testing.assert_array_equal(back.person_a[:, :3], read(file).interaction.person_a)
+    alone = Table(object=True).read_single(npz(tmp_path, object=place, person_b=None))
+    assert alone is not None
+    np.testing.assert_array_equal(alone[2], back.person_a)
+
+
+def test_an_object_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    refused(npz(tmp_path), "no object: wanted (T, 3) in an NPZ file; got joints", object=True)
+    wrong = npz(tmp_path, object=np.zeros((4, 2)))
+    refused(wrong, "object: wanted (4, 3) numbers; got (4, 2) of float64", object=True)
+    nowhere = npz(tmp_path, object=np.full((4, 3), np.nan))
+    refused(nowhere, "person_a: frame 0, joint object is not finite", object=True)
+    file = tmp_path / "one.csv"
+    file.write_text(CSV)
+    refused(file, "no object: wanted (T, 3) in an NPZ file", object=True)
+    names = np.array(["hips", "object", "foot"])
+    refused(npz(tmp_path, joints=names, object=np.zeros((4, 3))), "already", object=True)
 
 
 @pytest.mark.parametrize("name", ["joints", "parents", "unit", "up", "person_a", "person_b"])
