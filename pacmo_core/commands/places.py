@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pacmo_core.commands.captures import TwoPersonCapture
-from pacmo_core.commands.motion_checks import (
+from pacmo_core.commands.motion_checks import MAX_BELOW
+from pacmo_core.commands.peaks import (
     MAX_ACCELERATION,
-    MAX_BELOW,
     angles,
     bone_names,
     bone_turns,

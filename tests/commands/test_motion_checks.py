@@ -10,11 +10,9 @@ from pacmo_core.api import synthesise
 from pacmo_core.commands.motion_checks import (
     _mean_speed,
     _most_alike,
-    angles,
-    find_peak,
-    joint_accelerations,
     motion_lines,
 )
+from pacmo_core.commands.peaks import angles, find_peak, joint_accelerations
 from pacmo_core.commands.sample_table import RIGHT_ACTION, Measurement
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.posture import measure_posture
