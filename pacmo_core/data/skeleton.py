@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from pacmo_core.data.limits import MAX_JOINTS
 
+OBJECT = "object"  # a joint of this name is a thing that somebody holds, and no part of a body
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -103,6 +105,12 @@ class Skeleton:
         """``(E, 2)`` rows (parent, child), in the order of the children."""
         pairs = [(parent, child) for child, parent in enumerate(self.parents) if parent >= 0]
         return np.array(pairs, dtype=np.intp).reshape(-1, 2)
+
+    @property
+    def body_bones(self) -> NDArray[np.intp]:
+        """Rows of ``bones`` without that to ``OBJECT``, which is no part of a body."""
+        rows = [bone for bone in self.bones.tolist() if self.joints[bone[1]] != OBJECT]
+        return np.array(rows, dtype=np.intp).reshape(-1, 2)
 
     @property
     def mirrored_bones(self) -> NDArray[np.intp]:

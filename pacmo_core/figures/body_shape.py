@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from pacmo_core.data.skeleton import Skeleton, bare_names
+from pacmo_core.data.skeleton import OBJECT, Skeleton, bare_names
 
 # Radius of the body at a joint, metres, of an adult; the first matching pattern applies.
 _RADII = (
@@ -27,6 +27,7 @@ _ELBOW = _RADII[7][0]
 _KNEE = _RADII[4][0]
 _MIDDLE = re.compile(r"^hips?$|pelvis|root|spine|torso|back|chest|neck")
 _SHOULDER_RADIUS, _HIP_RADIUS = 0.070, 0.092
+OBJECT_RADIUS = 0.06  # metres, of a thing whose size is not known
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ class BodyShape:
         neck; empty if no joint is one
     head_radius : metres
     trunk : (joint, radius) of the spheres whose hull is the trunk; empty if it is unknown
-    limbs : (parent, child, radius at the parent, radius at the child)
+    limbs : (parent, child, radius at the parent, radius at the child); a thing that is held is one
+        of no length
     """
 
     head: tuple[int, ...]
@@ -62,10 +64,16 @@ def make_body_shape(skeleton: Skeleton) -> BodyShape:
     }
     limbs = tuple(
         (parent, child, *_limb_radii(names[parent], names[child]))
-        for parent, child in skeleton.bones.tolist()
+        for parent, child in skeleton.body_bones.tolist()
         if not (parent in head and child in head) and not {parent, child} <= inside
     )
-    return BodyShape(head, _HEAD_RADIUS if head else 0.0, trunk, limbs)
+    things = tuple((i, i, OBJECT_RADIUS, OBJECT_RADIUS) for i in objects(skeleton))
+    return BodyShape(head, _HEAD_RADIUS if head else 0.0, trunk, limbs + things)
+
+
+def objects(skeleton: Skeleton) -> list[int]:
+    """List the joint that is a thing and no part of the body, if there is one."""
+    return [i for i, joint in enumerate(skeleton.joints) if joint == OBJECT]
 
 
 def _radius(name: str) -> float:

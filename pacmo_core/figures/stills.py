@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from pacmo_core.data.skeleton import Skeleton, bare_names
-from pacmo_core.figures.body_shape import make_body_shape
+from pacmo_core.figures.body_shape import OBJECT_RADIUS, make_body_shape, objects
 from pacmo_core.figures.viewer import Scene
 from pacmo_core.formats.resample import frame_rate
 
@@ -91,9 +91,9 @@ def project(points: Array, camera: Camera) -> Array:
 
 
 def bone_widths(skeleton: Skeleton) -> list[float]:
-    """Return the diameter of each of ``skeleton.bones``, in metres."""
+    """Return the diameter of each of ``skeleton.body_bones``, in metres."""
     bare = bare_names(skeleton.joints)
-    names = [bare[child].lower() for _, child in skeleton.bones]
+    names = [bare[child].lower() for _, child in skeleton.body_bones]
     return [
         next((w for words, w in WIDTHS if any(word in name for word in words)), 0.09)
         for name in names
@@ -160,7 +160,7 @@ def draw_people(axes: Axes, scene: Scene, frame: int, *, camera: Camera, box: Bo
         widths = np.array(bone_widths(body)) * points
         pose = motion[frame].astype(np.float64)
         flat = project(np.where([False, True, False], camera.centre[1], pose), camera)[:, :2]
-        shadow = [flat[bone] for bone in body.bones]
+        shadow = [flat[bone] for bone in body.body_bones]
         axes.add_collection(
             LineCollection(shadow, linewidths=widths, colors=SHADOW, capstyle="round", zorder=0)
         )
@@ -170,7 +170,7 @@ def draw_people(axes: Axes, scene: Scene, frame: int, *, camera: Camera, box: Bo
 def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colour: str) -> None:
     """Draw bones as round lines with white edges; nearer bones are lighter and in front."""
     tone = np.array(to_rgb(colour))
-    for (parent, child), width in zip(skeleton.bones, widths, strict=True):
+    for (parent, child), width in zip(skeleton.body_bones, widths, strict=True):
         ends = pose[[parent, child]]
         near = ends[:, 2].mean()
         light = np.clip(0.88 + 0.45 * (near - pose[:, 2].mean()), 0.62, 1.12)
@@ -183,9 +183,12 @@ def _draw_body(axes: Axes, skeleton: Skeleton, pose: Array, widths: Array, colou
                 zorder=10.0 + near - 0.01 * (extra > 0),
             )
     shape = make_body_shape(skeleton)
+    balls = [([joint], OBJECT_RADIUS) for joint in objects(skeleton)]
     if shape.head:
-        x, y, near = pose[list(shape.head)].mean(axis=0)
-        disc = Circle((x, y), shape.head_radius, facecolor=tone, edgecolor="white", linewidth=0.6)
+        balls.append((list(shape.head), shape.head_radius))
+    for joints, radius in balls:
+        x, y, near = pose[joints].mean(axis=0)
+        disc = Circle((x, y), radius, facecolor=tone, edgecolor="white", linewidth=0.6)
         disc.set_zorder(10.0 + near + 0.02)
         axes.add_patch(disc)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.skeleton import Skeleton, mirror_by_name
+from pacmo_core.data.skeleton import OBJECT, Skeleton, mirror_by_name
 from pacmo_core.formats.base import (
     MAX_DISTANCE,
     FormatError,
@@ -34,7 +34,6 @@ from pacmo_core.formats.table_traps import check_layout, parents_hint, unit_hint
 from pacmo_core.formats.tables import npz_arrays, sequence_name
 
 PEOPLE = ("person_a", "person_b")
-OBJECT = "object"
 KEYS = ("joints", "parents", "fps", "times", "unit", "up", *PEOPLE)
 _WANTED = "joints, parents, fps or times, unit, up, person_a, person_b"
 MAX_JOINTS = 1000  # a tree is checked in the square of their number

@@ -54,7 +54,7 @@ def find_body_joints(skeleton: Skeleton) -> BodyJoints:
         keys=keys,
         feet=feet,
         ankles=_left_and_right(skeleton, _ANKLES),
-        bones=skeleton.bones,
+        bones=skeleton.body_bones,
         shoulders=shoulders(skeleton),
     )
 

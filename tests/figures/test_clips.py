@@ -62,6 +62,18 @@ def test_a_head_without_a_name_is_the_end_of_the_neck_and_on_it() -> None:
     assert (2, 3) in [limb[:2] for limb in shape.limbs]
 
 
+def test_a_thing_that_is_held_is_a_ball_and_no_limb() -> None:
+    with_object = Skeleton(
+        "held", (*MOCAP.joints, "object"), (*MOCAP.parents, MOCAP.root), MOCAP.left_right
+    )
+    thing = len(MOCAP.joints)
+    body, held = make_body_shape(MOCAP), make_body_shape(with_object)
+    assert held.limbs[:-1] == body.limbs and held.limbs[-1][:2] == (thing, thing)
+    assert (held.head, held.trunk) == (body.head, body.trunk)
+    assert with_object.body_bones.tolist() == MOCAP.bones.tolist()
+    assert len(with_object.bones) == len(MOCAP.bones) + 1
+
+
 def test_a_body_with_unknown_names_is_all_capsules() -> None:
     chain = Skeleton("chain", ("p", "q", "s"), (-1, 0, 1))
     body = packed_body(chain)

@@ -127,6 +127,22 @@ def test_a_head_is_drawn_where_the_joints_say_or_else_at_the_end_of_the_neck(sce
         np.testing.assert_allclose([disc.center for disc in discs], wanted, atol=1e-9)
 
 
+def test_a_thing_that_is_held_is_a_disc_and_no_limb(scene: Scene) -> None:
+    body = scene.skeleton
+    joints, parents = (*body.joints, "object"), (*body.parents, body.root)
+    held = Skeleton("held", joints, parents, body.left_right)
+    people = tuple(
+        np.concatenate([motion, motion[:, [body.root]] + np.float32(place)], axis=1)
+        for motion, place in zip(scene.people, (0.4, 0.0), strict=True)
+    )
+    with_object = replace(scene, skeleton=held, people=people)
+    before, after = (
+        film_strip([(one, [5])], min_width=1.9, inches=2.0).axes[0] for one in (scene, with_object)
+    )
+    assert len(after.lines) == len(before.lines)
+    assert [sum(isinstance(p, Circle) for p in axes.patches) for axes in (before, after)] == [2, 4]
+
+
 def test_people_are_large_enough_to_be_judged(scene: Scene, tmp_path: Path) -> None:
     write_strip(tmp_path / "x.png", scene)
     with Image.open(tmp_path / "x.png") as found:

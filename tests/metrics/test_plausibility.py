@@ -40,6 +40,12 @@ def test_feet_hands_and_head_are_found_in_every_published_skeleton(skeleton, fee
     assert len(body.keys) == n_keys and body.root in body.keys
 
 
+def test_a_thing_that_is_held_is_no_bone_of_the_body():
+    joints, parents = (*SBU15.joints, "object"), (*SBU15.parents, SBU15.root)
+    held = Skeleton("held", joints, parents, SBU15.left_right)
+    np.testing.assert_array_equal(find_body_joints(held).bones, find_body_joints(SBU15).bones)
+
+
 def test_without_names_every_joint_is_a_key_and_no_foot_slides():
     skeleton = Skeleton("chain", ("a", "b", "c"), (-1, 0, 1))
     body = find_body_joints(skeleton)
