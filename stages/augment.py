@@ -53,6 +53,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import clip_name, matches_any
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.data.segments import segments
+from pacmo_core.data.skeleton import OBJECT
 from pacmo_core.data.splits import check_clip_seconds, window_edges
 from pacmo_core.formats.base import check_fps
 from pacmo_core.ingestion import IngestionSettings, read_sequences
@@ -126,9 +127,14 @@ class SourceDataset:
 
 
 def main_dataset(clips: Path, selection: ClipSelection) -> SourceDataset:
-    """Select clips of the experiment."""
+    """Select clips of the experiment, without what a person holds, which no bone leads to."""
     facts = {row.clip: row for row in read_rows(clips / CLIPS, ClipRecord)}
-    read = MotionReader(clips / MOTIONS).read
+    reader = MotionReader(clips / MOTIONS)
+
+    def read(clip: str) -> Interaction:
+        found = reader.read(clip)
+        return found.without([OBJECT]) if OBJECT in found.skeleton.joints else found
+
     selected = _select_clips(facts, read, selection, clips)
     return SourceDataset(next(iter(selected.values())).dataset, selected, read)
 

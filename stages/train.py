@@ -19,6 +19,7 @@ from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.names import split_variation_name
 from pacmo_core.models import MODELS, Model
 from pacmo_core.reaction.variations import TrainingVariations
+from pacmo_core.reaction.wgan import START_SHARE
 from pacmo_core.store.files import StoreError, file_hash
 from pacmo_core.store.motions import stream_folder
 from pacmo_core.store.weights import TrainedOn, read_trained_on
@@ -89,7 +90,7 @@ def read_trained_on_before(params: Any) -> TrainedOn:
         trained_on = read_trained_on(file) or TrainedOn((), 0, 0)
     except (OSError, StoreError) as fault:
         raise StageError(f"train_pacmo.start: {fault}") from fault
-    sys.stdout.write(f"continues from {file}\n")
+    sys.stdout.write(f"continues from {file}; {START_SHARE:.0%} of the model's values stay its\n")
     return trained_on
 
 

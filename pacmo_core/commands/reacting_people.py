@@ -1,6 +1,6 @@
 """Who reacts and to whom: the partner's capture, and the rig or the body of the other person."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from pacmo_core.commands.reading import (
     to_model_joints,
 )
 from pacmo_core.commands.rig import TargetRig, read_rig, rig_of
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import OBJECT, Skeleton
 from pacmo_core.finish.body import Body, body_of
 from pacmo_core.formats.registry import (
     ONE_PERSON_FORMATS,
@@ -94,6 +94,7 @@ def read_reacting_people(
     """Read the partner, and the rig or the body of the other, each with its own options."""
     if rig and body:
         raise CommandError(f"--rig {rig} and --body {body}: wanted one of them")
+    options = replace(options, with_object=OBJECT in skeleton.joints)
     of_partner = options.of_person(source.label) if rig else options
     _check_person(source, of_partner, clip, rig)
     read = _capture(source, of_partner, clip)

@@ -97,6 +97,7 @@ class ReadOptions:
     preset : of BVH files
     unit, up, fps, joints : words, each for both people or after ``a=`` or ``b=``
     mixed : whether the captures of the command are of several formats
+    with_object : whether the thing that person a of a table holds is a joint, as of the weights
     """
 
     form: str | None = None
@@ -106,6 +107,7 @@ class ReadOptions:
     fps: Sequence[str] = ()
     joints: Sequence[str] = field(default=())
     mixed: bool = False
+    with_object: bool = False
 
     @property
     def describes_files(self) -> bool:
@@ -231,6 +233,7 @@ class ReadOptions:
         if words["up"] is not None:
             check_axis(words["up"], "--from-up")
         found: dict[str, Any] = {"preset": self.preset, "up": words["up"]}
+        found["object"] = self.with_object or None
         found["unit"] = None if words["unit"] is None else parse_unit(words["unit"], "--from-unit")
         found["fps"] = None if words["fps"] is None else _number(words["fps"], "--from-fps")
         known = self.names(form)

@@ -16,9 +16,9 @@ from typer.testing import CliRunner, Result
 from pacmo_core.api import synthesise
 from pacmo_core.commands import captures
 from pacmo_core.commands.cli import app
-from pacmo_core.data.interaction import bone_lengths
+from pacmo_core.data.interaction import Interaction, bone_lengths
 from pacmo_core.data.segments import feet
-from pacmo_core.data.skeleton import SBU15
+from pacmo_core.data.skeleton import SBU15, Skeleton
 from pacmo_core.finish.stance import find_stance
 from pacmo_core.formats.bvh import read_bvh
 from pacmo_core.formats.bvh_pairs import BvhPairs
@@ -177,6 +177,33 @@ def test_files_of_one_person_need_no_name_and_those_of_two_do(
     table.write_bytes(TABLE_WRITERS[".npz"](alone))
     assert pacmo(table, *words).exit_code == 0
     refused(pacmo(table, "--person", "b", *words), "one person", "leave out --person b")
+
+
+def test_weights_that_know_an_object_are_told_where_a_table_has_it(tmp_path: Path) -> None:
+    joints, parents = (*SBU15.joints, "object"), (*SBU15.parents, SBU15.root)
+    held = Skeleton("held", joints, parents, SBU15.left_right)
+
+    def with_object(clip: Interaction) -> Interaction:
+        place, root = clip.person_a[:, [4]] + np.float32(0.2), [SBU15.root]
+        people = [np.concatenate([clip.person_a, place], axis=1),
+                  np.concatenate([clip.person_b, clip.person_b[:, root]], axis=1)]  # fmt: skip
+        return replace(clip, skeleton=held, person_a=people[0], person_b=people[1])
+
+    captures = list(map(with_object, clips(4)))
+    trained = wgan.build_training(captures, replace(PACMO_LONG, n_epochs=2)).finish()
+    weights = tmp_path / "weights.safetensors"
+    facts = {"model": "pacmo", "config": model_config(trained)}
+    write_weights(weights, facts, model_state(trained))
+    table = {"joints": SBU15.joints, "parents": SBU15.parents, "fps": 15, "unit": 1.0, "up": "y"}
+    out, files = tmp_path / "out.parquet", [tmp_path / "told.npz", tmp_path / "untold.npz"]
+    place = with_object(CLIP).person_a[:, -1]
+    np.savez(files[0], person_a=CLIP.person_a, object=place, **table)
+    np.savez(files[1], person_a=CLIP.person_a, **table)
+    said = pacmo(files[0], "--weights", weights, "--out", out)
+    assert said.exit_code == 0, said.output
+    ((_, reaction),) = stream_motions(out)
+    np.testing.assert_allclose(reaction.person_a[:, -1], place, atol=1e-5)
+    refused(pacmo(files[1], "--weights", weights, "--out", out), "no object: wanted (T, 3)")
 
 
 def test_at_twice_a_rounded_rate_the_last_frame_stays(weights: Path, tmp_path: Path) -> None:

@@ -121,6 +121,10 @@ def test_an_object_is_a_joint_of_who_holds_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(back.person_a[:, 3], [[0.5, 0.25, 1.0]] * 4, atol=1e-6)
     np.testing.assert_array_equal(back.person_b[:, 3], back.person_b[:, 0])
     np.testing.assert_array_equal(back.person_a[:, :3], read(file).interaction.person_a)
+    turned = npz(tmp_path, object=place, parents=np.array([2, 2, -1]))
+    other = read(turned, object=True).interaction
+    assert other.skeleton.parents == (2, 2, -1, 2)
+    np.testing.assert_array_equal(other.person_b[:, 3], other.person_b[:, 2])
     alone = Table(object=True).read_single(npz(tmp_path, object=place, person_b=None))
     assert alone is not None
     np.testing.assert_array_equal(alone[2], back.person_a)

@@ -16,7 +16,7 @@ from pacmo_core.store.motions import write_motions
 from pacmo_core.store.tables import ClipRecord, write_rows
 from stages import augment
 from stages.common.files import CLIPS, MOTIONS
-from tests.interaction_mesh.scenes import ARM, SETTINGS
+from tests.interaction_mesh.scenes import SETTINGS
 
 FACTS = ClipRecord(
     *("", "", "small", "", "", "", "", "arm"), 30.0, 0.4, 12, 0, "file", "ab",
@@ -74,7 +74,8 @@ LIMITS = {
 
 def lay_out(root: Path, clips: Mapping[str, Interaction], **changes: Any) -> None:
     """Write clips and parameters into a folder."""
-    with write_motions(root / "clips" / MOTIONS, ARM) as writer:
+    (skeleton,) = {clip.skeleton for clip in clips.values()}
+    with write_motions(root / "clips" / MOTIONS, skeleton) as writer:
         for name, clip in sorted(clips.items()):
             writer.add(name, clip)
     facts = [replace(FACTS, clip=name, sequence=name) for name in sorted(clips)]

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from pydantic import TypeAdapter
 from ruamel.yaml import YAML
 
 from benchmarks._retargeting_tasks import SETTINGS
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.write_bvh import format_bvh
 from pacmo_core.interaction_mesh import Settings
 from pacmo_core.project.experiments import default_params
@@ -52,6 +54,27 @@ SMALL = Path("variations") / "small"
 def in_process(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Count the bodies of each batch."""
     return solve_in_process(monkeypatch)
+
+
+def test_a_thing_that_a_person_holds_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bare = CLIPS["one"]
+    joints, parents = (*bare.skeleton.joints, "object"), (*bare.skeleton.parents, 0)
+    ends = zip((bare.person_a, bare.person_b), (0.3, 0.0), strict=True)
+    people = [np.concatenate([m, m[:, :1] + np.float32(place)], axis=1) for m, place in ends]
+    skeleton = Skeleton(bare.skeleton.name, joints, parents, bare.skeleton.left_right)
+    held = replace(bare, skeleton=skeleton, person_a=people[0], person_b=people[1])
+    found = []
+    for name, clip in (("bare", bare), ("held", held)):
+        (tmp_path / name / "clips").mkdir(parents=True)
+        lay_out(tmp_path / name, {"one": clip})
+        run(tmp_path / name, monkeypatch)
+        found.append(dict(stream_motions(motion_file(tmp_path / name / SMALL / ACCEPTED, "one"))))
+    assert found[0] and list(found[0]) == list(found[1])
+    for first, second in zip(found[0].values(), found[1].values(), strict=True):
+        assert second.skeleton.joints == bare.skeleton.joints
+        np.testing.assert_array_equal(first.person_a, second.person_a)
 
 
 def test_further_solutions_are_other_motions_of_the_same_bodies_and_alone_are_computed(
