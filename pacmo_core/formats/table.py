@@ -25,6 +25,7 @@ from pacmo_core.formats.base import (
     pair_people,
     to_y_up,
 )
+from pacmo_core.formats.held import while_held
 from pacmo_core.formats.labels import CAPTURES_CSV
 from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.resample import frame_rate
@@ -52,7 +53,8 @@ class Table:
     up : the axis that is up, ``y`` or ``z``
     fps : frames a second, in place of ``fps`` and ``times``
     object : whether the array ``object`` (T, 3) of an NPZ file, the place of a thing that person a
-        holds at first, is a further joint: of person a there, of person b at the root
+        holds at first, is a further joint: of person a there until it is released
+        (``held.while_held``), of person b at the root
     """
 
     unit: float | None = None
@@ -140,12 +142,22 @@ class Table:
         return person.skeleton, self._times(file, arrays, len(motion)), motion
 
     def _read_arrays(self, file: Path) -> Arrays:
-        return _with_object(file, _read_arrays(file, OBJECT)) if self.object else _read_arrays(file)
+        if not self.object:
+            return _read_arrays(file)
+        arrays = _read_arrays(file, OBJECT)
+        skeleton = _skeleton(file, arrays)
+        positions = _positions(file, arrays, PEOPLE[0], skeleton)
+        return _with_object(file, arrays, skeleton, positions, self._unit(file, arrays, positions))
+
+    def _unit(self, file: Path, arrays: Arrays, positions: NDArray[np.float64]) -> float:
+        if self.unit is not None:
+            return self.unit
+        return _unit(file, arrays, positions, _skeleton(file, arrays))
 
     def _person(self, file: Path, arrays: Arrays, name: str) -> Person:
         skeleton = _skeleton(file, arrays)
         positions = _positions(file, arrays, name, skeleton)
-        unit = self.unit if self.unit is not None else _unit(file, arrays, positions, skeleton)
+        unit = self._unit(file, arrays, positions)
         up = self.up if self.up is not None else _text(file, arrays, "up")
         try:
             _check_unit(unit)
@@ -207,20 +219,25 @@ def _read_arrays(file: Path, *more: str) -> Arrays:
     return table_arrays(file, parquet_columns(file))
 
 
-def _with_object(file: Path, arrays: Arrays) -> Arrays:
-    """Make the object a joint.
+def _with_object(
+    file: Path, arrays: Arrays, skeleton: Skeleton, held: NDArray[np.float64], unit: float
+) -> Arrays:
+    """Make the object, which person a holds at first, a joint: where it is until it is released.
 
     It is a child of the root, so that hands stay the ends of limbs, and a mirror image is one of
     the same body.
+
+    Parameters
+    ----------
+    held : (T, J, 3) positions of person a, in ``unit`` metres
     """
-    skeleton = _skeleton(file, arrays)
     if OBJECT not in arrays:
         raise FormatError(
             file, f"no {OBJECT}: wanted (T, 3) in an NPZ file; got {', '.join(arrays)}"
         )
     if OBJECT in skeleton.joints:
         raise FormatError(file, f"joints: {OBJECT!r} is the name of a joint already")
-    place, held = arrays[OBJECT], _positions(file, arrays, PEOPLE[0], skeleton)
+    place = arrays[OBJECT]
     if place.dtype.kind not in "iuf" or place.shape != (len(held), 3):
         raise FormatError(
             file,
@@ -229,7 +246,8 @@ def _with_object(file: Path, arrays: Arrays) -> Arrays:
     found = dict(arrays)
     found["joints"] = np.array([*skeleton.joints, OBJECT])
     found["parents"] = np.array([*skeleton.parents, skeleton.root])
-    found[PEOPLE[0]] = np.concatenate([held, place[:, None].astype(np.float64)], axis=1)
+    known = while_held(place.astype(np.float64), held, skeleton, unit)
+    found[PEOPLE[0]] = np.concatenate([held, known[:, None]], axis=1)
     if PEOPLE[1] in arrays:
         other = _positions(file, arrays, PEOPLE[1], skeleton)
         found[PEOPLE[1]] = np.concatenate([other, other[:, [skeleton.root]]], axis=1)
