@@ -12,13 +12,13 @@ OFFSET = np.array([0.0, 0.1, 0.2])
 
 
 def carried(unit: float) -> tuple[np.ndarray, np.ndarray]:
-    """A motion whose right hand carries a thing, which then goes the other way."""
-    time = np.linspace(0, 1, N)[:, None]
+    """Return a motion whose right hand carries a thing, which then goes the other way."""
+    times = np.linspace(0, 1, N)[:, None]
     hip = np.zeros((N, 3))
-    right = np.concatenate([0.3 + time, 1 + 0 * time, time**2], axis=1)
+    right = np.concatenate([0.3 + times, 1 + 0 * times, times**2], axis=1)
     motion = np.stack([hip, right - [0.9, 0, 0], right], axis=1)
     place = right + OFFSET
-    place[LAST + 1 :] += np.linspace(0.1, 2, N - LAST - 1)[:, None] * [1, 0, 0]
+    place[LAST + 1 :] += np.linspace(0.5, 2, N - LAST - 1)[:, None] * [1, 0, 0]
     return place / unit, motion / unit
 
 
@@ -33,7 +33,7 @@ def test_a_thing_that_is_handed_over_stays_in_the_hand_that_held_it(unit: float)
 def test_where_it_goes_then_changes_nothing() -> None:
     place, motion = carried(1.0)
     other = place.copy()
-    other[LAST + 1 :] += np.random.default_rng(0).uniform(0.2, 1, (N - LAST - 1, 3))
+    other[LAST + 1 :] += np.random.default_rng(0).uniform(0.5, 1, (N - LAST - 1, 3))
     first, second = (while_held(one, motion, BODY, 1.0) for one in (place, other))
     np.testing.assert_array_equal(first, second)
 
