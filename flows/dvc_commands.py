@@ -1,6 +1,7 @@
 """Run DVC within a time limit, and leave no process behind."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from stages.common.progress import PROGRESS
 RAN, RESTORED, UP_TO_DATE = "done", "restored", "up to date"
 PUSH_ATTEMPTS, FIRST_WAIT_S = 3, 5.0
 _N_LAST_LINES = 2
+_SUMMARY = re.compile(r"ERROR: failed to reproduce '.*': failed to run: ")
 
 
 class StageError(CommandError):
@@ -137,7 +139,7 @@ def _environment(progress: Path) -> dict[str, str]:
 
 
 def _last_lines(text: str) -> str:
-    # Without DVC's echo of the command and its own summary.
+    # Without DVC's echo of the command and its own summary of a stage that has said why.
     lines = [line.strip() for line in text.splitlines()]
-    shown = [s for s in lines if s and not s.startswith((">", "ERROR: failed to repro"))]
+    shown = [s for s in lines if s and not s.startswith(">") and not _SUMMARY.match(s)]
     return " / ".join(shown[-_N_LAST_LINES:])

@@ -23,7 +23,7 @@ from prefect.context import FlowRunContext
 from prefect.futures import PrefectFuture
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from flows.dvc_commands import RAN, RESTORED, reproduce_stage
+from flows.dvc_commands import RAN, RESTORED, UP_TO_DATE, reproduce_stage
 from pacmo_core.commands.report import write_report_with_history
 from pacmo_core.figures.tables import markdown_table
 from pacmo_core.metrics.catalogue import MAIN_COLUMNS
@@ -46,6 +46,7 @@ from pacmo_core.store.files import file_hash
 
 N_WORKERS = 2
 STAGE_LIMIT_S = 12 * 3600.0
+INGESTED = Path("reports/ingest.json")
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -162,6 +163,8 @@ def _run_tasks(
             RESTORED: f"restored {stage} from the cache in {seconds:.0f} s, {position}",
         }.get(outcome, f"up to date {stage}, {position}")
         log_event(text, stage=stage, state="end", outcome=outcome, seconds=seconds)
+        if stage == "ingest" and outcome != UP_TO_DATE:
+            say_what_was_quarantined()
 
     futures: dict[str, PrefectFuture[None]] = {}
     for stage, upstream in order.items():
@@ -170,6 +173,16 @@ def _run_tasks(
         futures[stage] = stage_task.submit(stage, wait_for=waits)
     for future in futures.values():
         future.result()  # wait() alone would leave the flow Completed though every task failed
+
+
+def say_what_was_quarantined() -> None:
+    """Log how many captures the stage ``ingest`` could not use, if there are some."""
+    facts = json.loads(INGESTED.read_text(encoding="utf-8"))
+    if facts["quarantined"]:
+        log_event(
+            f"{facts['quarantined']} of {facts['sequences_read']} captures cannot be used: "
+            "pacmo quarantine lists why"
+        )
 
 
 def run_step(

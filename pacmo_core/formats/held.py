@@ -11,6 +11,7 @@ from pacmo_core.data.skeleton import Skeleton
 
 RELEASED = 0.05  # metres farther from the nearest hand than while the thing is held
 HELD_SHARE = 0.25  # of the frames, from the first, in which it is held
+MAX_HELD = 1.0  # metres from the nearest hand: a thing that is farther is held by nobody
 
 
 def while_held(
@@ -27,13 +28,23 @@ def while_held(
     motion : (T, J, 3) of the person who holds it
     skeleton : of the person; without a joint named a hand all ends of limbs are hands
     unit : metres a unit of both
+
+    Raises
+    ------
+    ValueError
+        If it is not held at first, as in another unit or other axes than the person.
     """
     named = [i for i, joint in enumerate(skeleton.joints) if "hand" in joint.lower()]
     hands = motion[:, named or list(skeleton.end_effectors)]
     gaps = np.linalg.norm(hands - place[:, None], axis=-1) * unit
     nearest = gaps.min(axis=1)
     first = max(1, round(HELD_SHARE * len(nearest)))
-    is_away = nearest > np.median(nearest[:first]) + RELEASED
+    usual = np.median(nearest[:first])
+    if usual > MAX_HELD:
+        raise ValueError(
+            f"{usual:.3g} m from the nearest hand at first: wanted at most {MAX_HELD:g} m"
+        )
+    is_away = nearest > usual + RELEASED
     held = np.flatnonzero(~is_away)
     if not len(held) or held[-1] + 1 == len(place):
         return place

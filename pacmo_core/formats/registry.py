@@ -78,9 +78,10 @@ def check_setting_names(name: str, settings: Mapping[str, Any]) -> None:
         if required and setting not in settings
     ]
     if unknown or missing:
+        wrong = [f"no setting {', '.join(unknown)}"] if unknown else []
+        wrong += [f"missing {', '.join(missing)}"] if missing else []
         raise ValueError(
-            f"format {name} needs the settings {', '.join(required_by_name)}; "
-            f"got unknown {unknown}, missing {missing}"
+            f"format {name} has the settings {', '.join(required_by_name)}; {'; '.join(wrong)}"
         )
 
 

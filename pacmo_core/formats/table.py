@@ -246,7 +246,10 @@ def _with_object(
     found = dict(arrays)
     found["joints"] = np.array([*skeleton.joints, OBJECT])
     found["parents"] = np.array([*skeleton.parents, skeleton.root])
-    known = while_held(place.astype(np.float64), held, skeleton, unit)
+    try:
+        known = while_held(place.astype(np.float64), held, skeleton, unit)
+    except ValueError as fault:
+        raise FormatError(file, f"{OBJECT}: {fault}") from fault
     found[PEOPLE[0]] = np.concatenate([held, known[:, None]], axis=1)
     if PEOPLE[1] in arrays:
         other = _positions(file, arrays, PEOPLE[1], skeleton)

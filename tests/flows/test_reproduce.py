@@ -6,7 +6,7 @@ import pytest
 from dvc.utils.strictyaml import YAMLValidationError
 from prefect.client.orchestration import get_client
 
-from flows.reproduce import reproduce
+from flows.reproduce import INGESTED, reproduce, say_what_was_quarantined
 from pacmo_core.project.stages import upstream_and_stale
 
 pytestmark = [
@@ -51,6 +51,23 @@ def test_a_stage_that_fails_fails_the_flow(pipeline):
     with pytest.raises(Exception, match="broken on purpose"):
         reproduce([])
     assert not (pipeline / "both.txt").exists()
+
+
+def test_what_a_stage_depends_on_and_is_not_there_is_named(pipeline):
+    (pipeline / "stage.py").unlink()
+    with pytest.raises(Exception, match=r"No such file or directory: '.*stage.py'"):
+        reproduce([])
+
+
+def test_captures_that_cannot_be_used_are_counted(tmp_path, monkeypatch, caplog):
+    monkeypatch.chdir(tmp_path)
+    INGESTED.parent.mkdir()
+    for quarantined, said in ((0, []), (4, ["4 of 6 captures cannot be used"])):
+        caplog.clear()
+        INGESTED.write_text(json.dumps({"sequences_read": 6, "quarantined": quarantined}))
+        with caplog.at_level("INFO"):
+            say_what_was_quarantined()
+        assert [line.message.partition(":")[0] for line in caplog.records] == said
 
 
 def test_the_metrics_are_an_artifact_of_the_flow_run(pipeline):

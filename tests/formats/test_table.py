@@ -112,13 +112,13 @@ def test_settings_state_what_the_file_does_not_or_replace_it(tmp_path: Path) -> 
 
 
 def test_an_object_is_a_joint_of_who_holds_it(tmp_path: Path) -> None:
-    place = np.array([[1000, -2000, 500]] * 4, np.int16)
+    place = np.array([[200, -400, 500]] * 4, np.int16)
     file = npz(tmp_path, object=place)
     assert read(file).interaction.skeleton.joints == ("hips", "left_foot", "right_foot")
     back = read(file, object=True).interaction
     assert back.skeleton.joints == ("hips", "left_foot", "right_foot", "object")
     assert back.skeleton.parents == (-1, 0, 0, 0)
-    np.testing.assert_allclose(back.person_a[:, 3], [[0.5, 0.25, 1.0]] * 4, atol=1e-6)
+    np.testing.assert_allclose(back.person_a[:, 3], [[0.1, 0.25, 0.2]] * 4, atol=1e-6)
     np.testing.assert_array_equal(back.person_b[:, 3], back.person_b[:, 0])
     np.testing.assert_array_equal(back.person_a[:, :3], read(file).interaction.person_a)
     turned = npz(tmp_path, object=place, parents=np.array([2, 2, -1]))
@@ -134,6 +134,8 @@ def test_an_object_that_is_not_there_is_refused(tmp_path: Path) -> None:
     refused(npz(tmp_path), "no object: wanted (T, 3) in an NPZ file; got joints", object=True)
     wrong = npz(tmp_path, object=np.zeros((4, 2)))
     refused(wrong, "object: wanted (4, 3) numbers; got (4, 2) of float64", object=True)
+    far = npz(tmp_path, object=np.full((4, 3), 9000.0))
+    refused(far, "object: 7.79 m from the nearest hand at first: wanted at most 1 m", object=True)
     nowhere = npz(tmp_path, object=np.full((4, 3), np.nan))
     refused(nowhere, "person_a: frame 0, joint object is not finite", object=True)
     file = tmp_path / "one.csv"
