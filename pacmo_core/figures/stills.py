@@ -207,18 +207,21 @@ def film_strip(
     scenes : with their frames; the same number of frames of each
     min_width : metres that a picture shows at least
     inches : width of a picture
-    follow : whether each picture is about the people in it, over the lines of whole metres, and not
-        about those of the whole row
+    follow : whether each picture is about the people in it, over the lines of whole metres and in
+        one scale, and not about those of the whole row
     """
     rows, columns = len(scenes), len(scenes[0][1])
     figure = Figure(figsize=(columns * inches, rows * ASPECT * inches), facecolor="white")
-    for row, (scene, frames) in enumerate(scenes):
-        camera = choose_camera(scene)
-        boxes = [fit_view(scene, frames, camera, min_width)] * columns
-        if follow:
-            boxes = [fit_view(scene, [frame], camera, min_width) for frame in frames]
-            widest = max(box.width for box in boxes)
-            boxes = [fit_view(scene, [frame], camera, widest) for frame in frames]
+    cameras = [choose_camera(scene) for scene, _ in scenes]
+    of_rows = list(zip(scenes, cameras, strict=True))
+    if follow:
+        seen = [
+            fit_view(s, [frame], c, min_width) for (s, frames), c in of_rows for frame in frames
+        ]
+        min_width = max(box.width for box in seen)
+    for row, ((scene, frames), camera) in enumerate(of_rows):
+        together = [frames] * columns if not follow else [[frame] for frame in frames]
+        boxes = [fit_view(scene, shown, camera, min_width) for shown in together]
         for column, (frame, box) in enumerate(zip(frames, boxes, strict=True)):
             corner = (column / columns + 0.004, 1.0 - (row + 1) / rows + 0.004)
             axes = figure.add_axes((*corner, 1.0 / columns - 0.008, 1.0 / rows - 0.008))

@@ -85,6 +85,12 @@ def test_a_strip_has_a_picture_a_frame_and_the_same_bytes_twice(scene: Scene) ->
     assert drawn[0] == drawn[1]
 
 
+def test_all_rows_of_a_clip_have_one_scale(scene: Scene) -> None:
+    wide = replace(scene, people=(scene.people[0], scene.people[1] + np.float32([2, 0, 0])))
+    axes = film_strip([(scene, [0]), (wide, [0])], min_width=1.0, inches=1.0, follow=True).axes
+    assert len({round(float(np.ptp(one.get_xlim())), 6) for one in axes}) == 1
+
+
 def pixels(scene: Scene) -> np.ndarray:
     page = BytesIO()
     film_strip([(scene, [0, 30])], min_width=2.0, inches=3.0).savefig(page, format="png", dpi=60)
