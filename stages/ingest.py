@@ -20,6 +20,7 @@ from typing import Any
 from pacmo_core.data.names import matches_any
 from pacmo_core.data.quality import QualityLimits
 from pacmo_core.formats.base import RawSequence, check_fps
+from pacmo_core.formats.inference import OTHER_AXIS
 from pacmo_core.formats.joint_names import parse_joints
 from pacmo_core.formats.rigs import RIGS
 from pacmo_core.ingestion import (
@@ -96,6 +97,12 @@ def main(raw: Path, sequences: Path, metrics: Path, *, cache: Path | None = None
         for facts, interaction in chain([first], captures):
             writer.add(facts.clip, interaction)
             rows.append(facts)
+    on_their_sides = [row for row in quarantined if OTHER_AXIS in row.reason]
+    if len(on_their_sides) > len(rows):  # people who lie down would pass, and lie in the air
+        raise StageError(
+            f"{raw}: {len(on_their_sides)} of {len(included)} captures are on their sides: "
+            f"{on_their_sides[0].file}: {on_their_sides[0].reason}"
+        )
     write_rows(sequences / CLIPS, ClipRecord, rows)
     write_rows(sequences / QUARANTINE, QuarantineRecord, quarantined)
     counts = {

@@ -36,6 +36,7 @@ from pacmo_core.formats.table import Table
 
 UNIT_NAMES = {value: name for name, value in UNITS.items()} | {CMU_UNIT: "CMU's unit"}
 _FACTS = ("unit", "up")
+OTHER_AXIS = "up was stated, but"  # in the reason for which a capture on its side is refused
 MIN_USUAL_STATURE = 0.9  # metres, of people who move as pairs do; smaller ones are in another unit
 
 
@@ -151,7 +152,7 @@ def implausible(
     if up is None:
         return number, f"a person {fault} with the upward axis that the file states"
     found = _main_axis(trunk if up == "y" else from_y_up(trunk, up))
-    return number, f"{up} up was stated, but the trunk of a person is along {found} throughout"
+    return number, f"{up} {OTHER_AXIS} the trunk of a person is along {found} throughout"
 
 
 def _main_axis(vectors: Motion) -> str:

@@ -69,6 +69,21 @@ def test_captures_that_a_wrong_unit_or_axis_makes_impossible_are_quarantined(
     assert "y up was stated, but the trunk of a person is along z" in reasons["lying"]
 
 
+def test_an_axis_that_most_captures_contradict_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(tmp_path, monkeypatch, SETTINGS)
+    raw, sequences, metrics = Path("raw"), Path("sequences"), Path("metrics.json")
+    for name, up in (("good", "y"), ("lying", "z")):
+        write_pair(raw, name, 0.01, up)
+    main(raw, sequences, metrics)
+    write_pair(raw, "lying too", 0.01, "z")
+    with pytest.raises(StageError) as caught:
+        main(raw, sequences, metrics)
+    said = "raw: 2 of 3 captures are on their sides: lying_A.bvh: y up was stated, but"
+    assert str(caught.value).startswith(said)
+
+
 def test_captures_beside_the_scripts_of_the_default_are_synthetic(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
