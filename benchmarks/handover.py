@@ -4,8 +4,8 @@ Usage: python -m benchmarks.handover [REACTIONS.parquet ...] [--json]
 
 Reactions are of the experiment ``handover``, by default those of PaCMO and the regression in
 ``data/reactions/1``; those to the giver count. Under PACMO_REAL_DATA the captures state where the
-object is, of which a model is told while it is held (``formats.held``). The transfer is the instant
-at which both captured people have a wrist or hand nearest to it. Of each file, and of the captured
+object is, of which a model is told while it is held. The transfer is the instant at which both
+captured people have a wrist or hand nearest to it. Of each file, and of the captured
 receivers: ``hand_m`` the distance of the nearest wrist or hand to the object at the transfer,
 median; ``within_10_cm`` and ``within_15_cm`` the shares of reactions in which it is so near, or is
 within 0.25 s of it; ``root_m`` the error of the pelvis over the floor then, median.

@@ -227,7 +227,7 @@ def test_defaults_are_those_of_params_yaml():
         (lambda c: pacmo_core.load_clips("none"), ValueError, "folder must be an existing folder"),
         (lambda c: pacmo_core.load_clips(".", "fbx"), ValueError, "format must be one of ntu"),
         (lambda c: pacmo_core.load_clips(".", "bvh"), ValueError, "preset pair states no unit"),
-        (lambda c: pacmo_core.load_clips(".", "bvh", fbs=3), ValueError, "unknown ..fbs"),
+        (lambda c: pacmo_core.load_clips(".", "bvh", fbs=3), ValueError, "no setting fbs"),
         (lambda c: pacmo_core.load_person("x.bvh"), ValueError, "x.bvh: cannot be read"),
         (lambda c: pacmo_core.load_person("x.fbx"), ValueError, "belongs to no format"),
         (

@@ -25,7 +25,6 @@ from pacmo_core.formats.base import (
     pair_people,
     to_y_up,
 )
-from pacmo_core.formats.held import while_held
 from pacmo_core.formats.labels import CAPTURES_CSV
 from pacmo_core.formats.pairing import matching_files
 from pacmo_core.formats.resample import frame_rate
@@ -39,6 +38,9 @@ KEYS = ("joints", "parents", "fps", "times", "unit", "up", *PEOPLE)
 _WANTED = "joints, parents, fps or times, unit, up, person_a, person_b"
 MAX_JOINTS = 1000  # a tree is checked in the square of their number
 MAX_RATE_DIFFERENCE = 0.01  # of fps from the times, relative
+RELEASED = 0.05  # metres farther from the nearest hand than while the thing is held
+HELD_SHARE = 0.25  # of the frames, from the first, in which it is held
+MAX_HELD = 1.0  # metres from the nearest hand: a thing that is farther is held by nobody
 
 Arrays = Mapping[str, NDArray[np.generic]]
 
@@ -54,7 +56,7 @@ class Table:
     fps : frames a second, in place of ``fps`` and ``times``
     object : whether the array ``object`` (T, 3) of an NPZ file, the place of a thing that person a
         holds at first, is a further joint: of person a there until it is released
-        (``held.while_held``), of person b at the root
+        (``while_held``), of person b at the root
     """
 
     unit: float | None = None
@@ -69,6 +71,8 @@ class Table:
             check_up(self.up)
         if self.fps is not None:
             check_fps(self.fps)
+        if not isinstance(self.object, bool):
+            raise ValueError(f"object must be true or false; got {self.object!r}")
 
     def find(self, root: Path) -> list[RawSequence]:
         """List every ``.npz``, ``.parquet`` and ``.csv`` file but ``captures.csv``.
@@ -255,6 +259,50 @@ def _with_object(
         other = _positions(file, arrays, PEOPLE[1], skeleton)
         found[PEOPLE[1]] = np.concatenate([other, other[:, [skeleton.root]]], axis=1)
     return found
+
+
+def while_held(
+    place: NDArray[np.float64], motion: NDArray[np.float64], skeleton: Skeleton, unit: float
+) -> NDArray[np.float64]:
+    """Return where a thing is while it is held, and afterwards would be in the hand that held it.
+
+    Once the other person has it, its place is that of the other's hand: a model that generates this
+    person must not be told.
+
+    It is released at the first frame from which it stays ``RELEASED`` farther from the nearest hand
+    than in the median of the first frames. It then keeps its offset to that hand.
+
+    Parameters
+    ----------
+    place : (T, 3) of the thing
+    motion : (T, J, 3) of the person who holds it
+    skeleton : of the person; without a joint named a hand all ends of limbs are hands
+    unit : metres a unit of both
+
+    Raises
+    ------
+    ValueError
+        If it is not held at first, as in another unit or other axes than the person.
+    """
+    named = [i for i, joint in enumerate(skeleton.joints) if "hand" in joint.lower()]
+    hands = motion[:, named or list(skeleton.end_effectors)]
+    gaps = np.linalg.norm(hands - place[:, None], axis=-1) * unit
+    nearest = gaps.min(axis=1)
+    first = max(1, round(HELD_SHARE * len(nearest)))
+    usual = np.median(nearest[:first])
+    if usual > MAX_HELD:
+        raise ValueError(
+            f"{usual:.3g} m from the nearest hand at first: wanted at most {MAX_HELD:g} m"
+        )
+    is_away = nearest > usual + RELEASED
+    held = np.flatnonzero(~is_away)
+    if not len(held) or held[-1] + 1 == len(place):
+        return place
+    last = held[-1]
+    hand = hands[:, gaps[last].argmin()]
+    moved: NDArray[np.float64] = place.copy()
+    moved[last + 1 :] = hand[last + 1 :] + (place[last] - hand[last])
+    return moved
 
 
 def _skeleton(file: Path, arrays: Arrays) -> Skeleton:

@@ -12,7 +12,7 @@ def test_a_format_is_opened_by_name_and_refuses_what_it_does_not_know():
     assert open_format("ntu", SETTINGS) == Ntu(**SETTINGS)
     with pytest.raises(KeyError, match="there are ntu"):
         open_format("nto", {})
-    with pytest.raises(ValueError, match=r"unknown \['rate'\], missing \['fps'\]"):
+    with pytest.raises(ValueError, match="no setting rate; missing fps"):
         open_format("sbu", {"rate": 15})
     with pytest.raises(ValueError, match="fps must be"):
         open_format("ntu", SETTINGS | {"fps": 0})

@@ -106,7 +106,7 @@ def test_settings_state_what_the_file_does_not_or_replace_it(tmp_path: Path) -> 
     np.testing.assert_allclose(back.person_a, ARRAYS["person_a"] * 0.001, atol=1e-6)
     assert back.fps == pytest.approx(60)
     assert read(npz(tmp_path), fps=15.0).interaction.fps == pytest.approx(15)
-    for fault in ({"unit": 0.0}, {"up": "x"}, {"fps": -1.0}):
+    for fault in ({"unit": 0.0}, {"up": "x"}, {"fps": -1.0}, {"object": "no"}):
         with pytest.raises(ValueError, match="must be"):
             Table(**fault)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pacmo_core.data.skeleton import Skeleton
-from pacmo_core.formats.held import RELEASED, while_held
+from pacmo_core.formats.table import RELEASED, while_held
 
 BODY = Skeleton("body", ("hip", "left_hand", "right_hand"), (-1, 0, 0), ((1, 2),))
 N, LAST = 40, 24  # frames, and the last in which it is held
