@@ -71,7 +71,7 @@ class Table:
             check_up(self.up)
         if self.fps is not None:
             check_fps(self.fps)
-        if not isinstance(self.object, bool):
+        if self.object not in (True, False):
             raise ValueError(f"object must be true or false; got {self.object!r}")
 
     def find(self, root: Path) -> list[RawSequence]:
