@@ -37,7 +37,7 @@ LIMITS = (
     "are met, and one frame in seven without contact has one, which is not significantly different "
     "from a captured reaction to another partner; on those of CMU and on handovers fewer contacts "
     "are met and more are false. On recorded partners the same training "
-    "with two other seeds meets as many or fewer contacts.",
+    "with three other seeds meets as many or fewer contacts.",
     "The scores are of the default's 14 test pairs, one seed; copies, regression and no_noise are "
     "of the same clips without parts, finished as in the version before. That training on parts is "
     "shipped was decided on SBU's figures. The falling learning rate was suggested by scores on "
