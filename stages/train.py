@@ -90,7 +90,7 @@ def read_trained_on_before(params: Any) -> TrainedOn:
         trained_on = read_trained_on(file) or TrainedOn((), 0, 0)
     except (OSError, StoreError) as fault:
         raise StageError(f"train_pacmo.start: {fault}") from fault
-    sys.stdout.write(f"continues from {file}, which keeps a share of {START_SHARE:.0%} in the weights\n")
+    sys.stdout.write(f"continues from {file}, which keeps {START_SHARE:.0%} of the weights\n")
     return trained_on
 
 
