@@ -181,11 +181,19 @@ def test_a_receiver_who_is_moved_aside_misses_the_object_by_as_much(tmp_path: Pa
         writer.add("variation_0#a#0", replace(clip, person_b=clip.person_a))
         writer.add("variation_0#b#0", clip)
         writer.add("variation_0#b#1", replace(clip, person_b=clip.person_b + way))
-    itself, aside = (np.array(row).reshape(2, 3) for row in measure(file))
-    np.testing.assert_allclose(itself[1], itself[0], atol=1e-5)
-    assert itself[0, 0] < 0.15 and itself[0, 2] == 0
-    assert aside[1, 2] == pytest.approx(2, abs=1e-5)
-    assert 2 - itself[0, 0] - 0.7 < aside[1, 0] < 2 + itself[0, 0], "hands are 0.7 m apart at most"
+    (itself, unmoved), (captured, aside) = measure(file)
+    assert itself == captured
+    assert vars(unmoved) == pytest.approx(vars(itself), abs=1e-5)
+    assert itself.own <= itself.near <= itself.hand < 0.15 and itself.root == 0
+    assert abs(itself.own_time) <= 0.25
+    assert aside.root == pytest.approx(2, abs=1e-5)
+    assert 2 - itself.hand - 0.7 < aside.hand < 2 + itself.hand, "hands are 0.7 m apart at most"
+    early = replace(clip, person_b=np.roll(clip.person_b, -12, axis=0))
+    with write_motions(file, clip.skeleton) as writer:
+        writer.add("variation_0#b#0", early)
+    ((_, taken),) = measure(file)
+    assert taken.near > taken.own == pytest.approx(itself.own, abs=0.1)
+    assert taken.own_time < -0.25
 
 
 def test_a_blow_that_lands_a_tenth_of_a_second_late_is_met_and_a_later_one_is_not() -> None:
