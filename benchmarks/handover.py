@@ -72,7 +72,7 @@ class Capture:
 
     @property
     def first_frame(self) -> Frame:
-        """The giver's frame at the start, over the floor."""
+        """The frame of the giver's first pose."""
         skeleton = Skeleton(
             "table", tuple(self.joints), self.parents, mirror_by_name(tuple(self.joints))
         )
