@@ -74,7 +74,8 @@ def clips(
     also their split in that fold. A reaction of person b, of model pacmo in fold 1 with seed 1, is
     data/reactions/1/pacmo/1:CLIP#b#0 for ``pacmo view`` and ``pacmo export``. ``--variations``
     lists those of all datasets in data/variations, accepted or not, by the names that both take.
-    Of a folder of captures that no run has taken in, the files and their formats are listed.
+    Of a folder of captures that no run has taken in, the files and their formats are listed, with
+    those below it.
     """
     folder, *others = folders or [CLIPS]
     _check_alone(others, {"--variations": variations, "--splits": splits, "--reactions": reactions})
@@ -127,9 +128,11 @@ def _list_files(files: Sequence[Path], matching: str) -> None:
 
 
 def _captures(folder: Path) -> list[list[str]]:
-    """List the files of a folder whose suffix is that of a format of captures."""
+    """List the files in and below a folder whose suffix is that of a format of captures."""
     found = []
-    for file in sorted(path for path in folder.glob("*") if path.is_file()):
+    for file in sorted(folder.rglob("*")):
+        if not file.is_file() or any(part[:1] == "." for part in file.relative_to(folder).parts):
+            continue
         with suppress(ValueError):
             found.append([printable(str(file)), format_of(file)])
     return found
@@ -157,7 +160,7 @@ def _table(path: Path) -> Path:
     if not path.exists():
         raise CommandError(
             f"no {path}: ./run makes data/clips and data/sequences; "
-            f"wanted a folder with {path.name}, or a Parquet file"
+            f"wanted a folder with {path.name}, a Parquet file, or a folder of captures by suffix"
         )
     return path
 

@@ -26,6 +26,7 @@ from pacmo_core.project.workspace import (
     PROMOTED_MODELS,
     RUNS,
     errors_in_one_line,
+    require_project,
 )
 
 Name = Annotated[str, typer.Argument(help="default, or a file in experiments/ without its suffix")]
@@ -38,6 +39,8 @@ def use(name: Name) -> None:
     first. Outputs of folds and seeds that the experiment does not define are removed from the
     workspace; DVC's cache keeps them.
     """
+    with errors_in_one_line():
+        require_project()
     with errors_in_one_line(), writer_lock("use", LOCK):
         before = experiment_of(PARAMS.read_text("utf-8")) if PARAMS.exists() else ""
         saved = use_experiment(name)
@@ -76,12 +79,16 @@ def tidy() -> None:
 
     Needed after an edit of ``runs`` in params.yaml, as scores are pooled over all files.
     """
+    with errors_in_one_line():
+        require_project()
     with errors_in_one_line(), writer_lock("tidy", LOCK):
         _remove_unused_outputs("./run with parameters that define it")
 
 
 def experiments() -> None:
     """List the experiments."""
+    with errors_in_one_line():
+        require_project()
     for name in experiment_names():
         typer.echo(name)
 
@@ -95,6 +102,7 @@ Why = Annotated[str, typer.Option("--why", help="reason, for the history")]
 def status(as_json: AsJson = False, check: Check = False, stale: Stale = True) -> None:
     """Show the last runs, the current model, stale stages, inbox, quarantine and disk."""
     with errors_in_one_line():
+        require_project()
         status = project_status(stale=stale)
         typer.echo(json.dumps(status, indent=2) if as_json else "\n".join(status_lines(status)))
         if check and last_run_failed(status):

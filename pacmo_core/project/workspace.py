@@ -62,6 +62,18 @@ class CommandError(Exception):
     """An error that the user can act on; its text is one line and says how."""
 
 
+def require_project() -> None:
+    """Check that the present folder is the project's: its commands would make one of any other.
+
+    Raises
+    ------
+    CommandError
+        If it holds no ``dvc.yaml``.
+    """
+    if not DVC_YAML.is_file():
+        raise CommandError(f"no {DVC_YAML} in {Path.cwd()}: wanted the folder of the project")
+
+
 def one_line(error: BaseException) -> str:
     """Return the text of an error on one line; of a ``KeyError`` the message without quotes.
 

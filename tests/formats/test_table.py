@@ -13,6 +13,7 @@ import pytest
 from pacmo_core.data.skeleton import mirror_by_name
 from pacmo_core.formats.base import FormatError, RawSequence, Reading
 from pacmo_core.formats.resample import from_y_up
+from pacmo_core.formats.sbu import Sbu
 from pacmo_core.formats.table import Table
 from pacmo_core.formats.write_tables import TABLE_WRITERS, JointTable
 from pacmo_core.store.motions import write_motions
@@ -397,6 +398,20 @@ def test_recorded_people_are_bodies_in_their_own_layout_alone(tmp_path: Path) ->
         for name in ("person_a", "person_b"):
             arrays[name] = arrays[name].transpose(0, 2, 1).reshape(n_frames, n_joints, 3)
         np.savez(tmp_path / "x.npz", **arrays)
+        refused(tmp_path / "x.npz", "person_a: bones of no body", "reshape(T, 3, J)")
+
+
+def test_recorded_people_of_a_noisy_sensor_are_bodies_too(tmp_path: Path) -> None:
+    reader = Sbu(fps=15)
+    for sequence in reader.find(real_folder("sbu"))[::12]:
+        clip = reader.read(sequence).interaction
+        facts = {"joints": clip.skeleton.joints, "parents": clip.skeleton.parents, "fps": 15}
+        people = {"person_a": clip.person_a, "person_b": clip.person_b}
+        np.savez(tmp_path / "x.npz", **facts, **people, unit=1.0, up="y")
+        assert len(read(tmp_path / "x.npz").interaction.times) == len(clip.times)
+        n_frames, n_joints, _ = clip.person_a.shape
+        mixed = clip.person_a.transpose(0, 2, 1).reshape(n_frames, n_joints, 3)
+        np.savez(tmp_path / "x.npz", **facts, **people | {"person_a": mixed}, unit=1.0, up="y")
         refused(tmp_path / "x.npz", "person_a: bones of no body", "reshape(T, 3, J)")
 
 
