@@ -14,10 +14,11 @@ from pacmo_core.data.posture import UNIT_WORDS, infer_unit, measure_posture
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.formats.base import FormatError
 
-# Median of |log(left / right)| over the limbs. Measured on captures of seven rigs, bodies have at
-# most 0.04; in the other layout 0.66 to 1.66 on six of them, on the noisy one of SBU from 0.01 on.
-_MAX_ASYMMETRY, _SYMMETRIC = 0.1, 0.05
-_LONGEST = 1.8, 6.0  # of the bones, in median bones: 2.7 to 3.5, 1.4 to 2.4 on SBU; else 1.1 to 1.7
+# Measured on captures of six rigs, bodies have an asymmetry up to 0.04 and a longest bone of 2.7 to
+# 3.5; in the other layout 0.66 to 1.66, or a longest bone of 1.1 to 1.7. Those of SBU have 0.04 and
+# 1.4 to 2.4, and 0.01 and 1.7 or more in the other layout.
+_MAX_ASYMMETRY = 0.1  # median of |log(left / right)| over the limbs
+_LONGEST = 1.8, 6.0  # of the bones, in median bones
 _MIN_LIMBS = 3  # pairs of bones that are mirror images
 _N_FRAMES = 200  # of a motion, whose bones are measured
 _LAYOUTS = {
@@ -63,22 +64,26 @@ def check_layout(file: Path, name: str, positions: NDArray[np.float64], skeleton
     some = positions[:: max(1, n_frames // _N_FRAMES)]
     if not n_frames or len(skeleton.mirrored_bones) < _MIN_LIMBS:
         return
-    asymmetry, longest = _bones(some, skeleton)
-    if asymmetry <= _MAX_ASYMMETRY and _LONGEST[0] <= longest <= _LONGEST[1]:
+    given = _bones(some, skeleton)
+    if _is_body(*given):
         return
     others = (
         some.transpose(0, 2, 1).reshape(some.shape),
         some.reshape(-1, 3, n_joints).transpose(0, 2, 1),
     )
     for (layout, code), other in zip(_LAYOUTS.items(), others, strict=True):
-        # By chance the bones of noisy captures are a body's in another layout too.
-        found, _ = _bones(other, skeleton)
-        if asymmetry > _SYMMETRIC and found <= min(_MAX_ASYMMETRY, asymmetry / 2):
+        found = _bones(other, skeleton)
+        # By chance the bones of a noisy capture are a body's in another layout, but less alike.
+        if _is_body(*found) and found[0] < given[0] / 2:
             raise FormatError(
                 file,
                 f"{name}: bones of no body, but of one if the coordinates of a frame are {layout}: "
                 f"wanted array.{code}",
             )
+
+
+def _is_body(asymmetry: float, longest: float) -> bool:
+    return asymmetry <= _MAX_ASYMMETRY and _LONGEST[0] <= longest <= _LONGEST[1]
 
 
 def _bones(positions: NDArray[np.float64], skeleton: Skeleton) -> tuple[float, float]:

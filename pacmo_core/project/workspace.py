@@ -68,9 +68,9 @@ def require_project() -> None:
     Raises
     ------
     CommandError
-        If it holds no ``dvc.yaml``.
+        If it holds neither ``dvc.yaml`` nor ``params.yaml``.
     """
-    if not DVC_YAML.is_file():
+    if not DVC_YAML.is_file() and not PARAMS.is_file():
         raise CommandError(f"no {DVC_YAML} in {Path.cwd()}: wanted the folder of the project")
 
 

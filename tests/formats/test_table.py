@@ -409,10 +409,6 @@ def test_recorded_people_of_a_noisy_sensor_are_bodies_too(tmp_path: Path) -> Non
         people = {"person_a": clip.person_a, "person_b": clip.person_b}
         np.savez(tmp_path / "x.npz", **facts, **people, unit=1.0, up="y")
         assert len(read(tmp_path / "x.npz").interaction.times) == len(clip.times)
-        n_frames, n_joints, _ = clip.person_a.shape
-        mixed = clip.person_a.transpose(0, 2, 1).reshape(n_frames, n_joints, 3)
-        np.savez(tmp_path / "x.npz", **facts, **people | {"person_a": mixed}, unit=1.0, up="y")
-        refused(tmp_path / "x.npz", "person_a: bones of no body", "reshape(T, 3, J)")
 
 
 def test_a_missing_unit_is_said_with_the_one_that_makes_a_person(tmp_path: Path) -> None:

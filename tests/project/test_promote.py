@@ -27,6 +27,7 @@ CURRENT = PROMOTED_MODELS / "current" / WEIGHTS
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "params.yaml").touch()
 
 
 def train(weights: bytes, f2id: float, experiment="lab"):
