@@ -278,8 +278,10 @@ def test_use_says_whether_what_it_removes_is_in_the_cache_and_what_brings_it_bac
 
 @pytest.mark.parametrize("command", [["use", "nope"], ["tidy"], ["experiments"], ["status"]])
 def test_outside_the_project_its_commands_make_nothing(tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
     said = CliRunner().invoke(app, command)
     assert said.exit_code == 1
-    assert f"no dvc.yaml in {tmp_path}: wanted the folder of the project" in said.output
-    assert not list(tmp_path.iterdir())
+    assert f"no dvc.yaml in {elsewhere}: wanted the folder of the project" in said.output
+    assert not list(elsewhere.iterdir())
