@@ -72,6 +72,7 @@ def test_other_commands_keep_the_root_and_so_do_those_of_the_project(
 ) -> None:
     where = run(project, tmp_path, "python3", "-c", "import os; print(os.getcwd())")
     assert where.stdout.strip() == str(project)
+    (project / "dvc.yaml").touch()
     (project / "experiments").mkdir()
     (project / "experiments" / "mine.yaml").write_text("{}\n")
     assert "mine" in run(project, tmp_path, "pacmo", "experiments").stdout.split()
