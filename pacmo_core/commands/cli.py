@@ -115,7 +115,8 @@ app = typer.Typer(
     name="pacmo",
     cls=LazyGroup,
     no_args_is_help=True,
-    epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 wrong usage.",
+    epilog="Exit codes: 0 done; 1 could not be done, with the reason in one line; 2 words that the "
+    "command does not take.",
     **_OPTIONS,
 )
 

@@ -1,4 +1,4 @@
-"""What is wrong with captures that commands use all the same: bones, legs, floors."""
+"""What is wrong with captures that commands use all the same: bones, legs, axes, floors."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pacmo_core.data.interaction import Motion
+from pacmo_core.data.posture import measure_posture
 from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.bones import leg_length, median_lengths
@@ -19,6 +20,9 @@ MIN_BONE_LENGTH = 1e-3  # metres
 # Of the length of a leg: an ankle that stays this much above the other belongs to a leg that was
 # not tracked. People who walk, dance or kick put it down.
 MAX_RAISED = 0.3
+# Cosine between the trunk and the upward axis below which a person lies, and the share of frames in
+# which who lies may be upright.
+MAX_LYING, LYING_EXCEPTIONS = 0.5, 0.05
 _PLURALS = {"trunk": "trunk", "arm": "arms", "leg": "legs", "foot": "feet"}
 
 
@@ -32,6 +36,8 @@ def doubts(files: Sequence[Path], people: Sequence[PersonMotion]) -> list[str]:
     """
     by_person = list(zip(files, people, strict=True))
     lines = [text(*one) for text in (_lost_text, _raised_text) for one in by_person]
+    lying = [_lying_text(*one) for one in by_person]
+    lines += lying if all(lying) else []  # one of two may be carried
     if len(people) == 2:
         lines.append(_floors_text(files, people[0], people[1]))
     return list(dict.fromkeys(filter(None, lines)))
@@ -72,6 +78,18 @@ def _raised_text(file: Path, person: PersonMotion) -> str:
                 "way; wanted another capture or the other person"
             )
     return ""
+
+
+def _lying_text(file: Path, person: PersonMotion) -> str:
+    """Say that a trunk is never upright; nothing if it is, or arms and legs have no names."""
+    posture = measure_posture(person.motion, person.skeleton)
+    if posture is None or (np.abs(posture.trunk[:, 1]) > MAX_LYING).mean() > LYING_EXCEPTIONS:
+        return ""
+    return (
+        f"{file}: the trunk of a person is nearer to the floor's plane than to y, which is up, "
+        "in nearly every frame: who does not lie there was captured with another upward axis; "
+        "wanted it stated (up in the table, or --from-up)"
+    )
 
 
 def _floors_text(files: Sequence[Path], a: PersonMotion, b: PersonMotion) -> str:

@@ -9,8 +9,9 @@ import csv
 import difflib
 import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -235,7 +236,7 @@ def name_joints(
         joint: dict.fromkeys(parts, 1 / len(set(parts)))
         for joint, parts in {**found, **explicit}.items()
     }
-    _check_sides(shares, explicit, model)
+    _check_places(shares, explicit, model)
     missing = [joint for joint in wanted if joint not in found]
     guessed = _estimate(capture, model, missing, rig) if estimates and rig else {}
     if len(guessed) < len(missing):
@@ -254,21 +255,23 @@ def name_joints(
     return JointNames(extended, description, toes, _rows_of("hip", model) if toes else [])
 
 
-def _check_sides(
+def _check_places(
     shares: Mapping[str, Mapping[str, float]], stated: Mapping[str, object], model: Skeleton
 ) -> None:
-    """Refuse one place for a left and a right joint, of which the user stated one.
+    """Refuse one place for two joints of which the user stated one, unless a bone joins them.
+
+    A hand that is stated as the wrist is put beyond it.
 
     Raises
     ------
     ValueError
         With both, and the joints of the capture that they would be.
     """
-    for pair in model.left_right:
-        left, right = (model.joints[joint] for joint in pair)
-        is_one = left in shares and shares[left] == shares.get(right)
-        if is_one and {left, right} & set(stated):
-            raise ValueError(f"{left} and {right} would both be {' + '.join(shares[left])}")
+    bones = {frozenset((model.joints[a], model.joints[b])) for a, b in model.bones.tolist()}
+    for one, other in combinations([joint for joint in model.joints if joint in shares], 2):
+        is_one = shares[one] == shares[other] and frozenset((one, other)) not in bones
+        if is_one and {one, other} & set(stated):
+            raise ValueError(f"{one} and {other} would both be {' + '.join(shares[one])}")
 
 
 def _estimate(
@@ -406,9 +409,13 @@ def _missing_text(
     found: Mapping[str, tuple[str, ...]],
     stated: StatedNames,
 ) -> str:
-    near = {joint: _nearest(joint, capture) or _neighbour(joint, model, found) for joint in missing}
     # Of the same name a joint may be another point: the foot of the first Kinect is an ankle.
     owners = {parts: joint for joint, parts in found.items()}
+    taken = {parts[0] for parts in owners if len(parts) == 1}
+    near = {
+        joint: _nearest(joint, capture, taken) or _neighbour(joint, model, found)
+        for joint in missing
+    }
     listed = [
         f"{joint} (its {near[joint]} is the {owners[(near[joint],)]})"
         if plain_name(near[joint]) == plain_name(joint) and (near[joint],) in owners
@@ -424,10 +431,17 @@ def _missing_text(
     )
 
 
-def _nearest(joint: str, capture: Skeleton) -> str:
-    """Return the joint of the capture whose name is most like another's, of the same side."""
+def _nearest(joint: str, capture: Skeleton, taken: Collection[str] = ()) -> str:
+    """Return the joint of the capture whose name is most like another's, of the same side.
+
+    Joints that are taken by another are passed over, unless the name is the same.
+    """
     side, wanted = _split_side(plain_name(joint))
-    plain = {_split_side(name): original for name, original in _by_plain_name(capture).items()}
+    plain = {
+        _split_side(name): original
+        for name, original in _by_plain_name(capture).items()
+        if original not in taken or name == plain_name(joint)
+    }
     same = [name for other, name in plain if not side or other == side]
     like = difflib.get_close_matches(wanted, same, n=1, cutoff=_MIN_SIMILARITY)
     if not like:

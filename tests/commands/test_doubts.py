@@ -122,3 +122,17 @@ def test_a_leg_in_the_air_throughout_is_named(side: str, raised: float, is_named
     assert len(found) == is_named
     if found:
         assert found[0].startswith(f"x.bvh: {side}Foot is over 3")
+
+
+def test_people_who_lie_throughout_are_doubted_unless_one_stands() -> None:
+    standing = PersonMotion(BODY, CLIP.times, MOTION)
+    lying = PersonMotion(BODY, CLIP.times, MOTION[..., [0, 2, 1]])
+    files = [Path("a.bvh"), Path("b.bvh")]
+
+    def said(*people: PersonMotion) -> list[str]:
+        lines = doubts(files[: len(people)], people)
+        return [line.partition(":")[0] for line in lines if "the trunk of a person" in line]
+
+    assert said(lying) == ["a.bvh"]
+    assert said(lying, lying) == ["a.bvh", "b.bvh"]
+    assert said(lying, standing) == said(standing) == []

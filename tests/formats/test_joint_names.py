@@ -211,9 +211,9 @@ def test_names_can_be_stated_one_by_one_and_in_files(tmp_path: Path) -> None:
         found = name_joints(capture, model, parse_joints(stated))
         np.testing.assert_array_equal(found.weights, wanted)
     # A word overrides the preset.
-    hand = parse_joints(["mixamo", "left_hand=LeftForeArm"])
+    hand = parse_joints(["mixamo", "left_hand=LeftShoulder"])
     row = name_joints(CAPTURES["mixamo"], NTU21, hand).weights[NTU21.joints.index("left_hand")]
-    assert row[CAPTURES["mixamo"].joints.index("LeftForeArm")] == 1
+    assert row[CAPTURES["mixamo"].joints.index("LeftShoulder")] == 1
 
 
 @pytest.mark.parametrize(
@@ -336,6 +336,7 @@ def test_a_file_of_many_levels_is_refused(tmp_path: Path, kind: str, text: str) 
     ("words", "said"),
     [
         (["left_hand=RightHand"], "left_hand and right_hand would both be RightHand"),
+        (["left_hand=LeftUpLeg"], "left_hand and left_hip would both be LeftUpLeg"),
         (["left_hand=LeftHand", "left_hand=LeftArm"], "left_hand is stated twice, .* as LeftArm"),
     ],
 )
