@@ -29,6 +29,9 @@ N_PADDING_POSES = 32
 FRAME_SMOOTHING = 0.1
 N_FRAME_POSES = 9
 MAX_PAUSE = 60.0  # seconds between frames: the noise is computed for the time between them
+# Seconds between frames, as where a sensor lost the partner, beyond which poses on straight lines
+# fill the pause: a cubic through noisy frames would swing by metres in it.
+MAX_STEP = 0.25
 
 
 class ReactionStream:
@@ -36,7 +39,8 @@ class ReactionStream:
 
     The window has the mean duration of the training clips. Its frame of reference is that of the
     mean pose around its start, which changes smoothly, and its noise is a random field of absolute
-    time: so reactions are continuous. Before the first frame the partner is assumed to stand still.
+    time: so reactions are continuous. Before the first frame the partner is assumed to stand still,
+    and to move straight on while frames are missing.
 
     Parameters
     ----------
@@ -111,10 +115,14 @@ class ReactionStream:
                 time - self._buffer_duration, time, N_PADDING_POSES, endpoint=False
             )
             self._frames.extend((float(earlier), pose) for earlier in padding)
-        last = self._frames[-1][0]
+        last, pose_before = self._frames[-1]
         if not last < time <= last + MAX_PAUSE:
             wanted = f"time must be later than {last:g} s, by {MAX_PAUSE:g} s at most"
             raise ValueError(f"{wanted}; got {time:g}")
+        n_steps = int(np.ceil((time - last) / MAX_STEP))
+        for share in np.arange(1, n_steps) / n_steps:
+            between = (1 - share) * pose_before + share * pose
+            self._frames.append((last + share * (time - last), between.astype(np.float32)))
         self._frames.append((time, pose))
         while self._frames[1][0] <= time - self._buffer_duration:
             self._frames.popleft()

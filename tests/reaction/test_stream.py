@@ -114,3 +114,17 @@ def test_finished_frames_have_the_bones_of_the_first_and_no_foot_below_the_floor
     assert found[:, :, feet, 1].min() > clip.person_a[0, feet, 1].min() - 1e-3
     steps = np.linalg.norm(np.diff(found, axis=1), axis=-1).max(axis=-1)[:, 1:]
     assert steps.max() < 8 * np.median(steps)
+
+
+@pytest.mark.parametrize("pause", [0.4, 5.0, 50.0])
+def test_after_a_pause_reactions_go_on_as_before(model: Generator, pause: float) -> None:
+    """Frames that are missing, of a partner who stands and is measured with noise."""
+    pose = delayed_mirror(5, np.arange(5) / 30).person_a[0]
+    noise = np.random.default_rng(2).normal(scale=0.003, size=(60, *pose.shape))
+    times = np.arange(60) / 30
+    times[30:] += pause
+    live = ReactionStream(model, n_samples=1, random=torch.Generator().manual_seed(1))
+    pairs = zip((pose + noise).astype(np.float32), times.tolist(), strict=True)
+    reactions = np.stack([live.react(seen, time)[0] for seen, time in pairs])
+    away = np.linalg.norm(reactions - reactions[0], axis=-1).max(axis=-1)
+    assert away[30:].max() < away[:30].max() + 0.3
