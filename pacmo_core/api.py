@@ -218,12 +218,13 @@ def synthesise(n: int, *, random_seed: int = 7) -> dict[str, Interaction]:
     }
 
 
-def train(
+def train(  # noqa: PLR0913  # each is a choice of the caller
     name: str,
     clips: Clips,
     *,
     validation: Clips = (),
     actions: Sequence[str] = (),
+    validation_actions: Sequence[str] = (),
     random_seed: int = 1,
     device: str = "cpu",
     **settings: Any,
@@ -236,7 +237,7 @@ def train(
         matcher
     clips : training clips, a sequence or a mapping by name, all of one skeleton
     validation : on which the weights are selected; without, the last epoch's are taken
-    actions : label of each clip, for a model that is conditioned on labels
+    actions, validation_actions : label of each clip, for a model that is conditioned on labels
     random_seed : of weights, batches and noise
     device : cpu, cuda or auto (cuda if available)
     settings : that replace those of the model's section of ``params.yaml``, such as ``n_epochs=5``
@@ -252,12 +253,20 @@ def train(
         raise ValueError(f"actions must be empty for {name}, which has no labels; got {actions!r}")
     section = _training_section(model, settings) | {"random_seed": random_seed}
     options = _validated(f"settings of {name}", model.settings_class(), section)
-    labels = list(actions) or [""] * len(training)
-    if len(labels) != len(training):
-        raise ValueError(f"actions must be one for each clip, {len(training)}; got {len(labels)}")
-    data = TrainingData(training, held_out, labels, [""] * len(held_out))
+    labels = _labels("actions", actions, training)
+    held_out_labels = _labels("validation_actions", validation_actions, held_out)
+    if actions and len(held_out) > len(validation_actions):
+        raise ValueError(f"validation_actions must be one for each clip, {len(held_out)}; got none")
+    data = TrainingData(training, held_out, labels, held_out_labels)
     trained: nn.Module = model.build_training(data, options, device=resolved).finish()
     return trained
+
+
+def _labels(argument: str, labels: Sequence[str], clips: Sequence[Interaction]) -> list[str]:
+    """Return a label of each clip, empty without labels."""
+    if labels and len(labels) != len(clips):
+        raise ValueError(f"{argument} must be one for each clip, {len(clips)}; got {len(labels)}")
+    return list(labels) or [""] * len(clips)
 
 
 def save(name: str, model: nn.Module, path: str | Path) -> Path:

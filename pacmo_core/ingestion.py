@@ -311,6 +311,7 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
         reading = read_capture(settings.format, sequence)
         _check_plausible(settings.format, sequence, reading.interaction)
         interaction = _in_joints(reading.interaction, settings, sequence)
+        _check_sides(sequence, interaction)
         quality = measure_quality(interaction, contact_distance=settings.contact_distance)
         check_quality(quality, settings.limits, settings.stated_fps)
     except FormatError as error:
@@ -367,6 +368,16 @@ def _in_joints(
         person_a=names.apply(interaction.person_a),
         person_b=names.apply(interaction.person_b),
     )
+
+
+def _check_sides(sequence: RawSequence, interaction: Interaction) -> None:
+    """Raise FormatError if no joint is of a left and a right side: nobody would face anywhere."""
+    if not interaction.skeleton.left_right:
+        joints = ", ".join(interaction.skeleton.joints[:8])
+        raise FormatError(
+            sequence.files[0],
+            f"no joints of a left and a right side, such as left_hip and right_hip; got {joints}",
+        )
 
 
 def _check_plausible(form: Format, sequence: RawSequence, interaction: Interaction) -> None:

@@ -125,12 +125,8 @@ def _degradations(
     for name in gate.metrics:
         if not _is_interval(current.get(gate.row, {}).get(name)):
             continue  # a metric added since then, or of too few units
-        if name not in candidate[gate.row]:
-            reasons.append(
-                f"{METRICS[name].label} is missing; current "
-                f"{_format_interval(current[gate.row][name])}"
-            )
-            continue
+        if _is_compared_with_real(name) and not _is_interval(current.get("real", {}).get(name)):
+            continue  # nothing to compare distances with
         reason = _degradation(name, candidate, current, gate.row)
         reasons += [reason] if reason else []
     return reasons

@@ -12,7 +12,7 @@ from pathlib import Path
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.learning import learn
+from pacmo_core.finish.learning import fitted_on, learn
 from pacmo_core.metrics.untrained import TrainingReactions
 from stages.common.clips import stream_split, write_reactions
 from stages.common.params import read_params, run_stage
@@ -39,15 +39,12 @@ def main(row: str, clips: Path, splits: Path, reactions: Path) -> None:
     react: React = data.mean if row == "mean" else data.nearest
     if row == "nearest_neighbour_finished":
         validation = [interaction for _, interaction in stream_split(clips, splits, "validation")]
-        react = finished(data.nearest, validation or training, training[0].skeleton)
+        react = finished(data.nearest, fitted_on(validation, training), training[0].skeleton)
     write_reactions(clips, splits, reactions, lambda _, __, directed: [react(directed)])
 
 
 def finished(react: React, known: Sequence[Interaction], skeleton: Skeleton) -> React:
-    """Finish reactions as those of a model are: by what reactions to the partners of clips teach.
-
-    These are validation clips; training clips where there are none.
-    """
+    """Finish reactions as a model's are: by what reactions to the partners of clips teach."""
     directed = [clip for one in known for clip in (one, one.swapped())]
     learnt = learn([(clip, react(clip)) for clip in directed], skeleton)
     return lambda clip: finish(react(clip), clip.person_a, clip.times, skeleton, learnt)

@@ -108,6 +108,21 @@ def test_a_temperature_of_0_gives_one_reaction_and_leaves_the_model_as_it_was(cl
     np.testing.assert_array_equal(pacmo_core.react(model, clips[0])[0].person_b, before)
 
 
+def test_a_model_of_labels_is_selected_on_labelled_clips(clips):
+    labels = ["push", "kick"] * (len(clips) // 2)
+    model = pacmo_core.train(
+        "pacmo",
+        clips[: len(labels)],
+        validation=clips[:2],
+        actions=labels,
+        validation_actions=labels[:2],
+        action_channels=2,
+        **SMALL,
+    )
+    (reaction,) = pacmo_core.react(model, clips[0], action="push")
+    assert np.isfinite(reaction.person_b).all()
+
+
 def test_reactions_that_touch_as_asked_are_those_of_the_seed():
     clip = pacmo_core.synthesise(10)["handshake-1"]
     every = pacmo_core.react(None, clip, n_samples=6, temperature=2)
@@ -202,6 +217,11 @@ def test_defaults_are_those_of_params_yaml():
         ),
         (lambda c: pacmo_core.train("gru", c, device="gpu"), ValueError, "device must be .*'gpu'"),
         (lambda c: pacmo_core.train("gru", c, actions=["x"]), ValueError, "actions must be empty"),
+        (
+            lambda c: pacmo_core.train("pacmo", c, validation=c, actions=["x"] * len(c)),
+            ValueError,
+            "validation_actions must be one for each clip, .*; got none",
+        ),
         (lambda c: pacmo_core.synthesise(1, random_seed=-1), ValueError, "random_seed must not"),
         (lambda c: pacmo_core.default_settings("experiment"), ValueError, "section must be one of"),
         (

@@ -79,6 +79,12 @@ def test_a_metric_that_is_new_has_nothing_to_be_worse_than():
     assert check_gate(table(matching=0.0), current, GATE) == []
 
 
+def test_without_real_motion_of_the_current_model_distances_from_it_are_not_compared():
+    current = table()
+    del current["real"]
+    assert check_gate(table(diversity=9.0), current, GATE) == []
+
+
 def test_a_candidate_without_a_metric_is_held():
     candidate = table()
     del candidate["pacmo"]["matching"]

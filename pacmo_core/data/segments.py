@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pacmo_core.data.skeleton import Skeleton, bare_names
+from pacmo_core.data.skeleton import Skeleton, bare_names, split_side
 
 _LEG = re.compile(r"hip|thigh|leg|knee|shin|calf|ankle|heel|foot|toe|femur|tibia")
 _ARM = re.compile(r"collar|clavicle|shoulder|arm|elbow|wrist|hand|humerus|radius")
@@ -139,8 +139,8 @@ def _segment_name(joint: str, side: str, kind: str, index: int | None) -> str:
     """Return a segment's name from its index in ``_SEGMENTS``; None for one beside the chain."""
     names = _SEGMENTS[kind]
     if index is None:
-        bare = re.sub(r"^(left|right|rght|l(?!eg)|r)_?", "", snake_case(joint))
-        return f"{side}_{bare}"
+        bare = snake_case(split_side(joint)[1]).strip("_")
+        return f"{side}_{re.sub(r'^(left|right|rght|l(?!eg)|r)_?', '', bare)}"
     if index < 0:
         return f"{side}_{_PROXIMAL[kind]}" + (f"_{-index}" if index < -1 else "")
     excess = index - len(names) + 1

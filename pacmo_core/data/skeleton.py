@@ -175,6 +175,10 @@ def _check_types(fields: Mapping[str, Any]) -> None:
         raise ValueError(f"wanted 1 to {MAX_JOINTS} joints; got {len(fields['joints'])}")
 
 
+# A word of a name that is a side.
+_SIDE = re.compile(r"(?<![^_ .-])(left|right|l|r)(?![^_ .-])", re.IGNORECASE)
+
+
 def bare_names(joints: Sequence[str]) -> list[str]:
     """Leave out what programs write before the name of every joint, such as ``mixamorig:``."""
     prefix = re.match(r".*[:|_]", joints[0]) if len(joints) > 1 else None
@@ -185,12 +189,28 @@ def bare_names(joints: Sequence[str]) -> list[str]:
     return [joint[prefix.end() :] or joint for joint in joints]
 
 
+def split_side(joint: str) -> tuple[str, str]:
+    """Split off a side that is a word of its own: ``upperarm_l``, ``Bip01 L Thigh``, ``L_Hip``.
+
+    Returns
+    -------
+    ``left``, ``right`` or nothing, and the name without it
+    """
+    found = _SIDE.search(joint)
+    rest = joint[: found.start()] + joint[found.end() :] if found else ""
+    if not found or not re.search(r"[^\W_]", rest):
+        return "", joint
+    return "left" if found[0].lower().startswith("l") else "right", rest
+
+
 def mirror_by_name(joints: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
     """Pair joints whose names differ in left and right alone.
 
-    As in ``left_knee``, ``LeftLeg``, ``lknee`` and ``KneeLeft``, after a prefix of all joints.
+    As in ``left_knee``, ``LeftLeg``, ``lknee`` and ``KneeLeft``, after a prefix of all joints, and
+    in ``knee_l``, ``knee.L`` and ``Bip01 L Calf``.
     """
     lower = [name.lower() for name in bare_names(joints)]
+    words = [split_side(name) for name in lower]
     pairs = []
     for i, name in enumerate(lower):
         mirrors = [
@@ -203,6 +223,8 @@ def mirror_by_name(joints: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
         mirror = next((mirror for mirror in mirrors if mirror in lower), None)
         if mirror is not None:
             pairs.append((i, lower.index(mirror)))
+        elif words[i][0] == "left" and ("right", words[i][1]) in words:
+            pairs.append((i, words.index(("right", words[i][1]))))
     return tuple(pairs)
 
 

@@ -128,13 +128,14 @@ def check_clip_seconds(seconds: float) -> None:
 def window_edges(n_frames: int, fps: float, seconds: float) -> list[tuple[int, int]]:
     """Cut a recording into equal windows of about ``seconds``, without overlap.
 
-    A recording of up to one and a half windows is one window.
+    A recording of less than one and a half windows is one window; no window has fewer than two
+    frames, unless the recording has.
 
     Returns
     -------
     (start, stop) frames of each window, stop exclusive
     """
-    n_windows = max(1, round(n_frames / fps / seconds))
+    n_windows = max(1, min(round(n_frames / fps / seconds), n_frames // 2))
     edges = np.linspace(0, n_frames, n_windows + 1).round().astype(int).tolist()
     return list(pairwise(edges))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,20 @@ from pacmo_core.finish.turns import resolve_turns
 from pacmo_core.finish.twitches import peak_accelerations
 
 Example = tuple[Interaction, Motion]
+Clip = TypeVar("Clip")  # or a clip with its label
+# Validation clips; with fewer the finish is fitted to training clips too.
+MIN_FITTED_CLIPS = 20
+
+
+def fitted_on(validation: Sequence[Clip], training: Sequence[Clip]) -> list[Clip]:
+    """Choose the clips that a finish is fitted to: those of validation, if they suffice.
+
+    Reactions to training partners are nearer to the captured ones than those to others, and would
+    teach that a hand that stops short has not arrived. So training clips are taken only beside
+    fewer than ``MIN_FITTED_CLIPS`` others: a finish that is fitted to the eight or nine validation
+    clips of a fold of SBU costs contacts (docs/results.md, *Fine-tuned on SBU*).
+    """
+    return [*validation, *(training if len(validation) < MIN_FITTED_CLIPS else [])]
 
 
 def learn(examples: Sequence[Example], skeleton: Skeleton) -> Learnt:

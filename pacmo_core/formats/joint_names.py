@@ -423,7 +423,9 @@ def _missing_text(
         for joint in missing[:_MAX_LISTED]
     ]
     more = f" and {len(missing) - _MAX_LISTED} more" if len(missing) > _MAX_LISTED else ""
-    example = next((f"{joint}={name}" for joint, name in near.items() if name), "MODEL_JOINT=JOINT")
+    example = next(
+        (f"{joint}={name}" for joint, name in near.items() if name), f"{missing[0]}=JOINT"
+    )
     return (
         f"the capture names no joint for {len(missing)} of the model's {len(model.joints)} "
         f"({model.name}): {', '.join(listed)}{more}; name them by {stated.option}, "

@@ -11,7 +11,9 @@ another in each rig. A rig is a text of words ``point=JOINT``; sided points are 
 Names are compared as ``plain_name`` writes them: ``L_Hip``, ``left_hip`` and ``HipLeft`` are
 equal. The joints of SMPL: Loper et al. (2015); of Mixamo, OptiTrack (Motive) and ZED (BODY_34): the
 programs' documentation; of CMU: the database's ASF files, in which a joint is the far end of its
-bone; of the Kinects: as NTU RGB+D and SBU publish them (``data.skeleton``).
+bone; of the Kinects: as NTU RGB+D and SBU publish them (``data.skeleton``); of Unreal's mannequins,
+3ds Max's Biped, Blender's human metarig, Unity's humanoid and Xsens MVN: as these programs export
+them. Biovision's are those of the files that the format was published with.
 """
 
 import re
@@ -19,7 +21,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from pacmo_core.data.skeleton import bare_names
+from pacmo_core.data.skeleton import bare_names, split_side
 
 SIDES = ("left", "right")
 
@@ -117,11 +119,12 @@ def plain_names(joints: Sequence[str]) -> list[str]:
 
 
 def plain_name(joint: str) -> str:
-    """Write ``mixamorig:LeftUpLeg``, ``L_Hip`` and ``HipLeft`` as ``leftupleg`` and ``lefthip``."""
-    name = joint.rpartition(":")[2]
-    name = re.sub(r"^([LR])(?=[_ .])", lambda m: {"L": "left", "R": "right"}[m[1]], name)
-    name = re.sub(r"^([lr])(?=[_ .])", lambda m: {"l": "left", "r": "right"}[m[1]], name)
-    name = re.sub(r"[^a-z0-9]", "", name.lower())
+    """Write ``mixamorig:LeftUpLeg`` as ``leftupleg``, ``L_Hip`` and ``HipLeft`` as ``lefthip``.
+
+    And ``upper_arm.L`` and ``Bip01 L UpperArm`` as ``leftupperarm``.
+    """
+    name = re.sub(r"^(valvebiped\.)?bip\d+[ _]", "", joint.rpartition(":")[2], flags=re.IGNORECASE)
+    name = re.sub(r"[^a-z0-9]", "", "".join(split_side(name)).lower())
     side = re.fullmatch(r"(.+)(left|right)", name)
     return f"{side[2]}{side[1]}" if side else name
 
@@ -155,6 +158,15 @@ _MIXAMO_SIDES = (
     "hip=UpLeg knee=Leg ankle=Foot toe=ToeBase toe_end=Toe_End? collar=Shoulder shoulder=Arm"
     " elbow=ForeArm wrist=Hand hand=Hand+HandMiddle1? hand=Hand+HandIndex1? hand=Hand~"
     " knuckles=HandMiddle1? fingers=HandMiddle4? thumb_base=HandThumb1? thumb=HandThumb4?"
+)
+_UNREAL_SIDES = (
+    "hip=thigh knee=calf ankle=foot toe=ball collar=clavicle shoulder=upperarm elbow=lowerarm"
+    " wrist=hand hand=hand+middle_01? hand=hand~ knuckles=middle_01? fingers=middle_03?"
+    " thumb_base=thumb_01? thumb=thumb_03?"
+)
+_BIOVISION_SIDES = (
+    "hip=Hip knee=Knee ankle=Ankle collar=Collar shoulder=Shoulder elbow=Elbow wrist=Wrist"
+    " hand=Wrist~"
 )
 _ROWS = (
     _rig(
@@ -233,6 +245,50 @@ _ROWS = (
         _MIXAMO_SIDES,
         "Left",
         "Right",
+    ),
+    _rig(
+        "unreal",
+        "pelvis=pelvis spine_low=spine_01 spine_mid=spine_02 spine_high=spine_03 neck=neck_01"
+        " head=head",
+        _UNREAL_SIDES,
+    ),
+    _rig(
+        "unreal5",
+        "pelvis=pelvis spine_low=spine_01 spine_low_2=spine_02 spine_mid=spine_03"
+        " spine_high=spine_04 spine_high_2=spine_05 neck=neck_01 neck_high=neck_02 head=head",
+        _UNREAL_SIDES,
+    ),
+    _rig(
+        "biped",
+        "pelvis=Pelvis spine_low=Spine spine_mid=Spine1 spine_high=Spine2? neck=Neck head=Head",
+        "hip=Thigh knee=Calf ankle=Foot toe=Toe0 collar=Clavicle shoulder=UpperArm elbow=Forearm"
+        " wrist=Hand hand=Hand+Finger2? hand=Hand~ knuckles=Finger2? thumb_base=Finger0?",
+    ),
+    _rig(
+        "blender",
+        "pelvis=spine spine_low=spine.001 spine_mid=spine.002 spine_high=spine.003 neck=spine.004"
+        " neck_high=spine.005 head=spine.006",
+        "hip=thigh knee=shin ankle=foot toe=toe collar=shoulder shoulder=upper_arm elbow=forearm"
+        " wrist=hand hand=hand+f_middle.01? hand=hand~ knuckles=f_middle.01? thumb_base=thumb.01?",
+    ),
+    _rig(
+        "unity",
+        "pelvis=Hips spine_low=Spine spine_mid=Spine+Chest spine_high=Chest"
+        " spine_high_2=UpperChest? neck=Neck head=Head",
+        "hip=UpperLeg knee=LowerLeg ankle=Foot toe=Toes collar=Shoulder shoulder=UpperArm"
+        " elbow=LowerArm wrist=Hand hand=Hand+MiddleProximal? hand=Hand~"
+        " knuckles=MiddleProximal? thumb_base=ThumbProximal?",
+    ),
+    _rig(
+        "biovision",
+        "pelvis=Hips spine_mid=Chest~ neck=Neck head=Head",
+        f"{_BIOVISION_SIDES} toe=Toe?",
+    ),
+    _rig(
+        "xsens",
+        "pelvis=Hips spine_low=Chest spine_low_2=Chest2 spine_mid=Chest3 spine_high=Chest4"
+        " neck=Neck head=Head",
+        f"{_BIOVISION_SIDES} toe=Toe",
     ),
     _rig(
         "zed34",

@@ -89,9 +89,9 @@ def interval(
     if not len(estimate.resampled):
         return Interval(estimate.plain, np.nan, np.nan)
     spread = estimate.resampled - estimate.resampled.mean()
-    high, low = np.quantile(spread, [(1 - confidence) / 2, (1 + confidence) / 2])
+    lower, upper = np.quantile(spread, [(1 - confidence) / 2, (1 + confidence) / 2])
     mean = estimate.plain
-    bounds = np.clip([mean - low, mean - high], minimum, maximum)
+    bounds = np.clip([mean - upper, mean - lower], minimum, maximum)
     return Interval(mean, float(bounds[0]), float(bounds[1]))
 
 
@@ -143,7 +143,8 @@ def bootstrap_units(
     Raises
     ------
     ValueError
-        If a set has clips of fewer than ``least_units`` units, or there are fewer than four.
+        If a set has clips of fewer than ``least_units`` units, or there are fewer than four, or no
+        replicate has ``least_clips`` clips.
     """
     n_units = sets.shape[1]
     smallest = int((sets > 0).sum(axis=1).min())
@@ -152,6 +153,9 @@ def bootstrap_units(
             f"a bootstrap needs {MIN_UNITS} units, and {least_units} in each set; "
             f"got {n_units}, and {smallest} in a set"
         )
+    most = n_units * int(sets.max(axis=1).min())
+    if most < least_clips:
+        raise ValueError(f"wanted {least_clips} clips in each replicate; a set has at most {most}")
     probability = np.full(n_units, 1 / n_units)
     counts = np.zeros((n_replicates, n_units))
     for replicate in counts:

@@ -71,11 +71,16 @@ class TrainingReactions:
 
         The distance of two partners is the root mean square, over joints and normalised time, of
         the distance of their joints, in metres; of equally near ones the first is taken. The
-        reaction of the test clip is not looked at.
+        reaction of the test clip is not looked at, and a training clip is no neighbour of its own.
         """
         grid = np.linspace(0, 1, self.partners.shape[1])
         partner = _resample(test, _frame(test).to_local(test.person_a), grid)
         squared = ((self.partners - partner) ** 2).sum(axis=-1).mean(axis=(1, 2))
+        own = [
+            any(clip.person_a is motion for motion in (test.person_a, test.person_b))
+            for clip in self.interactions
+        ]
+        squared[own] = np.inf
         found = []
         for row in np.argsort(squared, kind="stable")[:n].tolist():
             clip = self.interactions[row]

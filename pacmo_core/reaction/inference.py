@@ -13,7 +13,7 @@ from torch import Tensor
 from pacmo_core.data.interaction import Interaction, Motion
 from pacmo_core.finish.body import Body
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.learning import learn
+from pacmo_core.finish.learning import fitted_on, learn
 from pacmo_core.operators.spline import Spline
 from pacmo_core.reaction.baselines import Gru, frame_times
 from pacmo_core.reaction.data import Condition, expand_directions
@@ -36,8 +36,6 @@ MAX_MOTIONS_PER_BATCH = 64
 MAX_TIMES_PER_BATCH = 4096
 # Of the reactions to which the finish is fitted: clips, evenly among those there are, and samples.
 MAX_FITTED_CLIPS, N_FITTED_SAMPLES, FITTING_SEED = 200, 2, 1
-# Validation clips; with fewer the finish is fitted to training clips too.
-MIN_FITTED_CLIPS = 20
 # The weights that are installed with the package.
 PACKAGED = Path(__file__).parents[1] / "commands" / "starting_weights.safetensors"
 
@@ -144,11 +142,8 @@ def finish_reactions(
 def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     """Learn what the finish knows, ``model.learnt``, on validation clips.
 
-    Reactions to training partners are nearer to the captured ones than those to others, and would
-    teach that a hand that stops short has not arrived. So training clips are taken only beside
-    fewer than ``MIN_FITTED_CLIPS`` others: a finish that is fitted to the eight or nine validation
-    clips of a fold of SBU costs contacts (docs/results.md, *Fine-tuned on SBU*). A model that
-    continued from weights keeps their finish.
+    And on training clips, if there are few (``fitted_on``). A model that continued from weights
+    keeps their finish.
 
     Parameters
     ----------
@@ -157,10 +152,10 @@ def fit_finish(model: ReactionModel, data: TrainingData[Interaction]) -> None:
     """
     if model.learnt.has_learnt:
         return
-    clips, labels = data.validation, data.validation_actions
-    if len(clips) < MIN_FITTED_CLIPS:
-        clips, labels = [*clips, *data.train], [*labels, *data.train_actions]
-    labelled = list(zip(clips, labels or [""] * len(clips), strict=True))
+    sides = ((data.validation, data.validation_actions), (data.train, data.train_actions))
+    labelled = fitted_on(
+        *(list(zip(clips, labels or [""] * len(clips), strict=True)) for clips, labels in sides)
+    )
     usable = [(clip, label if needs_label(model) else UNLABELLED) for clip, label in labelled]
     usable = [pair for pair in usable if not needs_label(model) or pair[1] in known_actions(model)]
     chosen = np.unique(np.linspace(0, len(usable) - 1, MAX_FITTED_CLIPS).round().astype(int))

@@ -21,7 +21,7 @@ def atomic_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
     After an interrupted process the file has its old content or its new content, complete; after
     an exception in the block it has its old content. The temporary name contains the process
     number, so that a child process that outlives its parent cannot write into the file of the
-    next run.
+    next run. Two threads of one process must not write the same path.
 
     Parameters
     ----------

@@ -53,8 +53,10 @@ def write_scores(path: Path, scores: Sequence[Score], metadata: Mapping[str, Any
     Raises
     ------
     ValueError
-        If a value is not finite.
+        If a value is not finite, or there are no scores.
     """
+    if not scores:
+        raise ValueError(f"{path}: wanted scores to write; got none")
     for score in scores:
         if not np.isfinite(score.values).all():
             raise ValueError(f"{score.row}, seed {score.seed}: {score.metric} is not finite")

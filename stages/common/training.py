@@ -105,7 +105,9 @@ def settings_at_fault(section: str) -> Iterator[None]:
         yield
     except (ValueError, ArithmeticError, RuntimeError, MemoryError) as fault:
         reason = " ".join(str(fault).split()) or type(fault).__name__
-        raise ParamsError(section, f"no model can be made with this: {reason}") from fault
+        raise ParamsError(
+            section, f"no model can be made of the captures with this: {reason}"
+        ) from fault
 
 
 def _metadata(task: Task, loop: TrainingLoop[Any]) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from pacmo_core.formats.rigs import RIGS, fitting_rigs, plain_name, plain_names,
 from tests.formats.real_files import real_folder
 from tests.formats.rigged import mixamo, people
 
+PUBLISHED = ("kinect25", "kinect15", "duetdance", "expi")
 TIPS = ["left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb"]
 NTU21 = NTU25.without(TIPS)
 SIDES = "UpLeg Leg Foot ToeBase Shoulder Arm ForeArm Hand"
@@ -46,6 +47,10 @@ def both(words: str, left: str = "Left", right: str = "Right", prefix: str = "")
     return " ".join(f"{prefix}{side}{word}" for side in (left, right) for word in words.split())
 
 
+def after(words: str, *sides: str) -> str:
+    return " ".join(f"{word}{side}" for side in sides for word in words.split())
+
+
 CAPTURES = {
     "mixamo": star("Hips Spine Spine1 Spine2 Neck Head " + both(SIDES)),
     "optitrack": star(
@@ -58,6 +63,31 @@ CAPTURES = {
         "Pelvis Spine1 Spine2 Spine3 Neck Head "
         + both("Hip Knee Ankle Foot Collar Shoulder Elbow Wrist Hand", "L_", "R_")
     ),
+    "unreal": star(
+        "root pelvis spine_01 spine_02 spine_03 neck_01 head "
+        + after("thigh calf foot ball clavicle upperarm lowerarm hand", "_l", "_r")
+    ),
+    "unreal5": star(
+        "pelvis spine_01 spine_02 spine_03 spine_04 spine_05 neck_01 neck_02 head "
+        + after("thigh calf foot ball clavicle upperarm lowerarm hand middle_01", "_l", "_r")
+    ),
+    "biped": star(
+        "Bip01 Bip01_Pelvis Bip01_Spine Bip01_Spine1 Bip01_Neck Bip01_Head "
+        + both("Thigh Calf Foot Toe0 Clavicle UpperArm Forearm Hand Finger2", "L_", "R_", "Bip01_")
+    ),
+    "blender": star(
+        "spine spine.001 spine.002 spine.003 spine.004 spine.005 spine.006 "
+        + after("pelvis thigh shin foot toe shoulder upper_arm forearm hand", ".L", ".R")
+    ),
+    "unity": star(
+        "Hips Spine Chest Neck Head "
+        + after("UpperLeg LowerLeg Foot Toes Shoulder UpperArm LowerArm Hand", "_L", "_R")
+    ),
+    "biovision": star("Hips Chest Neck Head " + both("Collar Shoulder Elbow Wrist Hip Knee Ankle")),
+    "xsens": star(
+        "Hips Chest Chest2 Chest3 Chest4 Neck Head "
+        + both("Collar Shoulder Elbow Wrist Hip Knee Ankle Toe")
+    ),
     "kinect25": NTU25,
     "kinect15": SBU15,
     "duetdance": DUET15,
@@ -68,6 +98,29 @@ CAPTURES = {
 @pytest.mark.parametrize("name", CAPTURES)
 def test_exactly_one_preset_fits_a_capture_of_its_rig(name: str) -> None:
     assert [rig.name for rig in fitting_rigs(plain_names(CAPTURES[name].joints))] == [name]
+
+
+@pytest.mark.parametrize("name", [name for name in CAPTURES if name not in PUBLISHED])
+def test_a_capture_of_a_programs_rig_has_every_joint_of_the_models(name: str) -> None:
+    """The knee of the model is the joint of the capture between its thigh and its shin."""
+    capture = CAPTURES[name]
+    for model in (NTU21, SBU15):
+        names = name_joints(capture, model, StatedNames(), estimates=True)
+        np.testing.assert_allclose(names.weights.sum(axis=1), 1)
+        for left, right in model.left_right:
+            mirror = dict(capture.left_right) | {r: a for a, r in capture.left_right}
+            mirrored = [mirror.get(joint, joint) for joint in range(len(capture.joints))]
+            np.testing.assert_allclose(names.weights[left], names.weights[right][mirrored])
+    bones = dict(
+        zip(
+            NTU21.joints,
+            name_joints(capture, NTU21, StatedNames(), estimates=True).weights,
+            strict=True,
+        )
+    )
+    knee = capture.joints[int(bones["left_knee"].argmax())]
+    assert bones["left_knee"].max() == 1
+    assert any(word in knee.lower() for word in ("leg", "calf", "shin", "knee"))
 
 
 def test_a_rig_with_more_than_mixamos_joints_is_said_to_have_them() -> None:
@@ -88,6 +141,7 @@ def test_names_are_compared_whatever_their_case_prefix_and_side() -> None:
     assert plain_name("L_Hip") == plain_name("HipLeft") == plain_name("left hip") == "lefthip"
     assert plain_name("lowerback") == "lowerback"
     assert plain_names(["Sk_1_Hip", "Sk_1_L_Knee"]) == ["hip", "leftknee"]
+    assert plain_name("Bip01 L UpperArm") == plain_name("upper_arm.L") == "leftupperarm"
     assert plain_names(["left_hip", "left_knee"]) == ["lefthip", "leftknee"]
 
 

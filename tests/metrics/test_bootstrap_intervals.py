@@ -68,6 +68,8 @@ def test_few_units_are_not_resampled(n_units):
 def test_a_set_of_one_unit_is_not_resampled():
     with pytest.raises(ValueError, match="and 1 in a set"):
         bootstrap_units(np.eye(1, 9, dtype=int), 5, np.random.default_rng(0))
+    with pytest.raises(ValueError, match="wanted 5 clips in each replicate; a set has at most 4"):
+        bootstrap_units(np.ones((1, 4), dtype=int), 5, np.random.default_rng(0), least_clips=5)
 
 
 def test_an_estimate_without_replicates_has_no_interval():

@@ -11,7 +11,7 @@ from pacmo_core.data.transforms import Frame
 from pacmo_core.finish import learning
 from pacmo_core.finish.contacts import find_pairs, no_contacts
 from pacmo_core.models import MODELS
-from pacmo_core.reaction import baselines, inference, wgan
+from pacmo_core.reaction import baselines, wgan
 from pacmo_core.reaction.generator import Generator
 from pacmo_core.reaction.inference import react, react_all
 from pacmo_core.reaction.windows import PartnerMotion
@@ -120,7 +120,7 @@ def test_a_wrong_body_and_instants_outside_the_motion_are_refused(trained: Gener
 def test_a_trained_model_learns_its_contacts_on_validation_clips_and_others_if_these_are_few(
     monkeypatch: pytest.MonkeyPatch, name: str, settings: object, least: int
 ) -> None:
-    monkeypatch.setattr(inference, "MIN_FITTED_CLIPS", least)
+    monkeypatch.setattr(learning, "MIN_FITTED_CLIPS", least)
     marker, seen = no_contacts(clips(1)[0].skeleton) + 1, []
 
     def learn(pairs, skeleton):

@@ -59,6 +59,9 @@ def test_captures_that_a_wrong_unit_or_axis_makes_impossible_are_quarantined(
     prepare(tmp_path, monkeypatch, SETTINGS)
     for name, unit, up in (("good", 0.01, "y"), ("inches", 0.0005, "y"), ("lying", 0.01, "z")):
         write_pair(tmp_path / "raw", name, unit, up)
+    for person in "AB":
+        text = (tmp_path / f"raw/good_{person}.bvh").read_text()
+        (tmp_path / f"raw/one_sided_{person}.bvh").write_text(text.replace(":Left", ":West"))
     main(Path("raw"), Path("s"), Path("m.json"))
     (row,) = read_rows(Path("s/clips.parquet"), ClipRecord)
     assert (row.clip, row.synthetic) == ("good", False)
@@ -66,6 +69,7 @@ def test_captures_that_a_wrong_unit_or_axis_makes_impossible_are_quarantined(
         q.sequence: q.reason for q in read_rows(Path("s/quarantine.parquet"), QuarantineRecord)
     }
     assert "a person of 3" in reasons["inches"]
+    assert reasons["one_sided"].startswith("no joints of a left and a right side, such as")
     assert "y up was stated, but the trunk of a person is along z" in reasons["lying"]
 
 

@@ -107,7 +107,7 @@ def test_settings_are_read_as_the_format_wants_them():
     ("device", "build", "said"),
     [
         ("gpu", lambda _: None, "device must be auto, cpu or cuda; got 'gpu'"),
-        ("cpu", lambda _: refuse(), "train_gru: no model can be made with this: "),
+        ("cpu", lambda _: refuse(), "train_gru: no model can be made of the captures with this: "),
     ],
 )
 def test_settings_that_make_no_model_are_said(tmp_path, device, build, said):

@@ -3,10 +3,21 @@
 import numpy as np
 
 from pacmo_core.finish.finish import finish
-from pacmo_core.finish.learning import learn
+from pacmo_core.finish.learning import fitted_on, learn
 from pacmo_core.metrics.untrained import TrainingReactions
 from stages.react_untrained import finished
 from tests.reaction.problems import clips
+
+
+def test_a_finished_copy_of_a_training_clip_is_of_another(monkeypatch, tmp_path) -> None:
+    """Few validation clips: training clips teach too, whose own reaction would teach nothing."""
+    training, validation = clips(6), clips(8)[6:]
+    data, taught = TrainingReactions.of(training, 9), []
+    monkeypatch.setattr("stages.react_untrained.learn", lambda pairs, _: taught.extend(pairs))
+    finished(data.nearest, fitted_on(validation, training), training[0].skeleton)
+    assert len(taught) == 2 * len([*validation, *training])
+    for clip, copy in taught:
+        assert np.abs(copy - clip.person_b).max() > 1e-3
 
 
 def test_a_finished_copy_is_the_copy_finished_by_what_validation_teaches() -> None:

@@ -33,6 +33,11 @@ def test_a_score_that_is_no_number_is_refused(tmp_path):
     assert not (tmp_path / "1.parquet").exists()
 
 
+def test_no_scores_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="wanted scores to write; got none"):
+        write_scores(tmp_path / "1.parquet", [], {})
+
+
 def test_another_table_is_refused(tmp_path):
     write_rows(tmp_path / "q.parquet", QuarantineRecord, [])
     with pytest.raises(StoreError, match="wanted columns"):
