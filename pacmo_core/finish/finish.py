@@ -127,6 +127,15 @@ def finish(
     Returns
     -------
     (T, J, 3) float32, metres
+
+    Notes
+    -----
+    The order: the body as a whole is mended (``calmed``); contacts are predicted from it, as the
+    generated heights of its hands tell of them; it is set on the floor and upright, which moves the
+    hands; it takes whole steps, whose stances need the right height; it gets another's bones, if
+    asked; feet get places, which need steps and bones; the root is kept over them. Then all targets
+    are solved for at once, and bones are set to their lengths, which the solver meets to a
+    millimetre.
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
     calm = calmed(reaction, partner, fps, skeleton, learnt)

@@ -1,8 +1,9 @@
 """Training of PaCMO on clips and their variations on other bodies.
 
-In each epoch every clip is shown either as captured or as one of its variations. Nothing else
-changes: the number of steps, and the random rows, noise and mirror images are those of a training
-of the same seed without variations, so that the two can be compared.
+In each epoch every clip is shown either as captured or as one of its variations; random parts of
+clips (``settings.parts``) are shown as captured. Nothing else changes: the number of steps, and the
+random rows, noise and mirror images are those of a training of the same seed without variations, so
+that the two can be compared.
 """
 
 from collections.abc import Mapping, Sequence
