@@ -1,1 +1,1 @@
-"""The finish of a reaction, a rule after the network: exact bones, still feet, closed contacts."""
+"""Post-processing of reactions, the finish: bone lengths, foot skate, floor, closed contacts."""

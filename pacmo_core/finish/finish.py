@@ -1,4 +1,4 @@
-"""Finish a reaction: exact bones, planted feet, no floor penetration, closed contacts.
+"""Post-processing of a reaction, its finish: exact bones, planted feet, floor, closed contacts.
 
 A generator writes joint positions, whose bones change by a few per cent, whose feet glide and whose
 hands stop short of the partner's. One solve of the whole clip, with the partner fixed, changes the
@@ -134,8 +134,7 @@ def finish(
     generated heights of its hands tell of them; it is set on the floor and upright, which moves the
     hands; it takes whole steps, whose stances need the right height; it gets another's bones, if
     asked; feet get places, which need steps and bones; the root is kept over them. Then all targets
-    are solved for at once, and bones are set to their lengths, which the solver meets to a
-    millimetre.
+    are solved for at once, and bones are set to their lengths, which the solver only nears.
     """
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
     calm = calmed(reaction, partner, fps, skeleton, learnt)

@@ -1,4 +1,6 @@
-"""The finish: what a network or the start leaves of joint angles, feet and touches is set right.
+"""Post-processing of retargeted pairs, their finish: joint angles, feet and touches are set right.
+
+Another algorithm than that of reactions (``pacmo_core/finish``), which have no source to keep to.
 
 A network comes near the solver's motion, and near is visible: a knee gives by some degrees, a foot
 that stands glides by a centimetre, a hand stops short of the shoulder that it held. The finish
