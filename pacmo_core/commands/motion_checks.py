@@ -34,6 +34,7 @@ from pacmo_core.data.posture import measure_posture
 from pacmo_core.data.segments import feet
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.figures.numbers import format_fixed
+from pacmo_core.finish.body import MAX_SIZE_RATIO
 from pacmo_core.finish.bones import leg_length, median_lengths
 from pacmo_core.finish.floor import find_floor
 from pacmo_core.finish.stance import find_stance
@@ -73,8 +74,6 @@ LEAN = "lean of the trunk, °"
 MAX_LEAN = 15
 # Frames in which samples are compared with each other.
 N_COMPARED = 20
-# Times as tall, or as small, as the partner: beyond it one is a child or a giant beside the other.
-MAX_SIZE_RATIO = 1.25
 # Seconds, standard deviation of the kernel by which paths are smoothed.
 SMOOTHING = 0.1
 

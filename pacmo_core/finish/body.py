@@ -23,6 +23,9 @@ from pacmo_core.finish.bones import (
 )
 
 Array = NDArray[np.float64]
+# Times as tall as the partner that a generated body may be, or as small: beyond it is a child or a
+# giant beside the other.
+MAX_SIZE_RATIO = 1.25
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,20 @@ def body_of(motion: Motion, skeleton: Skeleton) -> Body:
     roots = np.einsum("tx,txa->ta", joints[:, pelvis.root] - middle, axes)
     apart = np.linalg.norm(joints[:, pelvis.left] - joints[:, pelvis.right], axis=-1)
     return Body(lengths, np.median(roots, axis=0), float(np.median(apart)))
+
+
+def is_plausible(lengths: Array, partner: Array, skeleton: Skeleton) -> bool:
+    """Whether a generated body is about as tall as the partner's, by the legs.
+
+    To motion that is unlike that of the training a network may answer with giants, of 15 m even.
+
+    Parameters
+    ----------
+    lengths, partner : (E,) metres, of the bones of either
+    skeleton : of both
+    """
+    ratio = leg_length(lengths, skeleton) / leg_length(partner, skeleton)
+    return not feet(skeleton) or 1 / MAX_SIZE_RATIO <= ratio <= MAX_SIZE_RATIO
 
 
 def with_body(motion: Array, body: Body, ground: Array, skeleton: Skeleton) -> Array:

@@ -33,7 +33,7 @@ from pacmo_core.data.segments import feet, segments
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.avoidance import avoid_partner
 from pacmo_core.finish.balance import keep_over_feet
-from pacmo_core.finish.body import Body, with_body
+from pacmo_core.finish.body import Body, body_of, is_plausible, with_body
 from pacmo_core.finish.bones import (
     lengths_by_joint,
     median_lengths,
@@ -121,8 +121,8 @@ def finish(
     times : (T,) float64, seconds
     skeleton : of both people
     learnt : Learnt
-    body : of the person who reacts; None for the reaction's own. Contacts are those that the
-        generated body predicts
+    body : of the person who reacts; None for the reaction's own, or the partner's if the own is of
+        another size (``is_plausible``). Contacts are those that the generated body predicts
 
     Returns
     -------
@@ -139,6 +139,8 @@ def finish(
     fps = float(1 / np.median(np.diff(times))) if len(times) > 1 else 1.0
     calm = calmed(reaction, partner, fps, skeleton, learnt)
     own = median_lengths(calm.astype(np.float32), skeleton)
+    if body is None and not is_plausible(own, median_lengths(partner, skeleton), skeleton):
+        body = body_of(partner, skeleton)
     # Before the body is moved to its height: a fist that just reaches would no longer.
     contacts = predict_contacts(calm.astype(np.float32), partner, fps, skeleton, learnt.contacts)
     tolerance = float(learnt.floor_tolerance)

@@ -43,6 +43,7 @@ from pacmo_core.interaction_mesh.linear_algebra import batched_product
 from pacmo_core.interaction_mesh.mesh import (
     LinearTerm,
     contact_hessians,
+    carrying_joints,
     ground_supports,
     height_term,
     linear_terms,
@@ -118,7 +119,9 @@ def build_energy(scene: Scene, settings: Settings) -> QuadraticEnergy:
     root_hessian, root = root_term(scene, weights)
     hessians[:, points, points] += root_hessian
     height_targets = np.zeros(targets.shape)
-    heights = height_term(scene, weights, supports)
+    carries = carrying_joints(scene, settings.support, is_support)
+    fade_time = settings.support.fade_time
+    heights = height_term(scene, weights, support_weights(carries, scene.fps, fade_time))
     for term in (root, heights):
         weighted = term.weights[:, :, None] * term.targets
         height_targets += weighted

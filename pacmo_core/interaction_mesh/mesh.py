@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import binary_opening, gaussian_filter1d
 
 from pacmo_core.interaction_mesh.body_parts import (
     ancestor_bones,
@@ -36,6 +36,8 @@ LOWEST_RANGE = 0.03
 # held by this fraction of its weight.
 AIRBORNE_HEIGHT, AIRBORNE_FRACTION = 0.2, 0.09
 # Metres above the lowest joint at which the weight of heights has fallen to 1/e.
+# Seconds: the longest time in which nothing supports a body that jumps.
+MAX_FLIGHT = 0.75
 FLOOR_RANGE = 0.05
 
 
@@ -262,6 +264,26 @@ def ground_supports(scene: Scene, support: Support) -> NDArray[np.bool_]:
     is_low = heights < level + support.height_tolerance
     is_near_ground = level < scene.ground_height + support.max_height
     return is_low & is_near_ground & (_joint_speeds(scene) < support.max_speed)
+
+
+def carrying_joints(
+    scene: Scene, support: Support, is_support: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which joints carry their body, ``(T, N)``: those that support it, or else its lowest.
+
+    The feet of a noisy sensor are never slow. Where nothing supports a body for longer than a jump
+    lasts, its lowest joint carries it, if it is near the ground: without it a child would hover at
+    the height of the adult whose place it takes.
+    """
+    carries = is_support.copy()
+    longer = np.ones(1 + int(MAX_FLIGHT * scene.fps), dtype=bool)
+    for joints, root in _people(scene):
+        heights = scene.points[:, joints, 1]
+        is_low = heights.min(axis=1) < scene.levels.lowest[root] + support.max_height
+        is_free = binary_opening(~is_support[:, joints].any(axis=1), longer)
+        frames = np.flatnonzero(is_free & is_low)
+        carries[frames, joints[heights[frames].argmin(axis=1)]] = True
+    return carries
 
 
 def support_weights(
