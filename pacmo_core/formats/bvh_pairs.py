@@ -26,6 +26,7 @@ from pacmo_core.formats.base import (
 from pacmo_core.formats.bvh import Bvh, read_bvh
 from pacmo_core.formats.cmu import trial_label
 from pacmo_core.formats.pairing import PairRule, pair_files, unpaired_text
+from pacmo_core.formats.scene_nodes import SceneNodes
 
 INCH = 0.0254
 
@@ -230,13 +231,14 @@ class BvhPairs:
 
     def _person(self, file: Path) -> Person:
         bvh = read_bvh(file)
-        whole = Skeleton(self.preset, bvh.joints, bvh.parents, mirror_by_name(bvh.joints))
-        skeleton = whole
+        body = SceneNodes.of(bvh).body()
+        skeleton = Skeleton(self.preset, body.joints, body.parents, mirror_by_name(body.joints))
         if self.end_sites:
             _check_end_sites(file, bvh)
         else:
-            skeleton = whole.without(bvh.joints[end] for end in bvh.end_sites)
-        positions = bvh.positions()[self.skip_frames :, whole.indices(skeleton.joints)]
+            skeleton = skeleton.without(bvh.joints[end] for end in bvh.end_sites)
+        rows = [bvh.joints.index(joint) for joint in skeleton.joints]
+        positions = bvh.positions()[self.skip_frames :, rows]
         fps = 1 / bvh.frame_time if self.fps is None else self.fps
         return Person(file, skeleton, to_y_up(positions * self.metres(file), self.up_axis), fps)
 

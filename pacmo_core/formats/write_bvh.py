@@ -37,6 +37,7 @@ from pacmo_core.formats.inverse_kinematics import (
     steady_rotations,
 )
 from pacmo_core.formats.rotations import GIMBAL_LOCK, continuous_euler_angles, euler_angles_near
+from pacmo_core.formats.scene_nodes import SceneNodes
 from pacmo_core.formats.twist import Hinge, Limbs, steady_twists
 
 # The rotation order: gimbal lock, where the middle angle is a right angle, lies where people look
@@ -171,15 +172,19 @@ def rewrite_bvh(file: Path, bvh: Bvh, targets: BvhTargets, scales: Array) -> str
     FormatError
         If a joint has not three rotation channels, or the root no position channels.
     """
+    nodes = SceneNodes.of(bvh)
+    bvh, scales = nodes.body(), scales[nodes.count :]
     check_channels(file, bvh)
-    of_joint = {joint: targets.positions[:, k] for k, joint in enumerate(targets.joints)}
+    positions = nodes.to_body(targets.positions)
+    of_joint = {joint - nodes.count: positions[:, k] for k, joint in enumerate(targets.joints)}
     # Directions stay those of the rest pose: the rotations are also those of a character's skin.
     rest = bvh.offsets * scales[:, None]
     bones = displacements(bvh, bvh.offsets) * scales[:, None]
     initial = aim_bones(bvh.parents, of_joint, bones, local_rotations(bvh))
     root, local = inverse_kinematics(bvh.parents, of_joint, targets.weights, bones, initial)
     bones[:, 0] = root
-    return format_file(replace(bvh, offsets=rest), rows_of(bvh, bones, local, euler_angles_near))
+    rows = rows_of(bvh, bones, local, euler_angles_near)
+    return format_file(*nodes.whole(replace(bvh, offsets=rest), rows))
 
 
 def write_on_rig(
@@ -205,6 +210,8 @@ def write_on_rig(
     FormatError
         If a joint has not three rotation channels, or the root no position channels.
     """
+    nodes = SceneNodes.of(bvh)
+    bvh, targets = nodes.body(), nodes.targets(targets)
     check_channels(file, bvh)
     n_frames = len(targets.positions)
     bones = displacements(bvh, bvh.offsets)
@@ -233,13 +240,13 @@ def write_on_rig(
     stiffness |= dict.fromkeys(pelvis, PELVIS_STIFFNESS / unit**2)
     stiff = replace(targets, stiffness=stiffness, rest=rest)
     root, local = reach_points(bvh.parents, stiff, offsets, (root, steady))
-    rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
     arms_and_legs = Limbs([limb.start for limb in limbs], hinges, TWIST_SECONDS * fps)
+    rows = np.flatnonzero(targets.shares.any(axis=0)).tolist()
     local = steady_twists(bvh.parents, offsets[0], local, pose, rows, arms_and_legs)
-    still = np.repeat(bvh.motion[:1], n_frames, axis=0)
-    posed = replace(bvh, frame_time=1 / fps, motion=still)
+    posed = replace(bvh, frame_time=1 / fps, motion=np.repeat(bvh.motion[:1], n_frames, axis=0))
     offsets[:, 0] = root
-    return format_file(posed, rows_of(posed, offsets, local, continuous_euler_angles))
+    rows_of_file = rows_of(posed, offsets, local, continuous_euler_angles)
+    return format_file(*nodes.whole(posed, rows_of_file))
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,8 @@ from numpy.typing import NDArray
 from pacmo_core.interaction_mesh.linear_algebra import batched_product
 from pacmo_core.interaction_mesh.mesh import (
     LinearTerm,
-    contact_hessians,
     carrying_joints,
+    contact_hessians,
     ground_supports,
     height_term,
     linear_terms,

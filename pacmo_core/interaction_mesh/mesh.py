@@ -35,9 +35,9 @@ LOWEST_RANGE = 0.03
 # A person whose lowest joint is this many metres above the floor is in the air, where the root is
 # held by this fraction of its weight.
 AIRBORNE_HEIGHT, AIRBORNE_FRACTION = 0.2, 0.09
-# Metres above the lowest joint at which the weight of heights has fallen to 1/e.
 # Seconds: the longest time in which nothing supports a body that jumps.
 MAX_FLIGHT = 0.75
+# Metres above the lowest joint at which the weight of heights has fallen to 1/e.
 FLOOR_RANGE = 0.05
 
 
@@ -280,7 +280,8 @@ def carrying_joints(
     for joints, root in _people(scene):
         heights = scene.points[:, joints, 1]
         is_low = heights.min(axis=1) < scene.levels.lowest[root] + support.max_height
-        is_free = binary_opening(~is_support[:, joints].any(axis=1), longer)
+        unsupported = np.asarray(~is_support[:, joints].any(axis=1))
+        is_free = binary_opening(unsupported, longer)
         frames = np.flatnonzero(is_free & is_low)
         carries[frames, joints[heights[frames].argmin(axis=1)]] = True
     return carries

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
+from pacmo_core.api import synthesise
 from pacmo_core.data.skeleton import DUET15, EXPI18, INTERHUMAN22, NTU25, SBU15
 from pacmo_core.interaction_mesh import MAX_BATCH, Attempt, Scene, prepare, retarget
 from pacmo_core.interaction_mesh import retargeting as module
@@ -317,3 +318,25 @@ def test_the_step_scale_falls_with_the_number_of_bones() -> None:
 def test_the_step_scale_is_homogeneous() -> None:
     growth = np.random.default_rng(0).uniform(size=(3, 5))
     np.testing.assert_allclose(step_scale(100 * growth), 100 * step_scale(growth))
+
+
+def test_a_child_whose_feet_a_sensor_never_sees_at_rest_does_not_hover(monkeypatch):
+    """One hands over to another, seen by a noisy sensor."""
+    clip = synthesise(11)["hand over-1"]
+    noise = np.random.default_rng(1).normal(scale=0.02, size=(2, *clip.person_a[::2].shape))
+    first, second = (
+        (person[::2] + of_sensor).astype(np.float32)
+        for person, of_sensor in zip((clip.person_a, clip.person_b), noise, strict=True)
+    )
+    source = Scene((first, second), (NTU25, NTU25), 15.0)
+    n_bones = len(NTU25.bones)
+    scales = np.ones((1, 2 * n_bones))
+    scales[:, :n_bones] = 0.72
+
+    def hovers() -> float:
+        points = retarget(prepare(source, SETTINGS), scales).points[0, :, : len(NTU25.joints)]
+        return float(np.median(points[..., 1].min(axis=1) - first[..., 1].min(axis=1)))
+
+    found = hovers()
+    monkeypatch.setattr("pacmo_core.interaction_mesh.mesh.MAX_FLIGHT", 1000)
+    assert abs(found) < 0.025 < 0.05 < hovers()

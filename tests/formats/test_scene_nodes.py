@@ -1,0 +1,100 @@
+"""Truth: the same person without nodes above the hips."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.formats.bvh import Bvh, read_bvh
+from pacmo_core.formats.bvh_channels import format_file
+from pacmo_core.formats.inverse_kinematics import PointTargets
+from pacmo_core.formats.registry import read_partner
+from pacmo_core.formats.scene_nodes import SceneNodes
+from pacmo_core.formats.write_bvh import BvhTargets, format_bvh, rewrite_bvh, write_on_rig
+from tests.formats.rigged import mixamo, people
+
+SIX = (*("xposition", "yposition", "zposition"), *("zrotation", "xrotation", "yrotation"))
+SETTINGS = {"unit": 1.0, "up": "y"}
+NODE = np.array([0.3, -0.2, 0.5, 90.0, 20.0, -30.0])  # where the last node stands, and is turned
+
+
+@pytest.fixture
+def plain(tmp_path: Path) -> Path:
+    """Write a person whose hips are the root."""
+    skeleton, (motion, _) = mixamo(people().frames(0, 20), prefix="")
+    file = tmp_path / "plain.bvh"
+    file.write_text(format_bvh(motion, 30, skeleton))
+    return file
+
+
+def below_nodes(file: Path, *, moves: bool = False) -> Path:
+    """Put an armature that is turned, and a second one, above the hips; the world stays."""
+    bvh = read_bvh(file)
+    motion = np.concatenate([np.tile(NODE, (len(bvh.motion), 1)), np.zeros((20, 6))], axis=1)
+    motion[:, 0] += np.arange(20) * moves
+    joints = ("Armature", "Reference", *bvh.joints)
+    parents = (-1, 0, 1, *(parent + 2 for parent in bvh.parents[1:]))
+    nodes = Bvh(
+        joints=joints,
+        parents=parents,
+        offsets=np.concatenate([np.zeros((2, 3)), bvh.offsets]),
+        channels=(SIX, SIX, *bvh.channels),
+        end_sites=tuple(end + 2 for end in bvh.end_sites),
+        frame_time=bvh.frame_time,
+        motion=np.concatenate([motion, bvh.motion], axis=1),
+    )
+    written = file.with_name(f"nodes{moves:d}.bvh")
+    written.write_text(format_file(nodes, nodes.motion))
+    return written
+
+
+def person_of(file: Path) -> tuple[Skeleton, np.ndarray]:
+    person = read_partner(file, "bvh", SETTINGS, person=None, clip="")
+    return person.skeleton, person.motion
+
+
+def test_nodes_that_stand_still_are_no_joints_of_the_body(plain: Path) -> None:
+    file = below_nodes(plain)
+    bvh = read_bvh(file)
+    nodes = SceneNodes.of(bvh)
+    assert nodes.count == 2
+    np.testing.assert_allclose(nodes.to_body(bvh.positions()[:, 2:]), read_bvh(plain).positions(),
+                               atol=1e-4)  # fmt: skip
+    (skeleton, motion), (known, _) = person_of(file), person_of(plain)
+    assert (skeleton.joints, skeleton.parents) == (known.joints, known.parents)
+    joints = [bvh.joints.index(joint) for joint in skeleton.joints]
+    np.testing.assert_allclose(motion, bvh.positions()[:, joints], atol=1e-5)
+
+
+def test_a_root_that_moves_or_branches_is_a_joint(plain: Path) -> None:
+    moving = below_nodes(plain, moves=True)
+    assert SceneNodes.of(read_bvh(moving)).count == 0
+    assert person_of(moving)[0].joints[:2] == ("Armature", "Reference")
+    assert SceneNodes.of(read_bvh(plain)).count == 0
+
+
+def test_a_file_that_is_written_again_keeps_its_nodes(plain: Path) -> None:
+    file = below_nodes(plain)
+    bvh, (skeleton, motion) = read_bvh(file), person_of(file)
+    shifted = motion + np.float32([0.5, 0.1, -0.4])
+    joints = [bvh.joints.index(joint) for joint in skeleton.joints]
+    weights = np.ones(motion.shape[:2])
+    targets = BvhTargets(joints, shifted.astype(np.float64), weights)
+    file.write_text(rewrite_bvh(file, bvh, targets, np.ones(len(bvh.joints))))
+    again = read_bvh(file)
+    np.testing.assert_allclose(again.motion[:, :12], bvh.motion[:, :12], atol=1e-5)
+    np.testing.assert_allclose(person_of(file)[1], shifted, atol=2e-3)
+
+
+def test_a_motion_on_a_rig_moves_the_hips_and_not_its_nodes(plain: Path) -> None:
+    file = below_nodes(plain)
+    bvh, (skeleton, motion) = read_bvh(file), person_of(file)
+    shifted = (motion + np.float32([0.5, 0, -0.4])).astype(np.float64)
+    shares = np.zeros((len(skeleton.joints), len(bvh.joints)))
+    shares[np.arange(len(shares)), [bvh.joints.index(joint) for joint in skeleton.joints]] = 1
+    targets = PointTargets(shares, shifted, np.ones(motion.shape[:2]))
+    file.write_text(write_on_rig(file, bvh, targets, skeleton, 1.0, 30))
+    again = read_bvh(file)
+    np.testing.assert_allclose(again.motion[:, :12], bvh.motion[:, :12], atol=1e-5)
+    assert np.abs(person_of(file)[1] - shifted).mean() < 0.02
