@@ -9,7 +9,7 @@ from pacmo_core.data.interaction import bone_lengths
 from pacmo_core.data.skeleton import SBU15
 from pacmo_core.data.transforms import Frame
 from pacmo_core.finish import finish as finish_module
-from pacmo_core.finish.body import Body
+from pacmo_core.finish.body import Body, is_plausible
 from pacmo_core.finish.contacts import end_effector_groups, no_contacts
 from pacmo_core.finish.finish import FrameFinish, finish
 from pacmo_core.finish.learnt import Learnt
@@ -71,9 +71,21 @@ def test_bones_keep_their_median_lengths_whatever_the_motion(seed, n_frames):
     )
     times = np.arange(n_frames) / 30
     found = bone_lengths(finish(reaction, partner, times, SBU15, NONE), SBU15)
-    expected = np.median(bone_lengths(reaction, SBU15), axis=0)
+    own, partners = (np.median(bone_lengths(m, SBU15), axis=0) for m in (reaction, partner))
+    expected = own if is_plausible(own, partners, SBU15) else partners
     # Positions of float32 a metre away are rounded by 1e-7 m.
     np.testing.assert_allclose(found, np.tile(expected, (n_frames, 1)), rtol=1e-6, atol=3e-7)
+
+
+@pytest.mark.parametrize(("size", "is_kept"), [(0.7, False), (0.9, True), (1.2, True), (9, False)])
+def test_a_giant_or_a_dwarf_gets_the_partners_body(size, is_kept):
+    partner, reaction, times = standing()
+    found = finish((size * reaction).astype(np.float32), partner, times, SBU15, NONE)
+    own = np.median(bone_lengths(reaction, SBU15), axis=0)
+    lengths = np.median(bone_lengths(found, SBU15), axis=0)
+    np.testing.assert_allclose(lengths, own * (size if is_kept else 1), rtol=1e-3)
+    heights = found[:, FEET, 1]
+    assert np.abs(heights - partner[:, FEET, 1].mean()).max() < 0.03
 
 
 @pytest.mark.parametrize("size", [0.85, 0.95, 1.15])
