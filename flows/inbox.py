@@ -29,7 +29,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from pacmo_core.data.limits import MAX_FOLDER_BYTES, printable, walk_files
-from pacmo_core.data.skeleton import Skeleton
+from pacmo_core.data.skeleton import Skeleton, skeleton_difference
 from pacmo_core.formats.base import RawSequence
 from pacmo_core.ingestion import Capture, file_fault, read_sequences
 from pacmo_core.project.lock import writer_lock
@@ -265,7 +265,8 @@ def take_captures(settle_s: float = SETTLE_S) -> IntakeResult:
     moves = move_captures(INBOX, planned, INTAKE_PLAN)
     for move in moves:
         verdict = "quarantined" if move.reason else "accepted"
-        log_event(f"{verdict}: {move.name}", reason=move.reason, line=move.line)
+        why = f": {move.reason}" if move.reason else ""
+        log_event(f"{verdict}: {move.name}{why}", reason=move.reason, line=move.line)
     return IntakeResult(
         tuple(move.name for move in moves if not move.reason),
         {move.name: move.reason for move in moves if move.reason},
@@ -300,7 +301,7 @@ def _finish_earlier_moves() -> None:
 
 def _check_captures(ready: list[RawSequence], params: Params, raw: Path) -> list[Move]:
     settings = ingestion_settings(params, INBOX)
-    known = _known_contents()
+    known = _known_captures(params.dataset)
     existing = {s.name: s.files[0] for s in settings.format.find(raw)}
     # Before they are read: the content of one that is refused for its place may come again under
     # another name, and is no double then.
@@ -332,14 +333,15 @@ def _refused_place(sequence: RawSequence, existing: dict[str, Path], params: Par
 def _verdict(
     sequence: RawSequence,
     outcome: Capture | QuarantineRecord,
-    known: dict[str, str],
+    known: "_Known",
 ) -> tuple[str, int]:
     """Return why a capture is not taken, empty if it is, and the line of the fault."""
     if isinstance(outcome, QuarantineRecord):
         return outcome.reason, outcome.line
     facts, interaction = outcome
-    mismatch = _skeleton_mismatch(interaction.skeleton)
-    first = known.get(facts.sha256, sequence.name)
+    skeleton = known.skeleton or interaction.skeleton
+    mismatch = skeleton_difference(interaction.skeleton, skeleton, "the captures have")
+    first = known.names.get(facts.sha256, sequence.name)
     return mismatch or (f"the same content as {first}" if first != sequence.name else ""), 0
 
 
@@ -405,25 +407,27 @@ def _place_conflict(sequence: RawSequence, params: Params) -> str:
     return ""
 
 
-def _skeleton_mismatch(skeleton: Skeleton) -> str:
-    # A dataset has the skeleton of its first capture, in the order of names; a new capture that
-    # comes first must not change it.
-    motions = SEQUENCES / MOTIONS
-    known = read_skeleton(motions) if motions.exists() else skeleton
-    if skeleton == known:
-        return ""
-    return (
-        f"{len(skeleton.joints)} joints ({skeleton.name}) where the captures have "
-        f"{len(known.joints)} ({known.name})"
-    )
+@dataclass(frozen=True)
+class _Known:
+    """The captures that are ingested.
+
+    Parameters
+    ----------
+    names : by the hash of their content
+    skeleton : which a new capture that comes first in the order of names must not change; None
+        without captures
+    """
+
+    names: dict[str, str]
+    skeleton: Skeleton | None
 
 
-def _known_contents() -> dict[str, str]:
-    """Return the names of existing captures by the hash of their content."""
+def _known_captures(dataset: str) -> _Known:
+    """Read what is known of a dataset's captures: nothing where those of another are ingested."""
     table = SEQUENCES / CLIPS
-    if not table.exists():
-        return {}
-    return {row.sha256: row.sequence for row in read_rows(table, ClipRecord)}
+    rows = read_rows(table, ClipRecord) if table.exists() else []
+    names = {row.sha256: row.sequence for row in rows if row.dataset == dataset}
+    return _Known(names, read_skeleton(SEQUENCES / MOTIONS) if names else None)
 
 
 def _settled(settle_s: float) -> set[Path]:

@@ -3,6 +3,7 @@
 A capture that cannot be used is quarantined: it becomes a record that states the reason.
 """
 
+import hashlib
 import json
 import os
 import stat
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import quote
 
+import numpy as np
+
 from pacmo_core.data.interaction import Interaction
 from pacmo_core.data.quality import QualityError, QualityLimits, check_quality, measure_quality
 from pacmo_core.data.skeleton import (
@@ -24,6 +27,7 @@ from pacmo_core.data.skeleton import (
     NTU25,
     SBU15,
     Skeleton,
+    skeleton_difference,
 )
 from pacmo_core.execution import Executor, open_executor
 from pacmo_core.formats.base import Format, FormatError, RawSequence, read_capture
@@ -157,18 +161,16 @@ def read_sequences(
             continue
         record, interaction = reading
         skeleton = skeleton or interaction.skeleton
-        reason = ""
-        if interaction.skeleton != skeleton:
-            reason = (
-                f"{len(interaction.skeleton.joints)} joints ({interaction.skeleton.name}) where "
-                f"the first capture of the dataset has {len(skeleton.joints)} ({skeleton.name})"
-            )
-        elif record.sha256 in names_by_content:
-            reason = f"the same content as {names_by_content[record.sha256]}"
+        contents = (record.sha256, _motion_hash(interaction))
+        known = next((names_by_content[c] for c in contents if c in names_by_content), "")
+        whose = "the first capture of the dataset has"
+        reason = skeleton_difference(interaction.skeleton, skeleton, whose)
+        if not reason and known:
+            reason = f"the same content as {known}"
         if reason:
             yield QuarantineRecord(record.sequence, record.source_file, record.sha256, 0, reason)
         else:
-            names_by_content[record.sha256] = record.sequence
+            names_by_content |= dict.fromkeys(contents, record.sequence)
             yield reading
 
 
@@ -341,6 +343,12 @@ def read_sequence(settings: IngestionSettings, sequence: RawSequence) -> Capture
         synthetic=settings.synthetic,
     )
     return record, interaction
+
+
+def _motion_hash(interaction: Interaction) -> str:
+    """Hash the motion to a tenth of a millimetre: the same take in two files is one capture."""
+    people = np.stack([interaction.person_a, interaction.person_b])
+    return hashlib.sha256(np.rint(1e4 * people).astype(np.int64).tobytes()).hexdigest()
 
 
 def _in_joints(

@@ -99,12 +99,16 @@ def test_every_sequence_ends_as_facts_or_as_a_reason(tmp_path):
     (tmp_path / "S001C001P001R004A050.skeleton").write_bytes(
         write(tmp_path, 1, bodies(1)).read_bytes()
     )
+    of_windows = (tmp_path / "S001C001P001R001A050.skeleton").read_bytes().replace(b"\n", b"\r\n")
+    (tmp_path / "S001C001P001R005A050.skeleton").write_bytes(of_windows)
     usable, aside = ingest(tmp_path)
     assert [facts.clip for facts, _ in usable] == ["S001C001P001R001A050"]
     reasons = {row.sequence: row for row in aside}
     assert reasons["S001C001P001R002A050"].reason == "5 frames, wanted at least 10"
     assert reasons["S001C001P001R003A050"].reason.startswith("the same body twice")
-    assert reasons["S001C001P001R004A050"].reason == "the same content as S001C001P001R001A050"
+    for copy in "45":
+        said = reasons[f"S001C001P001R00{copy}A050"].reason
+        assert said == "the same content as S001C001P001R001A050"
     assert reasons["broken"].line == 3 and reasons["broken"].file == "broken.skeleton"
     assert all(len(row.sha256) == 64 for row in aside)
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.posture import measure_posture
-from pacmo_core.data.segments import feet, segments
+from pacmo_core.data.segments import feet, segments, trunk_pairs
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.bones import leg_length, median_lengths
+from pacmo_core.finish.stance import frame_runs
 from pacmo_core.formats.registry import PersonMotion
 
 # Metres by which the lowest points of one person stay above those of the other: at most 1 cm in
@@ -23,6 +24,10 @@ MAX_RAISED = 0.3
 # Cosine between the trunk and the upward axis below which a person lies, and the share of frames in
 # which who lies may be upright.
 MAX_LYING, LYING_EXCEPTIONS = 0.5, 0.05
+# Frames one after the other that are equal to the bit: of a sensor that repeats each, two are.
+MIN_STILL = 5
+# Share of the frames in which toes may point ahead although left and right are exchanged.
+MIRROR_EXCEPTIONS = 0.1
 _PLURALS = {"trunk": "trunk", "arm": "arms", "leg": "legs", "foot": "feet"}
 
 
@@ -35,7 +40,8 @@ def doubts(files: Sequence[Path], people: Sequence[PersonMotion]) -> list[str]:
     people : of one world, metres, y up
     """
     by_person = list(zip(files, people, strict=True))
-    lines = [text(*one) for text in (_lost_text, _raised_text) for one in by_person]
+    texts = (_lost_text, _raised_text, _untracked_text, _mirrored_text)
+    lines = [text(*one) for text in texts for one in by_person]
     lying = [_lying_text(*one) for one in by_person]
     lines += lying if all(lying) else []  # one of two may be carried
     if len(people) == 2:
@@ -78,6 +84,55 @@ def _raised_text(file: Path, person: PersonMotion) -> str:
                 "way; wanted another capture or the other person"
             )
     return ""
+
+
+def _untracked_text(file: Path, person: PersonMotion) -> str:
+    """Say in which frames a person was not tracked: all joints in one place, or as before."""
+    motion = person.motion.astype(np.float64)
+    if len(motion) < 2 or len(person.skeleton.joints) < 2:
+        return ""
+    is_point = np.ptp(motion, axis=1).max(axis=-1) < MIN_BONE_LENGTH
+    is_still = np.concatenate([[False], (motion[1:] == motion[:-1]).all(axis=(1, 2))])
+    is_still &= not (motion == motion[0]).all()  # a rig in its rest pose
+    texts = {
+        "all joints of a person are in one place": frame_runs(is_point),
+        "a person does not move at all": [
+            run for run in frame_runs(is_still) if run.stop - run.start >= MIN_STILL
+        ],
+    }
+    return "; ".join(
+        f"{file}: {text} in {sum(run.stop - run.start for run in runs)} frames, the first of them "
+        f"{runs[0].start} ({person.times[runs[0].start]:.2f} s): tracking was lost there"
+        for text, runs in texts.items()
+        if runs
+    )
+
+
+def _mirrored_text(file: Path, person: PersonMotion) -> str:
+    """Say that left and right are exchanged: by the toes, the left hip is on the right."""
+    body, motion = person.skeleton, person.motion.astype(np.float64)
+    # Of the joints beyond an ankle, the farthest: another is a heel.
+    toes = [
+        (
+            foot[0],
+            max(foot[1:], key=lambda j: np.ptp(motion[:, [foot[0], j]][..., [0, 2]], 1).sum()),
+        )
+        for foot in feet(body)
+        if len(foot) > 1
+    ]
+    hips = [(a, b) for a, b in trunk_pairs(body) if body.parents[a] == body.parents[b]]
+    if len(toes) != 2 or not hips:
+        return ""
+    ahead = np.sum([motion[:, toe] - motion[:, ankle] for ankle, toe in toes], axis=0)
+    lateral = np.sum([motion[:, left] - motion[:, right] for left, right in hips], axis=0)
+    # Left is up x ahead.
+    sign = lateral[:, 0] * ahead[:, 2] - lateral[:, 2] * ahead[:, 0]
+    if not (sign < 0).mean() > 1 - MIRROR_EXCEPTIONS:
+        return ""
+    return (
+        f"{file}: toes point backwards throughout: left and right joints are exchanged, or one "
+        "axis of the capture is mirrored, as in a left-handed export; wanted a right-handed one"
+    )
 
 
 def _lying_text(file: Path, person: PersonMotion) -> str:

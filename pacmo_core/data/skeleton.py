@@ -164,6 +164,30 @@ class Skeleton:
         return parent
 
 
+def skeleton_difference(found: Skeleton, known: Skeleton, whose: str) -> str:
+    """Say in a message's words how a skeleton differs from another; empty if it does not.
+
+    Parameters
+    ----------
+    whose : what has the known one, such as ``the captures have``
+    """
+    if found == known:
+        return ""
+    lacking = [joint for joint in known.joints if joint not in found.joints]
+    more = [joint for joint in found.joints if joint not in known.joints]
+    if lacking or more:
+        parts = (("without", lacking), ("with", more))
+        how = " and ".join(f"{word} {', '.join(names[:3])}" for word, names in parts if names)
+    elif found.joints != known.joints:
+        how = "in another order"
+    else:
+        how = "with other parents" if found.parents != known.parents else "of another name"
+    return (
+        f"{len(found.joints)} joints ({found.name}) {how}, where {whose} {len(known.joints)} "
+        f"({known.name})"
+    )
+
+
 def _check_types(fields: Mapping[str, Any]) -> None:
     """Raise ValueError unless names are texts and indices whole numbers, of a body's joints."""
     indices = (*fields["parents"], *(i for pair in fields["left_right"] for i in pair))

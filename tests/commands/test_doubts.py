@@ -124,6 +124,28 @@ def test_a_leg_in_the_air_throughout_is_named(side: str, raised: float, is_named
         assert found[0].startswith(f"x.bvh: {side}Foot is over 3")
 
 
+def test_a_mirrored_capture_is_doubted() -> None:
+    for sign in (1, -1):
+        person = PersonMotion(BODY, CLIP.times, MOTION * np.float32([sign, 1, 1]))
+        lines = doubts([Path("a.bvh")], [person])
+        assert [line.startswith("a.bvh: toes point backwards") for line in lines] == [True] * (
+            sign < 0
+        )
+
+
+@pytest.mark.parametrize("frames", [0, 3, 6])
+def test_frames_without_tracking_are_doubted(frames: int) -> None:
+    nowhere, frozen = MOTION.copy(), MOTION.copy()
+    nowhere[4 : 4 + frames] = 0
+    frozen[5 : 5 + frames] = frozen[4]
+    said = [doubts([Path("a")], [PersonMotion(BODY, CLIP.times, m)]) for m in (nowhere, frozen)]
+    place, still = (" ".join(lines) for lines in said)
+    in_frames = f"in {frames} frames, the first of them"
+    assert (f"in one place {in_frames} 4 (0.13 s)" in place) == bool(frames)
+    assert (f"does not move at all {in_frames} 5 (0.17 s)" in still) == (frames > 4)
+    assert frames or said == [[], []]
+
+
 def test_people_who_lie_throughout_are_doubted_unless_one_stands() -> None:
     standing = PersonMotion(BODY, CLIP.times, MOTION)
     lying = PersonMotion(BODY, CLIP.times, MOTION[..., [0, 2, 1]])

@@ -15,10 +15,13 @@ from hypothesis import strategies as st
 
 from flows import inbox
 from flows.inbox import MAX_FOLDER, IntakeResult, shorten_name, take_captures
+from pacmo_core.data.skeleton import NTU25
 from pacmo_core.project.lock import remove_partial_files
 from pacmo_core.project.stages import read_status, upstream_and_stale
 from pacmo_core.project.status import project_status, status_lines
 from pacmo_core.project.workspace import INTAKE_PLAN, CommandError, configure_logging
+from pacmo_core.store.motions import write_motions
+from pacmo_core.store.tables import ClipRecord, write_rows
 from tests.flows.projects import capture, make_project
 
 NAME = "skeleton_pos.txt"
@@ -418,3 +421,36 @@ def test_an_unreadable_reason_hides_no_other(tmp_path):
         (tmp_path / f"data/quarantine/{name}/reason.json").write_text(text)
     shown = "\n".join(status_lines(project_status(stale=False)))
     assert "a/reason.json cannot be read" in shown and "b: short" in shown
+
+
+@pytest.mark.parametrize("dataset", ["another", "lab"])
+def test_captures_are_compared_with_those_of_the_experiment_alone(dataset: str) -> None:
+    """What was ingested last may be of another experiment, with other joints."""
+    row = {
+        **dict.fromkeys(("clip", "sequence", "recording", "source_file"), "x"),
+        "dataset": dataset,
+        "action": "",
+        "subject_a": "",
+        "subject_b": "",
+        "skeleton": "sbu",
+        "fps": 15.0,
+        "duration": 1.0,
+        "frames": 15,
+        "start_frame": 0,
+        "sha256": "0",
+        "bone_length_variation": 0.0,
+        "max_joint_speed": 0.0,
+        "contact_share": 0.0,
+        "filled_frames": 0,
+        "synthetic": False,
+    }
+    write_rows(Path("data/sequences/clips.parquet"), ClipRecord, [ClipRecord(**row)])
+    with write_motions(Path("data/sequences/motions.parquet"), NTU25):
+        pass
+    put("one", 1)
+    result = take_captures(settle_s=0.0)
+    if dataset == "another":
+        assert result.accepted == ("one",)
+    else:
+        assert "without spine_base" in result.quarantined["one"]
+        assert "where the captures have 25 (ntu25)" in result.quarantined["one"]
