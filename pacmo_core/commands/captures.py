@@ -351,7 +351,7 @@ def _check_same_times(a: PersonMotion, b: PersonMotion, text: str) -> None:
     if len(a.times) != len(b.times):
         raise CommandError(
             f"{text}: {len(a.times)} frames of one, {len(b.times)} of the other; "
-            "wanted two people of one take"
+            "wanted two people of one take; pacmo export --seconds cuts a part of either out"
         )
     if not np.allclose(a.times, b.times, rtol=1e-4):
         ends = f"{a.times[-1]:g} s and {b.times[-1]:g} s"

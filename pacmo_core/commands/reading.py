@@ -417,7 +417,8 @@ def _complete(files: Sequence[Path], inferred: Sequence[Inferred]) -> list[dict[
                     limbs = ", ".join(limb.replace("_", " ") for limb in of_file.missing)
                     raise CommandError(
                         f"{file}: not recognised among its joints: {limbs}; and it states no "
-                        f"{what}: name its joints by --joints, or give --from-{name}"
+                        f"{what}: name its joints (--joints of react, vary), or "
+                        f"give --from-{name}"
                     )
                 raise CommandError(
                     f"{file}: states no {what}, and its motion does not show it: give --from-{name}"

@@ -1,6 +1,6 @@
 """Quality of a capture: what is measured, and the limits beyond which it is not used."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ class Quality:
     min_joint_distance : metres, from any joint of one person to any of the other in any frame
     contact_share : share of frames with two joints within the contact distance
     person_distance : metres from a joint of one person to the same joint of the other, mean
+    fastest_joint, fastest_body : whose the two speeds are and when, in words
     """
 
     n_frames: int
@@ -56,6 +57,8 @@ class Quality:
     min_joint_distance: float
     contact_share: float
     person_distance: float
+    fastest_joint: str = field(default="", compare=False)
+    fastest_body: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +89,10 @@ def measure_quality(interaction: Interaction, *, contact_distance: float) -> Qua
     people = (interaction.person_a, interaction.person_b)
     steps = np.diff(interaction.times)
     speeds = np.stack([_speeds(motion, steps) for motion in people])
+    body_speeds = np.median(speeds, axis=2)
+    person, frame, joint = np.unravel_index(speeds.argmax(), speeds.shape)
+    whose, when = np.unravel_index(body_speeds.argmax(), body_speeds.shape)
+    name, times = interaction.skeleton.joints[joint], interaction.times
     closest = min_joint_distance(interaction)
     same_joint = np.linalg.norm(people[0] - people[1], axis=-1)
     return Quality(
@@ -94,10 +101,12 @@ def measure_quality(interaction: Interaction, *, contact_distance: float) -> Qua
         rate_jitter=float(np.abs(steps / np.median(steps) - 1).max()),
         bone_length_variation=max(_length_variation(m, interaction.skeleton) for m in people),
         max_joint_speed=float(speeds.max()),
-        max_body_speed=float(np.median(speeds, axis=2).max()),
+        max_body_speed=float(body_speeds.max()),
         min_joint_distance=float(closest.min()),
         contact_share=float((closest <= contact_distance).mean()),
         person_distance=float(same_joint.mean()),
+        fastest_joint=f"{name} of person {'ab'[person]} at {times[frame]:.2f} s",
+        fastest_body=f"person {'ab'[whose]} at {times[when]:.2f} s",
     )
 
 
@@ -128,12 +137,12 @@ def limit_violations(
         ),
         (
             quality.max_joint_speed > limits.max_joint_speed,
-            f"a joint jumps at {quality.max_joint_speed:.1f} m/s, "
+            f"a joint jumps at {quality.max_joint_speed:.1f} m/s ({quality.fastest_joint}), "
             f"wanted at most {limits.max_joint_speed:.1f}",
         ),
         (
             quality.max_body_speed > limits.max_body_speed,
-            f"a body jumps at {quality.max_body_speed:.1f} m/s, "
+            f"a body jumps at {quality.max_body_speed:.1f} m/s ({quality.fastest_body}), "
             f"wanted at most {limits.max_body_speed:.1f}",
         ),
         (

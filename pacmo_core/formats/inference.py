@@ -36,7 +36,7 @@ from pacmo_core.formats.table import Table
 
 UNIT_NAMES = {value: name for name, value in UNITS.items()} | {CMU_UNIT: "CMU's unit"}
 _FACTS = ("unit", "up")
-OTHER_AXIS = "up was stated, but"  # in the reason for which a capture on its side is refused
+OTHER_AXIS = "was taken for up, but"  # in the reason for which a capture on its side is refused
 MIN_USUAL_STATURE = 0.9  # metres, of people who move as pairs do; smaller ones are in another unit
 
 

@@ -1,12 +1,14 @@
 """A table of joints as columns: those of a CSV file, and what columns of CSV and Parquet mean.
 
 A row a frame. Columns are ``time`` (seconds, optional) and ``person_a.JOINT.x``, ``.y``, ``.z`` of
-each joint and person; others are ignored. The joints are those of person a's columns, in their
-order. Facts are texts by name: ``parents`` (indices of joints separated by spaces, -1 for the
-root), ``unit``, ``up``, ``fps``: in CSV lines ``# name: text`` at the top, in Parquet the metadata.
+each joint and person; others are ignored, but not those of a third person, and without times a
+column ``frame`` must count every frame. The joints are those of person a's columns, in their order.
+Facts are texts by name: ``parents`` (indices of joints separated by spaces, -1 for the root),
+``unit``, ``up``, ``fps``: in CSV lines ``# name: text`` at the top, in Parquet the metadata.
 """
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,9 +20,11 @@ from numpy.typing import NDArray
 from pacmo_core.formats.base import FormatError
 from pacmo_core.formats.tables import is_number, parse_rows, read_lines
 
-TIME = "time"
+TIME, FRAME = "time", "frame"
 AXES = ("x", "y", "z")
 _PREFIXES = ("person_a.", "person_b.")
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+_OTHER_PERSON = re.compile(r"person_[^.]+(?=\.)")
 
 
 @dataclass(frozen=True)
@@ -43,9 +47,15 @@ def wanted_columns(file: Path, names: Sequence[str]) -> list[str]:
     Raises
     ------
     FormatError
-        If one of them comes twice.
+        If one of them comes twice, or is of a third person.
     """
-    wanted = [name for name in names if name == TIME or name.startswith(_PREFIXES)]
+    clock = TIME if TIME in names else FRAME
+    wanted = [name for name in names if name == clock or name.startswith(_PREFIXES)]
+    others = {found[0] for name in {*names} - {*wanted} if (found := _OTHER_PERSON.match(name))}
+    if others:
+        raise FormatError(
+            file, f"columns of {min(others)}: wanted those of person_a and person_b alone"
+        )
     twice = [name for name, count in Counter(wanted).items() if count > 1]
     if twice:
         raise FormatError(file, f"the column {twice[0]!r} comes twice")
@@ -63,6 +73,8 @@ def table_arrays(file: Path, columns: Columns) -> dict[str, NDArray[np.generic]]
     arrays: dict[str, NDArray[np.generic]] = _fact_arrays(file, columns.facts)
     if TIME in columns.values:
         arrays["times"] = columns.values[TIME]
+    elif FRAME in columns.values:
+        _check_frames(file, columns.values[FRAME])
     joints: list[str] = []
     for prefix in _PREFIXES:
         own = _joints(file, columns, prefix)
@@ -76,6 +88,18 @@ def table_arrays(file: Path, columns: Columns) -> dict[str, NDArray[np.generic]]
     if joints:
         arrays["joints"] = np.array(joints)
     return arrays
+
+
+def _check_frames(file: Path, frames: NDArray[np.float64]) -> None:
+    """Refuse numbers of frames of which some are missing: the motion would jump."""
+    jumps = np.flatnonzero(np.diff(frames) != 1)
+    if len(jumps):
+        before, after = frames[jumps[0]], frames[jumps[0] + 1]
+        raise FormatError(
+            file,
+            f"the column {FRAME} goes from {before:g} to {after:g}: wanted every frame, or a "
+            f"column {TIME}",
+        )
 
 
 def csv_arrays(file: Path) -> dict[str, NDArray[np.generic]]:
@@ -92,7 +116,10 @@ def csv_arrays(file: Path) -> dict[str, NDArray[np.generic]]:
     rows = [(n, line) for n, line in enumerate(lines[n_facts:], n_facts + 1) if line.strip()]
     if not rows:
         raise FormatError(file, "wanted a line with the names of the columns")
-    numbers = [number for number, _ in rows]
+    numbers, header = [number for number, _ in rows], rows[0][1]
+    separator = next((word for s, word in _SEPARATORS.items() if s in header), "")
+    if separator and "," not in header:
+        raise FormatError(file, f"columns separated by {separator}: wanted commas", numbers[0])
     words = _split(file, rows)
     wanted = wanted_columns(file, words[0])
     at = [words[0].index(name) for name in wanted]

@@ -87,8 +87,11 @@ class ReactionStream:
             If the pose has another shape or is not finite, or the time is not later than the last.
         """
         shape = (len(self._model.skeleton.joints), 3)
-        if pose.shape != shape or not np.isfinite(pose).all():
-            raise ValueError(f"a pose must be {shape} finite numbers; got {pose.shape}")
+        if pose.shape != shape:
+            raise ValueError(f"a pose must be {shape} numbers; got {pose.shape}")
+        if not np.isfinite(pose).all():
+            joint = self._model.skeleton.joints[np.argwhere(~np.isfinite(pose))[0, 0]]
+            raise ValueError(f"a pose must be of finite numbers; that of {joint} is not")
         if not np.isfinite(time):
             raise ValueError(f"time must be finite; got {time}")
         self._append(pose, time)

@@ -176,7 +176,10 @@ def test_a_unit_or_an_axis_that_makes_no_person_is_refused_in_every_command(
     before = sorted(tmp_path.iterdir())
     refused(pacmo(command, *files, "--from-unit", 1), "duo_A.bvh", "a person of 1", "0.01 times")
     refused(
-        pacmo(command, *files, "--from-up", "z"), "duo_A.bvh", "z up was stated, but", "is along y"
+        pacmo(command, *files, "--from-up", "z"),
+        "duo_A.bvh",
+        "z was taken for up, but",
+        "is along y",
     )
     assert sorted(tmp_path.iterdir()) == before
 

@@ -129,7 +129,7 @@ def test_someone_who_is_carried_by_an_upright_person_is_no_fault() -> None:
     turned = (from_y_up(b, "z") + walk).astype(np.float32)
     fault = implausible([(skeleton, turned)], ["y"])
     assert fault is not None
-    assert fault[1] == "y up was stated, but the trunk of a person is along z throughout"
+    assert fault[1] == "y was taken for up, but the trunk of a person is along z throughout"
     assert implausible([(skeleton, a), (skeleton, turned)], ["y", "y"]) is None
     unknown = implausible([(skeleton, turned)], [None])
     assert unknown is not None
@@ -142,7 +142,7 @@ def test_the_axis_that_is_found_is_one_of_the_file() -> None:
     in_file = a + walk
     for up, wanted in (("z", "y"), ("y", "")):
         found = implausible([(skeleton, to_y_up(in_file.astype(np.float32), up))], [up])
-        text = f"z up was stated, but the trunk of a person is along {wanted} throughout"
+        text = f"z was taken for up, but the trunk of a person is along {wanted} throughout"
         assert found == ((0, text) if wanted else None)
 
 

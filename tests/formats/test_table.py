@@ -260,12 +260,30 @@ def test_a_csv_of_text_columns_and_joints_in_another_order_is_read(tmp_path: Pat
         ("10,11,12\nc", "10,11\nc", ":6: wanted 14 values; got 13"),
         ('"a, b"', '"a, b', ":6: no comma-separated values"),
         ("\nc,0.0333333", "\nc,0", "times: wanted seconds that increase"),
+        ("label,", "person_c.hip.x,", "columns of person_c: wanted those of person_a and person_b"),
     ],
 )
 def test_what_a_csv_states_wrongly_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in CSV
     (tmp_path / "one.csv").write_text(CSV.replace(old, new), encoding="utf-8")
     refused(tmp_path / "one.csv", said)
+
+
+@pytest.mark.parametrize(("separator", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_other_separators_than_commas_are_named(tmp_path: Path, separator: str, name: str) -> None:
+    (tmp_path / "one.csv").write_text(CSV.replace('"a, b"', "a").replace(",", separator))
+    refused(tmp_path / "one.csv", f":5: columns separated by {name}: wanted commas")
+
+
+def test_without_times_no_frame_may_be_missing(tmp_path: Path) -> None:
+    file = tmp_path / "one.csv"
+    counted = CSV.replace("label,time", "label,frame").replace('"a, b",0,', "a,7,")
+    file.write_text(counted.replace("c,0.0333333", "c,8"))
+    assert len(read(file).interaction.times) == 2
+    file.write_text(counted.replace("c,0.0333333", "c,10"))
+    refused(file, "the column frame goes from 7 to 10: wanted every frame, or a column time")
+    file.write_text(CSV.replace("label", "frame"))  # whose words say nothing beside times
+    assert len(read(file).interaction.times) == 2
 
 
 def test_a_csv_of_remarks_alone_is_refused(tmp_path: Path) -> None:

@@ -80,6 +80,10 @@ def test_poses_of_another_shape_and_times_that_stand_still_are_refused(model: Ge
         live.react(pose[:4], 0.0)
     with pytest.raises(ValueError, match="finite"):
         live.react(pose, float("nan"))
+    broken = pose.copy()
+    broken[live._model.skeleton.joints.index("head")] = np.nan
+    with pytest.raises(ValueError, match="finite numbers; that of head is not"):
+        live.react(broken, 0.0)
     live.react(pose, 1.0)
     with pytest.raises(ValueError, match="later than 1 s"):
         live.react(pose, 1.0)

@@ -70,7 +70,7 @@ def test_captures_that_a_wrong_unit_or_axis_makes_impossible_are_quarantined(
     }
     assert "a person of 3" in reasons["inches"]
     assert reasons["one_sided"].startswith("no joints of a left and a right side, such as")
-    assert "y up was stated, but the trunk of a person is along z" in reasons["lying"]
+    assert "y was taken for up, but the trunk of a person is along z" in reasons["lying"]
 
 
 def test_an_axis_that_most_captures_contradict_is_refused(
@@ -84,7 +84,7 @@ def test_an_axis_that_most_captures_contradict_is_refused(
     write_pair(raw, "lying too", 0.01, "z")
     with pytest.raises(StageError) as caught:
         main(raw, sequences, metrics)
-    said = "raw: 2 of 3 captures are on their sides: lying_A.bvh: y up was stated, but"
+    said = "raw: 2 of 3 captures are on their sides: lying_A.bvh: y was taken for up, but"
     assert str(caught.value).startswith(said)
 
 
