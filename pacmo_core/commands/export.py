@@ -211,7 +211,7 @@ def parse_seconds(text: str) -> tuple[float, float]:
         start, end = float(first or 0), float(last or math.inf)
     except ValueError:
         colon = ""
-    if text and not colon:
+    if text and (not colon or min(start, end) < 0):
         raise CommandError(f"--seconds: wanted FIRST:LAST, such as 3:7.5 or 3:; got {text!r}")
     return start, end
 

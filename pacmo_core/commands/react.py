@@ -20,6 +20,7 @@ from pacmo_core.commands.captures import (
     is_parquet,
     meant_times,
 )
+from pacmo_core.commands.doubts import doubts
 from pacmo_core.commands.motion_checks import is_within_limits, motion_lines
 from pacmo_core.commands.react_files import (
     Reactions,
@@ -49,7 +50,9 @@ from pacmo_core.commands.weights import (
 )
 from pacmo_core.data.interaction import Motion
 from pacmo_core.data.limits import MAX_POSITIONS, MAX_SAMPLES
+from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.finish.body import Body
+from pacmo_core.formats.inference import implausible
 from pacmo_core.formats.registry import PersonMotion
 from pacmo_core.formats.resample import sample_times
 from pacmo_core.metrics.touching import (
@@ -78,17 +81,37 @@ from pacmo_core.reaction.windows import (
 )
 
 
-def react_to_lines(lines: Iterable[str], live: ReactionStream, n_joints: int) -> Iterator[str]:
+def react_to_lines(lines: Iterable[str], live: ReactionStream, skeleton: Skeleton) -> Iterator[str]:
     """Yield the reaction to each line in the format of the line: JSON, or numbers."""
+    is_first = True
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         try:
-            time, pose, as_json = _parse_frame(line, n_joints)
+            time, pose, as_json = _parse_frame(line, len(skeleton.joints))
             reactions = live.react(pose, time)
+            if is_first:
+                _check_first_frame(pose, skeleton)
+            is_first = False
         except (ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as fault:
             raise CommandError(f"line {number}: {fault}") from fault
         yield _json(time, reactions) if as_json else _numbers(time, reactions)
+
+
+def _check_first_frame(pose: Motion, skeleton: Skeleton) -> None:
+    """Refuse a partner who is no person in metres; say that one lies, as with another axis up.
+
+    Raises
+    ------
+    ValueError
+        If the stature is impossible.
+    """
+    fault = implausible([(skeleton, pose[None])], [None])
+    if fault:
+        raise ValueError(f"{fault[1]}: frames are in metres, y up")
+    person = PersonMotion(skeleton, np.zeros(1), pose[None])
+    for line in doubts([Path("the first frame")], [person]):
+        typer.echo(line, err=True)
 
 
 def _parse_frame(line: str, n_joints: int) -> tuple[float, Motion, bool]:
@@ -545,6 +568,6 @@ def _stream(model: ReactionModel, weights: Path, options: dict[str, Any]) -> Non
     typer.echo(f"joints: {' '.join(skeleton.joints)}", err=True)
     typer.echo(trained_on_line(weights, synthetic_capture=None) + told, err=True)
     lines = iter(lambda: sys.stdin.readline(MAX_LINE), "")
-    for line in react_to_lines(lines, live, len(skeleton.joints)):
+    for line in react_to_lines(lines, live, skeleton):
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

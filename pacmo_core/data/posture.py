@@ -25,7 +25,18 @@ _USUAL_STATURES = (0.9, 2.2)
 _TYPICAL_STATURE = 1.7
 # Units that capture programs write, in metres; 1/0.45 inch is that of CMU's files.
 UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254}
-UNIT_WORDS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, **UNITS}
+UNIT_WORDS = {
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+    "in": 0.0254,
+    **UNITS,
+    # As they are spelled in America, and of one.
+    "meters": 1.0,
+    "centimeters": 0.01,
+    "millimeters": 0.001,
+    "inch": 0.0254,
+}
 CMU_UNIT = 0.0254 / 0.45
 
 _LEGS = ("left_thigh", "left_shin", "right_thigh", "right_shin")
