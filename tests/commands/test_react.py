@@ -320,6 +320,19 @@ def test_a_live_partner_is_answered_frame_by_frame(weights: Path, form: str) -> 
     assert "line 7: wanted a time and 45 numbers" in said
 
 
+@pytest.mark.parametrize(("unit", "axes"), [(1, [0, 1, 2]), (100, [0, 1, 2]), (1, [0, 2, 1])])
+def test_a_live_partner_is_in_metres_and_y_up(weights: Path, unit: int, axes: list[int]) -> None:
+    pose = unit * CLIP.person_a[0][:, axes]
+    frames = "".join(f"{json.dumps({'time': t, 'pose': pose.tolist()})}\n" for t in (0.0, 0.1))
+    words = ["react", "--stream", "--weights", str(weights)]
+    said = CliRunner().invoke(app, words, input=frames)
+    assert said.exit_code == (unit != 1)
+    assert len(said.stdout.splitlines()) == (0 if unit != 1 else 2)
+    assert ("line 1: a person of" in said.stderr) == (unit != 1)
+    assert "frames are in metres" in said.stderr or unit == 1
+    assert ("the first frame: the trunk" in said.stderr) == (axes[1] != 1)
+
+
 def test_weights_that_are_not_there_are_said_to_come_from_training(
     stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
