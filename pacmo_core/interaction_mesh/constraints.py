@@ -21,6 +21,8 @@ from pacmo_core.interaction_mesh.settings import Attempt, Settings
 FLOOR_REACH = 0.4
 # Metres above the floor at which its penalty has fallen to 1/e.
 FLOOR_PENALTY_RANGE = 0.25
+# Degrees by which the whole spine of a person may bend more than in the source, over its joints.
+MAX_WHOLE_BEND = 50
 # Degrees between a knee or elbow and its largest bend, at which the penalty has fallen to 1/e: a
 # penalty on a straight limb would only slow the convergence of the body.
 HINGE_PENALTY_RANGE = 60
@@ -162,13 +164,15 @@ def angle_bounds(scene: Scene, settings: Settings) -> AngleBounds:
     """Bound the angles of pelvis and chest, of the spine, and of knees and elbows.
 
     Pelvis and chest are rigid. A joint of the spine bends by at most ``max_spine_bend`` more than
-    in the source, a knee or elbow by at most ``max_hinge_bend``, or as far as in that frame of the
-    source: limbs that fold completely come out on the other side.
+    in the source, and where a rig has many, all of a person by ``MAX_WHOLE_BEND``, shared evenly:
+    so that hips and knees give, and the back does not fold. A knee or elbow bends by at most
+    ``max_hinge_bend``, or as far as in that frame of the source: limbs that fold completely come
+    out on the other side.
     """
     trunk, is_rigid = trunk_bends(scene)
     limbs, _ = hinges(scene)
     trunk_angles, limb_angles = _angles(scene, trunk), _angles(scene, limbs)
-    spine_range = np.where(is_rigid, 0, np.radians(settings.max_spine_bend))
+    spine_range = np.where(is_rigid, 0, np.radians(_spine_ranges(scene, trunk, is_rigid, settings)))
     least = np.minimum(limb_angles, np.pi - np.radians(settings.max_hinge_bend))
     above = (limb_angles - least) / np.radians(HINGE_PENALTY_RANGE)
     return AngleBounds(
@@ -177,6 +181,19 @@ def angle_bounds(scene: Scene, settings: Settings) -> AngleBounds:
         is_rigid=np.concatenate([is_rigid, np.zeros(len(limbs), dtype=np.bool_)]),
         closeness=np.concatenate([np.ones(trunk_angles.shape), np.exp(-(above**4))], axis=1),
     )
+
+
+def _spine_ranges(
+    scene: Scene, pairs: NDArray[np.intp], is_rigid: NDArray[np.bool_], settings: Settings
+) -> Array:
+    """``(S,)`` degrees by which each pair of bones of a trunk may bend."""
+    ranges = np.full(len(pairs), settings.max_spine_bend, dtype=np.float64)
+    joints = scene.bones[pairs[:, 0], 1]
+    is_first = joints < scene.n_joints[0]
+    for of_person in (is_first, ~is_first):
+        n_joints = len(np.unique(joints[of_person & ~is_rigid]))
+        ranges[of_person] = min(settings.max_spine_bend, MAX_WHOLE_BEND / max(n_joints, 1))
+    return ranges
 
 
 def angle_rows(scene: Scene, penalties: Array, bounds: AngleBounds) -> Rows:

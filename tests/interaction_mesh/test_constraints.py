@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from pacmo_core.data.skeleton import Skeleton
 from pacmo_core.interaction_mesh import prepare, retarget
 from pacmo_core.interaction_mesh.body_parts import trunk_bends
 from pacmo_core.interaction_mesh.constraints import (
+    MAX_WHOLE_BEND,
     AngleBounds,
     Rows,
     angle_bounds,
@@ -175,3 +177,23 @@ def test_a_hinge_may_bend_to_its_limit_or_as_far_as_in_that_frame_of_the_source(
     assert np.isinf(rows.upper[:, row]).all()
     # A straight arm is far from its bound, and free.
     assert rows.penalties[0, row] < 0.01 and rows.penalties[1, row] > 0.99
+
+
+@pytest.mark.parametrize(("n_joints", "each"), [(1, 25), (2, 25), (4, MAX_WHOLE_BEND / 4)])
+def test_a_spine_of_many_joints_bends_no_more_as_a_whole(n_joints: int, each: float) -> None:
+    names = ("root", *(f"spine_{i}" for i in range(n_joints)))
+    arms = ("left_arm", "left_elbow", "right_arm", "right_elbow")
+    parents = (*range(-1, n_joints), n_joints, n_joints + 1, n_joints, n_joints + 3)
+    pairs = ((n_joints + 1, n_joints + 3), (n_joints + 2, n_joints + 4))
+    body = Skeleton("chain", (*names, *arms), parents, pairs)
+    source = scene(2, 5, skeletons=(body, SPINE))
+    bounds = angle_bounds(source, replace(SETTINGS, max_spine_bend=25))
+    chain, is_rigid = trunk_bends(source)
+    first, second = (source.bone_vectors[:, chain[:, side]] for side in (0, 1))
+    lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
+    # Between bones as they leave their joint; straight is a half turn.
+    angles = np.pi - np.arccos((first * second).sum(axis=-1) / lengths)
+    allowed = np.degrees(angles - bounds.least[:, : len(chain)])
+    of_chain = ~is_rigid & (source.bones[chain[:, 0], 1] <= n_joints)
+    is_free = angles > np.radians(each)
+    np.testing.assert_allclose(allowed[:, of_chain][is_free[:, of_chain]], each, atol=1e-6)
